@@ -22,6 +22,6 @@ PHYSICS: dict[Model | Literal["critical depth", "modes", "response", "cycle"], i
     "critical depth": 1,
     "modes": 2,
     "response": 3,
-    "cycle": 2,
+    "cycle": 3,
 }
 """Version of each model, and of the critical depth, natural frequencies, vibrations and cycles, counted from 1."""

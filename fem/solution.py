@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 import skfem
@@ -80,6 +80,25 @@ class Facts:
     def creased(self) -> bool:
         """Whether the free skin is known to be compressed beyond the limit of creases."""
         return self.crease_ratio is not None and self.crease_ratio >= CREASE
+
+
+class Diagnosed(Protocol):
+    """A state that gets facts, and from them status and message: a `Solution`, or a `fem.timed_path.TimedState`."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def load(self) -> Load: ...
+    @property
+    def response(self) -> Response: ...
+    @property
+    def model(self) -> str: ...
+    @property
+    def slip_share(self) -> float | None: ...
+    @property
+    def facts(self) -> Facts: ...
+    @property
+    def status(self) -> Status: ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,13 +12,16 @@ from fem import time_steps
 from fem.contact.plate_contact import SECTION_KAPPA
 from fem.discretisation import viscous_history
 from fem.discretisation.viscous_history import Branches
+from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin
 from fem.scene import Scene
 from fem.solvers import increment_watch, load_increments
 from fem.solvers.direct_solver import Solver
 from fem.solvers.kept_tangent import KeptTangent
 from fem.solvers.load_case_models import PathModels, path_models
+from fem.solvers.load_increments import find_equilibrium, path_at
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import Stop
+from fem.solvers.path_state import PathState
 from fem.time_steps import ViscousState
 from geometry.arrays import Array
 from geometry.design import Design
@@ -79,9 +82,10 @@ class TimedPath:
 
     def __init__(self, scene: Scene, law: str, kappa: float | None) -> None:
         deepest = max(load.depth for load in scene.loads)
-        # the mesh is that of the deepest load; states that carry less are read on the same mesh
-        loads = tuple(load for load in scene.loads if load.depth == deepest)
-        models = path_models(replace(scene, loads=loads))
+        # the mesh is that of the deepest load and of a glued area; states that carry less are read on the same mesh
+        pressed = tuple(load for load in scene.loads if load.depth == deepest)
+        sheared = (load if load.bonds_contact else replace(load, depth=deepest) for load in scene.loads)
+        models = path_models(replace(scene, loads=(*pressed, *(load for load in sheared if load.shears_tip))))
         self.scene, self.models, self.kept = scene, models, KeptTangent(Solver())
         self._path = _static_path(scene, models, kappa)
         state = self._path.state
@@ -92,6 +96,8 @@ class TimedPath:
         self.state = time_steps.at_rest(time_steps.with_stiffness(state, self.stiffness), history)
         self.least_force = HERTZ_SHARE * branches.instantaneous * 4 / 3 * math.sqrt(R) * depth**1.5
         self.steps, self.iterations, self.next_step = 0, 0, 0.0
+        self._sideways = SidewaysModel(state.d) if state.d.model == "axisymmetric" else None
+        self._stable_to = 0.0
 
     def begin_motion(self, segment: Segment, duration: float) -> None:
         """Prepare a smooth part of the path of a duration, s, which begins with a segment."""
@@ -108,6 +114,29 @@ class TimedPath:
             self.kept.solver.close()
             self.kept = KeptTangent(Solver())
         self.state = time_steps.raised(self.state, replace(after, reduced=None))
+
+    def margin(self, state: PathState) -> StabilityMargin:
+        """Return the distance of a press from sideways buckling: that of slow loading to its depth.
+
+        The pose of a press hardly depends on the modulus, and the tangent of a time step has no sideways model. The
+        margin shrinks with the depth, so a press less deep than a stable one is stable, with a margin not known.
+        """
+        unknown, depth = StabilityMargin(None, None, None), float(state.position[0])
+        if self._sideways is None or state.friction is not None:
+            return unknown
+        if depth <= self._stable_to:
+            return replace(unknown, unstable=0)
+        solver = Solver()
+        try:
+            slow = find_equilibrium(solver, state, state.q, state.plate)
+        finally:
+            solver.close()
+        if not slow.converged:
+            return unknown
+        margin = estimate_margin(self._sideways, path_at(state, slow, state.position, state.plate))
+        if margin.unstable == 0:
+            self._stable_to = depth
+        return margin
 
     def close(self) -> None:
         """Free the memory of the factorisations."""

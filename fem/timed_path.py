@@ -22,16 +22,18 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
+from fem.contact import coulomb_friction
+from fem.results import diagnostics
 from fem.results.postprocess import read_response
 from fem.scene import Model, Scene
-from fem.solution import Status
-from fem.solvers.newton import STOPPED, Stop
+from fem.solution import Facts, Status
+from fem.solvers.newton import Stop
 from fem.time_integration import Segment, TimedPath, march, step_limits
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response
@@ -61,8 +63,9 @@ class TimedState:
     time : s.
     load : load that the state carries.
     response : force, shift and tilt, as of a `Solution`.
-    status, message : "ok"; "unstable": solved, but the state has unstable directions; "not_converged": the last state
-        that was solved, and why no more.
+    facts, status, message : as of a `Solution`. Whether a press is stable sideways is that of slow loading to its
+        depth, which has nearly the same pose; with Coulomb friction it is not known.
+    model, slip_share : as of a `Solution`.
     time_error : estimated error of the force along the last motion from the time steps, over the largest such force.
     work, stored, dissipated, friction_dissipated : work of the plate since the beginning, energy stored in silicone
         and springs, energy dissipated in the silicone, and by slip, mJ.
@@ -74,8 +77,8 @@ class TimedState:
     time: float
     load: Load
     response: Response
-    status: Status
-    message: str
+    model: str
+    slip_share: float | None
     time_error: float
     work: float
     stored: float
@@ -84,6 +87,9 @@ class TimedState:
     step: int
     iterations: int
     dofs: int
+    facts: Facts = field(default_factory=Facts)
+    status: Status = "ok"
+    message: str = ""
 
     @property
     def balance(self) -> float:
@@ -221,20 +227,14 @@ def _follow(
 
 def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
     """Return the present state in the user's units."""
-    state, design = path.state, path.scene.design
-    unit, kept = design.E * design.D**3, state.history.stored(state.points)
-    status: Status = "ok"
-    message = ""
-    if state.path.unstable:
-        status, message = "unstable", "the state has unstable directions: several states may exist"
-    if stop:
-        status, message = "not_converged", f"stopped at {state.time:.6g} s: {STOPPED[stop]}"
-    return TimedState(
+    state, scene = path.state, path.scene
+    unit, kept, friction = scene.design.E * scene.design.D**3, state.history.stored(state.points), state.path.friction
+    found = TimedState(
         time=state.time,
         load=load,
-        response=read_response(state.path, path.scene),
-        status=status,
-        message=message,
+        response=read_response(state.path, scene),
+        model=state.path.d.model,
+        slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.path.skin.weights),
         time_error=state.error / max(state.largest, path.least_force) if state.error else 0.0,
         work=state.work.total * unit,
         stored=(kept + state.other) * unit,
@@ -245,3 +245,4 @@ def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
         iterations=path.iterations,
         dofs=state.path.d.system.size,
     )
+    return diagnostics.diagnose(found, state.path, scene, stop, path.margin, touched=state.largest > 0)

@@ -94,7 +94,7 @@ def test_a_fast_cycle_is_warned_of_inertia_and_is_not_yet_steady(capsys: pytest.
     words = ["cycle", "paper", "--depth", "0.2", "--frequency", "400", "--cycles", "1", "--accuracy", "quick"]
     assert entry_point.main(words) == 0
     printed = capsys.readouterr()
-    assert "1.2 times the lowest natural frequency of the free sensor, 342 Hz" in printed.err
+    assert "1.2 times the lowest natural frequency of the free sensor, 343 Hz" in printed.err
     assert "the loop of cycle 1, the first one and not yet steady" in printed.err + printed.out
 
 

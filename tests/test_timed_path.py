@@ -7,7 +7,7 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.contact.plate_contact import SECTION_KAPPA
-from fem.equilibrium import solve
+from fem.equilibrium import solve, trace
 from fem.timed_path import TimedLoad, TimedState, ViscousLaw, follow
 from geometry.design import BadInput, paper
 from geometry.loads import Load
@@ -151,3 +151,41 @@ def test_elastic_design_has_no_loop() -> None:
     down, up = follow(elastic, [TimedLoad(1, Load(0.8)), TimedLoad(1.5, Load(0.0))], COARSE)
     assert down.response.force[2] == pytest.approx(solve(elastic, Load(0.8), COARSE).response.force[2], rel=1e-8)
     assert (up.work, up.dissipated) == pytest.approx((0.0, 0.0), abs=5e-3 * down.work)
+
+
+@pytest.mark.parametrize(
+    "loads",
+    [
+        [
+            Load(d, x, y, friction=0.3)
+            for d, x, y in ((1.0, 0.0, 0.0), (0.8, 0.0, 0.0), (0.8, 0.3, 0.0), (0.8, 0.3, 0.3))
+        ],
+        [Load(d, x, friction="stick") for d, x in ((1.2, 0.0), (1.0, 0.0), (1.0, 0.5))],
+    ],
+    ids=["friction", "stick"],
+)
+def test_the_model_carries_all_loads_of_a_path_not_only_the_deepest(loads: list[Load]) -> None:
+    elastic, rough = replace(paper(), loss_factor=0.0), replace(COARSE, harmonics=1)
+    timed = list(follow(elastic, [TimedLoad(k, load) for k, load in enumerate(loads, 1)], rough))[-1]
+    static = trace(elastic, loads, rough, estimate=False)[-1]
+    # slip depends on the increments
+    assert timed.response.force == pytest.approx(static.response.force, rel=5e-3 if loads[0].coulomb else 2e-5)
+
+
+def test_states_in_time_have_the_diagnosis_of_static_states() -> None:
+    slender = replace(paper(), L=24.0, l0=24.0)
+    loads = [TimedLoad(t, Load(d)) for t, d in ((1, 0.5), (2, 3.0), (3, 0.5), (3.1, 0.1))]
+    low, deep, back, away = follow(slender, loads, QUICK, magnet="ignored")
+    static = solve(slender, Load(3.0), QUICK, magnet="ignored")
+    assert (low.status, deep.status, back.status) == ("ok", "unstable", "ok")
+    assert deep.message == static.message
+    assert deep.facts.sideways_stiffness_ratio == pytest.approx(static.facts.sideways_stiffness_ratio, rel=0.02)
+    assert (away.status, away.facts.remark) == ("ok", "touch_lost")
+    assert low.facts.largest_strain > 0
+
+
+def test_a_deep_press_in_time_says_that_its_silicone_is_inverted_and_creased() -> None:
+    (state,) = follow(paper(), [TimedLoad(1.0, Load(3.9))], QUICK)
+    assert state.status == "unstable"
+    assert "of the silicone is inverted" in state.message
+    assert "creases" in state.message

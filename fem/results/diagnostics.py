@@ -1,12 +1,15 @@
 """Facts of a state beside its response: why its path stopped, where it became unstable, and what limits its use.
 
 `gather` collects the facts and `classify` derives the status; `fem.results.state_messages` puts the facts into words.
+`diagnose` does all three, for static states and for states in time.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -14,13 +17,18 @@ from fem.discretisation import element_integrals, elements
 from fem.discretisation.symmetry_models import Discretisation
 from fem.material import strain
 from fem.results import material_stability, silicone_strain
-from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin, measure_lateral_stiffness
-from fem.solution import Facts, Remark, Solution, Status
+from fem.results.lateral_stiffness import StabilityMargin
+from fem.results.state_messages import describe
+from fem.scene import Scene
+from fem.solution import Diagnosed, Facts, Remark, Status
+from fem.solvers.depth_ranges import harmonics_missing
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
 from geometry.arrays import Array
 from geometry.loads import Response
 
+Found = TypeVar("Found", bound=Diagnosed)
+Margin = Callable[[PathState], StabilityMargin]
 BUCKLED = 0.01
 """Sideways shift of the magnet over D, or its tilt in rad, beyond which a frictionless press has left the symmetric
 state; asymmetry of the mesh alone causes less than a third of this."""
@@ -33,25 +41,47 @@ FOLD_GRID, OFF_CORNER, FOLD_BATCH = 6, 1e-6, 256
 OFF_CORNER: relative distance of the grid from the corners. FOLD_BATCH: elements per batch."""
 
 
+def diagnose(
+    found: Found,
+    state: PathState,
+    scene: Scene,
+    stop: Stop = "",
+    margin: Margin | None = None,
+    *,
+    touched: bool = False,
+) -> Found:
+    """Return a state that was read from one of a path, with its facts, and status and message that follow from them.
+
+    Parameters
+    ----------
+    stop : why the path ended before the requested load; empty if it did not.
+    margin : returns the distance of an axisymmetric press from sideways buckling; None: no check.
+    touched : whether the tip has carried a force before, so that a plate without force has left it.
+    """
+    facts = gather(state, found, scene.design.D, stop, margin, touched=touched)
+    if state.d.revolved:
+        facts = replace(facts, harmonics_missing=harmonics_missing(scene, float(state.position[0])))
+    found = replace(found, facts=facts, status=classify(facts))
+    return replace(found, message=describe(found, scene.design))
+
+
 def gather(
-    state: PathState, solution: Solution, D: float, stop: Stop = "", sideways: SidewaysModel | None = None
+    state: PathState, found: Diagnosed, D: float, stop: Stop, margin: Margin | None, *, touched: bool
 ) -> Facts:
     """Return the facts of a path's state.
 
     Parameters
     ----------
-    solution : read from the state, still without facts.
+    found : read from the state, still without facts.
     D : diameter of the beam, mm.
-    stop : why the path ended before the requested load; empty if it did not.
-    sideways : model in which the sideways stability of an axisymmetric press is checked; None: no check.
+    stop, margin, touched : as in `diagnose`.
     """
     onset, between = _onset_range(state, D)
-    upright = not stop and not state.unstable and onset is None and solution.load.depth > 0
-    upright = upright and solution.response.force[2] > 0
-    model = sideways if upright and state.d.model == "axisymmetric" and not state.sheared else None
-    near = estimate_margin(model, state) if model and state.friction is None else None
-    gives_way = bool(near.unstable if near else model and measure_lateral_stiffness(model, state).unstable)
-    remark = None if stop else _choose_remark(state, solution, D, near, gives_way=gives_way)
+    upright = not stop and not state.unstable and onset is None and found.load.depth > 0
+    upright = upright and found.response.force[2] > 0
+    checked = upright and state.d.model == "axisymmetric" and not state.sheared
+    near = margin(state) if margin and checked else None
+    remark = None if stop else _choose_remark(state, found, D, near, touched=touched)
     # a path that stops because the law loses stability does so in the next state, which it cannot reach: there the
     # strains are extrapolated
     reach = material_stability.REACH if stop or state.unstable or onset else 1.0
@@ -119,29 +149,29 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
 
 
 def _choose_remark(
-    state: PathState, solution: Solution, D: float, near: StabilityMargin | None, *, gives_way: bool
+    state: PathState, found: Diagnosed, D: float, near: StabilityMargin | None, *, touched: bool
 ) -> Remark | None:
     """Return the most important limitation of an answer; None if there is none."""
-    load, normal, sheared = solution.load, solution.response.force[2], state.sheared
+    load, normal, sheared = found.load, found.response.force[2], state.sheared
     pressed = load.depth > 0
-    if pressed and not normal > 0 and not sheared:
+    if pressed and not normal > 0 and not sheared and not touched:
         return "no_touch"
     if state.unstable or state.onset is not None:
         return None
-    if state.friction is not None and pressed and not normal > 0:
+    if (touched or state.friction is not None) and pressed and not normal > 0:
         return "touch_lost"
     if pressed and normal < 0:
         return "pulled"
-    if pressed and not sheared and not load.plate_tilt and _distance_from_axis(solution.response, D) > BUCKLED:
+    if pressed and not sheared and not load.plate_tilt and _distance_from_axis(found.response, D) > BUCKLED:
         return "leaning" if load.imperfection else "given_way"
     if load.shear and not sheared:
         return "slides_over"
-    if gives_way:
+    if near and near.unstable:
         return "guided_only"
     if near and near.critical_depth is not None and load.depth > NEAR * near.critical_depth * D:
         return "nearly_guided_only"
     if state.friction is not None:
-        slips = solution.slip_share
+        slips = found.slip_share
         return "full_slip" if slips == 1 and sheared else "part_slips" if slips else None
     return "idle_stick" if load.friction == "stick" and not sheared else None
 

@@ -110,19 +110,22 @@ class StabilityMargin:
 
     Attributes
     ----------
-    ratio : lateral stiffness over that of the unloaded beam; 0 at the critical depth, negative beyond.
+    ratio : lateral stiffness over that of the unloaded beam; 0 at the critical depth, negative beyond. None with
+        Coulomb friction, which holds the tip.
     critical_depth : estimate of that depth, over D; None where `ratio` is not between PAST and FAR.
     unstable : number of unstable sideways directions; None where it is not known.
     """
 
-    ratio: float
+    ratio: float | None
     critical_depth: float | None
     unstable: int | None
 
 
 def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
-    """Estimate the stability margin of a frictionless axisymmetric press whose tip slides freely."""
+    """Estimate the stability margin of an axisymmetric press whose tip slides freely, or against Coulomb friction."""
     now = measure_lateral_stiffness(model, state)
+    if state.friction is not None:
+        return StabilityMargin(None, None, now.unstable)
     ratio, depth = now.stiffness / model.stiffness_at_rest, float(state.position[0])
     growth = integrate_normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
     near = PAST <= ratio <= FAR and growth > 0

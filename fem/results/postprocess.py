@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,10 @@ from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import rigid_inclusion
 from fem.discretisation.gradient_recovery import Recovery
 from fem.discretisation.symmetry_models import Discretisation
-from fem.results import diagnostics, state_messages
-from fem.results.lateral_stiffness import SidewaysModel
+from fem.results import diagnostics
+from fem.results.lateral_stiffness import SidewaysModel, estimate_margin
 from fem.scene import Scene
 from fem.solution import Field, Solution
-from fem.solvers.depth_ranges import harmonics_missing
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
 from geometry.arrays import Array
@@ -60,12 +60,8 @@ def read(
         dissipated=state.dissipated * d.symmetry * E * D**3,
         slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.skin.weights),
     )
-    # facts follow from the numbers; status and message follow from the facts
-    facts = diagnostics.gather(state, solution, D, stop, sideways)
-    if d.revolved:
-        facts = replace(facts, harmonics_missing=harmonics_missing(scene, float(state.position[0])))
-    solution = replace(solution, facts=facts, status=diagnostics.classify(facts))
-    return replace(solution, message=state_messages.describe(solution, design))
+    margin = None if sideways is None else functools.partial(estimate_margin, sideways)
+    return diagnostics.diagnose(solution, state, scene, stop, margin)
 
 
 def _reached_load(state: PathState, load: Load, turn: Array, D: float) -> Load:

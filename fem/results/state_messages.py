@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fem.solution import CREASE, Facts, Remark, Solution
+from fem.solution import CREASE, Diagnosed, Facts, Remark
 from fem.solvers.newton import STOPPED
 from geometry.design import LAWS, Design
 from geometry.loads import Load
@@ -13,8 +13,8 @@ FOLDED = 1e-6
 """Share of inverted silicone above which the message mentions it; smaller shares are single corners."""
 
 
-def describe(solution: Solution, design: Design) -> str:
-    """Return the facts of a solution in words, with the remedy; empty if there is nothing to report."""
+def describe(solution: Diagnosed, design: Design) -> str:
+    """Return the facts of a state in words, with the remedy; empty if there is nothing to report."""
     facts, weak = solution.facts, _describe_weakness(solution.facts, design)
     parts = []
     if facts.stop:
@@ -84,7 +84,7 @@ def _describe_weakness(facts: Facts, design: Design) -> str:
     )
 
 
-def _describe_remark(remark: Remark, solution: Solution) -> str:
+def _describe_remark(remark: Remark, solution: Diagnosed) -> str:
     """Return a remark in words."""
     load, response, critical = solution.load, solution.response, solution.facts.critical_depth
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
