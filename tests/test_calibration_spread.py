@@ -107,3 +107,13 @@ def test_the_surrogate_predicts_the_spread_of_finite_elements():
     assert ratios == pytest.approx([1.0] * 3, abs=axis.model_error)
     assert np.ptp(ratios) < 0.005
     assert np.ptp(axis.sensitivity) > 0.03 * axis.nominal_sensitivity
+
+
+@pytest.mark.parametrize("layout", ["tle493d-p2b6", "tmag5273a1"])
+def test_the_steps_of_a_chip_fail_no_sensor(layout):
+    """Within the range of a shear the reading of a chip stays on some of its steps for several forces."""
+    result = spread(Design(hall_layout=layout), Press(1.0, 0.5), chip_gain=5.0)
+    assert [axis.message for axis in result.axes.values()] == ["", "", ""]
+    assert result.refusals == ("",) * 4
+    for axis in result.axes.values():
+        assert axis.recalibrated_error == pytest.approx(np.zeros(4), abs=1e-9)

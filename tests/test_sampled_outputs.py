@@ -28,7 +28,7 @@ def test_a_chip_has_outputs_in_mT():
     chip = Design(hall_layout="tmag5273a1")
     cases = sampled_cases(chip, RANGES, POINTS[:1], Press(1.0))
     outputs, _ = sampled_outputs("finite", chip, cases, sheared=False)
-    truth = hall.readings(chip, beam.solve(chip, Load(1.0), "finite")).output[0]
+    truth = hall.readings(chip, beam.solve(chip, Load(1.0), "finite")).B_T[0]
     assert outputs["chip_-z_output_mT"].value[0] == pytest.approx(1e3 * truth)
 
 

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from analytic import beam
 from analytic.batch_readings import ELEMENTS, batch_readings
+from analytic.hall import converted
+from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
@@ -178,7 +180,7 @@ def _by_formula(level: str, designs: Sequence[Design | None], depth: Array, shea
 
 
 def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, Array]:
-    """Return the outputs of the elements in all states, shape (n, k, 3), V or T, and their half widths.
+    """Return the outputs of the elements in all states, not rounded, shape (n, k, 3), V or T, and their half widths.
 
     The half widths follow from those of the motions, one motion after the other, added as independent errors.
     """
@@ -192,7 +194,7 @@ def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, A
 
 
 def _outputs(designs: Sequence[Design | None], values: Mapping[str, Array]) -> Array:
-    """Return the outputs of the elements, shape (n, k, 3)."""
+    """Return the outputs of the elements within the rails, not rounded to the converter's steps, shape (n, k, 3)."""
     shift, tilt = poses(values)
     count, states = shift.shape[:2]
     possible = [design for design in designs if design is not None]
@@ -201,6 +203,6 @@ def _outputs(designs: Sequence[Design | None], values: Mapping[str, Array]) -> A
     # an impossible sensor has no motion, so that any design may take its place
     stand_in = [design or possible[0] for design in designs]
     owner = np.repeat(np.arange(count), states)
-    return batch_readings(stand_in, owner, shift.reshape(-1, 3), tilt.reshape(-1, 2)).output.reshape(
-        count, states, ELEMENTS
-    )
+    field = batch_readings(stand_in, owner, shift.reshape(-1, 3), tilt.reshape(-1, 2)).field_T
+    gain, null, low, high, *_ = np.array([common_values(design) for design in stand_in])[owner].T[:, :, None]
+    return converted(null + gain * field, low, high, np.zeros(1))[0].reshape(count, states, ELEMENTS)

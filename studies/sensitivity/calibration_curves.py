@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import hall
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.sensitivity.beam_motions import Motions, motions, poses, readings
@@ -86,7 +85,8 @@ def sensitivity_errors(model: str, design: Design, load: Press) -> dict[str, flo
     moved = motions(model, [design], np.full_like(states, load.depth), states)
     read, width = readings([design], moved)
     rest = read[0, 0].copy()
-    rest[0] = hall.readings(design).output[0]
+    none = np.zeros((1, 1, 3))
+    rest[0] = made_readings(nominal_sensor(design), none, none[..., :2]).output[0, 0, 0]
 
     def relative(element: int, state: int, force: str) -> float:
         of_force = moved.half_widths[force][0, state] / moved.values[force][0, state]

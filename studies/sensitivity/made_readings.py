@@ -2,6 +2,8 @@
 
 The magnet's offset turns with the silicone around it, and its tilt adds to that of the state. An element that is
 displaced reads as if the magnet were displaced the other way, so each element's offset enters as a shift of the pose.
+Outputs are those before the converter rounds them: a step of a chip is no deviation of a sensor, and would hide in
+which sense its reading changes.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ class MadeReadings:
     Attributes
     ----------
     field_T : flux density that each element measures, shape (n, k, 3), T.
-    output : output of each element, shape (n, k, 3), V, or T for a chip.
+    output : output of each element within the rails, not rounded, shape (n, k, 3), V, or T for a chip.
     saturated : whether the output lies at a rail, shape (n, k, 3).
     """
 
@@ -56,7 +58,7 @@ def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> MadeReadin
     rows = batch_readings(designs, owner, relative.reshape(-1, 3), poses)
     # row j of a state has the offset of element j: only the reading of this element is right
     field = np.diagonal(rows.field_T.reshape(count, states, ELEMENTS, ELEMENTS), axis1=2, axis2=3)
-    gain, null, low, high, _, step, _ = common_values(sensors.nominal)
+    gain, null, low, high, *_ = common_values(sensors.nominal)
     raw = null + sensors.null_shift[:, None] + gain * sensors.gain_factor[:, None] * field
-    output, saturated = converted(raw, np.array(low), np.array(high), np.array(step))
+    output, saturated = converted(raw, np.array(low), np.array(high), np.array(0.0))
     return MadeReadings(field, output, saturated)

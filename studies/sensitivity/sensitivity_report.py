@@ -44,7 +44,8 @@ Each made sensor is calibrated over the force range of the design itself. The se
 of an axis' element over the force range; the offset is its reading without a force on this axis. The force error is
 the largest over the range: with the nominal sensor's calibration; after zeroing without a force; and after one-point
 recalibration of offset and gain. In brackets: 95 % interval of the percentile, with failed sensors on the worse side.
-The magnet's offset and tilt, and those of the elements, change the readings, not the mechanics.
+The magnet's offset and tilt, and those of the elements, change the readings, not the mechanics. Readings are those
+before the converter rounds them: noise and steps limit the resolution, and are no deviation of a sensor.
 """
 
 
