@@ -39,6 +39,17 @@ def shear_stiffness(design: Design) -> float:
     return k * design.E / (2 * (1 + nu)) * math.pi * design.D**2 / 4
 
 
+def sideways_stiffness(design: Design) -> float:
+    """Stiffness of the unpressed beam against a shear of its tip, N/mm: Timoshenko's cantilever of length L.
+
+    >>> from geometry.design import paper
+    >>> round(sideways_stiffness(paper()), 3)
+    0.554
+    """
+    bending = design.L**3 / (3 * design.E * math.pi * design.D**4 / 64)
+    return 1 / (bending + design.L / shear_stiffness(design))
+
+
 def engesser(design: Design, end: float = FREE) -> float:
     """Engesser's load P_E / (1 + P_E / S), N."""
     P = euler(design, end)

@@ -67,3 +67,14 @@ def test_a_tolerance_may_choose_the_surrogate_which_needs_no_solve(run, strict, 
         assert row["chosen_force_N"] == pytest.approx(estimate.response.force[2], rel=1e-12)
         assert (row["error_estimate"], row["shift_error_estimate"]) == (estimate.force_error, estimate.shift_error)
         assert row["message"].startswith("by the surrogate; 90 % intervals: force +-")
+
+
+def test_a_case_that_is_not_known_to_meet_the_tolerance_has_failed(run, strict):
+    slender = ("--set", "L=24", "--set", "l0=22", "--set", "magnet_edge_radius=0.4")
+    axes = ("--axis", "shear=0.4", "--load", "friction=stick", "--depth", "0.8", "--tolerance", "2%", "--json")
+    status, out, err = run("sweep", "paper", *slender, *axes)
+    (row,) = strict(out)
+    assert (status, row["status"]) == (3, "beyond_tolerance")
+    assert "error estimate of the force along the shear" in row["message"]
+    assert row["chosen_force_N"] > 1
+    assert "1 cases are not known to meet the tolerance" in err

@@ -4,10 +4,11 @@ import dataclasses
 
 import pytest
 
+from analytic import buckling
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.simulation import model_choice
-from studies.simulation.model_choice import Statement, choose, region, statements
+from studies.simulation.model_choice import Choice, Statement, choose, region, statements, unmet
 from studies.surrogate import surrogate_response
 
 PRESS, SHEAR = Load(depth=0.4), Load(depth=0.8, shear_x=0.8, friction="stick")
@@ -24,7 +25,7 @@ PLACES = (
 )
 RULE = [
     *WITHOUT,
-    *(Statement(*place, "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, 0.02, 0.02) for place in PLACES),
+    *(Statement(*place, "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02) for place in PLACES),
 ]
 """The rule with bounds of 2 % for the surrogate."""
 STUBBY = Design(L=8.0, l0=6.0, magnet_diameter=4.8, magnet_height=2.8)
@@ -142,7 +143,8 @@ def test_a_formula_that_meets_the_tolerance_comes_before_the_surrogate():
 
 
 def test_the_half_widths_of_the_surrogate_must_meet_the_tolerance_too():
-    exact = [dataclasses.replace(each, force=1e-6, shift=1e-6, tilt=None, readings=1e-6) for each in RULE]
+    small = {"force": 1e-6, "shift": 1e-6, "tilt": None, "readings": 1e-6, "sideways": None}
+    exact = [dataclasses.replace(each, **small) for each in RULE]
     only = [each for each in exact if each.model == "surrogate"]
     widths = surrogate_response.respond(STUBBY, PRESS)
     widest = max(widths.force_error, widths.shift_error)
@@ -185,3 +187,41 @@ def test_a_deformed_body_is_not_computed_by_the_surrogate():
 
 def test_a_rule_without_statements_about_the_surrogate_never_chooses_it():
     assert choose(STUBBY, [PRESS], 0.05, rule=WITHOUT).model_kind == "fem"
+
+
+def test_the_surrogate_has_no_bound_where_the_force_along_the_shear_was_not_measured():
+    unknown = [dataclasses.replace(each, sideways=None) for each in RULE]
+    assert choose(STUBBY, [SHEAR], 0.05, rule=RULE).model_kind == "surrogate"
+    assert choose(STUBBY, [SHEAR], 0.05, rule=unknown).model_kind == "fem"
+
+
+CHOICE = Choice("fem", "standard", "harmonic", 0.004, "", 0.002)
+ESTIMATES = {"force": 0.001, "shift": 0.001, "tilt": 0.001, "sideways": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({}, ""),
+        ({"sideways": 0.0094}, "error estimate of the force along the shear, 0.94 %, exceeds the tolerance 0.5 %"),
+        ({"tilt": 0.006}, "error estimate of the tilt, 0.6 %, exceeds"),
+        *(({name: None}, "is unknown") for name in ESTIMATES),
+        ({"force": float("nan")}, "the error estimate of the force is unknown"),
+    ],
+)
+def test_an_estimate_beyond_the_tolerance_or_unknown_does_not_meet_it(changed, words):
+    along = buckling.sideways_stiffness(paper()) * SHEAR.shear_x
+    reason = unmet(CHOICE, 0.005, paper(), SHEAR, along, ESTIMATES | changed)
+    assert words in reason
+    assert bool(words) == bool(reason)
+
+
+def test_a_press_needs_no_estimate_of_tilt_or_force_along_a_shear():
+    assert unmet(CHOICE, 0.005, paper(), PRESS, None, {"force": 0.001, "shift": 0.001}) == ""
+
+
+@pytest.mark.parametrize(("share", "met"), [(1.0, True), (0.5, True), (0.3, False), (0.001, False), (0.0, False)])
+def test_the_bound_of_a_force_along_the_shear_grows_as_it_vanishes(share, met):
+    along = share * buckling.sideways_stiffness(paper()) * SHEAR.shear_x
+    assert (unmet(CHOICE, 0.005, paper(), SHEAR, along, ESTIMATES) == "") is met
+    assert unmet(CHOICE, 0.005, paper(), SHEAR, None, ESTIMATES)

@@ -4,8 +4,9 @@ import json
 
 import pytest
 
+from analytic import buckling
 from fem.solution import Estimates
-from geometry.design import paper
+from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.inputs.option_groups import Method
 from studies.simulation import load_cases, model_choice, within_tolerance
@@ -43,7 +44,7 @@ def test_a_table_of_formulas_says_so(run):
 def by_surrogate(monkeypatch):
     """Let the rule have bounds of 2 % for the surrogate in presses to D/4 and in small shears."""
     own = [
-        Statement(kind, region, "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, 0.02, 0.02)
+        Statement(kind, region, "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02)
         for kind, region in (("press", "depth to D/4"), ("glued shear", "shear to 0.15 D"))
     ]
     rule = tuple(each for each in model_choice.statements() if each.model != "surrogate")
@@ -70,7 +71,9 @@ def test_the_error_estimates_of_the_surrogate_are_its_half_widths(run, monkeypat
     row = json.loads(out)
     own = surrogate_response.respond(paper(), Load(depth=0.8, shear_x=1.0, friction="stick"))
     names = ("error_estimate", "shift_error_estimate", "tilt_error_estimate", "sideways_error_estimate")
-    assert [row[name] for name in names] == pytest.approx([own.force_error, own.shift_error, own.tilt_error, None])
+    assert [row[name] for name in names] == pytest.approx(
+        [own.force_error, own.shift_error, own.tilt_error, own.sideways_error]
+    )
     assert row["message"].startswith("by the surrogate; 90 % intervals: force +-")
 
 
@@ -152,3 +155,37 @@ def test_compare_refuses_tolerance_and_accuracy_together(run):
     status, _, err = run("compare", "paper", "--tolerance", "5%", "--accuracy", "fine")
     assert status == 2
     assert "excludes --accuracy fine" in err
+
+
+@pytest.mark.parametrize("value", [0.04, None])
+def test_an_estimate_that_never_meets_the_tolerance_ends_with_status_3(value, run, monkeypatch):
+    monkeypatch.setattr(
+        "fem.equilibrium.estimate_response", lambda *_: Estimates(force=value, shift=value, tilt=None, sideways=None)
+    )
+    status, out, err = run("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "1%", "--json")
+    (row,) = map(json.loads, out.splitlines())
+    assert (status, row["status"], row["chosen_model"]) == (3, "beyond_tolerance", "axisymmetric fine")
+    words = "is unknown" if value is None else "4 %, exceeds the tolerance 1 %"
+    assert words in row["message"]
+    assert "solved again at accuracy fine" in err
+
+
+def test_the_force_along_a_shear_decides_too(run):
+    """A slender beam near its buckling load: the force along the shear is a small difference of large ones."""
+    slender = ("--set", "L=24", "--set", "l0=22", *WITHOUT_SURROGATE)
+    loads = ("--depth", "0.8", "--shear", "0.4", "--tolerance", "5%", "--json")
+    status, out, err = run("solve", "paper", *slender, *loads)
+    row = json.loads(out)
+    assert row["force_N"][0] < 0.3 * buckling.sideways_stiffness(Design(L=24.0, l0=22.0)) * 0.4
+    assert "force along the shear" in err
+    assert status == (0 if row["status"] == "ok" else 3)
+    assert row["sideways_error_estimate"] <= 0.05 or row["status"] == "beyond_tolerance"
+
+
+def test_a_comparison_beyond_its_tolerance_ends_with_status_3(run, monkeypatch):
+    monkeypatch.setattr(
+        "fem.equilibrium.estimate_response", lambda *_: Estimates(force=0.06, shift=0.01, tilt=0.01, sideways=0.01)
+    )
+    status, _, err = run("compare", "paper", "--tolerance", "5%", "--json")
+    assert status == 3
+    assert "tolerance 5 %: error_estimate of 6 % exceeds it" in err

@@ -18,8 +18,9 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 from studies.validation.verify import richardson
 
-QUANTITIES = ("force", "shift", "tilt", "sideways", "readings")
-"""Quantities whose errors are measured; sideways is the force along the shear alone, a part of `force`."""
+QUANTITIES = ("force", "shift", "tilt", "sideways", "along", "readings")
+"""Quantities whose errors are measured; sideways is the force along the shear alone, a part of `force`, relative to
+itself; along is the same force, relative to the larger one of itself and that of the unpressed beam."""
 LEAST_ORDER = 0.8
 """Least observed order for an extrapolation: a lower one multiplies the last difference by more than three."""
 NOTHING = 1e-6
@@ -108,8 +109,16 @@ def full_scales(design: Design, references: Sequence[Reference]) -> tuple[float,
     return first, max(second, third), max(second, third)
 
 
-def true_errors(answer: Components, reference: Reference, scales: Sequence[float]) -> Mapping[str, TrueError]:
-    """Return the errors of an answer against the reference of its state; none where the reference is nearly 0."""
+def true_errors(
+    answer: Components, reference: Reference, scales: Sequence[float], unpressed_N: float = 0.0
+) -> Mapping[str, TrueError]:
+    """Return the errors of an answer against the reference of its state; none where the reference is nearly 0.
+
+    Parameters
+    ----------
+    scales : full scale of each element, T.
+    unpressed_N : force along the same shear of the unpressed beam.
+    """
     errors = {}
     for name in QUANTITIES:
         if name not in answer or name not in reference.values:
@@ -123,4 +132,8 @@ def true_errors(answer: Components, reference: Reference, scales: Sequence[float
         elif math.hypot(*value) > NOTHING:
             size = math.hypot(*value)
             errors[name] = TrueError(100 * math.hypot(*differences) / size, 100 * math.hypot(*bar) / size)
+    if "sideways" in answer and "sideways" in reference.values:
+        ((own,), (true,)), (width,) = (answer["sideways"], reference.values["sideways"]), reference.bars["sideways"]
+        size = max(abs(true), unpressed_N)
+        errors["along"] = TrueError(100 * abs(own - true) / size, 100 * width / size)
     return errors

@@ -17,6 +17,7 @@ from studies.benchmarks.trade_cases import CALCULATED, SURROGATE, Kind
 from studies.benchmarks.trade_study import SOLIDS, TradeState
 from studies.output import records
 from studies.output.atomic_files import json_line
+from studies.output.goals import Goal
 from studies.output.records import FlatRow
 from studies.simulation import model_choice
 from studies.simulation.model_choice import ANY_REGION, Choice, Statement
@@ -32,11 +33,14 @@ ran on few designs, have one bound for all regions of a kind.
 The rule was corrected twice after random designs had shown it to be wrong. Small and large magnets are told apart
 because a formula was 19 % off at a tolerance of 10 % (first draw, design 21). Bounds follow from the largest error,
 no longer from its 95th percentile, because a light press at level quick was 1.6 % off at a tolerance of 1 % (second
-draw, design 29). The last draw was made after both corrections.
+draw, design 29). The last draw was made after both corrections. A third one came after it: the force along a shear
+counts, which was up to 6.7 times a tolerance off where a slender beam is pressed nearly to its buckling load.
 """
 
-COUNTED = ("force", "shift", "tilt", "readings")
+COUNTED = ("force", "shift", "tilt", "readings", "sideways")
 """Quantities that a tolerance bounds."""
+BOUNDS = {"force": "force", "shift": "shift", "tilt": "tilt", "readings": "readings", "sideways": "along"}
+"""Bounds of a statement, and the quantities from whose errors they follow."""
 TOLERANCES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
 SHARE, FACTOR = 0.95, 1.5
 """Goals of the confirmation: share of the cases within the tolerance, largest error over the tolerance."""
@@ -52,10 +56,12 @@ def statements(states: Sequence[TradeState]) -> list[Statement]:
     for state in states:
         if state.errors and not state.confirming and (state.model != "formula" or not state.outside):
             groups.setdefault((state.kind, _region(state), state.model, state.level), []).append(state)
+    # a model of unknown cost is never the cheapest
     return [
         _statement(region, members)
         for (_, region, model, _), members in groups.items()
-        if model not in CALCULATED or len({state.design for state in members}) >= FEWEST
+        if (model not in CALCULATED or len({state.design for state in members}) >= FEWEST)
+        and any(state.cost is not None for state in members)
     ]
 
 
@@ -70,8 +76,8 @@ def _region(state: TradeState) -> str:
 def _statement(region: str, members: Sequence[TradeState]) -> Statement:
     first, designs = members[0], len({state.design for state in members})
     bounds = {
-        name: _bound([_counted(state, name) for state in members if name in state.errors], designs)
-        for name in COUNTED
+        name: _bound([_counted(state, quantity) for state in members if quantity in state.errors], designs)
+        for name, quantity in BOUNDS.items()
     }
     costs = [state.cost for state in members if state.cost is not None]
     force, shift = bounds.pop("force"), bounds.pop("shift")
@@ -84,7 +90,7 @@ def _statement(region: str, members: Sequence[TradeState]) -> Statement:
         level=first.level,
         designs=designs,
         states=len(members),
-        cost=float(f"{statistics.median(costs):.3g}") if costs else math.nan,
+        cost=float(f"{statistics.median(costs):.3g}"),
         force=force,
         shift=shift,
         **bounds,
@@ -152,31 +158,36 @@ def confirm(states: Sequence[TradeState], rule: Sequence[Statement]) -> Iterator
             place = state.kind, state.design, state.load.depth, state.load.shear_x
             cases.setdefault(place, {})[state.model, state.level] = state
     for place, models in cases.items():
-        some = next(iter(models.values()))
-        trial = trade_cases.trial(some.design, some.kind, "auto", confirm=True)
         for tolerance in TOLERANCES:
-            try:
-                choice = model_choice.choose(trial.design, [some.load], tolerance, trial.magnet, rule=rule)
-            except BadInput:
-                yield Confirmation(*place, tolerance, "", "refused")
-                continue
-            yield _judged(place, tolerance, choice, models)
+            yield _confirmed(place, tolerance, models, rule)
 
 
-def _judged(
+def _confirmed(
     place: tuple[Kind, int, float, float],
     tolerance: float,
-    choice: Choice,
     models: Mapping[tuple[str, str], TradeState],
+    rule: Sequence[Statement],
 ) -> Confirmation:
-    state = models.get((choice.model, choice.level_or_accuracy))
-    if state is None:
-        return Confirmation(*place, tolerance, choice.name, "not run", choice.bound)
-    if not state.errors:
-        return Confirmation(*place, tolerance, choice.name, state.status, choice.bound)
-    error = max(state.errors[name].percent for name in COUNTED if name in state.errors) / 100
-    status = "within" if error <= tolerance else "exceeded"
-    return Confirmation(*place, tolerance, choice.name, status, choice.bound, error)
+    """Return the result of a case: the model of the rule, or a finer one where its answer asks for it."""
+    some = next(iter(models.values()))
+    trial = trade_cases.trial(some.design, some.kind, "auto", confirm=True)
+    case = trial.design, [some.load]
+    try:
+        choice: Choice | None = model_choice.choose(*case, tolerance, trial.magnet, rule=rule)
+    except BadInput:
+        choice = None
+    while choice is not None:
+        state = models.get((choice.model, choice.level_or_accuracy))
+        if state is None:
+            return Confirmation(*place, tolerance, choice.name, "not run", choice.bound)
+        if not state.errors:
+            return Confirmation(*place, tolerance, choice.name, state.status, choice.bound)
+        if not model_choice.unmet(choice, tolerance, trial.design, some.load, state.along_N):
+            error = max(state.errors[name].percent for name in COUNTED if name in state.errors) / 100
+            status = "within" if error <= tolerance else "exceeded"
+            return Confirmation(*place, tolerance, choice.name, status, choice.bound, error)
+        choice = model_choice.finer(*case, choice, trial.magnet, rule=rule)
+    return Confirmation(*place, tolerance, "", "refused")
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +212,11 @@ class Confirmed:
     within: int
     share_percent: float
     worst: float
+
+    @property
+    def judged(self) -> int:
+        """Number of cases with a true error."""
+        return self.cases - self.refused - self.unjudged
 
     def row(self) -> FlatRow:
         """Return the columns of the table of TRADE.md."""
@@ -240,13 +256,27 @@ def summary(results: Sequence[Confirmation]) -> list[Confirmed]:
     return table
 
 
-def missed(table: Sequence[Confirmed]) -> list[str]:
-    """Return one sentence for each row that misses a goal of the confirmation."""
-    sentences = []
-    for row in table:
-        where = f"{row.kind}, tolerance {row.tolerance_percent:g} %"
-        if row.share_percent < 100 * SHARE:
-            sentences.append(f"{where}: {row.share_percent:.0f} % of the cases are within it, goal {SHARE:.0%}")
-        if row.worst > FACTOR:
-            sentences.append(f"{where}: the largest error is {row.worst:.2g} times it, goal {FACTOR:g}")
-    return sentences
+def goals(results: Sequence[Confirmation], kinds: Sequence[Kind] = trade_cases.KINDS) -> list[Goal]:
+    """Return the goals of the confirmation: every case is judged, and within the tolerance.
+
+    Parameters
+    ----------
+    kinds : those that were to be confirmed; one without a judged case misses its goals.
+    """
+    table = summary(results)
+    posed = []
+    for kind in (*kinds, "all", LAST):
+        own = [row for row in table if row.kind == kind]
+        posed.append(
+            Goal(f"{kind}, cases without a judgement", sum(r.unjudged for r in own), 0, sum(r.cases for r in own))
+        )
+        if not any(row.judged for row in own):
+            posed.append(Goal(f"{kind}, cases within the tolerance", None, 100 * SHARE, 0, "%", at_least=True))
+        # a tolerance at which the rule refuses every case promises nothing
+        for row in (row for row in own if row.judged):
+            where = f"{kind}, tolerance {row.tolerance_percent:g} %"
+            posed += [
+                Goal(f"{where}, cases within it", row.share_percent, 100 * SHARE, row.judged, "%", at_least=True),
+                Goal(f"{where}, largest error over it", row.worst, FACTOR, row.judged),
+            ]
+    return posed

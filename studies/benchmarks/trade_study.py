@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from analytic import buckling
 from fem.accuracy import LEVELS
 from geometry.loads import Load
 from geometry.messages import Progress
@@ -31,11 +32,13 @@ programs ran on the same machine, which inflates CPU seconds; `cost` is therefor
 the same design by the section model at level standard, in the same run.
 
 The true error of force, shift and tilt is the norm of the difference between the vector and that of the reference,
-over the norm of the reference; `sideways` is the force along the shear alone. The error of the readings is the
-largest of S1, S2 and S3, in percent of full scale: the largest change from rest of the element on the path, for S2
-and S3 together. The reference is extrapolated from three meshes of the section, each finer by sqrt(2), with harmonics
-in step. Each component is extrapolated by itself, if an order of at least 0.8 is observed; its error bar is the last
-step of the extrapolation. Otherwise the reference is the finest mesh, and the bar is the spread of the three meshes.
+over the norm of the reference; `sideways` is the force along the shear alone, and `along` its error over the larger
+one of this force and that of the unpressed beam, because the force vanishes where the press buckles. The error of
+the readings is the largest of S1, S2 and S3, in percent of full scale: the largest change from rest of the element
+on the path, for S2 and S3 together. The reference is extrapolated from three meshes of the section, each finer by
+sqrt(2), with harmonics in step. Each component is extrapolated by itself, if an order of at least 0.8 is observed;
+its error bar is the last step of the extrapolation. Otherwise the reference is the finest mesh, and the bar is the
+spread of the three meshes.
 Formulas count inside the range of their level only (`analytic.beam.outside`; level paper states none), and so does
 the surrogate, which refuses what lies outside (`studies.surrogate.surrogate_response`). Its cost is that of calls for
 one load after the other, without the 50 ms in which a process reads it; for many designs at once a call costs far
@@ -62,6 +65,7 @@ class TradeState:
     cpu_s, peak_MB : of the whole path; NaN if the process was lost.
     cost : CPU seconds over those of the section model at level standard on the same path; None if one is not known.
     commit : that of the code that solved it.
+    along_N : force along the shear; None without a shear.
     """
 
     design: int
@@ -77,6 +81,7 @@ class TradeState:
     peak_MB: float
     cost: float | None = None
     commit: str = ""
+    along_N: float | None = None
 
     def row(self) -> FlatRow:
         """Return the columns of trade.csv."""
@@ -96,7 +101,7 @@ class TradeState:
             row[f"{name}_error_percent"] = None if error is None else error.percent
             row[f"{name}_bar_percent"] = None if error is None else error.bar_percent
         costs = {"cpu_s": self.cpu_s, "peak_MB": self.peak_MB, "cost": self.cost}
-        return row | costs | {"message": self.outside, "commit": self.commit}
+        return row | {"along_N": self.along_N} | costs | {"message": self.outside, "commit": self.commit}
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +245,9 @@ def _with_errors(
     if truth is None:
         return replace(state, status="no_reference", outside="a mesh of the reference has no stable answer")
     values = trade_reference.components(trial.design, state.load, answer.response)
-    errors = trade_reference.true_errors(values, truth, scales)
+    unpressed = buckling.sideways_stiffness(trial.design) * state.load.shear
+    errors = trade_reference.true_errors(values, truth, scales, unpressed)
+    state = replace(state, along_N=values["sideways"][0] if "sideways" in values else None)
     return replace(state, outside=answer.message, errors=errors)
 
 

@@ -13,7 +13,7 @@ from studies.cli.command_output import print_record, print_remarks, report_failu
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs import user_input
-from studies.inputs.exit_status import GOOD
+from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import (
     ACCURACY,
@@ -288,4 +288,8 @@ def compare(
             print_remarks(summary[name], sweep_request.CASE)
         if "rate_sentence" in summary["summary"]:
             console.note(f"{summary['summary']['rate_sentence']}.")
-    return report_failures([row for row in (*summary["press"], *summary["shear"]) if row["status"] not in ANSWERED])
+    rows = [*summary["press"], *summary["shear"]]
+    lost = within_tolerance.beyond(rows, chosen) if chosen else []
+    for sentence in lost:
+        console.say(f"magtip: {sentence}")
+    return report_failures([row for row in rows if row["status"] not in ANSWERED]) or (FAILED if lost else GOOD)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from analytic import beam
 from fem.accuracy import LEVELS
@@ -16,7 +16,7 @@ from fem.scene import Scene
 from fem.solvers.depth_ranges import harmonics_at
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet
+from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.exploration import store as store_module
 from studies.exploration.path_keys import Kind, Place, place
@@ -25,7 +25,7 @@ from studies.exploration.store import Position, Store
 from studies.exploration.study_cases import Cases, FemModel, Plan, Problem, Recent
 from studies.exploration.workers import finished
 from studies.output import console
-from studies.simulation.model_choice import Choice, choose
+from studies.simulation.model_choice import UNMET, Choice, along_shear, choose, unmet
 from studies.simulation.state_rows import surrogate_message
 
 KINDS: dict[str, Kind] = {
@@ -84,7 +84,7 @@ class Target:
         of one that a formula or the surrogate answers, is empty.
     message : why the problem is impossible.
     formula : the answer of a level of the formulas, or of the surrogate.
-    chosen, expected_error : name of the model that a tolerance has chosen, and the bound of its error.
+    choice, tolerance : the model that a tolerance has chosen, and the tolerance.
     """
 
     key: str
@@ -92,8 +92,8 @@ class Target:
     direction: tuple[float, float] = (1.0, 0.0)
     message: str = ""
     formula: Answer | None = None
-    chosen: str = ""
-    expected_error: float = NAN
+    choice: Choice | None = None
+    tolerance: float = NAN
 
 
 class Paths:
@@ -131,21 +131,21 @@ class Paths:
     def _place(problem: Problem, model: FemModel, kind: Kind) -> tuple[Target, Place | None]:
         if problem.design is None or problem.load is None:
             return Target("", message=problem.message), None
-        chosen, expected = "", NAN
+        choice, tolerance = None, NAN
         try:
             if model.tolerance is not None and kind == "states":
-                choice = choose(problem.design, [problem.load], model.tolerance, problem.magnet)
-                chosen, expected = choice.name, choice.bound
+                tolerance = model.tolerance
+                choice = choose(problem.design, [problem.load], tolerance, problem.magnet)
                 if choice.model_kind != "fem":
                     answer = _unsolved_answer(problem.design, problem.load, problem.magnet, choice)
-                    return Target("", formula=answer, chosen=chosen, expected_error=expected), None
+                    return Target("", formula=answer, choice=choice, tolerance=tolerance), None
                 model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
             scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
             stored = place(scene, kind, problem.motion)
         except BadInput as error:
             return Target("", message=str(error)), None
         key = store_module.key(stored.content)
-        return Target(key, stored.at, stored.direction, chosen=chosen, expected_error=expected), stored
+        return Target(key, stored.at, stored.direction, choice=choice, tolerance=tolerance), stored
 
 
 def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice) -> Answer:
@@ -164,9 +164,21 @@ def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice)
         surrogate_message(estimate),
         estimate.force_error,
         0.0,
-        {"shift": estimate.shift_error, "tilt": estimate.tilt_error},
+        {"shift": estimate.shift_error, "tilt": estimate.tilt_error, "sideways": estimate.sideways_error},
         {"strain": estimate.strain},
     )
+
+
+def _checked(answer: Answer, target: Target, design: Design, load: Load) -> Answer:
+    """Return the answer, with status "beyond_tolerance" and the reason if it is not known to meet the tolerance."""
+    if target.choice is None or answer.response is None or answer.status not in ANSWERED:
+        return answer
+    estimates = {"force": answer.error_estimate, **answer.estimates}
+    along = along_shear(load, answer.response)
+    reason = unmet(target.choice, target.tolerance, design, load, along, estimates)
+    if not reason:
+        return answer
+    return replace(answer, status=UNMET, message="; ".join(filter(None, (answer.message, reason))))
 
 
 class Solves:
@@ -220,7 +232,7 @@ class Solves:
         """Return the answer to a problem, for its own design."""
         if target.formula is not None:
             return target.formula
-        if problem.design is None or not target.key:
+        if problem.design is None or problem.load is None or not target.key:
             return Answer(1.0, 1.0, None, "bad_input", target.message, NAN, 0.0)
         stored = self.answers(target.key)
         if target.at not in stored:
@@ -228,7 +240,8 @@ class Solves:
                 f"states have been removed from the store {str(self.store.file)!r} while the sweep was running: give "
                 "the same command again"
             )
-        return stored[target.at].of(problem.design.D, problem.design.E, target.direction)
+        answer = stored[target.at].of(problem.design.D, problem.design.E, target.direction)
+        return _checked(answer, target, problem.design, problem.load)
 
     def answers(self, key: str) -> Mapping[Position, Answer]:
         """Return the stored answers of a path, by their positions."""

@@ -10,6 +10,7 @@ the number of rows.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -139,7 +140,7 @@ def _solved(
     return Solved(
         states={model.name: of(model.name) for model in plan.fem},
         numbers=numbers,
-        chosen=[(target.chosen, target.expected_error) for target in chosen],
+        chosen=[(target.choice.name, target.choice.bound) if target.choice else ("", math.nan) for target in chosen],
         critical=of("critical_depth") if "critical_depth" in plan.quantities else (),
         modes=of("modes") if "modes" in plan.quantities else (),
         response=of("response") if "response" in plan.quantities else (),

@@ -1,9 +1,14 @@
 """The cheapest model whose measured error meets a tolerance, for a design and its loads (option --tolerance).
 
 The errors come from `magtip trade`: every model on twenty-four designs against extrapolated references, by kind of
-scene and by region of the loads. They are frozen in model_choice.json beside this module. Force, shift and tilt
-count as vectors, relative to the reference; readings in percent of full scale. A choice meets the tolerance in all
-of them.
+scene and by region of the loads. They are frozen in model_choice.json beside this module. Force, shift and tilt count
+as vectors, relative to the reference; readings in percent of full scale; and of a shear the force along it, relative
+to itself. A choice meets the tolerance in all of them.
+
+The force along a shear vanishes where the press buckles, so that its relative error has no bound that holds for all
+loads. Its measured bound is therefore relative to the larger one of this force and that of the unpressed beam
+(`analytic.buckling.sideways_stiffness`), and `unmet` compares the answer with it: finite elements that do not meet
+the tolerance are solved again at a finer accuracy.
 
 Formulas and the surrogate are chosen only inside their ranges and those of the study. The surrogate must meet the
 tolerance twice: its measured bound, as that of every model, because few of the study's designs lie near any other
@@ -16,16 +21,16 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from analytic import beam
+from analytic import beam, buckling
 from fem.error_estimate_rules import press_limits
 from fem.scene import choose_model
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet
+from geometry.loads import Load, Magnet, Response
 
 Kind = Literal["press", "glued shear", "friction"]
 
@@ -46,6 +51,10 @@ ANY_REGION = "any"
 """Region of the statements about tetrahedra, which ran on too few designs to tell regions apart."""
 SURROGATE = "surrogate"
 """Name of the surrogate among the models."""
+UNMET = "beyond_tolerance"
+"""Status of a state that is not known to meet its tolerance."""
+FINER = {"quick": "standard", "standard": "fine"}
+"""Next finer accuracy of the finite elements."""
 BEYOND = 2.0
 """Factor on a bound for designs, loads or scenes that the study does not contain."""
 CONTACT_POWER = 0.75
@@ -62,6 +71,8 @@ class Statement:
     model, level : finite-element model and its accuracy, "formula" and its level, or "surrogate" and "shipped".
     cost : CPU seconds over those of the section model at level standard, median.
     force, shift, tilt, readings : bounds of the errors; None where the scene has no such quantity.
+    sideways : bound of the error of the force along the shear, over the larger one of it and that of the unpressed
+        beam.
     """
 
     kind: Kind
@@ -75,10 +86,11 @@ class Statement:
     shift: float
     tilt: float | None = None
     readings: float | None = None
+    sideways: float | None = None
 
     def bound(self, *, readings: bool) -> float:
         """Return the largest bound; that of the readings counts only for a design with a magnet."""
-        others = (self.tilt, self.readings if readings else None)
+        others = (self.tilt, self.sideways, self.readings if readings else None)
         return max(self.force, self.shift, *(value for value in others if value is not None))
 
 
@@ -91,7 +103,8 @@ class Choice:
     model_kind : formulas, surrogate or finite elements.
     level_or_accuracy : level of the formulas, accuracy of the finite elements, or "shipped" for the surrogate.
     model : model of the finite elements, "formula" for formulas, "surrogate" for the surrogate.
-    bound : largest expected error of force, shift, tilt and readings, a fraction.
+    bound : largest expected error of force, shift, tilt, readings and, with a shear, the force along it: a fraction.
+    sideways : expected error of the force along the shear, over the larger one of it and that of the unpressed beam.
     reason : one sentence.
     """
 
@@ -100,6 +113,7 @@ class Choice:
     model: str
     bound: float
     reason: str
+    sideways: float = 0.0
 
     @property
     def name(self) -> str:
@@ -142,7 +156,7 @@ def choose(
 
     Parameters
     ----------
-    tolerance : largest relative error of force, shift, tilt and readings, between 0 and 1.
+    tolerance : largest relative error of force, shift, tilt, readings and force along a shear, between 0 and 1.
     formulas : whether formulas and the surrogate may be chosen, which compute no deformed body.
     rule : default: the shipped one.
 
@@ -154,14 +168,14 @@ def choose(
     if not 0 < tolerance < 1:
         raise BadInput(f"tolerance must lie between 0 and 1; got {tolerance:g}")
     choices = []
-    for choice in _choices(rule or statements(), design, loads, magnet, formulas=formulas):
+    for choice in _choices(statements() if rule is None else rule, design, loads, magnet, formulas=formulas):
         if choice.bound <= tolerance:
             return choice
         choices.append(choice)
     if not choices:
         raise BadInput(
-            f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}: choose "
-            "--accuracy instead of a tolerance"
+            f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}: "
+            "choose --accuracy instead of a tolerance"
         )
     best = min(choices, key=lambda choice: choice.bound)
     raise BadInput(
@@ -170,10 +184,68 @@ def choose(
     )
 
 
-def at_accuracy(design: Design, loads: Sequence[Load], accuracy: str, magnet: Magnet = "rigid") -> Choice | None:
-    """Return the finite elements at an accuracy with their bound; None if the study has no such run."""
-    choices = _choices(statements(), design, loads, magnet, formulas=False)
-    return next((choice for choice in choices if choice.level_or_accuracy == accuracy), None)
+def finer(
+    design: Design,
+    loads: Sequence[Load],
+    choice: Choice,
+    magnet: Magnet = "rigid",
+    *,
+    rule: Sequence[Statement] | None = None,
+) -> Choice | None:
+    """Return the finite elements at the next finer accuracy; None if there is none whose errors are known."""
+    choices = _choices(statements() if rule is None else rule, design, loads, magnet, formulas=False)
+    by_level = {each.level_or_accuracy: each for each in choices}
+    return by_level.get(FINER.get(choice.level_or_accuracy, ""))
+
+
+def unmet(
+    choice: Choice,
+    tolerance: float,
+    design: Design,
+    load: Load,
+    along_N: float | None,
+    estimates: Mapping[str, float | None] | None = None,
+) -> str:
+    """Return why an answer is not known to meet a tolerance, "" if it is.
+
+    Parameters
+    ----------
+    along_N : force along the shear by the answer.
+    estimates : relative error estimates of the answer by quantity: force, shift and, with a shear, tilt and sideways.
+        One that is unknown does not meet the tolerance. None for formulas, which have none.
+    """
+    errors: dict[str, float | None] = {}
+    if load.shears_tip:
+        expected = math.inf if along_N is None else sideways_error(choice.sideways, design, load, along_N)
+        errors["the expected error of the force along the shear"] = expected
+    if estimates is not None:
+        names = {"force": "force", "shift": "shift"}
+        if load.shears_tip:
+            names |= {"tilt": "tilt", "sideways": "force along the shear"}
+        errors |= {f"the error estimate of the {word}": estimates.get(name) for name, word in names.items()}
+    for name, error in errors.items():
+        if error is None or math.isnan(error):
+            return f"{name} is unknown"
+        if error > tolerance:
+            size = "that of a force which nearly vanishes" if math.isinf(error) else percent(rounded_up(error, 2))
+            return f"{name}, {size}, exceeds the tolerance {percent(tolerance)}"
+    return ""
+
+
+def sideways_error(share: float, design: Design, load: Load, along_N: float) -> float:
+    """Return the expected relative error of a force along the shear.
+
+    Parameters
+    ----------
+    share : bound of the error over the larger one of this force and that of the unpressed beam.
+    along_N : the force by the answer, whose true value may be smaller by the error.
+
+    >>> from geometry.design import paper
+    >>> sideways_error(0.01, paper(), Load(1.0, 1.0, friction="stick"), 0.0)
+    inf
+    """
+    lost = share * max(abs(along_N), buckling.sideways_stiffness(design) * load.shear)
+    return lost / (abs(along_N) - lost) if abs(along_N) > lost else math.inf
 
 
 def _choices(
@@ -189,10 +261,11 @@ def _choices(
             costs[each.model, each.level] = max(costs.get((each.model, each.level), 0.0), each.cost)
     names = sorted(costs, key=lambda name: costs[name])
 
-    def choice(model: str, level: str, bounds: Sequence[float | None]) -> list[Choice]:
+    def choice(model: str, level: str, bounds: Sequence[Bound | None]) -> list[Choice]:
         known = [bound for bound in bounds if bound is not None]
+        designs = max(each.designs for each in rule if (each.kind, each.model, each.level) == (kind, model, level))
         own = [place for _, place in places]
-        return [_choice(model, level, max(known), own)] if len(known) == len(bounds) else []
+        return [_choice(model, level, known, own, designs)] if len(known) == len(bounds) else []
 
     if formulas:
         cheap = []
@@ -215,18 +288,22 @@ def _choices(
             )
 
 
-def _choice(model: str, level: str, bound: float, places: Sequence[Region]) -> Choice:
+def _choice(model: str, level: str, bounds: Sequence[Bound], places: Sequence[Region], designs: int) -> Choice:
+    largest, sideways = max(bound.largest for bound in bounds), max(bound.sideways for bound in bounds)
     beyond = list(dict.fromkeys(place.beyond for place in places if place.beyond))
     names = list(dict.fromkeys(place.name for place in places))
     where = f"{places[0].kind} ({', '.join(names)})"
-    reason = f"this is the cheapest model whose measured error for {where} is within {percent(rounded_up(bound, 2))}"
+    shown = percent(rounded_up(largest, 2)) if math.isfinite(largest) else "no bound"
+    reason = f"this is the cheapest model whose measured error for {where} is within {shown}"
     if beyond:
         reason += f"; the study does not contain {', '.join(beyond)}, so its errors are multiplied"
     if model == SURROGATE:
         reason += ", and so are the half widths of its 90 % intervals for these loads"
+    if places[0].kind == "friction" and designs:
+        reason += f"; Coulomb friction was studied on {designs} designs only"
     if model in ("formula", SURROGATE):
-        return Choice("formula" if model == "formula" else "surrogate", level, model, bound, reason)
-    return Choice("fem", level, model, bound, reason)
+        return Choice("formula" if model == "formula" else "surrogate", level, model, largest, reason, sideways)
+    return Choice("fem", level, model, largest, reason, sideways)
 
 
 def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None) -> Region:
@@ -292,9 +369,17 @@ def _region_name(design: Design, load: Load, magnet: Magnet, kind: Kind, slack: 
     return f"depth to {LIGHT:g} D" if load.depth <= LIGHT * D * slack else "depth to D/4"
 
 
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Largest bound of the errors under a load, and that of the force along the shear as in `Statement`."""
+
+    largest: float
+    sideways: float
+
+
 def _fem_bound(
     rule: Sequence[Statement], place: Region, model: str, level: str, design: Design, magnet: Magnet
-) -> float | None:
+) -> Bound | None:
     """Return the bound of a finite-element model; None if the study has no such run.
 
     A model that the study ran on a few designs only may lack a region: then the largest bound of the kind holds.
@@ -304,28 +389,50 @@ def _fem_bound(
     if not exact:
         return None
     readings = magnet == "rigid" and design.shape.has_magnet
-    return place.growth * max(each.bound(readings=readings) for each in exact)
+    return Bound(
+        place.growth * max(each.bound(readings=readings) for each in exact),
+        place.growth * max(each.sideways or 0.0 for each in exact),
+    )
 
 
 def _formula_bound(
     rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
-) -> float | None:
+) -> Bound | None:
     """Return the bound of a level of the formulas; None outside its range, where its error has no bound."""
     if magnet == "ignored" and design.shape.has_magnet:
         return None
     if place.beyond or beam.outside(design, load, level):
         return None
-    readings = design.shape.has_magnet
     wanted = place.kind, formula_region(design, place.name), "formula", level
-    for each in rule:
-        if (each.kind, each.region, each.model, each.level) == wanted:
-            return each.bound(readings=readings)
-    return None
+    own = next((each for each in rule if (each.kind, each.region, each.model, each.level) == wanted), None)
+    if own is None:
+        return None
+    largest = own.bound(readings=design.shape.has_magnet)
+    return _with_sideways(own, largest, design, load, beam.solve(design, load, level))
+
+
+def _with_sideways(own: Statement, largest: float, design: Design, load: Load, response: Response) -> Bound | None:
+    """Return the bound of an answer that is known already, with the force along the shear relative to itself.
+
+    None if the study has no error of this force.
+    """
+    if not load.shears_tip:
+        return Bound(largest, 0.0)
+    if own.sideways is None:
+        return None
+    along = sideways_error(own.sideways, design, load, along_shear(load, response))
+    return Bound(max(largest, along), own.sideways)
+
+
+def along_shear(load: Load, response: Response) -> float:
+    """Return the force along the shear, N."""
+    x, y = load.direction
+    return x * response.force[0] + y * response.force[1]
 
 
 def _surrogate_bound(
     rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
-) -> float | None:
+) -> Bound | None:
     """Return the larger one of the surrogate's measured bound and its half widths; None outside its range.
 
     A press beyond the depth at which it may buckle is left to finite elements, which say that it is unstable.
@@ -341,8 +448,9 @@ def _surrogate_bound(
     if critical.value[0] < math.inf and load.depth / design.D > critical.value[0] - critical.half_width[0]:
         return None
     estimate = surrogate_response.respond(design, load, magnet)
-    widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error or 0.0)
-    return max(own[0].bound(readings=True), *widths)
+    widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error, estimate.sideways_error)
+    largest = max(own[0].bound(readings=True), *(width for width in widths if width is not None))
+    return _with_sideways(own[0], largest, design, load, estimate.response)
 
 
 def formula_region(design: Design, name: str) -> str:

@@ -189,6 +189,7 @@ def surrogate_state_row(load: Load, estimate: Estimate, model: str, seconds: flo
         error_estimate=estimate.force_error,
         shift_error_estimate=estimate.shift_error,
         tilt_error_estimate=estimate.tilt_error,
+        sideways_error_estimate=estimate.sideways_error,
         facts=FactColumns(largest_strain_percent=100 * estimate.strain),
     )
 
@@ -196,6 +197,7 @@ def surrogate_state_row(load: Load, estimate: Estimate, model: str, seconds: flo
 def surrogate_message(estimate: Estimate) -> str:
     """Return which model a state is from, and its 90 % intervals, in a sentence."""
     widths = {"force": estimate.force_error, "shift": estimate.shift_error, "tilt": estimate.tilt_error}
+    widths["force along the shear"] = estimate.sideways_error
     shown = ", ".join(f"{name} +-{100 * width:.2g} %" for name, width in widths.items() if width is not None)
     return f"by the surrogate; 90 % intervals: {shown}"
 

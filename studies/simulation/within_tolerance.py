@@ -1,26 +1,28 @@
 """Solutions within a tolerance: the model that `model_choice` chooses, checked by its own error estimates.
 
-Finite elements whose estimate exceeds the tolerance are solved again at the next finer accuracy.
+Finite elements whose estimates exceed the tolerance, or are unknown, are solved again at the next finer accuracy. If
+there is none, the states have the status UNMET, and exit status 3.
 """
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet
+from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.inputs.option_groups import Method
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.output import console
 from studies.output.records import FlatRow
 from studies.simulation import force_cases, load_cases, model_choice, state_rows
-from studies.simulation.model_choice import Choice, percent
+from studies.simulation.model_choice import UNMET, Choice, percent
 from studies.simulation.state_rows import StateRow
 
 if TYPE_CHECKING:
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
 
 TITLES = {"formula": "Formulas", "surrogate": "Surrogate", "fem": "Finite elements"}
 """Titles of tables by the kind of the chosen model."""
-FINER: dict[str, AccuracyName] = {"quick": "standard", "standard": "fine"}
-"""Next finer accuracy of the finite elements."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,38 +150,46 @@ def solve(
         for load in loads:
             yield _surrogate_row(design, load, method, chosen.choice).row() | chosen.row()
         return
-    accuracy = cast(AccuracyName, chosen.choice.level_or_accuracy)
     while True:
+        accuracy = cast(AccuracyName, chosen.choice.level_or_accuracy)
         at_level = replace(method, accuracy=accuracy, tolerance=None)
         states = load_cases.solve(
             design, loads, at_level, out=out, picture=picture, progress=progress, targets=targets
         )
-        rows = list(states)
-        estimate = largest_estimate(rows)
-        if estimate is None or estimate <= chosen.tolerance:
+        rows = [_checked(row, design, loads[0], chosen) for row in states]
+        lost = next((row.message for row in rows if row.status == UNMET), "")
+        finer = model_choice.finer(design, loads, chosen.choice, method.magnet) if lost else None
+        if finer is None:
             break
-        exceeds = f"the error estimate {percent(estimate)} exceeds the tolerance {percent(chosen.tolerance)}"
-        if accuracy not in FINER:
-            console.warn(f"{exceeds}, and there is no finer accuracy than {accuracy}")
-            break
-        accuracy = FINER[accuracy]
-        console.say(f"magtip: at accuracy {at_level.level} {exceeds}: solved again at accuracy {accuracy}")
-        finer = model_choice.at_accuracy(design, loads, accuracy, method.magnet)
-        chosen = replace(chosen, choice=finer or replace(chosen.choice, level_or_accuracy=accuracy))
+        console.say(f"magtip: at accuracy {accuracy} {lost}: solved again at accuracy {finer.level_or_accuracy}")
+        chosen = replace(chosen, choice=finer)
     for row in rows:
         yield row.row() | chosen.row()
 
 
-def largest_estimate(rows: Sequence[StateRow]) -> float | None:
-    """Return the largest error estimate of force, shift and tilt in the states that are solved; None without one."""
-    estimates = [
-        estimate
-        for row in rows
-        if row.status in ("ok", "unstable")
-        for estimate in (row.error_estimate, row.shift_error_estimate, row.tilt_error_estimate)
-        if estimate is not None
-    ]
-    return max(estimates, default=None)
+def _checked(row: StateRow, design: Design, like: Load, chosen: Chosen) -> StateRow:
+    """Return the row of a solved state, with status UNMET and the reason if it is not known to meet the tolerance.
+
+    Parameters
+    ----------
+    like : a load of the same kind as that of the state.
+    """
+    force = row.response.force_N
+    if row.status not in ANSWERED or force is None:
+        return row
+    at = row.load
+    load = replace(like, depth=at.depth_mm, shear_x=at.shear_mm, shear_y=at.shear_y_mm)
+    x, y = load.direction
+    estimates = {
+        "force": row.error_estimate,
+        "shift": row.shift_error_estimate,
+        "tilt": row.tilt_error_estimate,
+        "sideways": row.sideways_error_estimate,
+    }
+    reason = model_choice.unmet(chosen.choice, chosen.tolerance, design, load, x * force[0] + y * force[1], estimates)
+    if not reason:
+        return row
+    return replace(row, status=UNMET, message="; ".join(filter(None, (row.message, reason))))
 
 
 def _formula_row(design: Design, load: Load, method: Method, choice: Choice) -> StateRow:
@@ -207,7 +215,20 @@ def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) 
     tolerance = parse_tolerance(text)
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
     choices = [model_choice.choose(design, path, tolerance, magnet, formulas=False) for path in paths]
-    names: list[str] = ["quick", *FINER.values()]
+    names: list[str] = ["quick", *model_choice.FINER.values()]
     # both paths are solved at one accuracy: the path that needs the finer one, or has the larger errors, decides
     hardest = max(choices, key=lambda choice: (names.index(choice.level_or_accuracy), choice.bound))
     return Chosen(tolerance, hardest)
+
+
+def beyond(rows: Sequence[Mapping[str, Any]], chosen: Chosen) -> list[str]:
+    """Return which error estimates of the rows of a comparison exceed its tolerance, or are unknown."""
+    lost = {}
+    for row in rows:
+        # without a shear there is no force along it
+        upright = not row.get("shear_mm")
+        for name in (key for key in row if key.endswith("error_estimate") and row["status"] in ANSWERED):
+            if not (value := row[name]) <= chosen.tolerance and not (upright and "sideways" in name):
+                size = "is unknown" if math.isnan(value) else f"of {percent(value)} exceeds it"
+                lost[name] = f"{name} {size} at depth {row['depth_mm']:g} mm"
+    return [f"tolerance {percent(chosen.tolerance)}: {text}" for text in lost.values()]

@@ -25,6 +25,7 @@ class Estimate:
     ----------
     strain : largest strain of the silicone (see `fem.results.silicone_strain`).
     force_error, shift_error, tilt_error : half widths of 90 % intervals, over the length of force, shift and tilt.
+    sideways_error : half width of the force along a shear, over this force.
     """
 
     response: Response
@@ -32,6 +33,7 @@ class Estimate:
     force_error: float
     shift_error: float
     tilt_error: float | None = None
+    sideways_error: float | None = None
 
 
 def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:
@@ -69,7 +71,8 @@ def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:
     )
     size = {name: float(np.hypot(q[f"{name}_x"][0], q[f"{name}_z"][0])) for name in ("force", "shift")}
     widths = {name: float(np.hypot(q[f"{name}_x"][1], q[f"{name}_z"][1])) / size[name] for name in ("force", "shift")}
-    return Estimate(response, q["strain"][0], widths["force"], widths["shift"], q["tilt"][1] / abs(tilt))
+    tilt_error, sideways_error = (q[name][1] / abs(q[name][0]) for name in ("tilt", "force_x"))
+    return Estimate(response, q["strain"][0], widths["force"], widths["shift"], tilt_error, sideways_error)
 
 
 def beams_of(designs: list[Design]) -> Beams:

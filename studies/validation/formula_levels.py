@@ -5,7 +5,6 @@ ABOUT defines the errors. `studies.validation.formula_level_report` has their st
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
@@ -188,8 +187,7 @@ def _errors(design: Design, load: Load, formula: Response, before: float, fem: R
     sinking = formula.shift[2] / fem.shift[2] - 1
     if not load.shear_x:
         return Errors(sinking, press_force_error=formula.force[2] / fem.force[2] - 1)
-    inertia = math.pi * design.D**4 / 64
-    cantilever = 1 / (design.L**3 / (3 * design.E * inertia) + design.L / buckling.shear_stiffness(design))
+    cantilever = buckling.sideways_stiffness(design)
     return Errors(
         sinking,
         press_under_shear_error=(formula.force[2] - fem.force[2]) / before,
