@@ -1,18 +1,20 @@
 # magtip: `make demo` runs the main job, `make test` runs every check. Both set up .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
+PLAIN := .venv/plain
+ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 OUT ?= out/demo
 
-.PHONY: demo test check compile setup format clean
+.PHONY: demo test check compile plain setup format clean
 
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
-# numba compiles beside the checks, and the tests read its files; as many processes as cores, so each on one thread;
-# tests/conftest.py puts the longest files first
+# numba compiles beside the checks and the tests without extras, and the tests read its files; as many processes as
+# cores, so each on one thread; tests/conftest.py puts the longest files first
 test: setup
-	$(MAKE) --no-print-directory -j2 check compile
-	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+	$(MAKE) --no-print-directory -j2 plain compile check
+	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff format --check .
@@ -21,6 +23,16 @@ check: setup
 
 compile: setup
 	$(BIN)/python -c 'from analytic import magnet; from fem import preparation; preparation.prepare(); magnet.prepare()'
+
+# the verdicts of stability without MKL and numba, in an environment of their own
+plain: $(PLAIN)/ready
+	MAGTIP_PLAIN=1 $(ONE_THREAD) $(PLAIN)/bin/python -m pytest -p no:cacheprovider tests/test_without_extras.py tests/test_direct_solver.py tests/test_lateral_stiffness.py
+
+$(PLAIN)/ready: .venv/ready
+	$(PYTHON) -m venv $(PLAIN)
+	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=25'
+	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . pytest pytest-timeout
+	touch $@
 
 setup: .venv/ready
 

@@ -10,6 +10,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem.discretisation import angular_fields
+from fem.solvers.inertia import UNKNOWN, Stability
 from fem.solvers.newton import Stop
 from geometry.arrays import Array
 from geometry.loads import Load, Response
@@ -27,6 +28,7 @@ Remark = Literal[
     "given_way",
     "slides_over",
     "guided_only",
+    "guided_unknown",
     "nearly_guided_only",
     "full_slip",
     "part_slips",
@@ -41,7 +43,7 @@ class Facts:
     Attributes
     ----------
     stop : why the path ended before the load; empty if it did not.
-    unstable_directions : number of unstable directions; None where it is not known.
+    stability : stable, unstable with a number of directions, or unknown.
     onset, onset_mm : the load coordinate that changed when the path became unstable, and its values (from, to) before
         and after, mm; None where the path did not become unstable or was not checked.
     weak_at : principal stretches, largest first, at which the law loses stability in the state, or just beyond a
@@ -50,7 +52,8 @@ class Facts:
         FLAT.
     remark : the most important limitation of the answer, None if there is none. "given_way": the tip has buckled to a
         side that the mesh chose. "leaning": an imperfection led it there. "guided_only": the tip would buckle if it
-        were free to slide. "nearly_guided_only": it is close to that. "pulled": a glued plate pulls at the tip.
+        were free to slide; "guided_unknown": whether it would is not known; "nearly_guided_only": it is close to
+        that. "pulled": a glued plate pulls at the tip.
     sideways_stiffness_ratio : lateral stiffness of a frictionless press with a tip free to slide, over that of the
         unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
     critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
@@ -64,7 +67,7 @@ class Facts:
     """
 
     stop: Stop = ""
-    unstable_directions: int | None = None
+    stability: Stability = UNKNOWN
     onset: Literal["depth", "shear"] | None = None
     onset_mm: tuple[float, float] | None = None
     weak_at: tuple[float, float, float] | None = None

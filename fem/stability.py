@@ -45,6 +45,12 @@ RIM = 0.25
 larger elements the lateral stiffness depends on where in an element the contact ends, and a critical depth scatters
 by 2 %."""
 
+UNREACHED = "the press does not converge beyond {} mm; it is stable up to there"
+UNCOUNTED = (
+    "the press is stable up to {} mm; beyond, its stability is unknown: the pivots of its stiffness do not tell"
+)
+"""Limitations of a search that ends before its last depth."""
+
 
 @dataclass(frozen=True, slots=True)
 class CriticalEstimates:
@@ -61,7 +67,7 @@ class Critical:
     Attributes
     ----------
     depth, force : critical depth, mm, and force, N; None where no sideways instability was found.
-    stable_to : depth up to which the press is stable, mm.
+    stable_to : depth up to which the press is known to be stable, mm.
     message : limitation of the result; empty if there is none.
     estimates : estimated errors.
     """
@@ -124,14 +130,14 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     end = scene.loads[0].depth / D
     rough = _fine_section(replace(scene, accuracy=QUICK))
     coarse = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
-    if coarse is None or isinstance(coarse, float):
-        return _report_none(coarse or 0.0, end, D)
+    if not isinstance(coarse, _CriticalState):
+        return _report_none(coarse or _NotFound(0.0, UNREACHED), D)
     edge = find_contact_edge(rough, RIM * scene.accuracy.section_patch, coarse.depth)
     state = _find_near(_fine_section(scene, edge), guided, coarse.depth, end)
-    if not isinstance(state, float) and abs(state.edge / edge - 1) > MOVED:
+    if isinstance(state, _CriticalState) and abs(state.edge / edge - 1) > MOVED:
         state = _find_near(_fine_section(scene, state.edge), guided, state.depth, end)
-    if isinstance(state, float):
-        return _report_none(state, end, D)
+    if isinstance(state, _NotFound):
+        return _report_none(state, D)
     return Critical(state.depth * D, state.force * scene.design.E * D**2, state.stable * D, "")
 
 
@@ -159,11 +165,25 @@ class _CriticalState:
     stable: float
 
 
+@dataclass(frozen=True, slots=True)
+class _NotFound:
+    """A search without an instability.
+
+    Attributes
+    ----------
+    stable : depth over D up to which the press is known to be stable.
+    limit : why the search ended there, with room for that depth in mm; empty if it reached its last depth.
+    """
+
+    stable: float
+    limit: str
+
+
 class _StoppedError(Exception):
-    """The press does not reach a depth."""
+    """The press does not reach a depth, or its stability there is unknown: the text of `_NotFound.limit`."""
 
 
-def _find_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _CriticalState | float:
+def _find_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _CriticalState | _NotFound:
     """Find the first instability near a depth; start from rest if the press is unstable or fails before that depth.
 
     An unstable state may lie on another branch, from which unloading does not return to the stable one.
@@ -172,15 +192,15 @@ def _find_near(section: MeshSpecification, guided: bool, depth: float, end: floa
         state = _find_on_mesh(section, guided, start, AROUND * depth if start else depth / 4, end)
         if state is not None:
             return state
-    return 0.0
+    return _NotFound(0.0, UNREACHED)
 
 
 def _find_on_mesh(
     section: MeshSpecification, guided: bool, start: float, step: float, end: float
-) -> _CriticalState | float | None:
-    """Find the first instability on one mesh; return the depth reached if there is none.
+) -> _CriticalState | _NotFound | None:
+    """Find the first instability on one mesh.
 
-    None where the press does not reach the depth `start`, or is unstable there.
+    None where the press does not reach the depth `start`, or is not known to be stable there.
 
     Parameters
     ----------
@@ -195,7 +215,7 @@ def _find_on_mesh(
 
 def _search_path(
     path: Path, sideways: SidewaysModel, guided: bool, start: float, step: float, end: float
-) -> _CriticalState | float | None:
+) -> _CriticalState | _NotFound | None:
     """Find the first instability on a path: see `_find_on_mesh`."""
     known: dict[float, float] = {}
 
@@ -203,17 +223,20 @@ def _search_path(
         """Return the lateral stiffness, negative wherever there is an unstable direction."""
         if depth not in known:
             if path.go(depth, np.zeros(2)):
-                raise _StoppedError
+                raise _StoppedError(UNREACHED)
             now = measure_lateral_stiffness(sideways, path.state, guided=guided)
+            # a negative stiffness is a direction of lower energy, however many the pivots count
+            if now.stability.is_unknown and not now.stiffness < 0:
+                raise _StoppedError(UNCOUNTED)
             # with several unstable directions the stiffness may be positive again: the count decides its sign
-            known[depth] = -abs(now.stiffness) if now.unstable else abs(now.stiffness)
+            known[depth] = now.stiffness if now.stability.is_stable else -abs(now.stiffness)
         return known[depth]
 
     stable, depth = 0.0, start or step
     try:
         while stiffness(depth) > 0:
             if depth >= end:
-                return depth
+                return _NotFound(depth, "")
             stable, depth = depth, min(depth + step, end)
         if start and not stable:
             return None
@@ -222,15 +245,13 @@ def _search_path(
             known[stable] = sideways.stiffness_at_rest
         depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
         path.go(depth, np.zeros(2))
-    except _StoppedError:
-        return stable or (None if start else 0.0)
+    except _StoppedError as stopped:
+        return None if start and not stable else _NotFound(stable, str(stopped))
     stable = max(depth for depth, value in known.items() if value > 0)
     return _CriticalState(depth, integrate_normal_force(path.state), measure_contact_edge(path.state), stable)
 
 
-def _report_none(reached: float, end: float, D: float) -> Critical:
-    """Return the result of a search that reached a depth over D without an instability."""
-    message = (
-        "" if reached >= end else f"the press does not converge beyond {reached * D:.4g} mm; it is stable up to there"
-    )
-    return Critical(None, None, reached * D, message)
+def _report_none(search: _NotFound, D: float) -> Critical:
+    """Return the result of a search without an instability."""
+    reached = search.stable * D
+    return Critical(None, None, reached, search.limit.format(f"{reached:.4g}"))

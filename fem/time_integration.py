@@ -16,6 +16,7 @@ from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estima
 from fem.scene import Scene
 from fem.solvers import increment_watch, load_increments
 from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import STABLE, UNKNOWN
 from fem.solvers.kept_tangent import KeptTangent
 from fem.solvers.load_case_models import PathModels, path_models
 from fem.solvers.load_increments import find_equilibrium, path_at
@@ -121,11 +122,11 @@ class TimedPath:
         The pose of a press hardly depends on the modulus, and the tangent of a time step has no sideways model. The
         margin shrinks with the depth, so a press less deep than a stable one is stable, with a margin not known.
         """
-        unknown, depth = StabilityMargin(None, None, None), float(state.position[0])
+        unknown, depth = StabilityMargin(None, None, UNKNOWN), float(state.position[0])
         if self._sideways is None or state.friction is not None:
             return unknown
         if depth <= self._stable_to:
-            return replace(unknown, unstable=0)
+            return replace(unknown, stability=STABLE)
         solver = Solver()
         try:
             slow = find_equilibrium(solver, state, state.q, state.plate)
@@ -134,7 +135,7 @@ class TimedPath:
         if not slow.converged:
             return unknown
         margin = estimate_margin(self._sideways, path_at(state, slow, state.position, state.plate))
-        if margin.unstable == 0:
+        if margin.stability.is_stable:
             self._stable_to = depth
         return margin
 

@@ -180,7 +180,7 @@ def _solve(
 ) -> Equilibrium:
     """Return the equilibrium of a step; `near`: the step before, of the same motion, had nearly its tangent."""
     # under a grip nothing touches, and friction keeps a stiffness of its own
-    if near and pressed is not None and plate.friction is None and not path.unstable:
+    if near and pressed is not None and plate.friction is None and path.stability.is_stable:
         answer = newton_near(kept, path.d.system, guess, plate, pressed)
         if answer is not None:
             return answer

@@ -249,8 +249,9 @@ def vibrating_sensor(
     parts = []
     for block in blocks:
         system = reduce(block.problem, c, eigenvalues)
-        if system.unstable:
-            raise NoStateError(f"the state at depth {load.depth:g} mm is unstable: take a smaller depth")
+        if not system.stability.is_stable:
+            how = "is unstable" if system.stability.is_unstable else "may be unstable: its stiffness does not tell"
+            raise NoStateError(f"the state at depth {load.depth:g} mm {how}: take a smaller depth")
         presses = block.plate is not None and block.plate.height is not None
         pressure = read_pressure(block, system.V) if presses else None
         parts.append(_Part(block, system, read_pose(block, system.V), pressure))

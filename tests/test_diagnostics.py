@@ -12,6 +12,7 @@ from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Facts
+from fem.solvers.inertia import STABLE, UNKNOWN, Stability
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from geometry.design import Design, paper
@@ -33,14 +34,14 @@ def pressed():
 def test_a_good_state_has_nothing_to_say(pressed):
     state = read(pressed, SCENE, SCENE.loads[0])
     known = {"largest_strain": state.facts.largest_strain, "crease_ratio": state.facts.crease_ratio}
-    assert (state.status, state.message, state.facts) == ("ok", "", Facts(unstable_directions=0, **known))
+    assert (state.status, state.message, state.facts) == ("ok", "", Facts(stability=STABLE, **known))
     assert 1 < state.facts.crease_ratio < 1.2
 
 
 def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
-    unstable = replace(pressed, unstable=2, onset=(np.array([0.025, 0, 0]), np.array([0.0375, 0, 0])))
+    unstable = replace(pressed, stability=Stability(2), onset=(np.array([0.025, 0, 0]), np.array([0.0375, 0, 0])))
     state = read(unstable, SCENE, SCENE.loads[0])
-    assert (state.facts.onset, state.facts.onset_mm, state.facts.unstable_directions) == ("depth", (0.2, 0.3), 2)
+    assert (state.facts.onset, state.facts.onset_mm, state.facts.stability) == ("depth", (0.2, 0.3), Stability(2))
     assert state.status == "unstable"
     assert state.message.startswith("unstable since a depth between 0.2 and 0.3 mm (2 unstable directions)")
     facts = state_rows.solved_row(state, {}).facts
@@ -50,11 +51,18 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
 
 @pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
 def test_a_path_that_stopped_has_not_converged_whatever_else_is_known(stop):
-    assert diagnostics.classify(Facts(stop, 1, "depth", (0.5, 0.6))) == "not_converged"
+    assert diagnostics.classify(Facts(stop, Stability(1), "depth", (0.5, 0.6))) == "not_converged"
+
+
+def test_an_unknown_stability_is_a_fact_and_a_sentence(pressed):
+    state = read(replace(pressed, stability=UNKNOWN), SCENE, SCENE.loads[0])
+    assert "whether this equilibrium is stable is not known" in state.message
+    facts = state_rows.solved_row(state, {}).facts
+    assert (facts.stability, facts.unstable_directions) == ("unknown", None)
 
 
 def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
-    unstable = replace(pressed, unstable=0, onset=(np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04])))
+    unstable = replace(pressed, stability=STABLE, onset=(np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04])))
     facts = read(unstable, SCENE, SCENE.loads[0]).facts
     assert (facts.onset, facts.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
 
@@ -123,7 +131,7 @@ def test_creases_of_the_skin_begin_at_one_depth_on_all_meshes(accuracy):
 
 
 def test_an_instability_without_creases_may_be_the_meshs(pressed):
-    state = read(replace(pressed, unstable=1), SCENE, SCENE.loads[0])
+    state = read(replace(pressed, stability=Stability(1)), SCENE, SCENE.loads[0])
     assert "it cannot be told whether the silicone or the mesh is unstable" in state.message
 
 

@@ -1,7 +1,7 @@
 """Factorisations of sparse indefinite matrices: both libraries, against dense algebra."""
 
+import pathlib
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,16 +9,20 @@ import scipy.sparse as sp
 
 from fem.contact.plate_contact import Plate
 from fem.discretisation import symmetry_models
+from fem.results.lateral_stiffness import SidewaysModel
 from fem.solvers import pardiso
 from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import STABLE, UNKNOWN, Stability
+from fem.solvers.load_stepping import Path
 from fem.solvers.pardiso import SingularMatrixError, have_pardiso
+from fem.solvers.path_state import about
 from geometry.design import Design
 
 RNG = np.random.default_rng(3)
 LIBRARIES = sorted({False, have_pardiso()})
 
 
-@pytest.fixture(params=LIBRARIES, ids=lambda pardiso: "pardiso" if pardiso else "superlu")
+@pytest.fixture(params=LIBRARIES, ids=lambda pardiso: "pardiso" if pardiso else "qdldl")
 def solver(request):
     solver = Solver(pardiso=request.param)
     yield solver
@@ -63,12 +67,76 @@ def test_an_unsymmetric_matrix_is_taken_whole_and_says_nothing_of_its_eigenvalue
     matrix, b = saddle() + np.triu(RNG.normal(size=(7, 7))), RNG.normal(size=7)
     solver.factorise(sp.csr_matrix(matrix), symmetric=False)
     np.testing.assert_allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-9, atol=1e-12)
-    assert solver.negative() is None
+    assert solver.stability(0).is_unknown
 
 
-def test_negative_eigenvalues_are_counted(solver):
-    solver.factorise(upper(np.diag([1.0, -2.0, 3.0, -4.0, -5.0]) + 0.1))
-    assert solver.negative() == 3
+@pytest.fixture(scope="module", params=[0.3, 0.4998, 0.5], ids="nu {}".format)
+def buckling(request):
+    """Tangents of sideways motions of a slender beam before and beyond its onset, and their number of pressures.
+
+    They are upper triangles (n, n) of saddle points, whose pressures have negative eigenvalues, and the diagonal does
+    not dominate most of their rows.
+    """
+    shape = Design(L=40.0).shape.scaled(1 / 8)
+    path = Path(symmetry_models.section(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02)))
+    (sideways,), tangents = SidewaysModel(path.state.d).orders, []
+    for depth in (0.03, 0.1):
+        assert not path.go(depth, np.zeros(2))
+        here = about(path.state, sideways)
+        tangents.append(here.d.system.assemble(here.d.system.state(here.q), here.plate).tangent)
+    path.close()
+    return tangents, sideways.system.n_pressure
+
+
+@pytest.mark.parametrize("library", [None, *LIBRARIES], ids=lambda library: f"pardiso {library}")
+def test_the_verdict_is_that_of_the_eigenvalues_of_a_saddle_point(buckling, library):
+    (before, beyond), pressures = buckling
+    solver, counted, eigenvalues = Solver(pardiso=library), [], []
+    # from one matrix to the next and back, because qdldl and PARDISO keep the analysis of the first
+    for tangent in (before, beyond, before):
+        whole = (tangent + sp.triu(tangent, 1).T).toarray()
+        assert np.mean(2 * np.abs(whole.diagonal()) < np.abs(whole).sum(axis=1)) > 0.9
+        eigenvalues.append(np.count_nonzero(np.linalg.eigvalsh(whole) < 0) - pressures)
+        solver.factorise(tangent)
+        counted.append(solver.stability(pressures).directions)
+    solver.close()
+    assert counted == eigenvalues
+    assert [number > 0 for number in counted] == [False, True, False]
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_a_condensed_saddle_point_has_the_verdict_of_the_whole(buckling, library):
+    tangents, pressures = buckling
+    solver, kept, verdicts = Solver(pardiso=library), np.arange(20, 60), []
+    for tangent in tangents:
+        added = 1e-4 * np.eye(len(kept))
+        verdicts.append(solver.stability_with(solver.condense(tangent, kept), added, pressures))
+        changed = (tangent + sp.triu(tangent, 1).T).toarray()
+        changed[np.ix_(kept, kept)] += added
+        assert verdicts[-1].directions == np.count_nonzero(np.linalg.eigvalsh(changed) < 0) - pressures
+    solver.close()
+    assert [verdict.is_unstable for verdict in verdicts] == [False, True]
+
+
+def test_a_matrix_that_qdldl_does_not_factorise_is_solved_and_its_inertia_is_unknown():
+    """An update of qdldl stops at a zero pivot without a word."""
+    b, good, solver = RNG.normal(size=7), saddle(), Solver(pardiso=False)
+    for matrix, known in ((good, True), (pairs_of_pivots(), False), (good, True)):
+        solver.factorise(with_diagonal(matrix))
+        np.testing.assert_allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-8, atol=1e-10)
+        assert solver.stability(0) == (Stability(2) if known else UNKNOWN)
+    condensed = solver.condense(with_diagonal(pairs_of_pivots()), np.array([0, 3, 5]))
+    assert condensed is None
+
+
+def test_fewer_negative_pivots_than_pressures_are_no_count(solver):
+    solver.factorise(upper(saddle()))
+    assert solver.stability(3) == UNKNOWN
+
+
+def test_a_stability_has_no_truth_value():
+    with pytest.raises(TypeError, match="may be unknown"):
+        bool(STABLE)
 
 
 def test_a_matrix_that_is_not_finite_is_refused(solver):
@@ -96,10 +164,10 @@ def test_large_matrices_have_factors_in_single_precision_where_these_are_accurat
     solver.factorise(matrix, order=lambda: np.arange(n))
     x = solver.solve(b)
     residual = matrix @ x + matrix.T @ x - matrix.diagonal() * x - b
-    negative, own = solver.negative(), solver._handles[True].single
+    negative, own = solver.stability(0), solver._handles[True].single
     solver.close()
     assert np.linalg.norm(residual) < (1e-6 if single else 1e-14) * np.linalg.norm(x)
-    assert (negative, own) == (2, single)
+    assert (negative, own) == (Stability(2), single)
 
 
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
@@ -157,7 +225,7 @@ def test_the_library_is_found_as_the_package_lists_it():
     files = [file for file in metadata.files("mkl") or [] if "mkl_rt" in file.name]
     found = pardiso._library()
     assert found is not None
-    assert found.resolve() in [Path(str(file.locate())).resolve() for file in files]
+    assert found.resolve() in [pathlib.Path(str(file.locate())).resolve() for file in files]
 
 
 def test_unknowns_that_are_kept_get_the_schur_complement(solver):
@@ -172,10 +240,3 @@ def test_unknowns_that_are_kept_get_the_schur_complement(solver):
         half = solver.forward(b)
         x = solver.backward(half, np.linalg.solve(schur, half[kept]))
         np.testing.assert_allclose(x, np.linalg.solve(matrix, b), rtol=1e-9, atol=1e-12)
-
-
-def test_eigenvalues_inside_are_those_of_the_matrix_without_the_kept_unknowns(solver):
-    matrix = saddle()
-    schur = solver.condense(upper(matrix), np.array([1, 6]))
-    inner = np.array([0, 2, 3, 4, 5])
-    assert solver.negative_inside(schur) == np.count_nonzero(np.linalg.eigvalsh(matrix[np.ix_(inner, inner)]) < 0)

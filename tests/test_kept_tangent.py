@@ -42,7 +42,7 @@ def test_small_steps_end_in_the_equilibria_of_new_tangents(harmonics):
         exact = newton(system, Solver(), q, held, touching(system, q, held))
         assert near is not None
         np.testing.assert_allclose(near.state.q, exact.state.q, atol=1e-8 * np.abs(exact.state.q).max())
-        assert near.unstable == exact.unstable
+        assert near.stability == exact.stability
         kept_masks.append(kept.pressed)
         q = exact.state.q
     # the contact grew, the tangent of the first step did not change

@@ -10,6 +10,7 @@ from fem import stability
 from fem.accuracy import QUICK
 from fem.discretisation import symmetry_models
 from fem.results.lateral_stiffness import SidewaysModel, estimate_margin, measure_lateral_stiffness
+from fem.solvers.inertia import Stability
 from fem.solvers.load_stepping import Path
 from geometry.design import Design
 
@@ -57,7 +58,7 @@ def test_it_changes_sign_where_an_unstable_direction_appears(path, sideways):
     for depth in (0.05, 0.08):
         assert not path.go(depth, np.zeros(2))
         found.append(measure_lateral_stiffness(sideways, path.state))
-    assert [state.unstable for state in found] == [0, 1]
+    assert [state.stability for state in found] == [Stability(0), Stability(1)]
     assert found[0].stiffness > 0 > found[1].stiffness
 
 
@@ -75,7 +76,7 @@ def test_one_state_tells_the_critical_depth(path, sideways, share):
     path.go(share * critical / BEAM.D, np.zeros(2))
     near = estimate_margin(sideways, path.state)
     assert near.critical_depth * BEAM.D == pytest.approx(critical, rel=0.05)
-    assert (near.ratio < 0) is (share > 1) is bool(near.unstable)
+    assert (near.ratio < 0) is (share > 1) is near.stability.is_unstable
 
 
 def test_far_from_giving_way_nothing_is_said_of_a_critical_depth(path, sideways):

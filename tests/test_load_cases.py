@@ -47,6 +47,7 @@ SOLVE_KEYS = {
     "seconds",
     "stop",
     "remark",
+    "stability",
     "unstable_directions",
     "onset_depth_from_mm",
     "onset_depth_to_mm",

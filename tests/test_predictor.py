@@ -115,7 +115,7 @@ def test_a_press_on_another_mesh_leads_to_the_state_that_increments_lead_to(solv
     in_steps = follow_segment(solvers[0], at_rest(fine), pressed)
     np.testing.assert_array_equal(state.position, pressed)
     np.testing.assert_allclose(state.u, in_steps.state.u, atol=1e-8)
-    assert state.unstable == in_steps.state.unstable
+    assert state.stability == in_steps.state.stability
     assert iterations > 0
     rest = at_rest(fine)
     assert correct_press(solvers[0], rest, other, pressed / 2) == (rest, 0)

@@ -8,6 +8,7 @@ import pytest
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from fem.solution import Facts
+from fem.solvers.inertia import Stability
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs.exit_status import FAILED, GOOD
@@ -79,7 +80,7 @@ def ended(monkeypatch, *ends):
 
 def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypatch):
     def unstable(low, high):
-        return replace(pressed, status="unstable", facts=Facts("", 1, "depth", (low, high)))
+        return replace(pressed, status="unstable", facts=Facts("", Stability(1), "depth", (low, high)))
 
     near = ended(monkeypatch, unstable(0.8, 0.9), unstable(0.7, 0.75))
     assert (near.verdict, near.measured, near.bound) == (
@@ -93,14 +94,14 @@ def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypa
 
 
 def test_an_onset_that_a_finer_mesh_does_not_have_fails(pressed, monkeypatch):
-    unstable = replace(pressed, status="unstable", facts=Facts("", 1, "depth", (0.8, 0.9)))
+    unstable = replace(pressed, status="unstable", facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
     row = ended(monkeypatch, unstable, pressed)
     assert (row.verdict, row.measured) == ("fail", math.inf)
 
 
 def test_what_could_not_be_measured_is_neither_pass_nor_fail(pressed, monkeypatch):
     """The path on the finer mesh stops before the onset."""
-    unstable = replace(pressed, status="unstable", facts=Facts("", 1, "depth", (0.8, 0.9)))
+    unstable = replace(pressed, status="unstable", facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
     early = replace(pressed, status="not_converged", load=Load(depth=0.5), facts=Facts("no_convergence"))
     row = ended(monkeypatch, unstable, early)
     assert (row.verdict, row.passed) == ("not judged", False)
@@ -122,7 +123,7 @@ def test_a_comparison_that_stops_judges_nothing():
 def test_a_status_that_is_not_in_the_scenes_own_list_fails_whatever_its_message_says(pressed, monkeypatch):
     """What was measured is right, and the message names the depth of the onset: still no end of this scene."""
     said = "unstable since a depth between 0.8 and 0.9 mm"
-    state = replace(pressed, status="unstable", message=said, facts=Facts("", 1, "depth", (0.8, 0.9)))
+    state = replace(pressed, status="unstable", message=said, facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
     monkeypatch.setattr(robustness_checks, "path", lambda _: [state])
     row = robustness.examine(
         replace(SMALL, measure=lambda _, states: robustness_checks.Measurement(states[-1], "a force", 0.0))

@@ -7,7 +7,12 @@ import pytest
 from analytic import buckling
 from fem import stability
 from fem.accuracy import QUICK, STANDARD
+from fem.equilibrium import solve
 from fem.scene import Scene
+from fem.solvers import direct_solver
+from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import UNKNOWN, Stability
+from fem.solvers.pardiso import have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -32,6 +37,27 @@ def test_critical_depths_do_not_depend_on_the_mesh(slenderness):
 def test_the_depth_found_stable_is_that_of_the_instability():
     found = stability.critical(Design(L=24.0), "ignored", accuracy=QUICK)
     assert (1 - 1e-2) * found.depth < found.stable_to <= found.depth
+
+
+def test_an_unknown_stability_is_no_stable_one(monkeypatch):
+    """Beyond the onset the lateral stiffness is negative, which tells without a count; before it nothing does."""
+    monkeypatch.setattr(Solver, "stability", lambda self, pressures: UNKNOWN)
+    found = stability.critical(Design(L=32.0), "ignored", accuracy=QUICK)
+    assert (found.depth, found.stable_to) == (None, 0.0)
+    assert found.message.startswith("the press is stable up to 0 mm; beyond, its stability is unknown")
+
+
+def test_without_pardiso_the_verdicts_are_the_same(monkeypatch):
+    beam = Design(L=32.0, l0=30.2)
+    answers = []
+    for library in (have_pardiso, lambda: False):
+        monkeypatch.setattr(direct_solver, "have_pardiso", library)
+        monkeypatch.setattr(direct_solver, "band_factors", lambda matrix: None)
+        found = stability.critical(beam, "ignored", accuracy=QUICK, estimate=False)
+        state = solve(beam, Load(depth=1.0), QUICK, magnet="ignored", model="harmonic")
+        answers.append((found.depth, state.status, state.facts.stability, state.response.force[2]))
+    assert answers[0] == (pytest.approx(0.6613, abs=1e-4), "unstable", Stability(1), pytest.approx(1.1, rel=0.5))
+    assert answers[1] == (pytest.approx(answers[0][0]), *answers[0][1:3], pytest.approx(answers[0][3]))
 
 
 def test_a_guided_tip_holds_longer():

@@ -9,6 +9,7 @@ from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve
 from fem.results import diagnostics, state_messages
 from fem.solution import Facts, Remark
+from fem.solvers.inertia import STABLE, UNKNOWN, Stability
 from fem.solvers.newton import STOPPED
 from geometry.design import paper
 from geometry.loads import Load
@@ -29,29 +30,36 @@ def told():
 
 
 def test_where_all_is_well_there_is_nothing_to_say(told):
-    assert told(Facts(unstable_directions=0)) == ""
+    assert told(Facts(stability=STABLE)) == ""
+
+
+def test_where_the_stability_is_unknown_that_is_said(told):
+    assert (
+        told(Facts(stability=UNKNOWN)) == "whether this equilibrium is stable is not known (its pivots do not tell)"
+    )
+    assert diagnostics.classify(Facts(stability=UNKNOWN, remark="guided_unknown")) == "ok"
 
 
 def test_an_onset_that_is_past_is_told(told):
-    assert "past it now" in told(Facts(unstable_directions=0, onset="shear", onset_mm=(0.0, 0.4)))
+    assert "past it now" in told(Facts(stability=STABLE, onset="shear", onset_mm=(0.0, 0.4)))
 
 
 @pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
 def test_a_stop_says_where_why_and_what_to_try(told, stop):
-    facts = Facts(stop, 1, "depth", (0.5, 0.6))
+    facts = Facts(stop, Stability(1), "depth", (0.5, 0.6))
     text = told(facts, Load(depth=0.75, shear_x=0.3, shear_y=0.4, friction="stick"))
     assert text.startswith(f"stopped at depth 0.75 mm, shear 0.5 mm: {STOPPED[stop]}; try a smaller load")
     assert "unstable since a depth between 0.5 and 0.6 mm" in text
 
 
 def test_each_remark_is_a_sentence_of_its_own(told):
-    texts = [told(Facts(remark=remark)) for remark in get_args(Remark)]
+    texts = [told(Facts(stability=STABLE, remark=remark)) for remark in get_args(Remark)]
     assert all(texts)
     assert len(set(texts)) == len(texts)
 
 
 def test_what_is_inside_out_is_told_of_a_state_of_any_status(told):
-    for facts in (Facts(), Facts("no_convergence"), Facts(unstable_directions=1)):
+    for facts in (Facts(), Facts("no_convergence"), Facts(stability=Stability(1))):
         assert "0.002 % of the silicone is inverted (J <= 0)" in told(replace(facts, inverted_share=2e-5))
         assert "is inverted" not in told(replace(facts, inverted_share=1e-7))
 

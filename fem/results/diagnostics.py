@@ -77,19 +77,19 @@ def gather(
     stop, margin, touched : as in `diagnose`.
     """
     onset, between = _onset_range(state, D)
-    upright = not stop and not state.unstable and onset is None and found.load.depth > 0
+    upright = not stop and not state.stability.is_unstable and onset is None and found.load.depth > 0
     upright = upright and found.response.force[2] > 0
     checked = upright and state.d.model == "axisymmetric" and not state.sheared
     near = margin(state) if margin and checked else None
     remark = None if stop else _choose_remark(state, found, D, near, touched=touched)
     # a path that stops because the law loses stability does so in the next state, which it cannot reach: there the
     # strains are extrapolated
-    reach = material_stability.REACH if stop or state.unstable or onset else 1.0
+    reach = material_stability.REACH if stop or state.stability.is_unstable or onset else 1.0
     u = state.u
     stretches = material_stability.find_loss(state.d.system, u, reach)
     return Facts(
         stop=stop,
-        unstable_directions=state.unstable,
+        stability=state.stability,
         onset=onset,
         onset_mm=between,
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
@@ -105,7 +105,8 @@ def gather(
 def classify(facts: Facts) -> Status:
     """Return the status that follows from the facts.
 
-    >>> classify(Facts()), classify(Facts(unstable_directions=2)), classify(Facts("no_convergence", 2))
+    >>> from fem.solvers.inertia import Stability
+    >>> classify(Facts()), classify(Facts(stability=Stability(2))), classify(Facts("no_convergence"))
     ('ok', 'unstable', 'not_converged')
     >>> classify(Facts(remark="guided_only")), classify(Facts(crease_ratio=3.0))
     ('unstable', 'unstable')
@@ -114,7 +115,7 @@ def classify(facts: Facts) -> Status:
         return "not_converged"
     if facts.remark == "no_touch":
         return "no_contact"
-    if facts.unstable_directions or facts.onset or facts.creased or facts.remark in ("given_way", "guided_only"):
+    if facts.stability.is_unstable or facts.onset or facts.creased or facts.remark in ("given_way", "guided_only"):
         return "unstable"
     return "ok"
 
@@ -156,7 +157,7 @@ def _choose_remark(
     pressed = load.depth > 0
     if pressed and not normal > 0 and not sheared and not touched:
         return "no_touch"
-    if state.unstable or state.onset is not None:
+    if state.stability.is_unstable or state.onset is not None:
         return None
     if (touched or state.friction is not None) and pressed and not normal > 0:
         return "touch_lost"
@@ -166,13 +167,16 @@ def _choose_remark(
         return "leaning" if load.imperfection else "given_way"
     if load.shear and not sheared:
         return "slides_over"
-    if near and near.unstable:
+    if near and near.stability.is_unstable:
         return "guided_only"
     if near and near.critical_depth is not None and load.depth > NEAR * near.critical_depth * D:
         return "nearly_guided_only"
     if state.friction is not None:
         slips = found.slip_share
-        return "full_slip" if slips == 1 and sheared else "part_slips" if slips else None
+        if slips:
+            return "full_slip" if slips == 1 and sheared else "part_slips"
+    if near and near.stability.is_unknown:
+        return "guided_unknown"
     return "idle_stick" if load.friction == "stick" and not sheared else None
 
 

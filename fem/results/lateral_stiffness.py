@@ -32,9 +32,9 @@ import numpy as np
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import single_order, symmetry_models
-from fem.discretisation.nonlinear_system import System
 from fem.discretisation.symmetry_models import Discretisation
 from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import Stability
 from fem.solvers.path_state import PathState, about
 
 FAR, PAST = 0.5, -0.3
@@ -72,11 +72,11 @@ class LateralStiffness:
     Attributes
     ----------
     stiffness : k, force over displacement of the dome, in units of E D.
-    unstable : number of unstable sideways directions; None where it is not known.
+    stability : whether it is stable sideways.
     """
 
     stiffness: float
-    unstable: int | None
+    stability: Stability
 
 
 def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided: bool = False) -> LateralStiffness:
@@ -87,11 +87,11 @@ def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided:
     guided : glue the contact area to the plate; otherwise the tip slides freely.
     """
     first, *others = (_about(d, state, guided=guided) for d in model.orders)
-    stiffness, unstable = _solve_lateral(*first)
+    stiffness, stability = _solve_lateral(*first)
     for d, plate in others:
-        more = _count_unstable(d, plate)
-        unstable = None if unstable is None or more is None else unstable + more
-    return LateralStiffness(stiffness, unstable)
+        with _factorise(d, plate) as solver:
+            stability += solver.stability(d.system.n_pressure)
+    return LateralStiffness(stiffness, stability)
 
 
 def _about(d: Discretisation, state: PathState, *, guided: bool) -> tuple[Discretisation, Plate]:
@@ -113,23 +113,23 @@ class StabilityMargin:
     ratio : lateral stiffness over that of the unloaded beam; 0 at the critical depth, negative beyond. None with
         Coulomb friction, which holds the tip.
     critical_depth : estimate of that depth, over D; None where `ratio` is not between PAST and FAR.
-    unstable : number of unstable sideways directions; None where it is not known.
+    stability : whether it is stable sideways.
     """
 
     ratio: float | None
     critical_depth: float | None
-    unstable: int | None
+    stability: Stability
 
 
 def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
     """Estimate the stability margin of an axisymmetric press whose tip slides freely, or against Coulomb friction."""
     now = measure_lateral_stiffness(model, state)
     if state.friction is not None:
-        return StabilityMargin(None, None, now.unstable)
+        return StabilityMargin(None, None, now.stability)
     ratio, depth = now.stiffness / model.stiffness_at_rest, float(state.position[0])
     growth = integrate_normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
     near = PAST <= ratio <= FAR and growth > 0
-    return StabilityMargin(ratio, depth * math.pow(1 - ratio, -1 / growth) if near else None, now.unstable)
+    return StabilityMargin(ratio, depth * math.pow(1 - ratio, -1 / growth) if near else None, now.stability)
 
 
 def integrate_normal_force(state: PathState) -> float:
@@ -137,21 +137,15 @@ def integrate_normal_force(state: PathState) -> float:
     return float(plate_contact.resultant(state.skin, state.u, state.plate)[2])
 
 
-def _solve_lateral(d: Discretisation, plate: Plate | None) -> tuple[float, int | None]:
-    """Return the stiffness against a force on the dome in the model of order 1, and its unstable directions."""
+def _solve_lateral(d: Discretisation, plate: Plate | None) -> tuple[float, Stability]:
+    """Return the stiffness against a force on the dome in the model of order 1, and its stability."""
     system = d.system
     assert system.surface is not None
     push = symmetry_models.distribute_push(system.surface, system.fixed.shape, d.shape.H, 1.0)
     force = np.zeros(system.size)
     force[: system.n_free] = push[system.free]
     with _factorise(d, plate) as solver:
-        return 1 / float(force @ solver.solve(force)), _subtract_pressures(solver, system)
-
-
-def _count_unstable(d: Discretisation, plate: Plate) -> int | None:
-    """Return the number of unstable directions in a model of one order; None where it is not known."""
-    with _factorise(d, plate) as solver:
-        return _subtract_pressures(solver, d.system)
+        return 1 / float(force @ solver.solve(force)), solver.stability(system.n_pressure)
 
 
 @contextlib.contextmanager
@@ -164,9 +158,3 @@ def _factorise(d: Discretisation, plate: Plate | None) -> Iterator[Solver]:
         yield solver
     finally:
         solver.close()
-
-
-def _subtract_pressures(solver: Solver, system: System) -> int | None:
-    """Return the number of unstable directions: each pressure of a saddle point adds a negative eigenvalue."""
-    negative = solver.negative()
-    return None if negative is None else negative - system.n_pressure

@@ -20,7 +20,7 @@ def describe(solution: Diagnosed, design: Design) -> str:
     if facts.stop:
         remedy = weak or "try a smaller load or another accuracy"
         parts.append(f"stopped at {_describe_load(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
-    if facts.onset or (solution.status == "unstable" and facts.unstable_directions):
+    if facts.onset or (solution.status == "unstable" and facts.stability.is_unstable):
         parts.append(_describe_instability(facts))
         if solution.model == "axisymmetric" and not facts.creased:
             parts.append(
@@ -37,6 +37,9 @@ def describe(solution: Diagnosed, design: Design) -> str:
         parts.append(weak)
     if facts.remark:
         parts.append(_describe_remark(facts.remark, solution))
+    if facts.stability.is_unknown and solution.status == "ok":
+        reason = "a contact that slips does" if solution.slip_share else "its pivots do"
+        parts.append(f"whether this equilibrium is stable is not known ({reason} not tell)")
     if facts.harmonics_missing:
         parts.append(
             f"so light a touch of so steep a plate needs {facts.harmonics_missing} harmonics more than the most that "
@@ -59,7 +62,7 @@ def _describe_load(load: Load) -> str:
 
 def _describe_instability(facts: Facts) -> str:
     """Return where the first unstable direction appeared, and how many there are."""
-    n = facts.unstable_directions
+    n = facts.stability.directions
     count = f"{n} unstable direction{'s' if n != 1 else ''}" if n else "past it now"
     if facts.onset_mm is None:
         return f"{count}: this equilibrium is unstable"
@@ -107,6 +110,7 @@ def _describe_remark(remark: Remark, solution: Diagnosed) -> str:
         "choose friction stick or a coefficient",
         "guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'before this depth'}: "
         "this solution holds the tip on the axis (magtip stability computes the critical depth)",
+        "guided_unknown": "whether a beam whose tip slides freely on the plate would buckle sideways is not known",
         "nearly_guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'soon'}: "
         "magtip stability computes the critical depth",
         "full_slip": "full slip: the whole contact area slides",

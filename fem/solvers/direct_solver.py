@@ -1,8 +1,8 @@
 """Factorisation of sparse indefinite matrices that share one pattern (`sparse_pattern`), symmetric or not.
 
-PARDISO (of MKL, the extra `fast`) reuses its symbolic phase. Without it SuperLU gives the same answers,
-with the unknowns ordered by METIS nested dissection. Small symmetric matrices are factorised by compiled loops where
-these are faster (`band_factors`).
+PARDISO (of MKL, the extra `fast`) takes all matrices. Without it qdldl takes the symmetric ones, and gives their
+inertia too; SuperLU the unsymmetric ones, and the symmetric ones that need other pivots, whose inertia is then
+unknown. Small symmetric matrices are factorised by compiled loops where these are faster (`band_factors`).
 """
 
 from __future__ import annotations
@@ -11,16 +11,21 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from fem.solvers.band_factors import BandFactors, band_factors
+from fem.solvers.inertia import UNKNOWN, Stability, count_negative
 from fem.solvers.pardiso import FEW, Pardiso, SingularMatrixError, have_pardiso
 from fem.solvers.sparse_pattern import nested_dissection
 from geometry.arrays import Array, Ints
 
 SINGLE = 2_000
 """Unknowns from which single precision is worth its check."""
+LARGEST_BACKWARD_ERROR = 1e-12
+"""Largest residual of a known solution over the entries of the matrix and of the solution, up to which pivots without
+exchanges serve. Sections of nu 0 to 0.5, before and beyond an onset of instability, have at most 2e-15."""
 
 
 class Solver:
@@ -44,7 +49,8 @@ class Solver:
         self._handles: dict[bool, Pardiso] = {}
         self._symmetric = True
         self._order: Ints | None = None
-        self._inner_order: Ints | None = None
+        self._ldl: Ldl | None = None
+        self._inside: Ldl | None = None
         self.kept: Ints = np.zeros(0, dtype=np.int64)
         self.schur: Array | None = None
         self._condensing: Pardiso | None = None
@@ -86,11 +92,14 @@ class Solver:
                 handle = self._handles[symmetric] = Pardiso(matrix, symmetric=symmetric, match=True)
                 handle.factorise(matrix)
             return
+        if symmetric:
+            self._ldl = self._ldl or Ldl(matrix)
+            if self._ldl.factorise(matrix):
+                return
         # SuperLU has no symmetric indefinite factorisation: it gets the whole matrix, in an order computed once
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
         if self._order is None:
             self._order = nested_dissection(full)
-        self.schur = None
         self._lu = _superlu(full[self._order][:, self._order])
 
     def _factorise_band(self, matrix: sp.csr_matrix) -> bool:
@@ -127,15 +136,16 @@ class Solver:
             upper = np.triu(schur)
             self.schur = upper + np.triu(upper, 1).T
             return self.schur
-        full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr()
-        inner = np.setdiff1d(np.arange(full.shape[0]), kept)
-        if self._inner_order is None or not same:
-            self._inner_order = inner[nested_dissection(full[inner][:, inner])]
-        order = self._inner_order
-        self._lu = _superlu(full[order][:, order])
-        self._coupling = full[order][:, kept]
-        inside = self._coupling.T @ self._lu.solve(self._coupling.toarray())
-        self.schur = np.asarray(full[kept][:, kept].toarray() - inside)
+        inner = np.setdiff1d(np.arange(matrix.shape[0]), kept)
+        inside = matrix[inner][:, inner]
+        if self._inside is None or not same:
+            self._inside, self._inner = Ldl(inside), inner
+        if not self._inside.factorise(inside):
+            return None
+        parts, corner = (matrix[inner][:, kept], matrix[kept][:, inner].T), matrix[kept][:, kept].toarray()
+        self._coupling = parts[0] + parts[1]
+        rows = np.concatenate([part.tocoo().row for part in parts])
+        self.schur = corner + np.triu(corner, 1).T - self._inside.condense(self._coupling.toarray(), rows)
         return self.schur
 
     def _condense_by_pardiso(self, matrix: sp.csr_matrix, kept: Ints, *, same: bool) -> Array | None:
@@ -162,9 +172,9 @@ class Solver:
         """Return b (n,) with the entries of the unknowns kept replaced by b_c - K_ci K_ii^-1 b_i, for `backward`."""
         if self._condensing is not None:
             return self._condensing.solve(b, phase=331)
-        assert self._inner_order is not None
+        assert self._inside is not None
         y = b.copy()
-        y[self.kept] -= self._coupling.T @ self._lu.solve(b[self._inner_order])
+        y[self.kept] -= self._coupling.T @ self._inside.solve(b[self._inner])
         return y
 
     def backward(self, y: Array, x_kept: Array) -> Array:
@@ -173,37 +183,46 @@ class Solver:
         x[self.kept] = x_kept
         if self._condensing is not None:
             return self._condensing.solve(x, phase=333)
-        assert self._inner_order is not None
-        x[self._inner_order] = self._lu.solve(y[self._inner_order] - self._coupling @ x_kept)
+        assert self._inside is not None
+        x[self._inner] = self._inside.solve(y[self._inner] - self._coupling @ x_kept)
         return x
 
-    def negative_inside(self, schur: Array) -> int | None:
-        """Return the number of negative eigenvalues of K_ii, from the Schur complement of `condense`.
+    def stability_with(self, schur: Array, added: Array, pressures: int) -> Stability:
+        """Return the stability with a stiffness (c, c) added to the unknowns kept, from the complement of `condense`.
 
-        Haynsworth: those of the whole matrix are those of K_ii and those of its Schur complement.
+        Haynsworth: the inertia of the whole matrix is that of K_ii and that of its Schur complement.
         """
         if self._condensing is not None:
-            return int(self._condensing.iparm[22]) - count_negative(schur)
-        return _negative_pivots(self._lu)
+            inside: int | None = int(self._condensing.iparm[22]) - count_negative(schur)
+        else:
+            assert self._inside is not None
+            inside = self._inside.negative
+        if inside is None:
+            return UNKNOWN
+        return Stability.counted(inside + count_negative(schur + added), pressures)
 
-    def negative(self) -> int | None:
-        """Return the number of negative eigenvalues of the factorised matrix (Sylvester's law of inertia).
+    def stability(self, pressures: int) -> Stability:
+        """Return the stability of a body with a number of pressures, from the factorised matrix."""
+        return Stability.counted(self._negative(), pressures) if self._symmetric else UNKNOWN
 
-        None where the pivots do not determine it, as for an unsymmetric matrix.
-        """
-        if not self._symmetric:
-            return None
+    def _negative(self) -> int | None:
+        """Return the number of negative eigenvalues of the symmetric matrix; None where its pivots do not tell."""
         if self.band is not None:
             return self.band.negative
         if self._use_pardiso:
-            return int(self._handles[True].iparm[22])
-        return _negative_pivots(self._lu)
+            iparm = self._handles[True].iparm
+            # a perturbed pivot may have either sign
+            return None if iparm[13] else int(iparm[22])
+        assert self._ldl is not None
+        return self._ldl.negative
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
         if self._symmetric and self.band is not None:
             return self.band.solve(b)
         if not self._use_pardiso:
+            if self._symmetric and self._ldl is not None and self._ldl.sound:
+                return self._ldl.solve(b)
             x = np.empty_like(b)
             x[self._order] = self._lu.solve(b[self._order])
             return x
@@ -218,26 +237,96 @@ class Solver:
             self._condensing = None
 
 
-def count_negative(symmetric: Array) -> int:
-    """Return the number of negative eigenvalues of a dense symmetric matrix (n, n)."""
-    return int(np.count_nonzero(np.linalg.eigvalsh(symmetric) < 0))
+class Ldl:
+    """L D L^T by qdldl, in an order of minimum degree, of symmetric matrices of one pattern: upper triangles.
+
+    Pivots are not exchanged. Such factors exist in any order for a saddle point whose two diagonal blocks are
+    definite (Vanderbei 1995), but need not beyond an onset of instability: a known solution checks each matrix.
+
+    Attributes
+    ----------
+    sound : whether the last matrix has factors without exchanges that reproduce it.
+    """
+
+    def __init__(self, matrix: sp.csr_matrix) -> None:
+        import qdldl  # only here, for with PARDISO it is not used
+
+        self._start, n = qdldl.Solver, matrix.shape[0]
+        rows = np.repeat(np.arange(n), np.diff(matrix.indptr))
+        # qdldl wants every diagonal entry; those that the pattern lacks are numbered 0
+        numbers = np.append(np.arange(1, matrix.nnz + 1), np.zeros(n, dtype=np.int64))
+        entries = np.append(rows, np.arange(n)), np.append(matrix.indices, np.arange(n))
+        columns = sp.coo_matrix((numbers, entries), shape=(n, n)).tocsc()
+        self._places, self.sound = columns.data, False
+        self._columns = columns.astype(np.float64)
+        self._factors: Any = None
+        self._reach: Ints | None = None
+
+    def factorise(self, matrix: sp.csr_matrix) -> bool:
+        """Factorise a matrix of the pattern; return whether it is sound."""
+        self._columns.data = np.append(0.0, matrix.data)[self._places]
+        try:
+            if self._factors is None:
+                self._factors = self._start(self._columns, upper=True)
+            else:
+                self._factors.update(self._columns, upper=True)
+        except RuntimeError:  # a pivot is 0; an update leaves the later ones as they were without a word
+            self._factors, self.sound = None, False
+            return False
+        ones = np.ones(matrix.shape[0])
+        x = self.solve(_multiply(matrix, ones))
+        error = np.abs(_multiply(matrix, ones - x)).max()
+        self.sound = bool(error <= LARGEST_BACKWARD_ERROR * np.abs(matrix.data).max() * np.abs(x).max())
+        return self.sound
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues; None where the factors are not sound."""
+        if not self.sound:
+            return None
+        pivots = self._pivots()[1]
+        return int(np.count_nonzero(pivots < 0))
+
+    def solve(self, b: Array) -> Array:
+        """Solve for b (n,) or (n, m)."""
+        if b.ndim == 1:
+            return np.asarray(self._factors.solve(b))
+        return np.stack([self._factors.solve(column) for column in np.ascontiguousarray(b.T)], axis=1)
+
+    def condense(self, b: Array, rows: Ints) -> Array:
+        """Return b^T K^-1 b = y^T D^-1 y (c, c) with y = L^-1 b for b (n, c).
+
+        rows : rows of b that are not 0, the same for each matrix. Only the unknowns that L couples them to are
+            solved for: a third of those of a section, so that a dense matrix of them is ten times as fast as L.
+        """
+        L, D, order = self._pivots()
+        if self._reach is None:
+            # with -1 for all entries of L nothing cancels
+            ones = sp.csr_matrix((np.full(L.nnz, -1.0), L.indices, L.indptr), shape=L.shape).T.tocsr()
+            start = np.isin(order, rows).astype(np.float64)
+            self._reach = np.flatnonzero(spla.spsolve_triangular(ones, start, lower=True, unit_diagonal=True))
+        coupled = self._reach
+        dense = L[coupled][:, coupled].toarray()
+        y = scipy.linalg.solve_triangular(dense, b[order][coupled], lower=True, unit_diagonal=True)
+        return np.asarray(y.T @ (y / D[coupled, None]))
+
+    def _pivots(self) -> tuple[sp.csc_matrix, Array, Ints]:
+        """Return L without its diagonal, D, and the order of the unknowns."""
+        L, D, order = self._factors.factors()
+        return L, D, order
+
+
+def _multiply(upper: sp.csr_matrix, x: Array) -> Array:
+    """Return the product (n,) of a symmetric matrix, given as its upper triangle, with x (n,)."""
+    return np.asarray(upper @ x + upper.T @ x - upper.diagonal() * x)
 
 
 def _superlu(ordered: sp.csr_matrix) -> Any:
     """Factorise a matrix whose unknowns are ordered; raises SingularMatrixError."""
-    # pivots stay on the diagonal unless they are small: otherwise the factors fill up, and the pivots do not have
-    # the signs of the eigenvalues
+    # pivots stay on the diagonal unless they are small: otherwise the factors fill up
     try:
         return spla.splu(
             ordered.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
         )
     except RuntimeError as error:
         raise SingularMatrixError(str(error)) from error
-
-
-def _negative_pivots(lu: Any) -> int | None:
-    """Return the number of negative pivots; None where they are not those of eigenvalues."""
-    # once rows and columns are exchanged differently, the pivots' signs are no longer those of eigenvalues
-    if not np.array_equal(lu.perm_r, lu.perm_c):
-        return None
-    return int(np.count_nonzero(lu.U.diagonal() < 0))

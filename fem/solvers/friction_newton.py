@@ -26,7 +26,8 @@ from fem.contact.plate_contact import Plate, Springs
 from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.elements import Surface
 from fem.discretisation.nonlinear_system import System
-from fem.solvers.direct_solver import Solver, count_negative
+from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import UNKNOWN, Stability
 from fem.solvers.newton import (
     MOST_ITERATIONS,
     TOLERANCE,
@@ -304,29 +305,26 @@ def _finish(
     assembly: Assembly,
     iteration: int,
 ) -> Equilibrium:
-    """Return the equilibrium with the number of its unstable directions, where that is known."""
-    unstable = _count_unstable(system, solver, plate, zone, schur, state)
-    if unstable:  # counted with an earlier stiffness of the body, which may be far from here
+    """Return the equilibrium with its stability."""
+    stability = _measure_stability(system, solver, plate, zone, schur, state)
+    if stability.is_unstable:  # counted with an earlier stiffness of the body, which may be far from here
         tangent = _assemble(system, state, plate).whole.tangent
         complement = solver.condense(tangent, zone.unknowns)
-        unstable = None if complement is None else _count_unstable(system, solver, plate, zone, complement, state)
-    return Equilibrium(state, assembly, iteration, "", unstable)
+        stability = (
+            UNKNOWN if complement is None else _measure_stability(system, solver, plate, zone, complement, state)
+        )
+    return Equilibrium(state, assembly, iteration, "", stability)
 
 
-def _count_unstable(
+def _measure_stability(
     system: System, solver: Solver, plate: Plate, zone: ContactZone, schur: Array, state: State
-) -> int | None:
-    """Return the number of unstable directions at a state; None where a point slips, for then it is unsymmetric."""
+) -> Stability:
+    """Return the stability of a state; unknown where a point slips, for then its stiffness is unsymmetric."""
     here = zone.restrict(plate)
     springs = zone.springs(state.u[zone.nodes], np.zeros(len(zone.unknowns)), here)
     if springs.friction is None or springs.friction.slipping.any():
-        return None
-    inside = solver.negative_inside(schur)
-    if inside is None:  # not known without the plate's springs
-        solver.factorise(system.assemble(state, plate).tangent)
-        negative = solver.negative()
-        return None if negative is None else negative - system.n_pressure
-    return inside + count_negative(schur + zone.stiffness(springs, here)) - system.n_pressure
+        return UNKNOWN
+    return solver.stability_with(schur, zone.stiffness(springs, here), system.n_pressure)
 
 
 def _norm(x: Array) -> float:

@@ -8,8 +8,8 @@ Springs of points that touch or leave the plate are much stiffer than the silico
 of other points would not do. The residual is therefore written with the springs of K', and `active_set` settles the
 contact of the whole step about it, as about a new tangent. The compliance of the points that differ is kept too.
 
-A tangent is kept only if it has no unstable direction. A body that lost its stability meanwhile would not converge
-with it along that direction.
+A tangent is kept only if it is known to have no unstable direction. A body that lost its stability meanwhile would
+not converge with it along that direction.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from fem.discretisation.elements import Surface
 from fem.discretisation.nonlinear_system import System
 from fem.solvers.active_set import Switches, settle_contact
 from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import UNKNOWN, Stability
 from fem.solvers.newton import TOLERANCE, Equilibrium, backtrack, reference_size
 from fem.solvers.pardiso import SingularMatrixError
 from geometry.arrays import Array
@@ -49,13 +50,13 @@ class KeptTangent:
     ----------
     pressed : (k, q) mask of the points whose springs the tangent has; None where nothing is kept.
     switches : other points, with their compliance by this tangent.
-    unstable : number of its unstable directions: 0, or None where that is not known.
+    stability : that of the tangent.
     """
 
     solver: Solver
     pressed: Mask | None = None
     switches: Switches = field(default_factory=Switches)
-    unstable: int | None = None
+    stability: Stability = UNKNOWN
 
     def drop(self) -> None:
         """Forget the tangent."""
@@ -82,7 +83,7 @@ def newton_near(
         assembly = system.assemble(state, plate, tangent=False)
         left = reference_size(system, state, assembly).share(assembly)
         if left <= tolerance and iteration:
-            return Equilibrium(state, assembly, iteration, "", kept.unstable)
+            return Equilibrium(state, assembly, iteration, "", kept.stability)
         rate = left / before if before else 0.0
         # the first step also settles the contact, which says nothing about the tangent
         slow = iteration > 1 and (rate > SLOW or rate**MOST_LEFT * left > tolerance)
@@ -97,7 +98,7 @@ def newton_near(
             break
         state, last = backtrack(system, state, step), SURE * rate * left <= tolerance
         if state is not None and iteration > 1 and not slow and last:
-            return Equilibrium(state, assembly, iteration + 1, "", kept.unstable)
+            return Equilibrium(state, assembly, iteration + 1, "", kept.stability)
         before = left
     kept.drop()
     return None
@@ -106,15 +107,14 @@ def newton_near(
 def _factorise(kept: KeptTangent, system: System, state: State, plate: Plate, pressed: Mask | None) -> bool:
     """Factorise the tangent at a state, with the springs of the points `pressed`; default: those that overlap.
 
-    Return whether it has no unstable direction, as far as that is known.
+    Return whether it has no unstable direction.
     """
     kept.drop()
     own = plate_contact.overlap(_skin(system), state.u, plate) > 0 if pressed is None else pressed
     assembly = system.assemble(state, replace(plate, pressed=own))
     kept.solver.factorise(assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order)
-    negative = kept.solver.negative()
-    kept.pressed, kept.unstable = own, None if negative is None else negative - system.n_pressure
-    return not kept.unstable
+    kept.pressed, kept.stability = own, kept.solver.stability(system.n_pressure)
+    return kept.stability.is_stable
 
 
 def _settled_step(kept: KeptTangent, system: System, state: State, assembly: Assembly, plate: Plate) -> Array:

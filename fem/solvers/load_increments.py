@@ -150,14 +150,15 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
     answer = find_equilibrium(solver, state, guess, plate, expected, tolerance)
     # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = least_J(answer) < CRUSHED <= state.least_J
-    doubtful = (bool(answer.unstable and not state.unstable) or crushed) and not sure
+    first = answer.stability.is_unstable and not state.stability.is_unstable
+    doubtful = (first or crushed) and not sure
     turned = answer.converged and turns_over(state, position, answer.state.u)
     if not answer.converged or doubtful or turned:
         # an increment that is too short to jump has no such state
         stop = "no_convergence" if turned and sure else answer.reason
         return Increment(None, stop, answer.iterations, easy=False)
     onset, more = state.onset, 0
-    if answer.unstable and not state.unstable and onset is None:
+    if first and onset is None:
         onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
     after = replace(_accept(state, answer, position, plate), onset=onset)
     return Increment(after, "", answer.iterations + more, easy=answer.iterations <= EASY)
@@ -212,7 +213,7 @@ def path_at(state: PathState, answer: Equilibrium, position: Array, plate: Plate
         q=answer.state.q,
         energy=answer.assembly.energy,
         least_J=least_J(answer),
-        unstable=answer.unstable,
+        stability=answer.stability,
         friction=friction,
         dissipated=dissipated,
     )
@@ -273,9 +274,9 @@ def _bracket_onset(
         middle = (stable + unstable) / 2
         between = find_equilibrium(solver, state, (q + answer.state.q) / 2, state.plate_at(middle))
         iterations += between.iterations
-        if not between.converged or between.unstable is None:
+        if not between.converged or between.stability.is_unknown:
             break
-        if between.unstable:
+        if between.stability.is_unstable:
             unstable, answer = middle, between
         else:
             stable, q = middle, between.state.q

@@ -17,6 +17,7 @@ from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.nonlinear_system import System
 from fem.solvers.active_set import settle_contact
 from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import UNKNOWN, Stability
 from fem.solvers.nonlinear_elimination import find_patch
 from fem.solvers.pardiso import SingularMatrixError
 from geometry.arrays import Array
@@ -64,14 +65,14 @@ class Equilibrium:
     state, assembly : the last state, and its residual or, see `newton`, that of the state before.
     iterations : number of linear solves.
     reason : why it stopped, a key of STOPPED; empty when converged.
-    unstable : number of unstable directions of the last tangent; None where that is not known.
+    stability : that of the last tangent.
     """
 
     state: State
     assembly: Assembly
     iterations: int
     reason: Stop
-    unstable: int | None = None
+    stability: Stability = UNKNOWN
 
     @property
     def converged(self) -> bool:
@@ -109,7 +110,7 @@ def newton(
     confirm : compute the residual after the last step. Otherwise that step is not assembled where it leaves at most
         the share of the step before, and this reaches the tolerance; the assembly is then that before the step.
     """
-    unstable: int | None = None
+    stability = UNKNOWN
     state = system.admissible(q)
     if state is None:
         state = system.state(q)
@@ -125,12 +126,13 @@ def newton(
         plate, held = hold_reversing_points(system.surface, state.u, plate)
         try:
             if balanced and not held:
-                if unstable:  # counted at an earlier iterate, which may be far from here
+                # not known yet, or from an earlier iterate, which may be far from here
+                if not iteration or stability.is_unstable:
                     here = assembly if assembly.matrix is not None else system.assemble(state, plate)
-                    unstable = _count_unstable(system, solver, here)
-                return Equilibrium(state, assembly, iteration, "", unstable)
+                    stability = _factorise(system, solver, here)
+                return Equilibrium(state, assembly, iteration, "", stability)
             if assembly.matrix is not None:
-                unstable = _count_unstable(system, solver, assembly)
+                stability = _factorise(system, solver, assembly)
             step = solver.solve(assembly.residual)
             # contact can be settled only about a tangent of this very iterate
             if assembly.matrix is not None:
@@ -140,8 +142,8 @@ def newton(
         trial = backtrack(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "step_inverted")
-        if not confirm and not unstable and iteration > 1 and _reaches(rate, left, tolerance, plate):
-            return Equilibrium(trial, assembly, iteration + 1, "", unstable)
+        if not confirm and not stability.is_unstable and iteration > 1 and _reaches(rate, left, tolerance, plate):
+            return Equilibrium(trial, assembly, iteration + 1, "", stability)
         full, before = state.q - trial.q, size.merit(assembly)
         state, assembly, rate = _evaluate_step(system, plate, trial, size, before, rate, left, tolerance)
         if iteration >= PATIENCE and rate > 1 / 2:
@@ -221,11 +223,10 @@ def _evaluate_step(
     return state, assembly, rate
 
 
-def _count_unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:
-    """Factorise a tangent; return the number of its unstable directions, None where that is not known."""
+def _factorise(system: System, solver: Solver, assembly: Assembly) -> Stability:
+    """Factorise a tangent; return the stability that it tells."""
     solver.factorise(assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order)
-    negative = solver.negative()
-    return None if negative is None else negative - system.n_pressure
+    return solver.stability(system.n_pressure)
 
 
 def keeps_factorisation(rate: float, left: float, tolerance: float) -> bool:

@@ -20,6 +20,7 @@ from fem.contact.plate_contact import KAPPA, SECTION_KAPPA, Plate
 from fem.discretisation import elements, single_order
 from fem.discretisation.section_interpolation import interpolate_section
 from fem.discretisation.symmetry_models import Discretisation, raise_harmonics
+from fem.solvers.inertia import STABLE, UNKNOWN, Stability
 from geometry.arrays import Array
 
 FIRST_TOUCH = 1e-14
@@ -65,7 +66,7 @@ class PathState:
     position : (3,) position of plate or grip, over D.
     q, energy : unknowns, and energy stored in the modelled part.
     least_J : least volume ratio J at the integration points.
-    unstable : number of unstable directions; None where it is not known.
+    stability : stable, unstable with a number of directions, or unknown.
     onset : positions (before, after) between which the first unstable direction appeared, or None.
     sheared : whether plate or grip have ever moved sideways.
     bond : the tied points, or None.
@@ -85,7 +86,7 @@ class PathState:
     q: Array
     energy: float = 0.0
     least_J: float = 1.0
-    unstable: int | None = None
+    stability: Stability = UNKNOWN
     onset: tuple[Array, Array] | None = None
     sheared: bool = False
     bond: Bond | None = None
@@ -161,7 +162,9 @@ def at_rest(
     elif kappa is None:
         kappa = SECTION_KAPPA
     rest = np.zeros(d.system.size)
-    return PathState(d, grip is not None, tilt, kappa, np.zeros(3), rest, bond=bond, friction=friction)
+    return PathState(
+        d, grip is not None, tilt, kappa, np.zeros(3), rest, stability=STABLE, bond=bond, friction=friction
+    )
 
 
 def with_harmonics(state: PathState, d: Discretisation) -> PathState:

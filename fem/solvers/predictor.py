@@ -77,7 +77,7 @@ def _predict_once(
     ahead = follow_segment(reduced_solver, before, goal, predicts=True)
     state = replace(state, reduced=ahead.state)
     # another number of unstable directions means another branch
-    if ahead.stop or (ahead.state.unstable or 0) != (state.unstable or 0):
+    if ahead.stop or ahead.state.stability != state.stability:
         return Segment(state, "no_convergence", ahead.iterations)
     guess = added + raise_unknowns(ahead.state.q)
     if least:
@@ -95,7 +95,7 @@ def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Arra
     -------
     As `predict`.
     """
-    if state.position.any() or not np.array_equal(rough.position, goal) or rough.unstable:
+    if state.position.any() or not np.array_equal(rough.position, goal) or not rough.stability.is_stable:
         return state, 0
     guess = interpolate_section(rough.d.system, state.d.system)(rough.q)
     after = _correct(solver, state, guess, goal)
@@ -112,11 +112,10 @@ def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolera
     confirm = bool(system.dead.any())
     answer = newton(system, solver, guess, plate, pressed, most=most, tolerance=tolerance, confirm=confirm)
     least = least_J(answer)
-    sound = (answer.unstable or 0) == (state.unstable or 0) and (least < CRUSHED) == (state.least_J < CRUSHED)
+    sound = answer.stability == state.stability and (least < CRUSHED) == (state.least_J < CRUSHED)
     if not answer.converged or not sound or turns_over(state, goal, answer.state.u):
         return Segment(state, answer.reason or "no_convergence", answer.iterations)
     q, energy = answer.state.q, answer.assembly.energy
     # intermediate states are unknown, so the next guess cannot be extrapolated
-    unstable = state.unstable if answer.unstable is None else answer.unstable
-    state = replace(state, position=goal, q=q, energy=energy, least_J=least, unstable=unstable, past=())
+    state = replace(state, position=goal, q=q, energy=energy, least_J=least, stability=answer.stability, past=())
     return Segment(state, "", answer.iterations)

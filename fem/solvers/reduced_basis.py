@@ -29,6 +29,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fem.solvers.direct_solver import Solver
+from fem.solvers.inertia import Stability
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
 
@@ -88,7 +89,7 @@ class ReducedSystem:
     V : (n, m) basis, whose displacements are orthonormal.
     K, R, M, b : projected matrices (m, m), and right-hand sides (m, k).
     factorisations : number of factorisations with which the basis was built.
-    unstable : number of unstable directions at rest; None where it is not known.
+    stability : that of the body at rest.
     error : largest error at the frequencies for which it was built.
     """
 
@@ -98,7 +99,7 @@ class ReducedSystem:
     M: Array
     b: Array
     factorisations: int
-    unstable: int | None
+    stability: Stability
     error: float = np.inf
 
     def solve(self, c: Complex, eigenvalues: Array) -> Complex:
@@ -142,9 +143,9 @@ class _Basis:
             np.hstack([self.W, _refined(at_rest, problem.K, loads)[sample]]),
         )
 
-    def system(self, b: Array, rounds: int, unstable: int | None) -> ReducedSystem:
+    def system(self, b: Array, rounds: int, stability: Stability) -> ReducedSystem:
         """Return the system for right-hand sides b (n, k) on the span of the basis."""
-        return ReducedSystem(self.V, self.K, self.R, self.M, self.V.T @ b, rounds + 1, unstable)
+        return ReducedSystem(self.V, self.K, self.R, self.M, self.V.T @ b, rounds + 1, stability)
 
 
 def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = TOLERANCE) -> ReducedSystem:
@@ -166,8 +167,7 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     at_rest, moving = Solver(), Solver()
     try:
         at_rest.factorise(problem.K)
-        static, negative = _refined(at_rest, problem.K, problem.b), at_rest.negative()
-        unstable = None if negative is None else negative - (n - moving_part)
+        static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - moving_part)
         # with the static solutions the slow limit is exact
         basis = basis.extend(_independent(static, basis.V, moving_part), problem, at_rest, sample)
         for rounds in range(1, MOST_ROUNDS + 1):
@@ -176,7 +176,7 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
             vectors = _independent(_local_vectors(moving, shifted, problem, residual), basis.V, moving_part)
             if vectors.size:
                 basis = basis.extend(vectors, problem, at_rest, sample)
-            system = basis.system(problem.b, rounds, unstable)
+            system = basis.system(problem.b, rounds, stability)
             y = system.solve(c, eigenvalues)
             errors = _errors(static[sample], basis.V[sample], basis.W, y, c, eigenvalues)
             worst = int(np.argmax(errors))

@@ -115,7 +115,9 @@ def _goal(scene: Scene) -> tuple[float, Array]:
 def _continue(kept: _Kept, scene: Scene) -> bool:
     """Follow a path from its last state to the load of its scene; return whether this is a valid and shorter way."""
     last, (depth, shear) = kept.last, _goal(scene)
-    if last is None or kept.stop or last.friction is not None or last.unstable or last.onset is not None:
+    if last is None or kept.stop or last.friction is not None:
+        return False
+    if last.onset is not None or not last.stability.is_stable:
         return False
     goal, start = np.array([depth, *shear]), kept.begun or kept.rest
     if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
@@ -124,7 +126,7 @@ def _continue(kept: _Kept, scene: Scene) -> bool:
     kept.path.restart(replace(last, reduced=None))
     stop, state = kept.path.go(depth, shear), kept.path.state
     # the limit of a path, and where it loses stability, are found from its beginning
-    if stop or state.unstable or state.onset is not None:
+    if stop or not state.stability.is_stable or state.onset is not None:
         return False
     kept.last, kept.iterations = state, kept.path.iterations
     return True

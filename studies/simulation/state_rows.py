@@ -56,6 +56,7 @@ class FactColumns:
 
     stop: str | None = None
     remark: str | None = None
+    stability: str | None = None
     unstable_directions: int | None = None
     onset_depth_from_mm: float | None = None
     onset_depth_to_mm: float | None = None
@@ -276,7 +277,8 @@ def _fact_columns(facts: Facts) -> FactColumns:
     return FactColumns(
         stop=facts.stop or None,
         remark=facts.remark,
-        unstable_directions=facts.unstable_directions,
+        stability=facts.stability.verdict,
+        unstable_directions=facts.stability.directions,
         onset_depth_from_mm=depth[0],
         onset_depth_to_mm=depth[1],
         onset_shear_from_mm=shear[0],
