@@ -119,8 +119,9 @@ def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
 def crease_ratio(state: PathState) -> float | None:
     """Return the largest ratio of the stretches normal to the free skin and along it; None off the axis.
 
-    Silicone is taken as incompressible, and the skin in touch with the plate is left out. The ratio of two meshes
-    agrees up to CREASE; beyond, it is that of the crease which the mesh has opened.
+    The free skin has no traction, so that the logarithm of its normal stretch is -nu / (1 - nu) times those along it
+    (exact for nu = 0.5). The skin in touch with the plate is left out. The ratio of two meshes agrees up to CREASE;
+    beyond, it is that of the crease which the mesh has opened.
     """
     if state.d.model != "axisymmetric":
         return None
@@ -133,5 +134,6 @@ def crease_ratio(state: PathState) -> float | None:
     along = np.linalg.norm(slope @ after, axis=-1) / np.linalg.norm(slope @ before, axis=-1)
     around = (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
     free = (state.overlap <= 0) & (before[..., 1] @ skin.shape.T > CLAMP)
-    ratio = 1 / (along * around * np.minimum(along, around))
+    nu = 1 / (2 * float(state.d.system.mu[0, 0])) - 1  # E is the unit of stress
+    ratio = (along * around) ** (-nu / (1 - nu)) / np.minimum(along, around)
     return float(ratio[free].max(initial=0.0))
