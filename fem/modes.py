@@ -29,7 +29,10 @@ from fem.discretisation.mesh_specification import specification
 from fem.discretisation.nonlinear_system import ON_AXIS, System
 from fem.error_estimate_rules import TANGENT_RULES
 from fem.error_estimates import estimate_number
+from fem.results.lateral_stiffness import SidewaysModel
+from fem.results.postprocess import read
 from fem.scene import Scene
+from fem.solution import Status
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED, NoStateError
@@ -53,12 +56,15 @@ eigenvalue, below which there are no further ones."""
 class Modes:
     """Natural frequencies in rising order, Hz, and the names of their shapes.
 
-    `estimates` are the estimated relative errors from the mesh, None where they were not estimated.
+    `estimates` are the estimated relative errors from the mesh, None where they were not estimated. `status` and
+    `message` are those of the press.
     """
 
     frequency: tuple[float, ...]
     shape: tuple[str, ...]
     estimates: tuple[float | None, ...] = ()
+    status: Status = "ok"
+    message: str = ""
 
 
 def modes(
@@ -129,7 +135,9 @@ def _solve_modes(scene: Scene, count: int) -> Modes:
         )
     scale = frequency_unit(scene.design)
     frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
-    return Modes(frequencies, tuple(name for _, name in lowest), (None,) * len(lowest))
+    found = read(press.state, scene, scene.loads[0], sideways=SidewaysModel(press.state.d))
+    shapes = tuple(name for _, name in lowest)
+    return Modes(frequencies, shapes, (None,) * len(lowest), found.status, found.message)
 
 
 def frequency_unit(design: Design) -> float:

@@ -21,7 +21,7 @@ PHYSICS: dict[Model | Literal["critical depth", "modes", "response", "cycle"], i
     "full": 3,
     "critical depth": 1,
     "modes": 2,
-    "response": 3,
+    "response": 4,
     "cycle": 3,
 }
 """Version of each model, and of the critical depth, natural frequencies, vibrations and cycles, counted from 1."""

@@ -41,6 +41,9 @@ from geometry.messages import Progress
 
 ViscousLaw = Literal["prony", "finite"]
 
+LEAST_TOLERANCE = 1e-7
+"""Least permitted error of the force from the time steps: Newton's tolerance leaves errors near it, and the number of
+steps grows like the inverse of its cube root."""
 SMOOTH = 0.3
 """Change of the plate's velocity over its largest velocity up to which a motion is smooth: that of a sine wave of 24
 loads."""
@@ -157,8 +160,10 @@ def _check(
             raise BadInput(
                 f"times must be finite and must not decrease from 0 s on; got {after:g} s after {before:g} s"
             )
-    if not 0 < tolerance < 1:
-        raise BadInput(f"tolerance of the time steps must be between 0 and 1; got {tolerance:g}")
+    if not LEAST_TOLERANCE <= tolerance < 1:
+        raise BadInput(
+            f"tolerance of the time steps must be at least {LEAST_TOLERANCE:g} and below 1; got {tolerance:g}"
+        )
     if largest_step is not None and not largest_step > 0:
         raise BadInput(f"largest time step must be positive; got {largest_step:g} s")
     scene = Scene(design, tuple(one.load for one in loads), accuracy, magnet, model)

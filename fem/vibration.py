@@ -28,10 +28,12 @@ import numpy as np
 from fem.accuracy import STANDARD, Accuracy
 from fem.material import lame
 from fem.modes import eigen, frequency_unit
+from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Model, Scene, choose_model, turns
 from fem.solution import Solution
 from fem.solvers.newton import NoStateError
+from fem.solvers.path_state import PathState
 from fem.solvers.reduced_basis import Complex, ReducedSystem, reduce
 from fem.vibration_blocks import (
     Block,
@@ -255,7 +257,14 @@ def vibrating_sensor(
         presses = block.plate is not None and block.plate.height is not None
         pressure = read_pressure(block, system.V) if presses else None
         parts.append(_Part(block, system, read_pose(block, system.V), pressure))
-    return VibratingSensor(scene, read(path_state, scene, load), relaxation, tuple(parts))
+    return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, tuple(parts))
+
+
+def _read_state(state: PathState, scene: Scene, load: Load) -> Solution:
+    """Return the state at rest with the diagnosis of a static solve, but for the plate that sticks: here it acts."""
+    sideways = SidewaysModel(state.d) if state.d.model == "axisymmetric" else None
+    told = load if load.shears_tip or load.friction != "stick" else replace(load, friction="none")
+    return replace(read(state, scene, told, sideways=sideways), load=load)
 
 
 def _coefficients(scene: Scene, relaxation: Relaxation, f: Array) -> tuple[Complex, Array]:

@@ -59,7 +59,8 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
         (["--speed", "1", "--shear", "0.5", "--friction", "0"], "give stick or a coefficient above 0; got 0"),
         (["--speed", "1", "--shear", "1000"], "got 1000 mm"),
         (["--speed", "1", "--shear", "nan"], "--shear must be a finite number of mm; got nan"),
-        (["--speed", "1", "--tolerance", "2"], "--tolerance must be above 0 and below 1"),
+        (["--speed", "1", "--tolerance", "2"], "--tolerance must be at least 1e-07 and below 1"),
+        (["--speed", "1", "--tolerance", "1e-300"], "--tolerance must be at least 1e-07 and below 1; got 1e-300"),
         (["--speed", "1", "--gap", "0"], "--gap must be above 0 and below 100 percent of full scale; got 0"),
         (["--speed", "1", "--gap", "5", "--set", "prony=0:0.01 0.2:1 0:100"], "the design has measured branches"),
         (
@@ -120,3 +121,27 @@ def test_an_interrupt_prints_the_complete_cycles(tmp_path: Path) -> None:
     assert "largest" in printed
     assert "of 1000 cycles are complete, and no file is written" in errors
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cycle_beyond_buckling_is_unstable_and_keeps_its_loops(capsys: pytest.CaptureFixture[str]) -> None:
+    words = [
+        "cycle",
+        "paper",
+        "--set",
+        "L=24",
+        "--magnet",
+        "ignored",
+        "--depth",
+        "2",
+        "--speed",
+        "1",
+        "--cycles",
+        "1",
+    ]
+    assert entry_point.main([*words, "--accuracy", "quick", "--json"]) == 3
+    printed = capsys.readouterr()
+    record = json.loads(printed.out)
+    assert record["status"] == "unstable"
+    assert len(record["loops"]) == 1
+    assert "a beam whose tip slides freely on the plate buckles sideways" in printed.err
+    assert 0.8 < float(record["message"].rsplit("first at ", 1)[1].removesuffix(" s")) < 1.1

@@ -99,7 +99,7 @@ def test_a_band_is_read_from_its_text():
 def test_a_sensor_that_gives_way_under_a_force_says_so(run, strict):
     status, out, _ = run("response", "paper", "--depth", 3.5, *QUICK, "--json")
     along_x = strict(out)[1]
-    assert status == 0
+    assert (status, along_x["status"]) == (3, "unstable")
     assert "gives way under a force" in along_x["message"]
 
 
@@ -107,3 +107,29 @@ def test_an_elastic_sensor_has_resonances_without_a_quality_factor(run, strict):
     along_x = strict(run("response", "paper", "--set", "loss_factor=0", *QUICK, "--json")[1])[1]
     assert along_x["resonance_per_mm_Hz"][0] == pytest.approx(along_x["undamped_Hz"][0], rel=1e-6)
     assert set(along_x["resonance_per_mm_Q"]) == {None}
+
+
+def test_a_response_beyond_buckling_has_the_status_and_the_message_of_a_solve(run, strict):
+    sensor = ("paper", "--set", "L=24", "--magnet", "ignored", "--depth", "3", "--accuracy", "quick")
+    told = "a beam whose tip slides freely on the plate buckles sideways"
+    status, out, err = run("response", *sensor, "--count", "5", "--json")
+    assert status == 3
+    assert told in err
+    assert {row["status"] for row in strict(out)} == {"unstable"}
+    status, out, err = run("modes", *sensor, "--count", "2", "--json")
+    assert (status, strict(out)[0]["status"]) == (3, "unstable")
+    assert told in err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--depth", "2"), "depth must be 0; got 2 mm"),
+        (("--friction", "none"), "--friction has no meaning with --grip"),
+        (("--plate-tilt", "5"), "plate tilt must be 0"),
+    ],
+)
+def test_a_grip_refuses_what_belongs_to_a_plate(run, options, message):
+    status, _, err = run("response", "paper", "--grip", "1", "--shear", "0.1", *options)
+    assert status == 2
+    assert message in err

@@ -80,7 +80,7 @@ def cycle(
         Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
         paper measured less than 10).
     tolerance
-        Permitted error of the force from the time steps, over the largest force.
+        Permitted error of the force from the time steps, over the largest force; at least 1e-7.
     extrapolate
         Allow frequencies and holds for which the silicone's branches do not speak, and mark the results.
     out
@@ -88,6 +88,7 @@ def cycle(
     """
     command_line = command(cycle, locals())
     design = design_of(source, sets, magnet)
+    from fem.timed_path import LEAST_TOLERANCE
     from geometry.loads import check_load
     from geometry.relaxation import check_range
     from studies.simulation import cycle_findings
@@ -98,8 +99,8 @@ def cycle(
     stroke = abs(2 * shear) or depth
     contact = friction_of(friction, "stick" if shear else "none")
     motion = Motion(depth, shear, contact, frequency_of(speed, frequency, stroke), waveform, cycles, hold)
-    if not 0 < tolerance < 1:
-        raise BadInput(f"--tolerance must be above 0 and below 1; got {tolerance:g}")
+    if not LEAST_TOLERANCE <= tolerance < 1:
+        raise BadInput(f"--tolerance must be at least {LEAST_TOLERANCE:g} and below 1; got {tolerance:g}")
     if gap is not None:
         study.check_gap(design, gap)
     # a load that is impossible comes first: its stroke decides the frequency

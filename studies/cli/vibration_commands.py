@@ -15,7 +15,7 @@ from geometry.loads import Load, Magnet
 from studies.cli.command_output import report_failures, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
-from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, SHEAR_Y, Whole
+from studies.inputs.option_groups import ACCURACY, MAGNET, SHEAR, SHEAR_Y, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console, run_record
 
@@ -27,12 +27,12 @@ def response(
     source: Source,
     /,
     *,
-    depth: Annotated[float, DEPTH] = 1.0,
+    depth: Annotated[float | None, Parameter(help="Travel of the plate after first touch, mm; default: 1.")] = None,
     shear: Annotated[float, SHEAR] = 0.0,
     frequencies: str = "1:1000",
     count: Whole = 200,
     shear_y: Annotated[float, SHEAR_Y] = 0.0,
-    friction: str = "stick",
+    friction: str | None = None,
     plate_tilt: float = 0.0,
     grip: float | None = None,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
@@ -55,8 +55,8 @@ def response(
     count
         Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them.
     friction
-        stick: the contact area is glued to the plate; none: the plate slides, and moves along z only; a Coulomb
-        coefficient, from first touch on: the points in touch stick to the plate that vibrates.
+        stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
+        Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates.
     plate_tilt
         Tilt of the plate's normal from z towards x, degrees.
     grip
@@ -75,6 +75,7 @@ def response(
     from studies.simulation.load_cases import friction_of, plate_tilt_of
 
     band = read_band(frequencies)
+    depth = (1.0 if grip is None else 0.0) if depth is None else depth
     if not FEWEST <= count <= MOST:
         raise BadInput(f"--count must be between {FEWEST} and {MOST}; got {count}")
     moves, contact = bool(shear or shear_y), friction_of(friction, "stick")
@@ -84,7 +85,9 @@ def response(
         raise BadInput("a shear needs a plate that sticks: leave out --friction none")
     warnings = check_range(design, frequencies=band, beyond=extrapolate)
     if grip is not None:
-        load = Load(shear_x=shear, shear_y=shear_y, grip=grip)
+        if friction is not None:
+            raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
+        load = Load(depth, shear, shear_y, plate_tilt=plate_tilt_of(plate_tilt), grip=grip)
     else:
         # the free sensor touches no plate, whose friction and tilt would count
         tilt = plate_tilt_of(plate_tilt) if depth else 0.0

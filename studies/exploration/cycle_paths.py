@@ -15,6 +15,7 @@ from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.exploration.plate_motion import PlateMotion
 from studies.exploration.response_paths import branches
@@ -96,13 +97,13 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     Returns
     -------
     Of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3"; "largest_over_ED2", the
-    largest force along the motion. "time_error": relative, of the force. Rounding hides that the loop of an elastic
-    sensor is not quite closed.
+    largest force along the motion. "time_error": relative, of the force. "status" and "message" of the path. Rounding
+    hides that the loop of an elastic sensor is not quite closed.
 
     Raises
     ------
     SolveFailed
-        A state was not reached, or it is unstable.
+        A state was not reached.
     """
     from studies.simulation.cycle_report import Static, run
 
@@ -110,7 +111,7 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     cycles = run(
         design, cycle, "prony", Static(None, None), scene.accuracy.name, scene.magnet, TOLERANCE, lambda *_: None
     )
-    if cycles.status != "ok" or len(cycles.loops) < CYCLES:
+    if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         raise SolveFailed(f"{cycles.status}: {cycles.message}")
     last, unit = cycles.loops[-1], design.E * design.D**2
     return {
@@ -118,4 +119,6 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
         "area_over_ED3": round(last.area_mJ / (unit * design.D), 12),
         "largest_over_ED2": last.largest_N / unit,
         "time_error": cycles.time_error,
+        "status": cycles.status,
+        "message": cycles.message,
     }

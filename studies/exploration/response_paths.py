@@ -145,7 +145,7 @@ def solve(scene: Scene) -> dict[str, Any]:
     -------
     "stiffness_real" and "stiffness_imag": Z over |Z| at the lowest frequency, on the grid; "bandwidth", "resonance":
     frequency at which the gain 1 / |Z| is first 3 dB below that at the lowest one, and of its first peak, over the
-    unit, None beyond the band; "Q" of this peak, None without branches.
+    unit, None beyond the band; "Q" of this peak, None without branches; "status" and "message" of the state at rest.
 
     Raises
     ------
@@ -180,6 +180,8 @@ def solve(scene: Scene) -> dict[str, Any]:
         "bandwidth": None if width is None else width / unit,
         "resonance": None if first is None else first.frequency / unit,
         "Q": first.Q if first is not None and relaxation_of(scene.design).times else None,
+        "status": sensor.state.status,
+        "message": sensor.state.message,
     }
 
 

@@ -298,7 +298,7 @@ def _modes(scene: Scene) -> State:
         return _other(scene, "failed", "failed", {}, str(error), time.perf_counter() - begin)
     unit = frequency_unit(design.D, design.E, design.density)
     values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
-    return _other(scene, "ok", "ok", values, "", time.perf_counter() - begin)
+    return _other(scene, "ok", lowest.status, values, lowest.message, time.perf_counter() - begin)
 
 
 def _timed(scene: Scene, kind: Kind, solve: Callable[[Scene], dict[str, Any]]) -> State:
@@ -307,12 +307,13 @@ def _timed(scene: Scene, kind: Kind, solve: Callable[[Scene], dict[str, Any]]) -
 
     begin = time.perf_counter()
     try:
-        values, message = solve(scene), ""
+        values = solve(scene)
+        result: Outcome = "ok"
+        status, message = values.pop("status"), values.pop("message")
     except SolveFailed as error:
-        values, message = {}, str(error)
-    result: Outcome = "ok" if values else "failed"
+        values, result, status, message = {}, "failed", "failed", str(error)
     estimate = {"error_estimate": values.pop("time_error", None)}
-    state = _other(scene, result, result, values, message, time.perf_counter() - begin)
+    state = _other(scene, result, status, values, message, time.perf_counter() - begin)
     return replace(state, answer=state.answer | units_of(scene, kind) | estimate)
 
 

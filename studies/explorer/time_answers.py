@@ -23,7 +23,7 @@ from fem.solvers import increment_watch
 from fem.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet
+from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.explorer.explorer_state import ExplorerState
 from studies.simulation import resonance_peaks, response_curves, vibration_estimates
@@ -227,7 +227,7 @@ def loop(state: ExplorerState, motion: Motion) -> Data:
         TOLERANCE,
         lambda share, _: increment_watch.report(share),
     )
-    if cycles.status != "ok" or len(cycles.loops) < CYCLES:
+    if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         return refusal(f"the loop is not known: {cycles.message or cycles.status}")
     last = cycles.loops[-1]
     linear = linear_loop(state, motion)["rows"][0]["value"]
@@ -247,6 +247,7 @@ def loop(state: ExplorerState, motion: Motion) -> Data:
     text = (
         f"Cycle {CYCLES} of a triangle without inertia, {LOOP_LEVEL} mesh; half widths are those of the time steps."
     )
+    text = " ".join(filter(None, [text, f"{cycles.message}." if cycles.message else ""]))
     return _loop_data(state, motion, last.gap_percent, spread, rows, text)
 
 

@@ -128,7 +128,7 @@ def findings(cycles: Cycles) -> list[str]:
 
 def doubts(static: Static, cycles: Cycles) -> list[str]:
     """Return in sentences why the loops should not be trusted, if they should not."""
-    texts = []
+    texts = [cycles.message] if cycles.status == "ok" and cycles.message else []
     if static.stop:
         texts.append(
             f"slow loading does not reach the end of the stroke ({static.stop}): no force is decoded, and the error "

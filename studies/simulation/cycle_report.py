@@ -15,7 +15,7 @@ from analytic.relaxation_loops import loop
 from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, check_load
+from geometry.loads import ANSWERED, Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import moduli, relaxation_of
 from studies.output.csv_tables import write_table
@@ -35,6 +35,8 @@ CURVE, BEYOND = 24, 0.25
 SEARCHES, GAP_TOLERANCE = 6, 0.05
 """Most runs of the search for a loss factor, and the difference from the wanted gap at which it ends, percentage
 points."""
+EXPECTED = ("part_slips", "full_slip", "idle_stick", "touch_lost")
+"""Remarks on single states of a motion that limit nothing."""
 MOST_LOSS = 1.0
 """Largest loss factor of the search, the bound of the design's field."""
 
@@ -46,7 +48,7 @@ class Cycles:
     Attributes
     ----------
     law : "prony" or "finite", see `fem.viscoelasticity`.
-    status, message : "ok", or why the path ended.
+    status, message : "ok", "unstable" with the first such state, or why the path ended.
     unit : unit of the outputs.
     seconds : processor time.
     """
@@ -210,7 +212,10 @@ def _results(
     states = with_readings(design, passed, static.curve)
     failed = [state for _, state, _ in passed if state.status == "not_converged"]
     unstable = [state for _, state, _ in passed if state.status == "unstable"]
-    status, message = "ok", ""
+    # of stable states the one with the largest strain says what limits the use of all
+    strained = max((state for _, state, _ in passed), key=lambda state: state.facts.largest_strain or 0.0)
+    doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
+    status, message = "ok", strained.message if doubtful else ""
     if unstable:
         status, message = "unstable", f"{unstable[0].message}, first at {unstable[0].time:.4g} s"
     if failed:
@@ -286,7 +291,7 @@ def loss_factor_of_gap(
     for _ in range(SEARCHES):
         trial = replace(design, loss_factor=factor)
         cycles = run(trial, motion, "prony", static, accuracy, magnet, tolerance, progress)
-        if cycles.status != "ok" or not cycles.loops:
+        if cycles.status not in ANSWERED or not cycles.loops:
             raise OutOfReach(f"with a loss factor of {factor:.3g} {cycles.message or 'the path ended early'}")
         last = cycles.loops[-1]
         if abs(last.gap_percent - gap_percent) < GAP_TOLERANCE:

@@ -20,7 +20,7 @@ class ModalReport:
 
     Attributes
     ----------
-    status : "ok", or "failed" if the press does not reach the depth or is unstable there.
+    status : that of the press, or "failed" if it does not reach the depth or has no natural frequencies there.
     depth_mm : depth of the press; 0 for the free sensor.
     frequency_Hz, frequency_error_estimate, shape : one value for each mode; empty if the status is "failed".
     spring_mass_Hz, spring_mass_with_magnet_Hz : the paper's formula, without and with the mass of the magnet.
@@ -58,11 +58,12 @@ def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str,
     frequencies: tuple[float, ...] = ()
     errors: tuple[float | None, ...] = ()
     shapes: tuple[str, ...] = ()
-    status = "ok"
+    status: str = "ok"
     try:
         solution = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])
         frequencies, shapes, errors = solution.frequency, solution.shape, solution.estimates
-        message = _band_message(frequencies, shapes)
+        status = solution.status
+        message = "; ".join(filter(None, [solution.message, _band_message(frequencies, shapes)]))
     except BadInput as error:
         status, message = "failed", str(error)
     beam_only, with_magnet = spring_mass(design)

@@ -34,6 +34,7 @@ class MotionReport:
 
     Attributes
     ----------
+    status, message : of the state at rest; the message also says what the vibration shows.
     motion : "z" or "x".
     force_N : (x, y, z) on the tip at rest.
     stiffness_N_per_mm : force along the motion over its amplitude, at the lowest frequency.
@@ -125,8 +126,13 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
     differences = None if coarse is None else mesh_difference(curves, coarse)
     errors, reading_errors = vibration_estimates.columns(curves, coarse, sensor.scene).values()
     return MotionReport(
-        status="ok",
-        message=_message(curves, by_N or by_mm, at_band, damped=damped, stiffness=stiffness),
+        status=sensor.state.status,
+        message="; ".join(
+            filter(
+                None,
+                [sensor.state.message, _message(curves, by_N or by_mm, at_band, damped=damped, stiffness=stiffness)],
+            )
+        ),
         motion=motion,
         depth_mm=load.depth,
         shear_mm=load.shear_x,
