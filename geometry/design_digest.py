@@ -29,19 +29,8 @@ DIGITS = 12
 """Number of hexadecimal digits of a digest: 48 bits, which a double or an integer of 64 bits holds exactly."""
 PREFIX = "made_for_"
 """Prefix of the field names in files that hold numbers only."""
-LATER: Fields = {
-    "magnet_north": "down",
-    "hall_noise_density": 0.0,
-    "hall_bandwidth": 1000.0,
-    "hall_noise_floor": 0.0,
-    "hall_average": 1.0,
-    "loss_factor": 0.1,
-    "loss_low": 0.01,
-    "loss_high": 1000.0,
-    "prony": "",
-    "modulus": "long-term",
-}
-"""Fields that `Design` got after the first labels were written, with their defaults, which older files mean."""
+LATER: Fields = {"magnet_north": "down"}
+"""Keys that labels got after the first ones were written, with the values that older files mean."""
 MOST_NAMED = 3
 """Most differing fields that one message lists, so that it stays one readable sentence."""
 

@@ -53,7 +53,7 @@ def test_an_output_onto_an_input_is_bad_input(run, tmp_path, case):
         f"{name!r} was not written by magtip and would be overwritten" in err
     )
     assert (tmp_path / name).read_text() == text
-    assert {file.name for file in tmp_path.iterdir()} == {name, "p.csv"}
+    assert {file.name for file in tmp_path.glob("[!.]*")} == {name, "p.csv"}
 
 
 def test_a_design_of_ones_own_is_not_replaced_by_a_fit(run, tmp_path):
@@ -63,6 +63,11 @@ def test_a_design_of_ones_own_is_not_replaced_by_a_fit(run, tmp_path):
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert "'design.toml' was not written by magtip and would be overwritten: choose another folder" in err
     assert (tmp_path / "design.toml").read_text() == DESIGN
-    (tmp_path / "design.toml").write_text("# fitted to older.csv: ...\n")
+    (tmp_path / "design.toml").unlink()
     assert run("fit", "test.csv", "--out", ".")[0] == 0
-    assert "older" not in (tmp_path / "design.toml").read_text()
+    assert run("fit", "test.csv", "--out", ".")[0] == 0
+    fitted = (tmp_path / "design.toml").read_text()
+    (tmp_path / "design.toml").write_text(fitted + "L = 20.0\n")
+    status, _, err = run("fit", "test.csv", "--out", ".")
+    assert (status, "'design.toml' was changed after magtip had written it" in err) == (2, True)
+    assert (tmp_path / "design.toml").read_text() == fitted + "L = 20.0\n"

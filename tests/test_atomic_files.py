@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from geometry.design import BadInput
-from studies.output import atomic_files
+from studies.output import atomic_files, own_files
 
 
 def half_written(path):
@@ -30,7 +30,7 @@ def test_atomic_keeps_the_old_file_until_the_new_is_whole(tmp_path):
     with pytest.raises(ZeroDivisionError):
         half_written(path)
     assert path.read_text() == '{\n  "x": 1.0\n}\n'
-    assert [found.name for found in tmp_path.iterdir()] == ["a.json"]
+    assert sorted(found.name for found in tmp_path.iterdir()) == [own_files.LIST, "a.json"]
 
 
 def test_output_folder(tmp_path):
@@ -83,4 +83,4 @@ def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path):
         atomic_files._delete_left_folders.cache_clear()
         atomic_files.write_text(tmp_path / "text.txt", "whole")
         assert mine.exists()
-    assert sorted(path.name for path in tmp_path.iterdir()) == [elsewhere.name, "text.txt"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [own_files.LIST, elsewhere.name, "text.txt"]

@@ -51,7 +51,7 @@ def test_report_says_where_a_formula_holds(tmp_path):
     assert "- Haringx's load of a free tip is within 10% at L/D = 3." in text
     assert "| 2 ± 0.02 |" in text
     assert "- No instability of a free tip down to `stable_to_mm` at L/D = 0.6." in text
-    assert {path.name for path in tmp_path.iterdir()} == {"STABILITY.md", "stability.csv", "stability.png"}
+    assert {path.name for path in tmp_path.glob("[!.]*")} == {"STABILITY.md", "stability.csv", "stability.png"}
 
 
 def test_a_length_that_cannot_be_is_a_row(capsys):

@@ -123,7 +123,7 @@ def test_export_reads_back(design, tmp_path):
 
     solids = {"silicone": cad.silicone(design), "magnet": cad.magnet(design)}
     records = export(solids, tmp_path, design.D / 2000)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
+    assert sorted(p.name for p in tmp_path.glob("[!.]*")) == sorted(
         f"{n}.{s}" for n in solids for s in solid_files.FORMATS
     )
     for record in records:
@@ -163,7 +163,7 @@ def test_coarse_facets_are_refined_or_refused(tmp_path, monkeypatch):
     with pytest.raises(MeshError, match="make tolerance finer"):
         export({"beam": cad.beam(Design())}, tmp_path, 1.0)
     assert (tmp_path / "beam.stl").read_bytes() == before
-    assert len(list(tmp_path.iterdir())) == 3
+    assert len(list(tmp_path.glob("[!.]*"))) == 3
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, 2.0, math.nan])

@@ -82,7 +82,7 @@ def test_full_scale_is_the_largest_change_from_rest(found):
 
 
 def test_tables_name_their_units_and_hold_six_digits(found, folder):
-    assert sorted(path.name for path in folder.iterdir()) == ["press.csv", "press.png", "shear.csv", "shear.png"]
+    assert sorted(path.name for path in folder.glob("[!.]*")) == ["press.csv", "press.png", "shear.csv", "shear.png"]
     units = ("_mm", "_N", "_mT", "_V", "_rad", "_percent", "_percent_FS")
     for name in ("press", "shear"):
         with open(folder / f"{name}.csv", newline="", encoding="utf-8") as file:

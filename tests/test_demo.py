@@ -34,7 +34,7 @@ def test_the_demo_makes_every_file_that_its_report_names(made):
     for part in ("beam", "silicone", "magnet", "mold_a", "mold_b"):
         for suffix in ("step", "stl", "3mf"):
             assert (folder / "cad" / f"{part}.{suffix}").stat().st_size > 1000
-    assert {path.name for path in folder.iterdir()} == {*named, "cad", "REPORT.md"}
+    assert {path.name for path in folder.glob("[!.]*")} == {*named, "cad", "REPORT.md"}
     for target in re.findall(r"\]\(([^)]+)\)", text):
         assert (folder / target).exists()
 

@@ -91,3 +91,12 @@ def test_the_label_of_a_mesh_may_hold_more_fields_and_another_silicone():
     bare = design_digest.label(design_digest.of_solid(shape.without_magnet()))
     with pytest.raises(BadInput, match=r"with magnet_diameter 0 mm, .* where this design has magnet_diameter 4 mm"):
         design_digest.check(bare, whole, "a mesh")
+
+
+def test_every_later_key_is_one_of_a_label():
+    """A key without its unit would match none."""
+    design = paper()
+    labels = (
+        design_digest.of_mechanics(design) | design_digest.of_readings(design) | design_digest.of_solid(design.shape)
+    )
+    assert set(design_digest.LATER) <= set(labels)

@@ -148,7 +148,7 @@ def test_snippet_prints_what_is_shown(block):
 @of_kind("toml")
 def test_file_is_a_design_or_a_study(block, tmp_path):
     files_of(block.path, tmp_path)
-    (path,) = [str(file) for file in tmp_path.iterdir() if file.read_text("utf-8") == block.text]
+    (path,) = [str(file) for file in tmp_path.glob("[!.]*") if file.read_text("utf-8") == block.text]
     if "axes" in tomllib.loads(block.text):
         assert study_input.read_study(path).axes
     else:

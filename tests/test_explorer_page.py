@@ -56,7 +56,7 @@ def download(chromium, page, tmp_path):
     def get(name):
         page.run(f"document.querySelector('[data-export=\"{name}\"]').click()")
         deadline = time.monotonic() + 30
-        while not (files := [path for path in tmp_path.iterdir() if path.suffix != ".crdownload"]):
+        while not (files := [path for path in tmp_path.glob("[!.]*") if path.suffix != ".crdownload"]):
             assert time.monotonic() < deadline, text(page, "#notice")
             time.sleep(0.05)
         return files[0]

@@ -102,7 +102,7 @@ def test_a_verb_refuses_a_file_that_another_process_writes(run, tmp_path):
         # another file in the same folder is free
         assert run("table", "paper", "--step", 1, "--out", "other.npy")[0] == 0
     assert run("table", "paper", "--step", 1, "--out", "t.npy")[0] == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["other.json", "other.npy", "t.json", "t.npy"]
+    assert sorted(file.name for file in tmp_path.glob("[!.]*")) == ["other.json", "other.npy", "t.json", "t.npy"]
 
 
 def test_folders_within_a_folder_have_locks_of_their_own(tmp_path):

@@ -87,7 +87,7 @@ def test_the_map_is_a_table_with_units_and_a_picture_whose_texts_are_whole_and_a
     assert status == 0
     check_texts(figures[0])
     assert "layout.csv, pictures and LAYOUT.md" in err
-    assert sorted(p.name for p in (tmp_path / "map").iterdir()) == ["LAYOUT.md", "layout.csv", "layout.png"]
+    assert sorted(p.name for p in (tmp_path / "map").glob("[!.]*")) == ["LAYOUT.md", "layout.csv", "layout.png"]
     with open(tmp_path / "map" / "layout.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 7 * 7 * 5
@@ -157,7 +157,7 @@ def test_the_claim_and_where_it_fails(run, strict, small, tmp_path):
     text = (tmp_path / "claim" / "LAYOUT.md").read_text("utf-8")
     assert "the claim holds" in text
     assert "B.n, no tilt, over c: fails" in text
-    names = {path.name for path in (tmp_path / "claim").iterdir()}
+    names = {path.name for path in (tmp_path / "claim").glob("[!.]*")}
     assert {"claim.csv", "claim.png"} <= names
 
 

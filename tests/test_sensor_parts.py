@@ -35,7 +35,7 @@ SHEETS = {
 
 
 def files_of(folder):
-    return {path.name for path in folder.iterdir()}
+    return {path.name for path in folder.glob("[!.]*")}
 
 
 @pytest.fixture(scope="module")

@@ -37,7 +37,7 @@ def test_picture(tmp_path, pressed, quantity):
     columns = np.flatnonzero((saturation[300:900, :1150] > 0.1).any(axis=0))
     half = image[300:900, columns[0] : columns[-1] + 1]
     assert np.abs(half - half[:, ::-1]).mean() < 0.02
-    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+    assert [path.name for path in tmp_path.glob("[!.]*")] == ["a.png"]
 
 
 def test_picture_of_a_shear_leans_to_its_side(tmp_path, gripped):

@@ -366,7 +366,7 @@ def test_pictures_of_an_earlier_sweep_do_not_stay(drawn, tmp_path):
     for name in ("sweep-2.png", "sweep-3.png", "other-2.png"):
         (tmp_path / name).write_text("old")
     drawn({"D_mm": [6.0, 8.0]})
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["other-2.png", "sweep.png"]
+    assert sorted(path.name for path in tmp_path.glob("[!.]*")) == ["other-2.png", "sweep.png"]
 
 
 def test_a_picture_without_a_quantity_is_refused(tmp_path):

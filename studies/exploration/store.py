@@ -265,7 +265,7 @@ def _write_journal(file: Path, paths: Sequence[tuple[Content, Sequence[State]]],
     record = [{"content": content, "states": list(map(dataclasses.asdict, states))} for content, states in paths]
     try:
         whole = atomic_files.clean(record)
-        atomic_files.write_json(journal, {"paths": whole, "digest": key(whole)})
+        atomic_files.write_json(journal, {"paths": whole, "digest": key(whole)}, listed=False)
     except OSError as error:
         count = sum(len(states) for _, states in paths)
         raise BadInput(

@@ -26,7 +26,7 @@ from studies.output import file_lock, own_files
 WRITING = ".writing-"
 """Prefix of the name of a temporary folder; machine and process follow."""
 
-LOCK = own_files.LOCK
+LOCK = ".magtip.lock"
 """Name of the lock file in a folder that is being filled, and suffix of the lock file of a single output file."""
 
 
@@ -110,8 +110,10 @@ def staged(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder inside `folder`; without an error its files move into `folder`."""
     with _temporary(folder) as temporary, _with_file_name(folder):
         yield Path(temporary)
-        for file in sorted(Path(temporary).iterdir()):
-            os.replace(file, folder / file.name)
+        files = {file.name: file for file in sorted(Path(temporary).iterdir()) if file.name != own_files.LIST}
+        own_files.note(folder, files)
+        for name, file in files.items():
+            os.replace(file, folder / name)
 
 
 def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path | None]:
@@ -127,7 +129,7 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
     Raises
     ------
     BadInput
-        The file cannot be written.
+        The file cannot be written, or it exists and is the user's (`studies.output.own_files`).
     """
     file = Path(path)
     if file.suffix.lower() not in suffixes:
@@ -146,6 +148,7 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
     except OSError as error:
         where = str(file.parent)
         raise BadInput(f"cannot write to the folder {where!r} ({_cause(error)}): choose another folder") from None
+    own_files.check_file(file)
     return file
 
 
@@ -178,10 +181,14 @@ def inside(folder: Path | None, names: Iterable[str]) -> list[Path]:
 
 
 @contextlib.contextmanager
-def atomic(path: str | Path) -> Iterator[Path]:
+def atomic(path: str | Path, *, listed: bool = True) -> Iterator[Path]:
     """Yield a temporary path with the suffix of `path`; without an error the file written there replaces `path`.
 
     The folder is made if it does not exist.
+
+    Parameters
+    ----------
+    listed : whether to list the file as an output of magtip, see `studies.output.own_files`.
     """
     file = Path(path)
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -189,6 +196,8 @@ def atomic(path: str | Path) -> Iterator[Path]:
         temporary = Path(folder, f"part{file.suffix}")
         with _with_file_name(file):
             yield temporary
+            if listed:
+                own_files.note(file.parent, {file.name: temporary})
             os.replace(temporary, file)
 
 
@@ -233,15 +242,15 @@ def _with_file_name(path: Path) -> Iterator[None]:
         raise
 
 
-def write_text(path: str | Path, text: str) -> None:
-    """Write a text file, UTF-8."""
-    with atomic(path) as temporary:
+def write_text(path: str | Path, text: str, *, listed: bool = True) -> None:
+    """Write a text file, UTF-8; `listed` is that of `atomic`."""
+    with atomic(path, listed=listed) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_json(path: str | Path, record: Mapping[str, Any]) -> None:
-    """Write one JSON object, indented."""
-    write_text(path, json.dumps(clean(record), indent=2, allow_nan=False) + "\n")
+def write_json(path: str | Path, record: Mapping[str, Any], *, listed: bool = True) -> None:
+    """Write one JSON object, indented; `listed` is that of `atomic`."""
+    write_text(path, json.dumps(clean(record), indent=2, allow_nan=False) + "\n", listed=listed)
 
 
 def json_line(record: Mapping[str, Any]) -> str:

@@ -1,36 +1,57 @@
-"""Which files of an output folder were not written by magtip, so that no verb may overwrite them?
+"""Which output files may magtip overwrite? Those that it wrote, if nobody has changed them since.
 
-Pages and records state their origin. Tables and pictures cannot: they count as written by magtip where a page or a
-record beside them does, or where a killed process of magtip has left its lock file.
+magtip lists each file that it writes in a hidden file beside it, `LIST`: a line of JSON with the name and the SHA-256
+digest of the file, added before the file gets its name, so that a killed process leaves no file unlisted. A file that
+is not listed, or has another digest than any that is listed for its name, belongs to the user.
+
+A folder without a list may have been filled by an earlier version, which listed nothing. There a page or a record
+that states its origin is magtip's, and so are the tables and pictures beside one.
 """
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from geometry.design import BadInput
 
-ORIGIN = re.compile(
-    rb"Made (with `magtip |on Python \d)|\"made\": \"on Python \d|"
-    rb"^# fitted to |^# Magnetic force sensor, D = |^\| magtip \| |"
-    rb"\A[^\n]*(\bAICc\b|\bstatus,message\b)",
-    re.MULTILINE,
-)
-"""What pages, records and fitted designs say of their origin; the tables of a fit and a sweep have such columns."""
+LIST = ".magtip.files"
+"""Name of the list of the files that magtip wrote into a folder."""
+
+ORIGIN = re.compile(rb"Made (with `magtip |on Python \d)|\"made\": \"on Python \d|^\| magtip \| ", re.MULTILINE)
+"""What pages and records of earlier versions say of their origin."""
 
 RECORD = "run.json"
 """A record of a run, see `studies.output.run_record`."""
 
-LOCK = ".magtip.lock"
-"""Name of the lock file in a folder that is being filled, see `studies.output.atomic_files`."""
-
 STATING = ("*.md", "*.json", "design.toml")
-"""Files that always state their origin."""
+"""Files that count as those of an earlier version only if they state their origin; a design states none."""
 
 MOST_BYTES = 20_000_000
 """Part of a file that is searched."""
+
+
+def note(folder: Path, files: Mapping[str, Path]) -> None:
+    """List files that are about to get their names in a folder; hidden files are not listed.
+
+    Parameters
+    ----------
+    files : for each name the file that will have it.
+    """
+    listed = _listed(folder) or {}
+    entries = {name: _digest(file) for name, file in files.items() if not name.startswith(".")}
+    new = {name: digest for name, digest in entries.items() if digest not in listed.get(name, ())}
+    if new:
+        lines = [json.dumps({"file": name, "sha256": digest}) + "\n" for name, digest in new.items()]
+        with (folder / LIST).open("a+b") as stream:
+            # the list of a killed process may end within a line
+            stream.seek(0)
+            end = stream.read()[-1:]
+            stream.write(("" if end in (b"", b"\n") else "\n").encode() + "".join(lines).encode())
 
 
 def check(folder: str | Path | None, names: Iterable[str]) -> None:
@@ -44,25 +65,83 @@ def check(folder: str | Path | None, names: Iterable[str]) -> None:
     Raises
     ------
     BadInput
-        The folder has a file of these names that magtip did not write.
+        The folder has a file of these names that magtip did not write, or that was changed since.
     """
     if folder is None or not Path(folder).is_dir():
         return
     where = Path(folder)
     files = sorted({file for name in names for file in where.glob(name) if file.is_file()})
+    listed = _listed(where)
+    if listed is not None:
+        for file in files:
+            _check_listed(file, listed, "another folder")
+        return
     stated = {file: states_origin(file) for file in files}
-    known = any(stated.values()) or states_origin(where / RECORD) or (where / LOCK).exists()
+    known = any(stated.values()) or states_origin(where / RECORD)
     for file, own in stated.items():
         if not own and (not known or any(map(file.match, STATING))):
-            raise BadInput(f"{str(file)!r} was not written by magtip and would be overwritten: choose another folder")
+            raise _refusal(file, "was not written by magtip", "another folder")
+
+
+def check_file(file: Path) -> None:
+    """Check that a verb, which writes this file, overwrites no file of the user.
+
+    Raises
+    ------
+    BadInput
+        There is such a file, and magtip did not write it, or it was changed since.
+    """
+    if file.is_file():
+        _check_listed(file, _listed(file.parent) or {}, "another name")
+
+
+def remove_empty(folder: Path) -> None:
+    """Remove a folder in which magtip has removed its files; one that holds anything else stays."""
+    with contextlib.suppress(OSError):
+        if [file.name for file in folder.iterdir()] == [LIST]:
+            (folder / LIST).unlink()
+        folder.rmdir()
 
 
 def states_origin(file: Path) -> bool:
-    """Return whether a file states that magtip wrote it."""
-    if file.suffix not in (".md", ".json", ".toml", ".csv"):
+    """Return whether a page or a record states that magtip wrote it."""
+    if file.suffix not in (".md", ".json"):
         return False
     try:
         with file.open("rb") as stream:
             return ORIGIN.search(stream.read(MOST_BYTES)) is not None
     except OSError:
         return False
+
+
+def _check_listed(file: Path, listed: Mapping[str, set[str]], other: str) -> None:
+    """Refuse to overwrite a file that is not listed, or that was changed."""
+    if file.name not in listed:
+        raise _refusal(file, "was not written by magtip", other)
+    if _digest(file) not in listed[file.name]:
+        raise _refusal(file, "was changed after magtip had written it", other)
+
+
+def _refusal(file: Path, reason: str, other: str) -> BadInput:
+    return BadInput(f"{str(file)!r} {reason} and would be overwritten: choose {other}, or move the file away")
+
+
+def _listed(folder: Path) -> dict[str, set[str]] | None:
+    """Return the digests of the files that are listed in a folder, by their names; None without a list."""
+    try:
+        text = (folder / LIST).read_bytes().decode("utf-8", "replace")
+    except OSError:
+        return None
+    digests: dict[str, set[str]] = {}
+    for line in text.splitlines():
+        # a line that a killed process has not finished lists nothing
+        with contextlib.suppress(ValueError, TypeError, KeyError):
+            entry = json.loads(line)
+            digests.setdefault(str(entry["file"]), set()).add(str(entry["sha256"]))
+    return digests
+
+
+def _digest(file: Path) -> str:
+    """Return the digest of a file."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

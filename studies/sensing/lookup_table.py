@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.output import atomic_files, console, records
+from studies.output import atomic_files, console, own_files, records
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
@@ -33,10 +33,6 @@ if TYPE_CHECKING:
 
 NOTE_EVERY = 8
 """Number of slabs between two notes: an interruption loses the work of at most so many slabs."""
-MAGIC = b"\x93NUMPY"
-"""First bytes of a NumPy file."""
-KEYS = ("design", "step_mm", "shape", "axes")
-"""Keys by which FILE.json of a table is recognised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,36 +64,13 @@ def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
     Raises
     ------
     BadInput
-        The file cannot be written, is one of the inputs, or exists and is not a table of this program.
+        The file cannot be written, is one of the inputs, or exists and was not written by this program.
     """
     file = atomic_files.check_output_file(out, ".npy")
     about = file.with_suffix(".json")
     atomic_files.check_apart([file, about], inputs)
-    for path, replaceable in ((file, _is_table(file)), (about, _is_about(about))):
-        if path.exists() and not replaceable:
-            raise BadInput(
-                f"{str(path)!r} was not written by magtip table and would be overwritten: choose another name"
-            )
+    own_files.check_file(about)
     return file
-
-
-def _is_about(file: Path) -> bool:
-    """Return whether a file is the description of a table."""
-    try:
-        about = json.loads(file.read_text("utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(about, dict) and set(KEYS) <= set(about)
-
-
-def _is_table(file: Path) -> bool:
-    """Return whether a file is a NumPy file with the description of a table beside it."""
-    try:
-        with file.open("rb") as stream:
-            begin = stream.read(len(MAGIC))
-    except OSError:
-        return False
-    return begin == MAGIC and _is_about(file.with_suffix(".json"))
 
 
 def plan(design: Design, step: float, level: str | None, responses: Path | None) -> tuple[Forward, Grid]:
@@ -172,6 +145,7 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
                 atomic_files.write_json(note, {"key": key, "done": i + 1, "offset": offset})
         stream.truncate()
     atomic_files.write_json(out.with_suffix(".json"), about)
+    own_files.note(out.parent, {out.name: part})
     os.replace(part, out)
     note.unlink(missing_ok=True)
     return TableReport("ok", str(out), size // 8 // shape[3], size / 1e6, done, level)
@@ -213,7 +187,7 @@ def _made_for(design: Design, *, tilted: bool) -> design_digest.Fields:
 def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
     """Return the description of a table for FILE.json, without its axes."""
     return {
-        "design": design_digest.without_later_defaults(dataclasses.asdict(model.design)),
+        "design": dataclasses.asdict(model.design),
         **design_digest.label(_made_for(model.design, tilted=bool(model.tau.any()))),
         "mode": model.mode,
         "tau": model.tau.tolist(),

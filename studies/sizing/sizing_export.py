@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometry.design import Design
 from geometry.messages import Progress
+from studies.output import own_files
 from studies.output.atomic_files import write_text
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ DESIGN, PARTS = "winner.toml", "fabrication"
 def check_parts(folder: Path) -> None:
     """Raise BadInput if the folder of the parts has files of their names that magtip did not write."""
     from studies.fabrication import sensor_parts
-    from studies.output import own_files
 
     own_files.check(folder / PARTS, sensor_parts.names())
 
@@ -34,9 +33,7 @@ def remove(folder: Path) -> None:
 
     for name in (DESIGN, *(f"{PARTS}/{name}" for name in sensor_parts.names())):
         (folder / name).unlink(missing_ok=True)
-    with contextlib.suppress(OSError):
-        # a folder that holds anything else stays
-        (folder / PARTS).rmdir()
+    own_files.remove_empty(folder / PARTS)
 
 
 def export(variant: Variant, requirements: Requirements, folder: Path, progress: Progress) -> FabricationRow:
