@@ -276,6 +276,11 @@ def _refusal(error: ForceNotReached, force: float, loading: str, motion: str, de
     """Return why no state has a force, N: with the largest force, or the jump of the force."""
     unit, point = force_unit(design), error.point
     at = f"at {motion} {point.motion * design.D:.4g} mm"
+    if not point.motion and point.force * unit > force:
+        return (
+            f"without a {loading} the tilted plate has {point.force * unit:.4g} N in the direction of the wanted "
+            f"{force:g} N already, and a {loading} that way adds to it: take a larger force, or one the other way"
+        )
     if error.beyond is not None:
         return (
             f"no state of the {loading} has a force of {force:g} N: it jumps from {point.force * unit:.4g} to "

@@ -126,6 +126,13 @@ def test_a_shear_force_that_slips_before_the_bound_names_what_is_reached():
     assert 0.09 < largest < 0.0999
 
 
+def test_a_shear_force_below_that_of_the_tilt_is_refused(refused):
+    """A tilted plate pushes the tip aside: no shear in that direction has a smaller force."""
+    load = Load(friction="stick", plate_tilt=0.2)
+    with refused("without a shear the tilted plate has 0.", "wanted 0.01 N already", "or one the other way"):
+        solve_force(paper(), 0.5, ROUGH, shear_force=(-0.01, 0.0), load=load)
+
+
 def test_a_force_that_no_press_reaches_names_the_largest_one():
     """States before it are kept."""
     states = walk_forces(paper(), [ForceTarget(1.0), ForceTarget(1e6)], ROUGH, magnet="ignored", estimate=False)

@@ -79,6 +79,7 @@ STRESS = "time_s,nominal_stress_MPa"
             "the name of column 'time' has no unit: call it time_s or time_ms",
         ),
         ("time_s,youngs_modulus", rows(1.0), {}, "has no unit: call it"),
+        ("time_s,nominal_stress_MPa,strain_percent", rows(0.15, 0.25), {}, "if they were those of a column strain"),
         ("frequency,storage_modulus_MPa,tan_delta", rows(1.0, 0.1), {}, "the name of column 'frequency' has no unit"),
         ("frequency_Hz,storage_modulus,tan_delta", rows(1.0, 0.1), {}, "'storage_modulus' has no unit"),
         (

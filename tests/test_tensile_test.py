@@ -27,6 +27,23 @@ def test_units_comments_other_columns_and_order(tmp_path):
     np.testing.assert_allclose(read(written(tmp_path, text)).stress, want.stress, rtol=1e-14, atol=1e-15)
 
 
+def test_fractions_are_not_taken_for_percent(tmp_path, refused):
+    """E would be 100 times too large, which no silicone has."""
+    strain = np.linspace(0.05, 0.5, 8)
+    stress = 0.6 / 3 * ((1 + strain) - (1 + strain) ** -2.0)
+
+    def text(column, values):
+        points = zip(values, stress, strict=True)
+        return written(tmp_path, f"{column},nominal_stress_MPa\n" + "".join(f"{x},{s}\n" for x, s in points))
+
+    for column, values in (("strain", strain), ("strain_percent", 100 * strain), ("stretch", 1 + strain)):
+        np.testing.assert_allclose(read(text(column, values)).stretch, 1 + strain)
+    with refused(
+        "column strain_percent", "E would be about 4", "about 0.6 MPa if they were those of a column strain"
+    ):
+        read(text("strain_percent", strain))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -34,6 +51,8 @@ def test_units_comments_other_columns_and_order(tmp_path):
         ("# only\n", ["is empty"]),
         (GOOD.replace("stretch", "time"), ["line 1", "a column stretch or strain", "time"]),
         (GOOD.replace("stretch", "Stretch"), ["line 1", "'Stretch'", "did you mean stretch?"]),
+        (GOOD.replace("stretch", "Strain"), ["line 1", "'Strain'", "did you mean strain?"]),
+        (GOOD.replace("stretch", "Strain (%)"), ["line 1", "'Strain (%)'", "did you mean strain_percent?"]),
         (GOOD.replace("_MPa", "_mpa"), ["line 1", "'nominal_stress_mpa'", "did you mean nominal_stress_MPa?"]),
         (
             GOOD.replace("_MPa", ""),

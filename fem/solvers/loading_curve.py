@@ -51,7 +51,8 @@ class ForceNotReached(Exception):
 
     Attributes
     ----------
-    point : the state with the largest force, or the one before a jump of the force.
+    point : the state with the largest force, or the one before a jump of the force; the first one, at motion 0, if
+        that has a larger force already, such as the force along a tilted plate.
     last : the last state of the curve.
     beyond : the state after the jump; None where the force is too large.
     """
@@ -134,8 +135,13 @@ class LoadingCurve:
         """
         while True:
             after = next((k for k, point in enumerate(self.points) if self._excess(point, force) >= 0), None)
-            if after is not None:
-                return self.points[max(after - 1, 0)], self.points[after]
+            if after:
+                return self.points[after - 1], self.points[after]
+            first = self.points[0]
+            if after == 0 and not _close(first, force, FORCE_TOLERANCE):
+                raise ForceNotReached(first, self.points[-1])
+            if after == 0:
+                return first, first
             last = self.points[-1]
             if _close(last, force, FORCE_TOLERANCE):
                 return last, last

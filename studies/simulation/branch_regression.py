@@ -38,8 +38,9 @@ MOST_BRANCHES = 12
 """Most branches that are polished: one per decade holds every smooth relaxation within 6 %."""
 MOST_POINTS = 400
 """Most points that are fitted one by one: a recording of more is averaged, see `thinned`."""
-BINS = 40
-"""Intervals per decade of an average: within one, a branch falls by at most 2 % of its share."""
+BINS, GROUPS = 40, 200
+"""Intervals per decade of an average: within one, a branch falls by at most 2 % of its share. A recording is also cut
+into so many groups of readings: a short span has few of these intervals, but may show all of a decay."""
 REACH = {"relaxation": (1.0, 3.0), "dynamic": (3.0, 3.0)}
 """Factors by which times may be shorter than the shortest time of a test, and longer than its longest. A branch that
 has relaxed before a relaxation test begins leaves nothing to see."""
@@ -123,17 +124,17 @@ def kernel(test: Test, times: Array) -> Array:
 
 
 def thinned(test: Test) -> Test:
-    """Return a test of at most `MOST_POINTS` points as it is, of a longer one its means over log-spaced intervals.
+    """Return a test of at most `MOST_POINTS` points as it is, of a longer one its means over short intervals.
 
     A machine records at a constant rate: a fit of all points would take long, and gain nothing, because within an
-    interval the model is constant. Each mean has the weight of its readings.
+    interval the model is constant. Intervals are log-spaced, and hold at most 1 / `GROUPS` of the readings. Each mean
+    has the weight of its readings.
     """
-    if len(test.at) <= MOST_POINTS:
+    n = len(test.at)
+    if n <= MOST_POINTS:
         return test
-    count = int(np.ceil(BINS * np.log10(test.at[-1] / test.at[0])))
-    share = np.log(test.at / test.at[0]) / np.log(test.at[-1] / test.at[0])
-    place = np.minimum((count * share).astype(int), count - 1)
-    _, index, sizes = np.unique(place, return_inverse=True, return_counts=True)
+    places = np.column_stack([BINS * np.log10(test.at / test.at[0]), np.arange(n) * GROUPS / n]).astype(int)
+    _, index, sizes = np.unique(places, axis=0, return_inverse=True, return_counts=True)
     at = np.exp(np.bincount(index, np.log(test.at)) / sizes)
     values = np.bincount(index, test.values.real) / sizes
     if test.kind == "dynamic":

@@ -20,7 +20,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput
 from studies.inputs import table_input
 from studies.simulation.law_regression import nominal_stress
-from studies.simulation.tensile_test import STRESS, STRETCH, column_of, value_of
+from studies.simulation.tensile_test import STRESS, STRETCH, check_strain, column_of, value_of
 
 Kind = Literal["uniaxial", "relaxation", "dynamic"]
 
@@ -193,6 +193,9 @@ def _relaxation(table: _Table, nu: float, stretch: float | None, ramp: float | N
     _check_ramp(table, at, np.abs(stress), ramp)
     if held is None:
         return Test("relaxation", at, np.abs(stress), column, has_modulus=False, ramp=ramp)
+    if table.has(STRETCH):
+        name = next(name for name in table.header if name in STRETCH)
+        check_strain(table.path, name, np.full(len(stress), held), stress)
     factor = 2 * (1 + nu) / float(nominal_stress("neo-hookean", (), np.array(held)))
     return Test("relaxation", at, factor * stress, column, ramp=ramp)
 

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.bad_input import closest
-from geometry.design import BadInput
+from geometry.design import SILICONE_E, BadInput
 from studies.inputs import table_input
 
 STRETCH = {"stretch": (0.0, 1.0), "strain": (1.0, 1.0), "strain_percent": (1.0, 0.01)}
 """Columns of the deformation: stretch = first number + second number * value."""
+
+SAME_WORD = {"strain": "strain_percent", "strain_percent": "strain"}
+"""Columns that are easily taken for each other: 0.1 and 10 are one strain."""
 
 STRESS = {"nominal_stress_MPa": 1.0, "nominal_stress_kPa": 1e-3, "nominal_stress_Pa": 1e-6}
 """Columns of the force over the first cross-section, and their unit in MPa."""
@@ -87,6 +90,7 @@ def read(path: str) -> Specimen:
         stretch.append(value)
         stress.append(force)
     _check_curve(path, (header[along], header[across]), stretch, stress, [line for line, _ in rows])
+    check_strain(path, header[along], np.array(stretch), np.array(stress))
     return Specimen(np.array(stretch), np.array(stress), header[across])
 
 
@@ -108,6 +112,38 @@ def _check_curve(
             )
 
 
+def check_strain(path: str, column: str, stretch: Array, stress: Array) -> None:
+    """Refuse strains that give the modulus of no silicone, but would give one if they were fractions or percent.
+
+    The modulus is that of the neo-Hookean law through all points: stress = E / 3 (stretch - stretch^-2).
+
+    Parameters
+    ----------
+    column : name of the column of which the stretches are.
+    stretch, stress : shape (n,) each; stress in MPa.
+    """
+    if column not in SAME_WORD:
+        return
+    offset, factor = STRETCH[column]
+    otherwise = offset + STRETCH[SAME_WORD[column]][1] / factor * (stretch - offset)
+    if not (otherwise > 0).all():
+        return
+    stated, other = (_slope((at - at**-2.0) / 3, stress) for at in (stretch, otherwise))
+    low, high = SILICONE_E
+    if not low <= stated <= high and low <= other <= high:
+        raise BadInput(
+            f"{path!r}, column {column}: with these strains E would be about {stated:.3g} MPa, beyond the range of "
+            f"silicones, {low:g} to {high:g} MPa, and about {other:.3g} MPa if they were those of a column "
+            f"{SAME_WORD[column]}: call the column strain if 0.1 is 10 %, strain_percent if 10 is 10 %, or give a "
+            "column stretch"
+        )
+
+
+def _slope(x: Array, y: Array) -> float:
+    """Return the slope of the best line through the origin."""
+    return float(x @ y / (x @ x))
+
+
 def column_of(path: str, line: int, header: list[str], wanted: tuple[str, ...]) -> int:
     """Return the index of the only column with a wanted name."""
     found = [k for k, name in enumerate(header) if name in wanted]
@@ -117,6 +153,11 @@ def column_of(path: str, line: int, header: list[str], wanted: tuple[str, ...]) 
     if found:
         return found[0]
     for name in header:
+        if "%" in name and SAME_WORD["strain"] in wanted and name.casefold().startswith("strain"):
+            raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: did you mean strain_percent?")
+        same = [other for other in wanted if name.casefold() == other.casefold()]
+        if same:
+            raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: did you mean {same[0]}?")
         units = [other for other in wanted if name and other.casefold().startswith(f"{name.casefold()}_")]
         if units:
             raise BadInput(
