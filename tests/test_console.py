@@ -211,3 +211,11 @@ def test_what_takes_seconds_is_said_before(run, tmp_path, tokens, said):
     status, _, err = run(*tokens)
     assert status == 0
     assert said in err
+
+
+def test_the_shown_progress_never_falls(capsys):
+    """A solve that is done again in smaller steps begins its own progress again."""
+    with console.progress(as_json=False) as report:
+        for fraction, text in ((0.35, "first"), (0.87, "second"), (0.35, "again"), (1.0, "end")):
+            report(fraction, text)
+    assert capsys.readouterr().err.split("\n")[:4] == ["35 % first", "87 % second", "87 % again", "100 % end"]

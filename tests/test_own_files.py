@@ -103,3 +103,22 @@ def test_a_page_of_the_user_beside_results_of_earlier_versions_is_not_overwritte
     (tmp_path / "REPORT.md").write_text("# Mine\n")
     with pytest.raises(BadInput, match=r"REPORT\.md"):
         own_files.check(tmp_path, ("REPORT.md", "run.json"))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("explore", "paper", "--export", "mine.html"),
+        ("store", "export", "--out", "mine.csv"),
+        ("solve", "paper", "--depth", "1", "--out", "mine.vtu"),
+        ("solve", "paper", "--depth", "1", "--picture", "mine.png"),
+        ("table", "paper", "--step", "1", "--out", "mine.npy"),
+    ],
+)
+def test_no_verb_overwrites_a_single_file_of_the_user(run, tmp_path, command):
+    file = tmp_path / command[-1]
+    file.write_text("mine")
+    status, out, err = run(*command)
+    assert (status, out) == (2, "")
+    assert f"{file.name!r} was not written by magtip and would be overwritten: choose another name" in err
+    assert file.read_text() == "mine"

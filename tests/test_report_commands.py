@@ -60,13 +60,13 @@ def test_out_that_is_an_input_is_refused(run, folder):
     before = (folder / "sweep.csv").read_bytes()
     refusal(run("report", folder, "--out", folder / "sweep.csv"), "must end in .html")
     (folder / "link.html").symlink_to(folder / "sweep.csv")
-    refusal(run("report", folder, "--out", folder / "link.html"), "is also the input")
+    refusal(run("report", folder, "--out", folder / "link.html"), "would be overwritten")
     assert (folder / "sweep.csv").read_bytes() == before
 
 
 def test_html_file_of_someone_else_is_kept(run, folder):
     (folder / "report.html").write_text("<p>mine</p>")
-    refusal(run("report", folder), "is no report of magtip")
+    refusal(run("report", folder), "was not written by magtip and would be overwritten")
     assert (folder / "report.html").read_text() == "<p>mine</p>"
 
 

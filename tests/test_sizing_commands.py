@@ -8,6 +8,7 @@ import pytest
 
 from studies.cli import commands
 from studies.inputs.user_input import read_design
+from studies.output import atomic_files
 
 NEEDED = """
 force_z = "5 N"
@@ -92,13 +93,14 @@ def test_parts_of_earlier_requirements_are_removed(sizing, tmp_path):
     shutil.copytree(folder, tmp_path / "out")
     parts = tmp_path / "out" / "fabrication"
     parts.mkdir()
-    for file in (tmp_path / "out" / "winner.toml", parts / "base.stl", parts / "mine.txt"):
-        file.write_text("of an earlier sizing", encoding="utf-8")
-    (parts / "README.md").write_text("Made with `magtip cad`", encoding="utf-8")
+    for file in (tmp_path / "out" / "winner.toml", parts / "base.stl"):
+        atomic_files.write_text(file, "of an earlier sizing")
+    (parts / "mine.txt").write_text("mine", encoding="utf-8")
+    atomic_files.write_text(parts / "README.md", "Made with `magtip cad`")
     impossible = NEEDED.replace("100 %", "3 %").replace('"30 mm"', '"14 mm"')
     assert commands.run(size(tmp_path, impossible, store)) == 3
     assert not (tmp_path / "out" / "winner.toml").exists()
-    assert [file.name for file in parts.iterdir()] == ["mine.txt"]
+    assert [file.name for file in parts.glob("[!.]*")] == ["mine.txt"]
 
 
 def test_a_users_parts_are_refused_before_the_search(tmp_path, capsys):

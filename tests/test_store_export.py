@@ -12,6 +12,7 @@ from studies.exploration import store, store_export
 from studies.exploration.store import State
 from studies.exploration.store_fields import FIELDS
 from studies.inputs.option_groups import Selection
+from studies.output import atomic_files
 
 CONTENT = {
     "shape": {"D": 1.0, "L": 1.125},
@@ -89,9 +90,20 @@ def test_missing_numbers_of_a_parquet_file_are_null(file, tmp_path):
 
 def test_an_export_without_states_writes_nothing(file, tmp_path, refused):
     out = tmp_path / "states.csv"
-    out.write_text("mine")
+    atomic_files.write_text(out, "old")
     with refused("no state of the store", "meets the filters, so states.csv is not written"):
         exported(file, out, "nu=0.1")
+    assert out.read_text() == "old"
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
+def test_an_export_replaces_its_own_file_and_none_of_the_user(file, tmp_path, suffix, refused):
+    out = tmp_path / f"states.{suffix}"
+    for _ in range(2):
+        exported(file, out)
+    out.write_text("mine")
+    with refused("was changed after magtip had written it and would be overwritten: choose another name"):
+        exported(file, out)
     assert out.read_text() == "mine"
 
 
@@ -102,12 +114,12 @@ def test_an_export_has_a_suffix(file, tmp_path, refused):
 
 def test_an_export_that_breaks_off_leaves_the_old_file(file, tmp_path):
     out = tmp_path / "states.csv"
-    out.write_text("mine")
+    atomic_files.write_text(out, "old")
 
     def stop(fraction, text):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         store_export.export(Selection(store=file), out, stop)
-    assert out.read_text() == "mine"
+    assert out.read_text() == "old"
     assert sorted(path.name for path in tmp_path.iterdir() if "writing" in path.name) == []

@@ -94,7 +94,7 @@ def _array(values: tuple[Any, ...], kind: Kind) -> Any:
     """Return a column as an array, shape (n,); NULL is NaN or None."""
     import numpy as np
 
-    if kind == "text":
+    if kind in ("text", "text or number"):
         return np.array([value if value is None else str(value) for value in values], dtype=object)
     # NULL is NaN in an array of floats
     return np.array(values, dtype=float)

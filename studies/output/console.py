@@ -273,10 +273,11 @@ def say(text: str) -> None:
 def progress(*, as_json: bool) -> Iterator[Progress]:
     """Yield a callback that takes a fraction (0 to 1) and a text, and shows the progress on standard error.
 
-    A terminal shows a bar; otherwise each new text is a line, or nothing is shown where the output is JSON.
+    A terminal shows a bar; otherwise each new text is a line, or nothing is shown where the output is JSON. The shown
+    fraction never falls: a step that is done again, such as a solve in smaller increments, waits for the rest.
     """
     if not sys.stderr.isatty():
-        yield _silent if as_json else _Lines()
+        yield _silent if as_json else _rising(_Lines())
         return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -292,7 +293,19 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
     redirect = sys.stdout.isatty()
     with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=redirect) as bar:
         task = bar.add_task("loading", total=1.0)
-        yield lambda fraction, text: bar.update(task, completed=fraction, description=text)
+        yield _rising(lambda fraction, text: bar.update(task, completed=fraction, description=text))
+
+
+def _rising(show: Progress) -> Progress:
+    """Return a callback that shows the largest fraction so far."""
+    largest = 0.0
+
+    def report(fraction: float, text: str) -> None:
+        nonlocal largest
+        largest = max(largest, fraction)
+        show(largest, text)
+
+    return report
 
 
 class _Lines:

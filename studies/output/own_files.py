@@ -22,7 +22,10 @@ from geometry.design import BadInput
 LIST = ".magtip.files"
 """Name of the list of the files that magtip wrote into a folder."""
 
-ORIGIN = re.compile(rb"Made (with `magtip |on Python \d)|\"made\": \"on Python \d|^\| magtip \| ", re.MULTILINE)
+ORIGIN = re.compile(
+    rb"Made (with `magtip |on Python \d)|\"made\": \"on Python \d|^# Magnetic force sensor, D = |^\| magtip \| ",
+    re.MULTILINE,
+)
 """What pages and records of earlier versions say of their origin."""
 
 RECORD = "run.json"

@@ -90,7 +90,6 @@ def report(
     contents = folder_contents.read(folder)
     file = atomic_files.check_output_file(out or folder / "report.html", ".html", ".htm")
     atomic_files.check_apart([file], folder_contents.inputs(contents))
-    _check_replaced(file)
     sections, solved = [], list[Design]()
     for k, one in enumerate(contents):
         if progress is not None:
@@ -111,12 +110,6 @@ def report(
     remarks = tuple(f"{one.name}: {remark}" if one.name else remark for one in sections for remark in one.remarks)
     figures, surfaces = sum(len(one.figures) for one in sections), sum(len(one.surfaces) for one in sections)
     return Made(file, size, len(sections), figures, surfaces, remarks)
-
-
-def _check_replaced(file: Path) -> None:
-    """Refuse to replace a file that is no page of a report."""
-    if file.exists() and f'content="{GENERATOR}"' not in file.read_bytes()[:2000].decode("utf-8", "replace"):
-        raise BadInput(f"{str(file)!r} is there and is no report of magtip: choose another name for --out")
 
 
 def page(folder: Path, sections: Sequence[Section], command: str) -> str:
