@@ -26,6 +26,8 @@ from analytic.beam_terms.shear_terms import ShearState, cantilever, shear_respon
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load
 
+__all__ = ["LEVELS", "solve"]
+
 TERMS = {
     "column": Terms(),
     "tip": Terms(tip=True),

@@ -23,6 +23,8 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Response
 
+__all__ = ["Readings", "elements", "field_at", "readings"]
+
 Mode = Literal["component", "magnitude"]
 Field = Literal["exact", "paper", "paper-printed", "dipole"]
 FLIP = np.array([1.0, -1.0, -1.0])

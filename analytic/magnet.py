@@ -30,6 +30,8 @@ from geometry import compiled as compilation
 from geometry.arrays import Array
 from geometry.design import BadInput
 
+__all__ = ["cylinder_field", "cylinder_field_jacobian", "dipole_field", "meridian_field", "paper_field"]
+
 Pair = tuple[Array, Array]
 
 MIN_COMPILED_POINTS = 2000

@@ -22,6 +22,8 @@ from typing import Literal
 from analytic import reading_noise
 from geometry.design import BadInput, Design
 
+__all__ = ["CHIPS", "Chip", "Element", "of_design", "positions"]
+
 Vector = tuple[float, float, float]
 
 

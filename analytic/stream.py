@@ -21,6 +21,8 @@ from analytic.inverse.start_table import APART, BINS, CORRECTIONS, MARGIN, monom
 from analytic.magnet import meridian_field
 from geometry.loads import rotation_of
 
+__all__ = ["Sample", "Stream"]
+
 Vector = tuple[float, float, float]
 
 STEPS = 8

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+__all__ = ["FINE", "LEVELS", "QUICK", "STANDARD", "Accuracy"]
+
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:

@@ -32,6 +32,8 @@ from geometry.design import Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 
+__all__ = ["solve", "trace", "walk"]
+
 
 def solve(
     design: Design,
@@ -41,7 +43,38 @@ def solve(
     magnet: Magnet = "rigid",
     model: Model = "auto",
 ) -> Solution:
-    """Solve for the state under one load; see `walk`."""
+    """Solve for the state of the sensor under one load.
+
+    Parameters
+    ----------
+    design : the sensor; lengths in mm, E in MPa.
+    load : motion of the plate or grip: depth and shears in mm, tilt in rad.
+    accuracy : QUICK, STANDARD or FINE of `fem.accuracy`.
+    magnet : "rigid", or "ignored" for a beam that is all silicone.
+    model : "axisymmetric", "harmonic", "half" or "full"; "auto" takes the smallest one that can carry the load.
+
+    Returns
+    -------
+    Solution
+        Force in N, shift of the magnet in mm and tilt in rad (`response`), their estimated relative errors
+        (`estimates`), and `status`, `message` and `facts`. Where the solve stops early it is the last state that was
+        reached.
+
+    Raises
+    ------
+    BadInput
+        A value is out of range, or values exclude each other; the text says which, and the remedy.
+    TypeError
+        An argument is of another kind.
+
+    Examples
+    --------
+    >>> from fem.accuracy import QUICK
+    >>> from geometry.design import paper
+    >>> state = solve(paper(), Load(depth=0.1), QUICK)
+    >>> state.status, round(state.response.force[2], 2)
+    ('ok', 0.12)
+    """
     return trace(design, [load], accuracy, magnet=magnet, model=model)[-1]
 
 
@@ -55,7 +88,25 @@ def trace(
     estimate: bool = True,
     progress: Progress | None = None,
 ) -> list[Solution]:
-    """Return all states of `walk` for a scene of these values."""
+    """Solve for the states under loads that follow one another, such as presses to rising depths in mm.
+
+    Parameters
+    ----------
+    design, accuracy, magnet, model : as in `solve`.
+    loads : a path of loads of one kind (see `fem.scene.Scene`).
+    estimate : estimate errors from a second solve on a coarser mesh.
+    progress : called with the completed share of the path, 0 to 1, and a text.
+
+    Returns
+    -------
+    list of Solution
+        One for each load, as `solve` returns it; fewer where a solve stops early.
+
+    Raises
+    ------
+    BadInput, TypeError
+        As in `solve`.
+    """
     scene = Scene(design, tuple(loads), accuracy, magnet, model)
     return list(walk(scene, estimate=estimate, progress=progress))
 

@@ -35,6 +35,8 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 
+__all__ = ["solve_force", "walk_forces"]
+
 MOST_MESHES = 5
 """Largest number of meshes for one force. Two are usual; at the bound of two ranges each may lead to the other."""
 LEFT = 0.7

@@ -42,6 +42,8 @@ from geometry.cad import beam_volume, magnet_inertia, magnet_volume
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 
+__all__ = ["Modes", "modes"]
+
 SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
 MOST = 40

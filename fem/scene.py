@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from fem.accuracy import STANDARD, Accuracy
+from fem.accuracy import LEVELS, STANDARD, Accuracy
 from fem.material import Law, law
 from geometry.design import BadInput, Design, Shape
-from geometry.loads import Load, Magnet, check_load
+from geometry.loads import Load, Magnet, check_kinds, check_load
 
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 
@@ -60,10 +60,12 @@ class Scene:
     model: Model = "auto"
 
     def __post_init__(self) -> None:
+        _check_accuracy(self.accuracy)
         object.__setattr__(self, "loads", tuple(self.loads))
         if not self.loads:
             raise BadInput("a path needs at least one load")
         for load in self.loads:
+            check_kinds(self.design, load, self.magnet)
             _check_spot(self.design, load)
             check_load(self.design, load, self.magnet)
         object.__setattr__(self, "model", choose_model(self.loads, self.model))
@@ -192,6 +194,13 @@ def turns(loads: Sequence[Load]) -> bool:
     """
     fixed = {0.0} if any(load.plate_tilt or load.imperfection for load in loads) else set()
     return len({load.axis for load in loads if load.shears_tip} | fixed) > 1
+
+
+def _check_accuracy(accuracy: object) -> None:
+    """Refuse what is no accuracy, such as the name of a level."""
+    if not isinstance(accuracy, Accuracy):
+        names = ", ".join(name.upper() for name in LEVELS)
+        raise TypeError(f"accuracy must be {names} of fem.accuracy, or another Accuracy; got {accuracy!r}")
 
 
 def _check_path(loads: Sequence[Load]) -> None:

@@ -31,6 +31,8 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
+__all__ = ["SmallShear", "small_shear"]
+
 EDGE = 0.5
 """Edge length at the edge of the glued area over that of a shear along a path: an infinitesimal shear depends more
 on where exactly the press ends. At 1 the stiffness of one design of `magtip accuracy` was 4.7 % off at quick."""

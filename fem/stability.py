@@ -26,6 +26,8 @@ from fem.solvers.load_stepping import Path
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 
+__all__ = ["Critical", "critical"]
+
 DEEPEST = 0.5
 """Depth over the silicone's height up to which an instability is searched for."""
 STEP = 0.05

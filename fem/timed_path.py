@@ -39,6 +39,8 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
 
+__all__ = ["TimedLoad", "TimedState", "follow"]
+
 ViscousLaw = Literal["prony", "finite"]
 
 LEAST_TOLERANCE = 1e-7

@@ -49,6 +49,8 @@ from geometry.loads import Load, Magnet
 from geometry.prony import Relaxation
 from geometry.relaxation import relaxation_of
 
+__all__ = ["VibratingSensor", "Vibration", "vibrating_sensor"]
+
 FEWEST = 5.0
 """Fewest elements to the length of a shear wave: quadratic elements of length h then have waves that are wrong by
 (2 pi h / length)^4 / 1440 = 0.2 % in speed (Ainsworth 2004)."""

@@ -19,6 +19,8 @@ from typing import Any
 from geometry.bad_input import BadInput as BadInput
 from geometry.bad_input import nearest, no_effect
 
+__all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
+
 LEAST_WALL = 0.1
 """Least thickness of silicone between the magnet and any outer face, mm: a design below it is refused."""
 

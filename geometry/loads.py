@@ -5,16 +5,20 @@ Formulas and finite elements both take a `Load` and return a `Response`.
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 from geometry.design import BadInput, Design
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+__all__ = ["Load", "Response"]
 
 Magnet = Literal["rigid", "ignored"]
 Waveform = Literal["triangle", "sine"]
@@ -63,6 +67,10 @@ class Load:
     imperfection: float = 0.0
 
     def __post_init__(self) -> None:
+        for spec in dataclasses.fields(self):
+            value = getattr(self, spec.name)
+            if not _is_number(value) and spec.name not in ("friction", "grip"):
+                raise BadInput(f"{spec.name.replace('_', ' ')} must be a number; got {value!r:.60}")
         if not 0 <= self.depth < math.inf:
             raise BadInput(f"depth must be a finite number of mm, 0 or more; got {self.depth:g}")
         for name in ("shear_x", "shear_y"):
@@ -71,8 +79,8 @@ class Load:
         if isinstance(self.friction, str):
             if self.friction not in ("none", "stick"):
                 raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r}")
-        elif not 0 <= self.friction < math.inf:
-            raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction:g}")
+        elif not (_is_number(self.friction) and 0 <= self.friction < math.inf):
+            raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r:.60}")
         if not abs(self.plate_tilt) <= STEEPEST:
             raise BadInput(f"plate tilt must be within +-{STEEPEST:g} rad; got {self.plate_tilt:g}")
         if not math.isfinite(self.imperfection):
@@ -82,8 +90,8 @@ class Load:
         if self.grip is not None:
             if self.plate_tilt:
                 raise BadInput(f"a grip has no plate to tilt, so plate tilt must be 0; got {self.plate_tilt:g} rad")
-            if not 0 < self.grip < math.inf:
-                raise BadInput(f"grip must be a positive height in mm; got {self.grip:g}")
+            if not (_is_number(self.grip) and 0 < self.grip < math.inf):
+                raise BadInput(f"grip must be a positive height in mm; got {self.grip!r:.60}")
             if self.depth:
                 raise BadInput(f"a grip has no plate, so depth must be 0; got {self.depth:g} mm")
 
@@ -170,6 +178,10 @@ class Load:
         return round(angle - math.pi * math.ceil(angle / math.pi - 0.5 - 1e-12), 12) + 0.0
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, numbers.Real)
+
+
 @dataclass(frozen=True, slots=True)
 class Response:
     """The response of the sensor to a load, in the same form from formulas and from finite elements.
@@ -247,6 +259,16 @@ def tilts_of(rx: Angle, ry: Angle) -> tuple[Angle, Angle]:
     return 0.0 + ry, 0.0 - rx
 
 
+def check_kinds(design: object, load: object, magnet: object) -> None:
+    """Raise TypeError for what is no design or no load, BadInput for an unknown choice of the magnet."""
+    if not isinstance(design, Design):
+        raise TypeError(f"the design must be a Design, such as paper(); got {design!r:.60}")
+    if not isinstance(load, Load):
+        raise TypeError(f"the load must be a Load, such as Load(depth=1.0); got {load!r:.60}")
+    if magnet not in get_args(Magnet):
+        raise BadInput(f"magnet must be {' or '.join(get_args(Magnet))}; got {magnet!r}")
+
+
 def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
     """Raise BadInput for a load that is too large for the design.
 
@@ -258,9 +280,10 @@ def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
     - An imperfection alone must not bend the beam by more than the tip radius: a larger force is no small
       disturbance.
     """
+    check_kinds(design, load, magnet)
     rigid = magnet == "rigid"
     if rigid and not design.shape.has_magnet:
-        raise BadInput("this design has no magnet (magnet_diameter is 0): choose --magnet ignored")
+        raise BadInput("this design has no magnet (magnet_diameter is 0): choose the magnet ignored")
     room = design.L - (design.magnet_height if rigid else 0.0)
     if not load.depth < room:
         raise BadInput(
