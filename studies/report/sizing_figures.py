@@ -189,7 +189,7 @@ def made_within(table: Table) -> list[Figure]:
     )
     sensors = int(np.nan_to_num(table.floats("sensors")).max(initial=0))
     every = dict(zip(names, share.tolist(), strict=True))
-    caption = f"Bars are 95 % intervals for {sensors} made sensors."
+    caption = f"Bars are 95 % intervals for {sensors} made sensors, without the errors of the surrogate."
     if "all" in every:
         caption = f"{every['all']:.3g} % of {sensors} made sensors meet all requirements. {caption}"
     return [
