@@ -6,8 +6,7 @@ origin at its centre, z along the magnetisation.
 
 The exact field is computed in NumPy (`analytic.field.cylinder_numpy`) for fewer than `MIN_COMPILED_POINTS` points in
 a call. Larger calls, and `meridian_field` for loops over single points, use the same formulas compiled by numba
-(`analytic.field.cylinder_compiled`) if numba is installed (the extra `fast`). Without numba, larger calls use NumPy
-and `meridian_field` uses plain Python (`analytic.field.cylinder_pointwise`). All of them agree to 1e-13 of |B|. The
+(`analytic.field.cylinder_compiled`). Both agree to 1e-13 of |B|. The
 number of points in a call alone selects the implementation, so that a repeated call returns identical digits. Calls
 with 40 000 points or more use all cores (`geometry.compiled.threads`).
 

@@ -1,61 +1,52 @@
-"""Hyperelastic laws: one function per energy, with its stress and tangent.
+"""Isochoric laws of the silicone: energy, stress and tangent of each, once, in loops that numba compiles.
 
-The argument is the displacement gradient G = F - 1, not F, and the stresses are written so that no digits are lost
-when G is small (a contact of a nanometre has strains of 1e-12 far from the contact area).
-
-Near incompressibility is treated by a perturbed Lagrangian with an independent pressure p,
+The potential of an element couples the displacement with a pressure field p,
 
     Psi(F, p) = W(F) + p (J - 1) - p^2 / (2 K),        J = det F.
 
 It is stationary in p at p = K (J - 1), which gives the volumetric energy K/2 (J - 1)^2. 1/K = 0 (nu = 0.5) is
 allowed. W is isochoric, so p is the mean Cauchy stress, positive in tension.
 
-Components come first and points last, because loops are long over points: G and stresses have shape (3, 3, ...),
-tangents (9, 9, ...) or, for a selection of c components, (c, c, ...).
-
 Every law has the shear modulus mu at small strain as its scale. Its other constants are pure numbers, so stresses are
-proportional to mu at any strain.
+proportional to mu at any strain. Formulas keep their digits at small strains, and results include the energy, stress
+and tangent of p (J - 1).
+
+A law is a function of displacement gradients G = F - 1, J - 1, F^-T - 1, mu and p that writes W, P = dW/dF and
+A = dP/dF to given arrays (see `Law`); `evaluate` returns them instead. All arrays end with one axis over n points,
+which the innermost loops run along: the processor then works on four to eight points at once. Tensors have nine
+components in row-major order, (9, n), and tangents the shape (9, 9, n).
 """
 
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple, Protocol
+import math
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geometry.arrays import Array
+from geometry.compiled import compiled
 
-Components = tuple[int, ...]
-
-_LEAST = 1e-15 - 1
-_NONE: Array = np.empty(0)
-_UP, _DOWN = np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
-class Kinematics(NamedTuple):
-    """Quantities that every law computes from, for a displacement gradient G = F - 1."""
-
-    G: Array
-    """Displacement gradient, shape (3, 3, ...)."""
-    Jm1: Array
-    """J - 1 to full relative precision, shape (...)."""
-    Hm1: Array
-    """F^-T - 1 to full relative precision, shape (3, 3, ...)."""
-    H: Array
-    """F^-T, shape (3, 3, ...)."""
-    components: Components | None = None
-    """Positions in a row-major 3 x 3 tensor for which tangents are computed; None: all 9. The other components must
-    not couple to them, as in a section of revolution."""
-    tangent: bool = True
-    """Whether tangents are computed; if not, empty arrays are returned."""
+SWEEPS = 12
+"""Largest number of Jacobi sweeps for the eigenvalues of a 3 x 3 matrix; four to six are enough for all digits."""
 
 
 class Law(Protocol):
-    """A law with its constants: maps kinematics, mu and a pressure to W, P and dP/dF, like `neo_hookean`."""
+    """A law with its constants, which writes energies (n,), stresses (9, n) and, with `tangent`, tangents (9, 9, n).
 
-    def __call__(self, k: Kinematics, mu: Array | float, p: Array | float = ..., /) -> tuple[Array, Array, Array]: ...
+    Parameters
+    ----------
+    G, Jm1, Hm1 : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
+    mu, p : (n,) shear moduli and pressures; both times weights give results times these weights.
+    step : 2 if only the components 0, 2, 4, 6, 8 differ from zero, those of an axisymmetric deformation: other
+        entries of tangents may then not be written; 1 for all nine.
+    """
+
+    def __call__(
+        self, G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
+        tangent: bool, step: int = 1,
+    ) -> None: ...  # fmt: skip
 
 
 def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
@@ -72,68 +63,29 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
     raise ValueError(f"there is no law {name} with {len(numbers)} numbers")
 
 
-NEO_HOOKEAN, MOONEY_RIVLIN, YEOH, OGDEN = range(4)
-"""Numbers of the laws, for loops that numba compiles."""
+def evaluate(
+    law: Law, G: Array, mu: Array | float = 1.0, p: Array | float = 0.0, *, tangent: bool = True
+) -> tuple[Array, Array, Array]:
+    """Return W (...), P (3, 3, ...) and, with `tangent`, A (9, 9, ...) of displacement gradients G (3, 3, ...), MPa.
 
-
-def numbered(law: Law) -> tuple[int, Array] | None:
-    """Return number and constants (3,) of a law from `law`; None for any other function."""
-    constants = law.keywords if isinstance(law, functools.partial) else {}
-    function = law.func if isinstance(law, functools.partial) else law
-    if function is neo_hookean:
-        return NEO_HOOKEAN, np.zeros(3)
-    if function is mooney_rivlin:
-        return MOONEY_RIVLIN, np.array([constants["share"], 0, 0])
-    if function is yeoh:
-        return YEOH, np.array([constants["c2"], constants["c3"], 0])
-    if function is ogden and len(constants["alphas"]) == 2:
-        return OGDEN, np.array([*constants["alphas"], constants["shares"][1]])
-    return None
-
-
-class Strain(NamedTuple):
-    """A displacement gradient (3, 3, ...), J - 1 (...) and cof F - J 1 (3, 3, ...), the last two to full relative
-    precision.
+    Parameters
+    ----------
+    mu, p : shear modulus and pressure, numbers or of a shape that fits (...), MPa.
     """
-
-    G: Array
-    Jm1: Array
-    cofactor_excess: Array
-
-
-def strain(G: Array) -> Strain:
-    """Return the strain of a displacement gradient, shape (3, 3, ...).
-
-    cof (1 + G) = 1 + tr G - G^T + cof G, and J = 1 + tr G + tr cof G + det G.
-    """
-    up, down = G.take(_UP, axis=0), G.take(_DOWN, axis=0)
-    cofactor_excess = up.take(_UP, axis=1) * down.take(_DOWN, axis=1)
-    cofactor_excess -= up.take(_DOWN, axis=1) * down.take(_UP, axis=1)
-    higher = _trace(cofactor_excess) + np.einsum("j...,j...->...", G[0], cofactor_excess[0])
-    cofactor_excess -= np.swapaxes(G, 0, 1)
-    diagonal = _diagonal(cofactor_excess)
-    diagonal -= higher
-    return Strain(G, _trace(G) + higher, cofactor_excess)
+    shape, flat = G.shape[2:], np.array(G, dtype=np.float64).reshape(9, -1)
+    n = flat.shape[1]
+    Jm1, Hm1 = strains(flat)
+    mu, p = (np.broadcast_to(np.asarray(v, dtype=np.float64), shape).reshape(n).copy() for v in (mu, p))
+    W, P, A = np.empty(n), np.empty((9, n)), np.zeros((9, 9, n if tangent else 0))
+    law(flat, Jm1, Hm1, mu, p, W, P, A, tangent=tangent)
+    return W.reshape(shape), P.reshape(3, 3, *shape), A.reshape(9, 9, *shape) if tangent else A
 
 
-def kinematics(strain: Strain, components: Components | None = None, *, tangent: bool = True) -> Kinematics:
-    """Return the kinematics of a strain whose J is not zero."""
-    Hm1 = strain.cofactor_excess / (1 + strain.Jm1)
-    return Kinematics(strain.G, strain.Jm1, Hm1, Hm1 + _unit(Hm1), components, tangent)
-
-
-def _diagonal(T: Array) -> Array:
-    """Return a view of the diagonal of tensors (k, k, ...), shape (k, ...)."""
-    return np.asarray(np.einsum("ii...->i...", T))
-
-
-def _trace(T: Array) -> Array:
-    return np.asarray(T[0, 0] + T[1, 1] + T[2, 2])
-
-
-def _unit(T: Array) -> Array:
-    """Return the unit tensor in a shape that can be added to tensors (3, 3, ...)."""
-    return np.eye(3).reshape(3, 3, *(1,) * (T.ndim - 2))
+def strains(G: Array) -> tuple[Array, Array]:
+    """Return J - 1 (n,) and F^-T - 1 (9, n) of displacement gradients (9, n), both to full relative precision."""
+    Jm1, Hm1 = np.empty(G.shape[1]), np.empty(G.shape)
+    kinematics(G, Jm1, Hm1)
+    return Jm1, Hm1
 
 
 def lame(E: float, nu: float) -> tuple[float, float]:
@@ -145,85 +97,345 @@ def lame(E: float, nu: float) -> tuple[float, float]:
     return E / (2 * (1 + nu)), 3 * (1 - 2 * nu) / E
 
 
-def _multiply(X: Array, Y: Array) -> Array:
-    """Return X Y of tensors (3, 3, ...)."""
-    return np.asarray(np.einsum("ij...,jk...->ik...", X, Y))
+@compiled
+def kinematics(G, Jm1, Hm1):
+    """Write J - 1 (n,) and, unless that is empty, F^-T - 1 (9, n) of displacement gradients."""
+    n = len(Jm1)
+    full = len(Hm1) > 0
+    minors = Hm1 if full else np.empty((9, n))
+    for i in range(3):
+        for j in range(3):
+            i1, i2, j1, j2 = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            a, b, c, d = G[3 * i1 + j1], G[3 * i2 + j2], G[3 * i1 + j2], G[3 * i2 + j1]
+            row = minors[3 * i + j]
+            for x in range(n):
+                row[x] = a[x] * b[x] - c[x] * d[x]
+    higher = np.empty(n)
+    a, b, c = minors[0], minors[4], minors[8]
+    for x in range(n):
+        higher[x] = a[x] + b[x] + c[x]
+    for j in range(3):
+        a, b = G[j], minors[j]
+        for x in range(n):
+            higher[x] += a[x] * b[x]
+    a, b, c = G[0], G[4], G[8]
+    for x in range(n):
+        Jm1[x] = a[x] + b[x] + c[x] + higher[x]
+    if full:
+        for i in range(3):
+            for j in range(3):
+                row, a = Hm1[3 * i + j], G[3 * j + i]
+                for x in range(n):
+                    row[x] = (row[x] - a[x] - (higher[x] if i == j else 0.0)) / (1 + Jm1[x])
 
 
-@functools.lru_cache
-def _places(components: Components | None) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the positions (c,) of components iJ, and (c, c) of iL and kJ for the pairs (iJ), (kL)."""
-    own = np.arange(9) if components is None else np.array(components)
-    i, J = np.divmod(own, 3)
-    return own, 3 * i[:, None] + J, 3 * i + J[:, None]
+@compiled
+def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent, step):
+    """Write what `neo_hookean` does."""
+    n = len(mu)
+    s, excess, rest, by_F, by_H = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    a, b, c = G[0], G[4], G[8]
+    for x in range(n):
+        excess[x] = 2 * (a[x] + b[x] + c[x])
+    for e in range(9):
+        a = G[e]
+        for x in range(n):
+            excess[x] += a[x] * a[x]
+    for x in range(n):
+        less = math.expm1(-2 / 3 * math.log1p(Jm1[x]))
+        s[x] = mu[x] * (1 + less)
+        excess[x] *= s[x] / 3
+        W[x] = 1.5 * (excess[x] + mu[x] * less) + p[x] * Jm1[x]
+        rest[x] = p[x] * (1 + Jm1[x])
+        by_F[x], by_H[x] = -2 / 3 * s[x], (s[x] + excess[x]) / 3 + rest[x] / 2
+        rest[x] -= excess[x]
+    F, H = _add_unit(G), _add_unit(Hm1)
+    for e in range(9):
+        row, a, b, c = P[e], G[e], Hm1[e], H[e]
+        for x in range(n):
+            row[x] = s[x] * (a[x] - b[x]) + rest[x] * c[x]
+    if tangent:
+        for e in range(9):
+            row, c = F[e], H[e]
+            for x in range(n):
+                row[x] = by_F[x] * row[x] + by_H[x] * c[x]
+        for x in range(n):
+            rest[x] = s[x] - rest[x]
+        _write_tangent(F, H, rest, A, step)
+        for e in range(0, 9, step):
+            row = A[e, e]
+            for x in range(n):
+                row[x] += s[x]
 
 
-def _select(T: Array, components: Components | None) -> Array:
-    """Return the selected components of tensors (3, 3, ...), shape (c, ...)."""
-    T = T.reshape(9, *T.shape[2:])
-    return T if components is None else T[_places(components)[0]]
+@compiled
+def _add_unit(T):
+    """Return 1 + T."""
+    out = np.empty_like(T)
+    for e in range(9):
+        one, row, a = 1.0 if e % 4 == 0 else 0.0, out[e], T[e]
+        for x in range(len(row)):
+            row[x] = a[x] + one
+    return out
 
 
-def _select_pairs(A: Array, components: Components | None) -> Array:
-    """Return the selected components of tangents (9, 9, ...), shape (c, c, ...)."""
-    own = _places(components)[0]
-    return A if components is None else A[own[:, None], own]
+@compiled
+def _write_tangent(X, H, cross, A, step):
+    """Write A = X H + H X + cross H_iL H_kJ, for each `step`-th component."""
+    n, crossed = len(cross), np.empty_like(H)
+    for e in range(9):
+        row, a = crossed[e], H[e]
+        for x in range(n):
+            row[x] = cross[x] * a[x]
+    for e in range(0, 9, step):
+        a, b = X[e], H[e]
+        for d in range(e, 9, step):
+            row, c, f, g, h = A[e, d], X[d], H[d], crossed[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
+            for x in range(n):
+                row[x] = a[x] * f[x] + b[x] * c[x] + g[x] * h[x]
+            if d > e:
+                mirrored = A[d, e]
+                for x in range(n):
+                    mirrored[x] = row[x]
 
 
-def _pairs(X: Array, Y: Array, components: Components | None = None) -> Array:
-    """Return X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (c, c, ...)."""
-    if components is None:
-        return np.asarray(X[:, None, None] * np.swapaxes(Y, 0, 1)[None, :, :, None]).reshape(9, 9, *X.shape[2:])
-    _, first, second = _places(components)
-    return np.asarray(X.reshape(9, *X.shape[2:])[first] * Y.reshape(9, *Y.shape[2:])[second])
+@compiled
+def add_pressure(Jm1, Hm1, p, W, P, A, tangent, step):
+    """Add energy p (J - 1), stress p J H and tangent p J (H_iJ H_kL - H_iL H_kJ), H = F^-T; `step` as in `Law`."""
+    n, H, pJ = len(p), _add_unit(Hm1), np.empty(len(p))
+    for x in range(n):
+        pJ[x] = p[x] * (1 + Jm1[x])
+        W[x] += p[x] * Jm1[x]
+    for e in range(9):
+        row, a = P[e], H[e]
+        for x in range(n):
+            row[x] += pJ[x] * a[x]
+    if tangent:
+        for e in range(0, 9, step):
+            for d in range(0, 9, step):
+                row, a, b, c, f = A[e, d], H[e], H[d], H[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
+                for x in range(n):
+                    row[x] += pJ[x] * (a[x] * b[x] - c[x] * f[x])
 
 
-def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
-    """Return x H + H x for x (c, ...), plus `cross` (...) times H_iL H_kJ, shape (c, c, ...)."""
-    H = _select(k.H, k.components)
-    A = x[:, None] * H
-    A += H[:, None] * x
-    A += _pairs(cross * k.H, k.H, k.components)
-    return A
+@compiled
+def _transform(first, second, A, B):
+    """Write B_iJkL = first_ia second_Jb first_kc second_Ld A_abcd for matrices (9, n); B may be A."""
+    n = A.shape[2]
+    half, partial = np.empty_like(A), np.empty((3, n))
+    # the row pair is transformed and exchanged with the column pair, twice
+    for side in range(2):
+        source, target = (A, half) if side == 0 else (half, B)
+        for d in range(9):
+            for J in range(3):
+                for a in range(3):
+                    row, c0, c1, c2 = partial[a], second[3 * J], second[3 * J + 1], second[3 * J + 2]
+                    s0, s1, s2 = source[3 * a, d], source[3 * a + 1, d], source[3 * a + 2, d]
+                    for x in range(n):
+                        row[x] = c0[x] * s0[x] + c1[x] * s1[x] + c2[x] * s2[x]
+                s0, s1, s2 = partial[0], partial[1], partial[2]
+                for i in range(3):
+                    row, c0, c1, c2 = target[d, 3 * i + J], first[3 * i], first[3 * i + 1], first[3 * i + 2]
+                    for x in range(n):
+                        row[x] = c0[x] * s0[x] + c1[x] * s1[x] + c2[x] * s2[x]
 
 
-def neo_hookean(k: Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
-    """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3), and p (J - 1).
+@compiled
+def _add_inverse_stress(Hm1, Q, P, T, own):
+    """Add the stress of `mooney_rivlin` in F^-T, whose stress by F^-T is Q.
 
-    P = mu J^-2/3 (F - I1/3 F^-T) + p J F^-T. The first term is evaluated as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T],
-    which keeps its digits at small strain.
+    Write F^-1 to T and that stress to own.
+    """
+    n, H = Hm1.shape[1], _add_unit(Hm1)
+    for e in range(9):
+        a, b, row, total = H[e % 3 * 3 + e // 3], T[e], own[e], P[e]
+        for x in range(n):
+            b[x], row[x] = a[x], 0.0
+        for i in range(3):
+            for j in range(3):
+                c, f, g = H[e // 3 * 3 + i], Q[3 * j + i], H[3 * j + e % 3]
+                for x in range(n):
+                    row[x] -= c[x] * f[x] * g[x]
+        for x in range(n):
+            total[x] += row[x]
+
+
+@compiled
+def _exchange_indices(B, C):
+    """Write the tangent B by F^-T to C for `_transform`: the indices of each pair change places.
+
+    That is because dH_aB = -H_aJ dF_iJ H_iB, where J belongs to a and i to B.
+    """
+    for e in range(9):
+        for d in range(9):
+            row, a = C[e, d], B[e % 3 * 3 + e // 3, d % 3 * 3 + d // 3]
+            for x in range(len(row)):
+                row[x] = a[x]
+
+
+@compiled
+def _add_inverse_tangent(H, C, own, A):
+    """Add the tangent of `mooney_rivlin` in F^-T = H from `_exchange_indices` and `_transform`."""
+    for e in range(9):
+        for d in range(9):
+            iL, kJ = e // 3 * 3 + d % 3, d // 3 * 3 + e % 3
+            row, a, b, c, f, g = A[e, d], C[e, d], H[iL], own[kJ], H[kJ], own[iL]
+            for x in range(len(row)):
+                row[x] += a[x] - b[x] * c[x] - f[x] * g[x]
+
+
+@compiled
+def _yeoh(mu, c2, c3, W, P, A, tangent, step):
+    """Turn the neo-Hookean law with modulus 1 into `yeoh`, a polynomial of its energy."""
+    n = len(mu)
+    first, second = np.empty(n), np.empty(n)
+    for x in range(n):
+        y = 2 * W[x]
+        first[x] = mu[x] * (1 + 2 * c2 * y + 3 * c3 * y * y)
+        second[x] = 2 * mu[x] * (2 * c2 + 6 * c3 * y)
+        W[x] = mu[x] / 2 * y * (1 + c2 * y + c3 * y * y)
+    if tangent:
+        for e in range(0, 9, step):
+            for d in range(0, 9, step):
+                row, a, b = A[e, d], P[e], P[d]
+                for x in range(n):
+                    row[x] = first[x] * row[x] + second[x] * a[x] * b[x]
+    for e in range(9):
+        row = P[e]
+        for x in range(n):
+            row[x] *= first[x]
+
+
+@compiled
+def eigenvectors(S, values, N):
+    """Write eigenvalues (3,) and eigenvectors (3, 3), in columns, of a symmetric matrix by Jacobi's method.
+
+    S is overwritten. LAPACK would take ten times as long on so small a matrix.
+    """
+    for i in range(3):
+        for j in range(3):
+            N[i, j] = 1.0 if i == j else 0.0
+    for _ in range(SWEEPS):
+        if S[0, 1] == 0.0 and S[0, 2] == 0.0 and S[1, 2] == 0.0:
+            break
+        for i in range(2):
+            for j in range(i + 1, 3):
+                if S[i, j] == 0.0:
+                    continue
+                half = (S[j, j] - S[i, i]) / (2 * S[i, j])
+                t = math.copysign(1.0, half) / (abs(half) + math.hypot(half, 1.0))
+                c = 1 / math.sqrt(t * t + 1)
+                s, k = t * c, 3 - i - j
+                S[i, i], S[j, j] = S[i, i] - t * S[i, j], S[j, j] + t * S[i, j]
+                S[i, j] = S[j, i] = 0.0
+                S[k, i], S[k, j] = c * S[k, i] - s * S[k, j], s * S[k, i] + c * S[k, j]
+                S[i, k], S[j, k] = S[k, i], S[k, j]
+                for r in range(3):
+                    N[r, i], N[r, j] = c * N[r, i] - s * N[r, j], s * N[r, i] + c * N[r, j]
+    for i in range(3):
+        values[i] = S[i, i]
+
+
+@compiled
+def _quotient(beta, d, around):
+    """Return 2 (exp(beta x) - exp(beta y)) / (exp(2 x) - exp(2 y)), d = x - y, around = x + y; at d = 0 its limit."""
+    ratio = beta / 2 if d == 0 else math.sinh(beta * d / 2) / math.sinh(d)
+    return 2 * math.exp((beta / 2 - 1) * around) * ratio
+
+
+@compiled
+def _ogden(G, mu, alphas, shares, W, P, A, spatial, material, tangent):
+    """Write energy and stress of `ogden` without pressure, point by point.
+
+    With `tangent`, A receives the tangents in the principal frame, and spatial and material the matrices (9, n) that
+    turn these to the frame of F.
+    """
+    n = len(mu)
+    F, S, N, e = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    h, t, s, stress, theta = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for x in range(n):
+        for i in range(9):
+            F[i // 3, i % 3] = G[i, x]
+        for i in range(3):
+            for j in range(3):
+                S[i, j] = F[i, j] + F[j, i] + F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
+        eigenvectors(S, e, N)
+        for a in range(3):
+            h[a] = math.log1p(max(e[a], 1e-15 - 1)) / 2
+        middle, energy, constant = (h[0] + h[1] + h[2]) / 3, 0.0, 0.0
+        t[:], s[:], theta[:] = 0.0, 0.0, 0.0
+        for term in range(len(alphas)):
+            alpha, share = alphas[term], shares[term]
+            constant += 2 * share / alpha
+            weight = 2 * share / alpha * math.exp(-alpha * middle)
+            for a in range(3):
+                power = math.expm1(alpha * (h[a] - middle))
+                energy += 2 * share / alpha**2 * power
+                t[a] += 2 * share / alpha * power
+                s[a] += 2 * share * (1 + power)
+                for b in range(3):
+                    if tangent and a != b:
+                        theta[a, b] += weight * _quotient(alpha - 2, h[a] - h[b], h[a] + h[b])
+        W[x] = mu[x] * energy
+        mean = (t[0] + t[1] + t[2]) / 3
+        for a in range(3):
+            stress[a] = mu[x] * (t[a] - mean) * math.exp(-2 * h[a])
+            for i in range(3):
+                material[3 * i + a, x] = N[i, a]
+                spatial[3 * i + a, x] = N[i, a] + F[i, 0] * N[0, a] + F[i, 1] * N[1, a] + F[i, 2] * N[2, a]
+        for i in range(9):
+            P[i, x] = 0.0
+            for a in range(3):
+                P[i, x] += spatial[i // 3 * 3 + a, x] * stress[a] * material[i % 3 * 3 + a, x]
+        if tangent:
+            _write_principal_tangent(x, mu[x], stress, s, theta, constant + mean, h, A)
+
+
+@compiled
+def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
+    """Write dP/dF of point x over pairs of principal directions (spatial, material) to A.
 
     Parameters
     ----------
-    k : kinematics of G, shape (3, 3, ...).
-    mu : shear modulus, a number or shape (...), MPa.
-    p : pressure (the mean Cauchy stress), a number or shape (...), MPa; its energy, stress and tangent are added to
-        those of the law.
-
-    Returns
-    -------
-    W (...), first Piola-Kirchhoff stress P (3, 3, ...), and tangent dP/dF (9, 9, ...) or (c, c, ...), MPa.
+    stress : principal second Piola-Kirchhoff stresses, with mu.
+    s : sum over the terms of 2 share l^alpha, whose deviator in both indices is the derivative of the Kirchhoff
+        stresses by the logarithmic strains h.
+    theta, constant : divided differences of the stresses by the Green strains, without those of their mean.
     """
-    G, H = k.G, k.H
-    I1m3 = 2 * _trace(G) + np.einsum("ij...,ij...->...", G, G)
-    less = np.expm1(-2 / 3 * np.log1p(k.Jm1))
-    s = mu * (1 + less)
-    excess, pJ = s * I1m3 / 3, p * (1 + k.Jm1)
-    W = 1.5 * (excess + mu * less) + p * k.Jm1
-    P = s * (G - k.Hm1)
-    P += (pJ - excess) * H
-    if not k.tangent:
-        return W, P, _NONE
-    F, H = _select(G + _unit(G), k.components), _select(H, k.components)
-    A = _tangent(k, (-2 / 3 * s) * F + ((s + excess) / 3 + pJ / 2) * H, s + excess - pJ)
-    diagonal = _diagonal(A)
-    diagonal += s
-    return W, P, A
+    for e in range(9):
+        for d in range(9):
+            A[e, d, x] = 0.0
+    total = (s[0] + s[1] + s[2]) / 9
+    for a in range(3):
+        own = math.exp(-2 * h[a])
+        for b in range(3):
+            D = total - (s[a] + s[b]) / 3 + (s[a] if a == b else 0.0)
+            A[4 * a, 4 * b, x] += mu * D * own * math.exp(-2 * h[b])
+            A[3 * a + b, 3 * a + b, x] += stress[b] * own
+            if a == b:
+                A[4 * a, 4 * a, x] -= 2 * stress[a] * own
+            else:
+                half = mu / 2 * (theta[a, b] - constant * _quotient(-2.0, h[a] - h[b], h[a] + h[b]))
+                A[3 * a + b, 3 * a + b, x] += half
+                A[3 * a + b, 3 * b + a, x] += half
+
+
+def neo_hookean(
+    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
+    tangent: bool, step: int = 1,
+) -> None:  # fmt: skip
+    """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3); parameters as of `Law`.
+
+    P = mu J^-2/3 (F - I1/3 F^-T) is evaluated as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T], which keeps its digits at
+    small strain. With s = mu J^-2/3, its tangent is s 1 - 2/3 s (F H + H F) + s I1/3 (H_iL H_kJ + 2/3 H H), H = F^-T.
+    """
+    _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent, step)
 
 
 def mooney_rivlin(
-    k: Kinematics, mu: Array | float, p: Array | float = 0.0, *, share: float
-) -> tuple[Array, Array, Array]:
+    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
+    tangent: bool, step: int = 1, share: float,
+) -> None:  # fmt: skip
     """Isochoric Mooney-Rivlin law, W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)], I' of J^-1/3 F.
 
     I2'(F) = I1'(F^-T), so the second term is the neo-Hookean law of H = F^-T, with Q its stress:
@@ -231,53 +443,40 @@ def mooney_rivlin(
 
     Parameters
     ----------
-    share : C01 / (C10 + C01), with C10 + C01 = mu / 2.
-
-    Returns
-    -------
-    As `neo_hookean`.
+    share : C01 / (C10 + C01), with C10 + C01 = mu / 2. The others are those of `Law`; all components are written.
     """
-    W1, P1, A1 = neo_hookean(k._replace(components=None), (1 - share) * mu, p)
-    H = k.H
-    inverse = Kinematics(k.Hm1, -k.Jm1 / (1 + k.Jm1), k.G, k.G + _unit(k.G), tangent=k.tangent)
-    W2, Q, B = neo_hookean(inverse, share * mu)
-    P2 = -_multiply(_multiply(H, np.swapaxes(Q, 0, 1)), H)
-    W, P = W1 + W2, P1 + P2
-    if not k.tangent:
-        return W, P, _NONE
-    cross, B = (np.moveaxis(T, (0, 1), (-2, -1)) for T in (_pairs(H, H), B))
-    mixed = _pairs(H, P2)
-    A2 = np.moveaxis(cross @ B @ cross, (-2, -1), (0, 1)) - mixed - np.swapaxes(mixed, 0, 1)
-    return W, P, _select_pairs(A1 + A2, k.components)
+    W2, Q, B = np.empty_like(W), np.empty_like(P), np.empty_like(A)
+    _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, tangent, 1)
+    _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, tangent, 1)
+    W += W2
+    T, own = np.empty_like(P), np.empty_like(P)
+    _add_inverse_stress(Hm1, Q, P, T, own)
+    if tangent:
+        H, C = _add_unit(Hm1), np.empty_like(A)
+        _exchange_indices(B, C)
+        _transform(H, T, C, C)
+        _add_inverse_tangent(H, C, own, A)
 
 
 def yeoh(
-    k: Kinematics, mu: Array | float, p: Array | float = 0.0, *, c2: float, c3: float
-) -> tuple[Array, Array, Array]:
+    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
+    tangent: bool, step: int = 1, c2: float, c3: float,
+) -> None:  # fmt: skip
     """Isochoric Yeoh law, W = mu/2 (x + c2 x^2 + c3 x^3) with x = I1' - 3, I1' of J^-1/3 F.
 
     Parameters
     ----------
-    c2, c3 : C20 / C10 and C30 / C10, with C10 = mu / 2.
-
-    Returns
-    -------
-    As `neo_hookean`.
+    c2, c3 : C20 / C10 and C30 / C10, with C10 = mu / 2. The others are those of `Law`.
     """
-    half, slope, A = neo_hookean(k, 1.0)
-    x = 2 * half
-    first = mu * (1 + 2 * c2 * x + 3 * c3 * x**2)
-    second = mu * (2 * c2 + 6 * c3 * x)
-    W, P = mu / 2 * x * (1 + c2 * x + c3 * x**2), first * slope
-    if not k.tangent:
-        return _add_pressure(W, P, _NONE, k, p)
-    own = _select(slope, k.components)
-    return _add_pressure(W, P, first * A + 2 * second * own[:, None] * own, k, p)
+    _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, tangent, step)
+    _yeoh(mu, c2, c3, W, P, A, tangent, step)
+    add_pressure(Jm1, Hm1, p, W, P, A, tangent, step)
 
 
 def ogden(
-    k: Kinematics, mu: Array | float, p: Array | float = 0.0, *, alphas: tuple[float, ...], shares: tuple[float, ...]
-) -> tuple[Array, Array, Array]:
+    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
+    tangent: bool, step: int = 1, alphas: tuple[float, ...], shares: tuple[float, ...],
+) -> None:  # fmt: skip
     """Isochoric Ogden law, W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), l of J^-1/3 F.
 
     With h the logarithms of the stretches less their mean, the principal Kirchhoff stresses are tau_a = t_a -
@@ -287,88 +486,11 @@ def ogden(
 
     Parameters
     ----------
-    alphas, shares : exponents, not 0, and mu_i / mu, which add up to 1.
-
-    Returns
-    -------
-    As `neo_hookean`.
+    alphas, shares : exponents, not 0, and mu_i / mu, which add up to 1. The others are those of `Law`; all
+        components are written.
     """
-    G = np.moveaxis(k.G, (0, 1), (-2, -1))
-    twice = G + np.swapaxes(G, -1, -2) + np.swapaxes(G, -1, -2) @ G
-    e, N = np.linalg.eigh(twice)
-    h = np.log1p(np.maximum(e, _LEAST)) / 2
-    middle = h.mean(axis=-1, keepdims=True)
-    isochoric = h - middle
-    scale = np.asarray(mu, dtype=np.float64)[..., None]
-    W, t, s = np.zeros_like(h), np.zeros_like(h), np.zeros_like(h)
-    theta = np.zeros((*h.shape, 3))
-    d, around = h[..., :, None] - h[..., None, :], h[..., :, None] + h[..., None, :]
-    for alpha, share in zip(alphas, shares, strict=True):
-        power = np.expm1(alpha * isochoric)
-        W += 2 * share / alpha**2 * power
-        t += 2 * share / alpha * power
-        s += 2 * share * (1 + power)
-        weight = 2 * share / alpha * np.exp(-alpha * middle)[..., None]
-        theta += weight * _quotient(alpha - 2, d, around)
-    mean = t.mean(axis=-1, keepdims=True)
-    inverse, n = np.exp(-2 * h), N + G @ N
-    S = (t - mean) * inverse
-    W = (scale * W).sum(axis=-1)
-    P = np.moveaxis(scale[..., None] * ((n * S[..., None, :]) @ np.swapaxes(N, -1, -2)), (-2, -1), (0, 1))
-    if not k.tangent:
-        return _add_pressure(W, P, _NONE, k, p)
-    constant = mean + sum(2 * share / alpha for alpha, share in zip(alphas, shares, strict=True))
-    theta -= constant[..., None] * _quotient(-2.0, d, around)
-    centred = np.eye(3) - 1 / 3
-    D = centred @ (s[..., :, None] * centred)
-    frame = (n[..., :, None, :, None] * N[..., None, :, None, :]).reshape(*G.shape[:-2], 9, 9)
-    A = scale[..., None] * (frame @ _principal_tangent(S, D, theta, inverse) @ np.swapaxes(frame, -1, -2))
-    return _add_pressure(W, P, _select_pairs(np.moveaxis(A, (-2, -1), (0, 1)), k.components), k, p)
-
-
-def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Array:
-    """Return dP/dF over pairs of principal directions (spatial, material), shape (..., 9, 9).
-
-    Parameters
-    ----------
-    S : principal second Piola-Kirchhoff stresses, shape (..., 3).
-    D : derivatives of the Kirchhoff stresses by the logarithmic strains, shape (..., 3, 3).
-    theta : divided differences of S by the Green strains, shape (..., 3, 3).
-    inverse : 1 / l^2, shape (..., 3).
-    """
-    M = np.zeros((*S.shape[:-1], 3, 3, 3, 3))
-    for a in range(3):
-        for b in range(3):
-            M[..., a, a, b, b] += D[..., a, b] * inverse[..., a] * inverse[..., b]
-            M[..., a, b, a, b] += S[..., b] * inverse[..., a]
-            if a == b:
-                M[..., a, a, a, a] -= 2 * S[..., a] * inverse[..., a]
-            else:
-                M[..., a, b, a, b] += theta[..., a, b] / 2
-                M[..., a, b, b, a] += theta[..., a, b] / 2
-    return np.asarray(M.reshape(*S.shape[:-1], 9, 9))
-
-
-def _quotient(beta: float, d: Array, around: Array) -> Array:
-    """Return 2 (exp(beta x) - exp(beta y)) / (exp(2 x) - exp(2 y)), d = x - y, around = x + y; at d = 0 its limit."""
-    safe = np.where(d == 0, 1.0, d)
-    ratio = np.where(d == 0, beta / 2, np.sinh(beta * safe / 2) / np.sinh(safe))
-    return 2 * np.exp((beta / 2 - 1) * around) * ratio
-
-
-def cofactor(k: Kinematics) -> Array:
-    """Return J F^-T, the derivative of J by F, shape (3, 3, ...)."""
-    return np.asarray((1 + k.Jm1) * k.H)
-
-
-def _add_pressure(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> tuple[Array, Array, Array]:
-    """Return energy, stress and tangent with those of p (J - 1) added."""
-    Pp, Ap = pressure_terms(k, p)
-    return W + p * k.Jm1, P + Pp, A + Ap
-
-
-def pressure_terms(k: Kinematics, p: Array | float) -> tuple[Array, Array]:
-    """Return the stress P = p J F^-T (3, 3, ...) of p (J - 1), and its tangent (9, 9, ...) or (c, c, ...)."""
-    pJ = p * (1 + k.Jm1)
-    A = _tangent(k, pJ / 2 * _select(k.H, k.components), -pJ) if k.tangent else _NONE
-    return np.asarray(pJ * k.H), A
+    spatial, material = np.empty_like(P), np.empty_like(P)
+    _ogden(G, mu, np.array(alphas, dtype=np.float64), np.array(shares), W, P, A, spatial, material, tangent)
+    if tangent:
+        _transform(spatial, material, A, A)
+    add_pressure(Jm1, Hm1, p, W, P, A, tangent, step)

@@ -6,32 +6,25 @@ import numpy as np
 import skfem
 
 from fem.contact.contact_extent import solve_press
-from fem.discretisation import element_loops, elements, rigid_inclusion, symmetry_models, viscous_history
+from fem.discretisation import elements, rigid_inclusion, symmetry_models, viscous_history
 from fem.discretisation.nonlinear_system import System
 from fem.material import Law, lame, law
-from geometry import compiled, section
 from geometry.design import paper
 
 EXAMPLES = {"neo-hookean": (), "mooney-rivlin": (0.5,), "yeoh": (0.1, 0.1), "ogden": (2.0, -2.0, 0.5)}
 """Each law with some constants."""
 
 
-def prepare() -> bool:
-    """Load the compiled mesh and loops of all models and laws; return whether they are usable, which requires numba.
+def prepare() -> None:
+    """Load the compiled loops of all models and laws, or compile them once after an installation.
 
-    This takes about half a second. The first time after an installation it compiles them
-    (`geometry.compiled.COMPILE_S`). Otherwise a process imports numba when it has solved enough, and compiles each
-    loop at its first use. `analytic.magnet.prepare` does the same for the magnet's field.
+    Otherwise a process loads or compiles each loop at its first use. `analytic.magnet.prepare` does the same for the
+    magnet's field.
     """
-    if not compiled.prepare():
-        return False
     shape = paper().shape
-    section.section(shape, 0.16 * shape.D)
     for name, constants in EXAMPLES.items():
         for harmonics in (0, 1):
             system = small_section(law(name, constants), harmonics)
-            if not element_loops.usable(system.law, system.elements):
-                return False
             state = system.admissible(np.zeros(system.size))
             assert state is not None
             system.assemble(state, None)
@@ -44,7 +37,6 @@ def prepare() -> bool:
         assert state is not None
         system.viscous = viscous_history.at_rest(name, branches, (t, m, q)).overstress(1.0)
         system.assemble(state, None)
-    return True
 
 
 def small_section(isochoric: Law, harmonics: int) -> System:

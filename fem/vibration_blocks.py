@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.contact.plate_contact import Plate
@@ -33,7 +32,7 @@ from fem.discretisation import angular_fields, element_integrals, single_order
 from fem.discretisation.assembled_state import State
 from fem.discretisation.elements import Surface
 from fem.discretisation.gradient_recovery import build_recovery
-from fem.discretisation.nonlinear_system import CHUNK, System
+from fem.discretisation.nonlinear_system import System
 from fem.equilibrium import start_path
 from fem.modes import Press, inertia_of_magnet, solve_press
 from fem.results.postprocess import recover_pose
@@ -145,7 +144,7 @@ def build_block(scene: Scene, state: PathState, plate: Plate | None, motions: tu
         held = held[[("x", "z").index(motion) for motion in motions]]
     problem = Problem(
         here.tangent,
-        _relaxing_stiffness(system, at_state),
+        system.relaxing_stiffness(at_state),
         M,
         np.stack(loads, axis=1),
         system.size - system.n_pressure,
@@ -174,26 +173,14 @@ def _plate_force(state: PathState, nodal: State, plate: Plate) -> Array:
     return np.array([-x, z])
 
 
-def _relaxing_stiffness(system: System, state: State) -> sp.csr_matrix:
-    """Return the part of the tangent that relaxes: that of the isochoric law, without its geometric stiffness."""
-    e, count = system.elements, len(system.elements.cells)
-    step = max(CHUNK // (e.weights.shape[1] * len(e.angles.theta)), 1)
-    parts = [slice(first, min(first + step, count)) for first in range(0, count, step)]
-    pieces = [element_integrals.material_stiffness(e, part, state.u, system.law, system.mu[part]) for part in parts]
-    return system.displacement_matrix(np.concatenate(pieces), state, np.zeros(system.n_rigid))
-
-
 def _inertial_load(system: System, state: State, inertia: Array, motion: Motion) -> Array:
     """Return M r (n,) for the unit motion r of the whole sensor along x or z, in a model of order 0 or 1."""
     e = system.elements
     moved = np.zeros(system.fixed.shape)
     # u_z = z_0 in the axisymmetric model, u_x = w_-1 in that of order 1
     moved[:, 1 if motion == "z" else 2] = 1.0
-    whole = slice(None)
-    M = element_integrals.join_pieces(e, element_integrals.mass(e, whole, np.ones(len(e.cells))))
-    forces = element_integrals.sum_entries(
-        e.places, (M @ moved.ravel()[e.places][..., None])[..., 0], system.fixed.shape
-    )
+    forces = np.zeros(system.fixed.shape)
+    np.add.at(forces, e.cells, np.einsum("mfagb,mbg->maf", element_integrals.mass(e, 1.0), moved[e.cells]))
     load = np.concatenate([forces[system.free], np.zeros(system.n_rigid + system.n_pressure)])
     if system.rigid:
         by_motion = system.rigid.derivative(system.motion(state.q))

@@ -136,8 +136,10 @@ def viscous_strain(A: Array, b: Array, after: Array) -> Array:
     return X / np.cbrt(determinant(X))
 
 
-def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array, *, tangent: bool) -> tuple[Array, Array, Array]:
-    """Return potential (...), stress S (6, ...) and tangent 2 dS/dC (6, 6, ...) of one branch over one step.
+def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array) -> tuple[Array, Array]:
+    """Return potential (...) and stress S (6, ...) of one branch over one step.
+
+    `fem.discretisation.viscous_compiled.add_branch` adds both, and the tangent, to the elements.
 
     Parameters
     ----------
@@ -145,38 +147,11 @@ def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array, *, tangent:
     C, J : right Cauchy-Green tensor (6, ...) and volume ratio at the end of the step.
     mu : g_i mu0, (...).
     """
-    less, Ci = J ** (-2 / 3), inverse(C)
+    less = J ** (-2 / 3)
     X = A + b * (less * C)
-    root, Xi = np.cbrt(determinant(X)), inverse(X)
-    Y = root * Xi
+    Y = np.cbrt(determinant(X)) * inverse(X)
     trace = contract(Y, C)
-    scale = mu * less
-    S = scale * (Y - trace / 3 * Ci)
-    W = mu / 2 * (less * trace - 3)
-    if not tangent:
-        return W, S, np.empty(0)
-    # dY = root b (Xi (Xi : dCbar) / 3 - Xi dCbar Xi), and Cbar = J^(-2/3) C: dCbar = J^(-2/3) (dC - C (Ci : dC) / 3)
-    inner = 2 * scale * less * root * b * (dyad(Xi, Xi) / 3 - sandwich(Xi))
-    along = np.einsum("ab...,b,b...->a...", inner, TWICE, C)
-    twice = contract(along, C)
-    CC = inner - (dyad(along, Ci) + dyad(Ci, along)) / 3 + twice / 9 * dyad(Ci, Ci)
-    CC += 2 / 3 * scale * trace * (sandwich(Ci) - dyad(Ci, Ci) / 3)
-    CC -= 2 / 3 * (dyad(Ci, S) + dyad(S, Ci))
-    return W, S, CC
-
-
-def dyad(X: Array, Y: Array) -> Array:
-    """Return X_IJ Y_KL as (6, 6, ...)."""
-    return np.asarray(X[:, None] * Y[None])
-
-
-def sandwich(X: Array) -> Array:
-    """Return the symmetric part (X_IK X_JL + X_IL X_JK) / 2 as (6, 6, ...), which maps dC to X dC X."""
-    out = np.empty((6, *X.shape))
-    for a, (I, J) in enumerate(PAIRS):
-        for b, (K, L) in enumerate(PAIRS):
-            out[a, b] = (X[PLACES[I, K]] * X[PLACES[J, L]] + X[PLACES[I, L]] * X[PLACES[J, K]]) / 2
-    return out
+    return mu / 2 * (less * trace - 3), mu * less * (Y - trace / 3 * inverse(C))
 
 
 def dissipation_rate(viscous: Array, C: Array, J: Array, mu: Array, tau: float) -> Array:

@@ -13,6 +13,7 @@ orders of magnitude shorter than elsewhere.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -24,7 +25,6 @@ from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.distance import cdist
 from skfem.quadrature import get_quadrature
 
-from geometry import compiled
 from geometry.arrays import Array, Ints
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
@@ -34,8 +34,6 @@ from geometry.meshing.section_outline import Curve, modulus, outline, room
 
 Points = NDArray[np.complex128]
 
-SAVED_S = 0.02
-"""CPU time that compiled functions save in a mesh, s."""
 SPACING, STEPS = 0.85, 10
 """Least distance of points inside as a fraction of the edge length, and number of smoothing steps."""
 NEAR_END = np.geomspace(1e-10, 0.5, 200)
@@ -122,8 +120,9 @@ def section(
     unit = Shape(*lengths)
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
     settings = Settings(size_D, tip_D, ring, fillet, magnet, glued)
-    kernels = compiled.load("geometry.meshing.section_compiled") if compiled.worthwhile(SAVED_S) else None
-    mesh = kernels.mesh(shape, unit, settings) if kernels else _numpy_mesh(shape, unit, settings)
+    cuts, inner, silicone, core = _triangulated(unit, settings)
+    curves = outline(shape, magnet, ring and ring[0] * shape.D)
+    mesh = _second_order(_border(curves, cuts), inner * shape.D, silicone, core)
     if ring is not None and glued:
         _grade_ring(mesh, shape, ring[0] * shape.D)
     return mesh
@@ -143,8 +142,17 @@ def _grade_ring(mesh: Any, shape: Shape, radius: float) -> None:
         raise MeshError("a triangle at the ring of the section is folded: take a smaller size")
 
 
-def _numpy_mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
-    """Return the mesh of `section` as NumPy makes it; `unit` is the shape in units of D, rounded."""
+@functools.lru_cache(maxsize=128)
+def _triangulated(unit: Shape, s: Settings) -> tuple[list[Array], Points, Ints, Ints]:
+    """Return the cuts of the curves, the points inside and the triangles of silicone and magnet.
+
+    Designs that differ in E, the magnet's strength or their scale share them, as do loads of one mesh: they are kept
+    for the last shapes, and must not be changed.
+
+    Parameters
+    ----------
+    unit : the shape in units of D, rounded.
+    """
     domain = unit.without_magnet() if s.magnet == "meshed" else unit
     curves = outline(unit, s.magnet, s.ring and s.ring[0])
     sizing = grading(unit, curves, s.size, s.tip_size, s.ring, s.fillet, s.magnet == "meshed", s.glued)
@@ -152,8 +160,9 @@ def _numpy_mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
     silicone, core = _triangles(domain, border, inner, sizing)
-    curves = outline(shape, s.magnet, s.ring and s.ring[0] * shape.D)
-    return _second_order(_border(curves, cuts), inner * shape.D, silicone, core)
+    for array in (*cuts, inner, silicone, core):
+        array.flags.writeable = False
+    return cuts, inner, silicone, core
 
 
 def _cuts(curves: list[Curve], sizing: Grading) -> list[Array]:

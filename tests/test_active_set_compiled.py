@@ -13,7 +13,6 @@ from fem.solvers.direct_solver import Solver
 from geometry import compiled
 from geometry.design import paper
 
-pytest.importorskip("numba", reason="the loop needs the extra `fast`")
 SHAPE = paper().shape.scaled(1 / 8)
 FLAT = Plate(SHAPE.L - 0.06, 1e4, np.zeros(2))
 
@@ -36,7 +35,6 @@ def settled_step(magnet, radius):
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
 def test_the_settled_step_is_that_of_numpy(magnet, radius, patience, monkeypatch):
     monkeypatch.setattr(active_set, "PATIENCE", patience)
-    assert compiled.prepare()
     step, settled = settled_step(magnet, radius)
     with compiled.uncompiled():
         plain, expected = settled_step(magnet, radius)
@@ -47,6 +45,5 @@ def test_the_settled_step_is_that_of_numpy(magnet, radius, patience, monkeypatch
 
 def test_too_many_points_leave_the_plain_step(monkeypatch):
     monkeypatch.setattr(active_set, "MOST_POINTS", 2)
-    assert compiled.prepare()
     step, settled = settled_step("ignored", 0.3)
     np.testing.assert_array_equal(settled, step)

@@ -3,14 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from test_element_loops import assert_equal_assemblies, both
+from test_element_loops import assert_equal_assemblies, by_both_loops
 from test_nonlinear_system import SCENES, plate, smooth
 
 from fem.contact import coulomb_friction
 from fem.discretisation import axisymmetric_loops, element_loops
-
-pytest.importorskip("numba", reason="the loops need the extra `fast`")
 
 
 def test_sections_without_harmonics_are_known_and_others_are_not():
@@ -22,20 +19,20 @@ def test_springs_at_chosen_points():
     system, flat = plate("sensor", 0.02)
     q = smooth(system)
     chosen = replace(flat, pressed=np.random.default_rng(3).random(system.surface.weights.shape) < 0.3)
-    assert_equal_assemblies(*both(lambda: system.assemble(system.admissible(q), chosen)))
+    assert_equal_assemblies(*by_both_loops(system, chosen, q))
 
 
-def test_a_plate_with_friction_is_added_by_numpy():
+def test_a_plate_with_friction_is_added_apart():
     system, flat = plate("sensor", 0.02)
     rough = replace(flat, friction=coulomb_friction.at_rest(0.5, system.surface.weights.shape))
     assert not rough.only_presses
     q = smooth(system)
-    assert_equal_assemblies(*both(lambda: system.assemble(system.admissible(q), rough)))
+    assert_equal_assemblies(*by_both_loops(system, rough, q))
 
 
 def test_results_do_not_depend_on_the_size_of_batches(monkeypatch):
     monkeypatch.setattr(element_loops, "BATCH", 100)
     system, flat = plate("sensor", 0.02)
     q = smooth(system)
-    assert_equal_assemblies(*both(lambda: system.assemble(system.admissible(q), flat)))
-    assert len(system._axisymmetric_loops._batches) > 5
+    assert_equal_assemblies(*by_both_loops(system, flat, q))
+    assert len(system.axisymmetric._batches) > 5

@@ -1,10 +1,7 @@
 """Order of the unknowns in a band, and the layout of its rows."""
 
 import numpy as np
-import pytest
 import scipy.sparse as sp
-
-pytest.importorskip("numba", reason="the loops need the extra `fast`")
 
 
 def grid(n, m):

@@ -11,13 +11,6 @@ from fem.solvers.inertia import UNKNOWN, Stability
 from fem.solvers.pardiso import SingularMatrixError
 from geometry import compiled
 
-pytest.importorskip("numba", reason="the loops need the extra `fast`")
-
-
-@pytest.fixture(autouse=True)
-def _compiled():
-    assert compiled.prepare()
-
 
 def tangent(name="sensor"):
     system, flat = plate(name, 0.02)

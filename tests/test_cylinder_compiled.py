@@ -11,8 +11,6 @@ from analytic import magnet
 from geometry import compiled
 from geometry.design import BadInput
 
-pytest.importorskip("numba", reason="the kernel needs the extra `fast`")
-
 RNG = np.random.default_rng(20100301)
 
 
@@ -123,16 +121,3 @@ magnet.compiled()
 magnet.cylinder_field(np.ones((300_000, 3)), 2, 2, 1.2)
 print(*[a == b for a, b in zip(first, call())])
 """
-
-
-def test_without_numba_the_field_is_numpys(monkeypatch):
-    monkeypatch.setitem(sys.modules, "analytic.field.cylinder_compiled", None)
-    compiled.load.cache_clear()
-    assert magnet.compiled() is None
-    assert magnet.cylinder_field(np.ones((magnet.MIN_COMPILED_POINTS, 3)), 2, 2, 1.2).shape == (
-        magnet.MIN_COMPILED_POINTS,
-        3,
-    )
-    monkeypatch.undo()
-    compiled.load.cache_clear()
-    assert magnet.compiled() is not None

@@ -32,7 +32,6 @@ def test_regions_are_where_they_say(flatness):
 
 
 def test_small_run_keeps_the_promise(monkeypatch):
-    pytest.importorskip("numba")
     monkeypatch.setattr(field_benchmark, "FLATNESS", (1.0,))
     rows = field_benchmark.errors(count=3, jacobians=1)
     assert max(max(row.numpy, row.compiled) for row in rows) < field_report.PROMISE

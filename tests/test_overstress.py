@@ -7,7 +7,6 @@ from fem.discretisation import symmetry_models, viscous_history
 from fem.discretisation.assembled_state import State
 from fem.discretisation.nonlinear_system import System
 from fem.discretisation.viscous_history import Branches
-from geometry import compiled
 from geometry.arrays import Array
 from geometry.design import paper
 
@@ -42,8 +41,7 @@ def _admissible(system: System, q: Array) -> State:
 
 @pytest.mark.parametrize("law", ["prony", "finite"])
 @pytest.mark.parametrize("harmonics", [0, 1])
-def test_tangent_is_the_derivative_of_the_residual(law: str, harmonics: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "worthwhile", lambda saved: False)
+def test_tangent_is_the_derivative_of_the_residual(law: str, harmonics: int) -> None:
     system = _in_step(_system(harmonics), law)
     q, along = _deformed(system, 2), _deformed(system, 3, 1.0)
     tangent = system.assemble(_admissible(system, q), None).tangent
@@ -61,18 +59,3 @@ def test_residual_is_the_derivative_of_the_energy() -> None:
     ahead, back = (system.assemble(_admissible(system, q + s * along), None).energy for s in (h, -h))
     residual = system.assemble(_admissible(system, q), None).residual
     assert residual @ along == pytest.approx((ahead - back) / (2 * h), rel=1e-6)
-
-
-@pytest.mark.parametrize("law", ["prony", "finite"])
-def test_compiled_loops_agree_with_numpy(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("numba")
-    system = _in_step(_system(2), law)
-    q = _deformed(system, 2)
-    answers = []
-    for use in (True, False):
-        monkeypatch.setattr(compiled, "worthwhile", lambda saved, use=use: use)
-        answers.append(system.assemble(_admissible(system, q), None))
-    one, other = answers
-    assert one.energy == pytest.approx(other.energy, rel=1e-11)
-    assert one.residual == pytest.approx(other.residual, abs=1e-12)
-    assert one.tangent.data == pytest.approx(other.tangent.data, abs=1e-10)

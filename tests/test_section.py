@@ -7,7 +7,7 @@ import pytest
 import skfem
 
 from geometry.design import BadInput, Shape, paper
-from geometry.section import section
+from geometry.section import _triangulated, section
 
 PAPER = paper().shape.scaled(1 / 8)
 THIN = 0.0125  # the least wall in units of D, with a little room for rounding
@@ -186,9 +186,19 @@ def test_similar_shapes_get_the_same_mesh(factor):
 
 
 def test_the_same_request_gives_the_same_mesh():
-    one, other = section(PAPER, 0.1), section(PAPER, 0.1)
+    one = section(PAPER, 0.1)
+    _triangulated.cache_clear()
+    other = section(PAPER, 0.1)
     np.testing.assert_array_equal(one.doflocs, other.doflocs)
     np.testing.assert_array_equal(one.t, other.t)
+
+
+def test_a_changed_mesh_does_not_change_the_next_one():
+    one = section(PAPER, 0.1)
+    expected = one.doflocs.copy()
+    one.doflocs[:] = 0
+    one.t[:] = 0
+    np.testing.assert_array_equal(section(PAPER, 0.1).doflocs, expected)
 
 
 def test_halving_the_size_makes_a_regular_family():

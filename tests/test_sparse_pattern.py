@@ -1,59 +1,50 @@
-"""Sparse matrices summed from element matrices, against dense ones."""
+"""The pattern of sparse matrices that are summed from element matrices."""
 
 import numpy as np
+import scipy.sparse as sp
 
-from fem.solvers.sparse_pattern import Pattern, Side
+from fem.solvers.sparse_pattern import Pattern
 
 RNG = np.random.default_rng(2)
 
 
-def summed(shape, rows, columns, values):
-    """A dense matrix of values that are added wherever row and column are unknowns."""
-    dense = np.zeros(shape)
-    rows, columns = np.broadcast_arrays(rows, columns)
-    kept = (rows >= 0) & (columns >= 0)
-    np.add.at(dense, (rows[kept], columns[kept]), values[kept])
-    return dense
-
-
-def test_a_pattern_sums_pieces_of_elements_like_dense_matrices():
-    """Two elements with three nodes of two fields; a field's own piece is symmetric, the other belongs to both."""
-    numbers = np.array([[0, 1], [-1, 2], [3, 4], [5, -1]])  # two fields are eliminated
+def test_places_of_entries_are_those_of_the_matrix():
+    """Two elements with three nodes of two fields; two fields are eliminated."""
+    numbers = np.array([[0, 1], [-1, 2], [3, 4], [5, -1]])
     cells = np.array([[0, 1, 2], [3, 2, 1]])
-    first, second = Side.pieces(numbers, cells, np.array([0, 0, 1])), Side.pieces(numbers, cells, np.array([0, 1, 1]))
-    pattern = Pattern([(first, second)], (numbers >= 0).sum(axis=1))
-    K = RNG.normal(size=(2, 3, 3, 3))
-    K[:, [0, 2]] += np.swapaxes(K[:, [0, 2]], 2, 3)
-    dense = np.zeros((6, 6))
-    for cell, pieces in zip(cells, K, strict=True):
-        for (f, g), piece in zip([(0, 0), (0, 1), (1, 1)], pieces, strict=True):
-            part = summed(dense.shape, numbers[cell, f][:, None], numbers[cell, g], piece)
-            dense += part if f == g else part + part.T
-    np.testing.assert_allclose(pattern.assemble([K]).toarray(), np.triu(dense), atol=1e-14)
-
-
-def test_a_pattern_is_filled_anew_with_every_sum():
-    numbers, cells = np.array([[0], [1], [2]]), np.array([[0, 1], [1, 2]])
-    side = Side.whole(numbers, cells)
-    pattern = Pattern([(side, side)], np.ones(3, dtype=np.int64))
-    first = pattern.assemble([np.ones((2, 1, 2, 2))])
-    second = pattern.assemble([None])
-    np.testing.assert_array_equal(first.toarray(), [[1, 1, 0], [0, 2, 1], [0, 0, 1]])
-    np.testing.assert_array_equal(second.toarray(), np.zeros((3, 3)))
+    pattern = Pattern([(cells, cells)], (numbers >= 0).sum(axis=1))
+    places = {}
+    for element, cell in enumerate(cells):
+        for a, first in enumerate(cell):
+            for b, second in enumerate(cell):
+                for i in numbers[first][numbers[first] >= 0]:
+                    for k in numbers[second][numbers[second] >= i]:
+                        place = pattern.diagonal[i] + pattern.offsets[0][element, a, b] + pattern.inside[k]
+                        assert places.setdefault((int(i), int(k)), place) == place
+    data = np.zeros(pattern.entries)
+    for (i, k), place in places.items():
+        data[place] = 10 * i + k + 1
+    matrix = pattern.with_data(data).toarray()
+    assert {(i, k): matrix[i, k] for i, k in places} == {(i, k): 10 * i + k + 1 for i, k in places}
+    # every pair of unknowns of an element has a place
+    assert np.count_nonzero(matrix) == len(places) == pattern.entries
 
 
 def test_unsymmetric_matrices_of_the_last_group_are_summed_whole():
     """Both groups couple the same unknowns, as a body and its skin do; one unknown is eliminated."""
     numbers = np.array([[0, 1], [2, -1], [3, 4]])
     cells, facets = np.array([[0, 1, 2]]), np.array([[2, 0], [1, 2]])
-    body, skin = Side.whole(numbers, cells), Side.whole(numbers, facets)
-    pattern = Pattern([(body, body), (skin, skin)], (numbers >= 0).sum(axis=1))
-    K, S = RNG.normal(size=(1, 6, 6)), RNG.normal(size=(2, 4, 4))
-    K += np.swapaxes(K, 1, 2)
+    unknowns = np.swapaxes(numbers[facets], 1, 2).reshape(2, -1)  # the fields first
+    pattern = Pattern([(cells, cells), (facets, facets)], (numbers >= 0).sum(axis=1), unknowns)
+    S = RNG.normal(size=(2, 4, 4))
     dense = np.zeros((5, 5))
-    for nodes, matrices in ((cells, K), (facets, S)):
-        for cell, matrix in zip(nodes, matrices, strict=True):
-            unknowns = numbers[cell].T.ravel()  # the fields first
-            dense += summed(dense.shape, unknowns[:, None], unknowns, matrix)
-    whole = pattern.unfold(pattern.assemble([K, S]), S)
-    np.testing.assert_allclose(whole.toarray(), dense, atol=1e-14)
+    for own, matrix in zip(unknowns, S, strict=True):
+        kept = own >= 0
+        dense[np.ix_(own[kept], own[kept])] += matrix[np.ix_(kept, kept)]
+    # as the compiled loops do: the upper triangles are summed, each entry at its place
+    places = sp.coo_matrix(pattern.with_data(np.arange(1.0, pattern.entries + 1)))
+    data = np.zeros(pattern.entries)
+    upper = np.triu(np.ones((5, 5), dtype=bool))
+    for i, k, number in zip(places.row, places.col, places.data.astype(int), strict=True):
+        data[number - 1] = dense[i, k] if upper[i, k] else 0.0
+    np.testing.assert_allclose(pattern.unfold(pattern.with_data(data), S).toarray(), dense, atol=1e-14)

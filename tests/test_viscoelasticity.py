@@ -13,11 +13,11 @@ BRANCHES = Branches(np.array([0.3, 0.2]), np.array([0.5, 2.0]), 1.0)
 
 def _point(F: Array) -> PointState:
     """Return the state of one point of a neo-Hookean silicone with mu = 1."""
-    k = material.kinematics(material.strain((F - np.eye(3))[:, :, None, None, None]), tangent=False)
-    W, P, _ = material.neo_hookean(k, 1.0)
-    S = np.stack([np.einsum("i...,i...->...", k.H[:, I], P[:, J]) for I, J in viscoelasticity.PAIRS])
+    G, H = (T[:, :, None, None, None] for T in (F - np.eye(3), np.linalg.inv(F).T))
+    W, P, _ = material.evaluate(material.neo_hookean, G, tangent=False)
+    S = np.stack([np.einsum("i...,i...->...", H[:, I], P[:, J]) for I, J in viscoelasticity.PAIRS])
     one = np.ones((1, 1, 1))
-    return PointState(viscoelasticity.cauchy_green(k.G), 1 + k.Jm1, W, S, one, np.ones((1, 1)))
+    return PointState(viscoelasticity.cauchy_green(G), np.linalg.det(F) * one, W, S, one, np.ones((1, 1)))
 
 
 def _shear(amount: float) -> Array:

@@ -6,27 +6,24 @@ from dataclasses import dataclass
 
 import scipy.sparse as sp
 
-from fem import material
 from geometry.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Displacements, pressures and strains of given unknowns.
+    """Displacements and pressures of given unknowns.
 
     Attributes
     ----------
     q : (n,) unknowns.
     u : (nodes, fields) displacements.
     p : (corners, pressures) pressures; on the axis of a section those of the harmonics are 0.
-    strains : strains at the integration points, one entry per batch of elements; empty where not yet computed.
     least_J : least volume ratio J at the integration points; 1 where not computed.
     """
 
     q: Array
     u: Array
     p: Array
-    strains: tuple[material.Strain, ...] = ()
     least_J: float = 1.0
 
 

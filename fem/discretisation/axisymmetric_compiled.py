@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from fem.laws_compiled import compiled
+from geometry.compiled import compiled
 
 NODES, CORNERS, FIELDS = 6, 3, 12
 """Nodes, corners and nodal fields of an element."""

@@ -1,7 +1,7 @@
 """Forces, stiffness and springs of a section without harmonics, by compiled loops over the elements.
 
-They compute what `nonlinear_system` computes with NumPy, to rounding, and replace `element_loops` where each call
-counts: an assembly is three calls for each thousand points, beside that of the law.
+They compute what `element_loops` computes, to rounding, and replace it where each call counts: an assembly is three
+calls for each thousand points, beside that of the law.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.contact.plate_contact import Plate
+from fem.discretisation import axisymmetric_compiled
 from fem.discretisation.element_loops import FACETS, INNER, NEAR, PRESSURES, add_overstress, cut_batches
 from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.overstress import Overstress
-from fem.material import Law, numbered
+from fem.material import Law
 from fem.solvers.sparse_pattern import Pattern
 from geometry.arrays import Array, Ints
 
@@ -114,13 +115,7 @@ class AxisymmetricLoops:
         pattern: Pattern,
         compliance: Array,
     ) -> None:
-        from fem import laws_compiled
-        from fem.discretisation import axisymmetric_compiled
-
-        self._laws, self._kernels = laws_compiled, axisymmetric_compiled
-        form = numbered(law)
-        assert form is not None
-        self._law, self._constants = form
+        self._law = law
         self._number, self._pressure_number, self._eliminated = number, pressure_number, eliminated
         self._pressures = int((pressure_number >= 0).sum())
         # the last entry is a dump for those that are not in the upper triangle
@@ -147,7 +142,7 @@ class AxisymmetricLoops:
         (m, a), c = cells.shape, corners.shape[1]
         stiffness, coupling = np.empty((m, 2 * a, 2 * a), dtype=np.int64), np.empty((m, 2 * a, c), dtype=np.int64)
         offsets = tuple(pattern.offsets[group] for group in (INNER, INNER + 1, NEAR, NEAR + 1))
-        self._kernels.place_elements(
+        axisymmetric_compiled.place_elements(
             cells, corners, self._number, self._pressure_number, on_magnet, *offsets, pattern.diagonal,
             pattern.inside, pattern.entries, stiffness, coupling,
         )  # fmt: skip
@@ -157,7 +152,8 @@ class AxisymmetricLoops:
         """Return the least J - 1 at the integration points; nan where any is nan."""
         flat = p[:, 0]
         least = [
-            self._kernels.strain_points(*one.elements, u, flat, *one.strains, *one.pressures) for one in self._batches
+            axisymmetric_compiled.strain_points(*one.elements, u, flat, *one.strains, *one.pressures)
+            for one in self._batches
         ]
         # no array of displacements or pressures is written to later
         self._evaluated = u
@@ -181,7 +177,7 @@ class AxisymmetricLoops:
         """
         if self._evaluated is not u:
             self.least_volume_change(u, p)
-        volumes, energy, k = np.zeros(len(p)), 0.0, self._kernels
+        volumes, energy, k = np.zeros(len(p)), 0.0, axisymmetric_compiled
         data = self._constant.copy() if tangent else self._constant
         for one in self._batches:
             self._evaluate_law(one, viscous, tangent=tangent)
@@ -204,11 +200,9 @@ class AxisymmetricLoops:
         """Write energies, stresses and tangents, times the weights, at the points of a batch."""
         G, Jm1, Hm1 = one.strains
         modulus = one.modulus if viscous is None else one.modulus * viscous.factor
-        self._laws.stress(
-            self._law, self._constants, G, Jm1, Hm1, modulus, one.pressures[1], *one.stress, tangent=tangent, step=2
-        )
+        self._law(G, Jm1, Hm1, modulus, one.pressures[1], *one.stress, tangent=tangent, step=2)
         if viscous is not None:
-            own = viscous.part(one.part, angles_first=True)
+            own = viscous.part(one.part)
             w = one.elements[-1]
             add_overstress(own, G, Jm1, np.repeat(one.mu, w.shape[1]), w.ravel(), *one.stress, tangent=tangent)
 

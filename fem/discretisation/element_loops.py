@@ -1,8 +1,4 @@
-"""Forces and stiffness of the elements by compiled loops, in batches that fit the processor's cache.
-
-The loops compute what `nonlinear_system` computes with NumPy, to rounding, about 1.7 times as fast. `usable` is the
-rule for when they are used; see `geometry.compiled`.
-"""
+"""Forces and stiffness of the elements by compiled loops, in batches that fit the processor's cache."""
 
 from __future__ import annotations
 
@@ -11,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fem.discretisation import elements_compiled, viscous_compiled
 from fem.discretisation.angular_fields import Angles
 from fem.discretisation.elements import Elements
 from fem.discretisation.overstress import Overstress
-from fem.material import Law, numbered
+from fem.material import Law, kinematics
 from fem.solvers.sparse_pattern import Pattern
-from geometry import compiled
 from geometry.arrays import Array, Ints
 
 BATCH = 1024
@@ -26,24 +22,10 @@ INNER, NEAR, PRESSURES, MOTION, FACETS = 0, 2, 4, 5, 6
 coupling with the pressures; pressures; motion of the magnet; facets of the skin."""
 FEW_BATCHES = 4
 """Most batches whose strains are kept from `least_volume_change` to `assemble`: these are in the cache then."""
-SAVING_S, CALL_S = 3e-7, 1e-4
-"""CPU time that the loops save for each integration point and angle, and for each call, s: means over the calls of a
-solve. Measured, NumPy against loops: a tangent takes 0.5 against 0.3 ms on a section of 62 elements, 20 against 12 ms
-with three harmonics on 302 elements, and 39 against 24 ms on 2600 tetrahedra; a residual saves little."""
 CURVE_BITS = 7
 """Bits of each coordinate along the curve that orders tetrahedra: 128 cubes along the beam, finer than most cells."""
 
 NOTHING = np.empty((0, 0))
-
-
-def usable(law: Law, elements: Elements) -> bool:
-    """Return whether to use the compiled loops, which do not have laws other than those of `material.law`."""
-    points = elements.weights.size * len(elements.angles.theta)
-    return (
-        numbered(law) is not None
-        and compiled.worthwhile(CALL_S + SAVING_S * points)
-        and compiled.load("fem.discretisation.elements_compiled") is not None
-    )
 
 
 class Loops:
@@ -74,13 +56,7 @@ class Loops:
         first: int,
         compliance: Array,
     ) -> None:
-        from fem import laws_compiled
-        from fem.discretisation import elements_compiled
-
-        self._laws, self._kernels = laws_compiled, elements_compiled
-        form = numbered(law)
-        assert form is not None
-        self._law, self._constants = form
+        self._law = law
         self._mu, self._inverse_K = np.ascontiguousarray(mu), np.ascontiguousarray(inverse_K)
         self._elements, self._corners, self._pattern, self._first = elements, corners, pattern, first
         self._number, self._pressure_number = number, pressure_number
@@ -125,7 +101,7 @@ class Loops:
         group : number of the group in the pattern.
         """
         pattern = self._pattern
-        self._kernels.add_matrices(
+        elements_compiled.add_matrices(
             np.ascontiguousarray(matrices),
             nodes,
             pattern.offsets[group],
@@ -157,8 +133,8 @@ class Loops:
         if self._strained is not u:
             self._strained = None  # until all batches have those of u
             g = self._buffer("g", 3, fields, m * q)
-            self._kernels.evaluate_gradients(e.cells[part], e.D[part], e.angles.V, self._carried, u, g, G)
-            self._laws.kinematics(G.reshape(9, -1), Jm1, Hm1)
+            elements_compiled.evaluate_gradients(e.cells[part], e.D[part], e.angles.V, self._carried, u, g, G)
+            kinematics(G.reshape(9, -1), Jm1, Hm1)
         return G, Jm1, Hm1
 
     def _add_batch(
@@ -187,28 +163,25 @@ class Loops:
         G, Jm1, Hm1 = self._kinematics(part, u, full=True)
         w, modulus, pressure, weighted = self._buffer("weights", 4, *shape)
         soft = self._buffer("soft", m * q)
-        self._kernels.weigh_points(
+        elements_compiled.weigh_points(
             self._mu[part], self._inverse_K[part], corners, e.weights[part], a.weights, e.pressure_shape, a.C, p,
             w, modulus, pressure, weighted, soft,
         )  # fmt: skip
         if viscous is not None:
             modulus *= viscous.factor
         W, P, A = self._buffer("W", n), self._buffer("P", 9, n), self._buffer("A", 9, 9, n if tangent else 0)
-        self._laws.stress(
-            self._law, self._constants, G.reshape(9, -1), Jm1, Hm1, modulus.ravel(), weighted.ravel(), W, P, A,
-            tangent=tangent,
-        )  # fmt: skip
+        self._law(G.reshape(9, -1), Jm1, Hm1, modulus.ravel(), weighted.ravel(), W, P, A, tangent=tangent)
         if viscous is not None:
-            own = viscous.part(part, angles_first=True)
+            own = viscous.part(part)
             mu = np.tile(np.repeat(self._mu[part], q), t)
             add_overstress(own, G.reshape(9, -1), Jm1, mu, w.ravel(), W, P, A, tangent=tangent)
-        energy = self._kernels.integrate_forces(
+        energy = elements_compiled.integrate_forces(
             cells, corners, e.D[part], e.pressure_shape, a.V, a.C, self._carried, w, pressure, soft,
             Jm1.reshape(shape), W.reshape(shape), P.reshape(9, *shape), forces, volumes,
         )  # fmt: skip
         if tangent:
             Y = self._buffer("Y", 3, a.fields * a.pressures, m * q)
-            self._kernels.integrate_coupling(
+            elements_compiled.integrate_coupling(
                 a.V, a.C, self._carried, w, Jm1.reshape(shape), Hm1.reshape(9, *shape), Y
             )
             self._add_tangent(part, self._stiffness(part, A.reshape(9, 9, *shape)), Y, T, data)
@@ -222,39 +195,52 @@ class Loops:
         for group in pairs.groups:
             if t == 1:
                 H = self._buffer("H", 9, points, group.count)
-                self._kernels.combine_tangents(A, group.terms, group.factors, H)
+                elements_compiled.combine_tangents(A, group.terms, group.factors, H)
             else:
                 rows = self._buffer("rows", 9, group.products.shape[1], points)
-                self._kernels.select_tangents(A, group.i.start, group.i.stop, group.k.start, group.k.stop, rows)
+                elements_compiled.select_tangents(A, group.i.start, group.i.stop, group.k.start, group.k.stop, rows)
                 H = self._buffer("H", 9, points, group.count)
                 np.matmul(np.swapaxes(rows, 1, 2), group.products, out=H)
-            self._kernels.stiffness(D, H, group.first * a * a, K)
+            elements_compiled.stiffness(D, H, group.first * a * a, K)
         return K
 
     def _add_tangent(self, part: slice, K: Array, Y: Array, T: Array, data: Array) -> None:
         """Add stiffness K (m, entries) and coupling Y of a batch to the entries of the tangent."""
         e, M = self._elements, self._elements.pressure_shape
         B = self._buffer("B", *e.cells[part].shape, M.shape[1] * Y.shape[1])
-        self._kernels.coupling(e.D[part], M, Y, B)
+        elements_compiled.coupling(e.D[part], M, Y, B)
         self._scatter(part, K, B, T, data)
 
-    def assemble_displacements(self, pieces: Array, T: Array) -> Array:
-        """Return the entries (nnz,) of element matrices without pressures, `pieces` of `element_integrals.mass`."""
-        e, where, data = self._elements, self._products.where, np.zeros(self._pattern.entries)
-        a, fields = where.shape[:2]
-        coupled = e.pressure_shape.shape[1] * fields * e.angles.pressures
+    def assemble_displacements(self, matrices: Array, T: Array) -> Array:
+        """Return the entries (nnz,) of element matrices (m, f, a, f, a) without pressures."""
+        where, data = self._products.where, np.zeros(self._pattern.entries)
         for part in (*self._inner, *self._near):
-            own, cells = pieces[part], e.cells[part]
-            K = self._buffer("K", len(cells), self._products.size)
-            if e.angles.components is not None:
-                K[:, where] = np.transpose(own.reshape(-1, fields, a, fields, a), (0, 2, 1, 4, 3))
-            else:
-                for group in self._products.groups:
-                    pairs = slice(group.first, group.first + group.count)
-                    entries = slice(group.first * a * a, pairs.stop * a * a)
-                    K[:, entries] = np.moveaxis(own[:, pairs], 1, -1).reshape(len(own), -1)
-            self._scatter(part, K, np.zeros((*cells.shape, coupled)), T, data)
+            own = matrices[part]
+            K = self._buffer("K", len(own), self._products.size)
+            K[:, where] = np.transpose(own, (0, 2, 1, 4, 3))
+            self._scatter(part, K, self._no_coupling(part), T, data)
         return data
+
+    def assemble_relaxing(self, u: Array, T: Array) -> Array:
+        """Return the entries (nnz,) of `System.relaxing_stiffness` for displacements u."""
+        e, data = self._elements, np.zeros(self._pattern.entries)
+        for part in (*self._inner, *self._near):
+            G, Jm1, Hm1 = self._kinematics(part, u, full=True)
+            t, points = G.shape[1:]
+            modulus = e.angles.weights[:, None] * (e.weights[part] * self._mu[part, None]).ravel()
+            W, P, A = np.empty(t * points), np.empty((9, t * points)), np.zeros((9, 9, t * points))
+            self._law(G.reshape(9, -1), Jm1, Hm1, modulus.ravel(), np.zeros(t * points), W, P, A, tangent=True)
+            H = Hm1.reshape(3, 3, -1) + np.eye(3)[..., None]
+            S = np.einsum("iJn,iLn->JLn", H, P.reshape(3, 3, -1))
+            for i in range(3):
+                A[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] -= S
+            self._scatter(part, self._stiffness(part, A.reshape(9, 9, t, points)), self._no_coupling(part), T, data)
+        return data
+
+    def _no_coupling(self, part: slice) -> Array:
+        """Return zeros in the shape of the coupling of a batch."""
+        e = self._elements
+        return np.zeros((*e.cells[part].shape, e.pressure_shape.shape[1] * e.angles.fields * e.angles.pressures))
 
     def _scatter(self, part: slice, K: Array, B: Array, T: Array, data: Array) -> None:
         """Add stiffness K (m, entries) and coupling B (m, a, c f n) of a batch to the entries of the tangent."""
@@ -264,10 +250,10 @@ class Loops:
         first = self._near[0].start if near else 0
         own = slice(part.start - first, part.stop - first)
         matrix = pattern.diagonal, pattern.inside, data
-        self._kernels.add_symmetric(K, where, cells, offset[own], self._number, *matrix)
-        self._kernels.add_coupling(B, cells, corners, coupled[own], self._number, self._pressure_number, *matrix)
+        elements_compiled.add_symmetric(K, where, cells, offset[own], self._number, *matrix)
+        elements_compiled.add_coupling(B, cells, corners, coupled[own], self._number, self._pressure_number, *matrix)
         if near:
-            self._kernels.add_motion(
+            elements_compiled.add_motion(
                 K, B, T, where, cells, corners, offset[own], coupled[own], self._number, self._pressure_number,
                 self._first, *matrix,
             )  # fmt: skip
@@ -312,8 +298,6 @@ def add_overstress(
     ----------
     mu, w : (n,) moduli and weights at the points.
     """
-    from fem.discretisation import viscous_compiled
-
     if viscous.H is not None:
         viscous_compiled.add_dead_stress(G, viscous.H, w, W, P, A, tangent)
     for one in viscous.branches:

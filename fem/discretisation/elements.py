@@ -47,36 +47,6 @@ class Elements:
     shape: Array
     angles: Angles
 
-    @functools.cached_property
-    def components(self) -> Ints:
-        """(c,) positions of the G_iJ that can differ from zero."""
-        return np.array(self.angles.components or range(9))
-
-    @functools.cached_property
-    def places(self) -> Ints:
-        """(m, f a) positions of the nodal fields of each element, fields first, in the flat (n, fields) array."""
-        f = self.angles.fields
-        return np.asarray((np.arange(f)[:, None] + f * self.cells[:, None]).reshape(len(self.cells), -1))
-
-    @functools.cached_property
-    def B(self) -> Array | None:
-        """(m, q, c, f a) derivatives of the nonzero components of G by the nodal fields, fields first.
-
-        None where all nine components can differ from zero.
-        """
-        if self.angles.components is None:
-            return None
-        rows, along = np.divmod(self.components, 3)
-        m, q = self.weights.shape
-        B = self.angles.V[0, rows, along][:, :, None] * self.D[:, :, along, None, :]
-        return np.asarray(B.reshape(m, q, len(rows), -1))
-
-    @functools.cached_property
-    def D_products(self) -> Array:
-        """(m, q 3 3, a a) products D_Ja D_Lb of a section's elements."""
-        m, q, _, a = self.D.shape
-        return np.asarray((self.D[:, :, :, None, :, None] * self.D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a))
-
     @property
     def dim(self) -> int:
         return int(self.nodes.shape[1])

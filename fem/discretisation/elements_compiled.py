@@ -13,7 +13,7 @@ functions, see `fem.discretisation.elements`; u (nodes, f) and p (corners, n) ar
 
 import numpy as np
 
-from fem.laws_compiled import compiled
+from geometry.compiled import compiled
 
 
 @compiled

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import copy
 import functools
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -34,11 +33,9 @@ from fem.discretisation.element_loops import FACETS, MOTION, Loops
 from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.overstress import Overstress
 from fem.discretisation.rigid_inclusion import RigidBody
-from fem.solvers.sparse_pattern import Pattern, Side
+from fem.solvers.sparse_pattern import Pattern
 from geometry.arrays import Array, Ints
 
-CHUNK = 4096
-"""Integration points per batch, so that their tensors stay in the processor's cache."""
 NONE: Ints = np.empty(0, dtype=np.int64)
 ON_AXIS = 1e-9
 """Radius over D below which a node lies on the axis."""
@@ -102,10 +99,6 @@ class System:
         )
         self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[order, None]
         self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[order, None]
-        step = max(CHUNK // (elements.weights.shape[1] * len(elements.angles.theta)), 1)
-        cuts = [*range(0, self._free_cells, step), *range(self._free_cells, m, step), m]
-        self._parts = [slice(a, b) for a, b in itertools.pairwise(cuts)]
-        self._plain = axisymmetric_loops.knows(self.elements, surface)
         self._number_unknowns(fixed, held)
         self._build_pattern()
 
@@ -139,47 +132,26 @@ class System:
     def _build_pattern(self) -> None:
         """Build the sparse pattern from the unknowns of each element, and the constant stiffness of the pressures."""
         e, inner, nodes = self.elements, self._free_cells, len(self.elements.nodes)
-        motion = np.arange(self.n_free, self.n_free + self.n_rigid)
-        cells, corners = e.cells, self._corners
-        near, near_corners = cells[inner:], corners[inner:]
-        magnet = Side(motion[None, None], np.array([[nodes]]), np.zeros(self.n_rigid, dtype=np.int64))
-        outer = Side.whole(self._reduced, near).beside(magnet)
-        pressures = Side.whole(self._pressures, corners, nodes + 1)
+        cells, pressures = e.cells, nodes + 1 + self._corners
+        near = np.column_stack([cells[inner:], np.full(len(cells) - inner, nodes)])
+        magnet = np.array([[nodes]])
         groups = [
-            self._stiffness_sides(cells[:inner]),
-            self._coupling_sides(cells[:inner], corners[:inner]),
-            (outer, outer),
-            (outer, Side.whole(self._pressures, near_corners, nodes + 1)),
+            (cells[:inner], cells[:inner]),
+            (cells[:inner], pressures[:inner]),
+            (near, near),
+            (near, pressures[inner:]),
             (pressures, pressures),
             (magnet, magnet),
         ]
+        skin = None
         if self.surface is not None:
-            facets = Side.whole(self._reduced, self.surface.nodes)
+            facets = self.surface.nodes
             groups.append((facets, facets))
+            numbers = np.swapaxes(self._reduced[facets], 1, 2)
+            skin = numbers.reshape(len(facets), numbers[0].size if len(facets) else 0)
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
-        self.pattern = Pattern(groups, sizes)
-        self._p = pressures.unknowns[:, 0]
-        whole = slice(0, len(e.cells))
-        self._compliance = -element_integrals.pressure_stiffness(
-            e, whole, element_integrals.volumes(e, whole) * self.inverse_K
-        )
-
-    def _stiffness_sides(self, cells: Ints) -> tuple[Side, Side]:
-        """Return rows and columns of the pieces of `element_integrals.displacement_stiffness`."""
-        e = self.elements
-        if e.angles.components is not None:
-            return (Side.whole(self._reduced, cells),) * 2
-        first, second = (np.concatenate(f) for f in zip(*((p.first, p.second) for p in e.angles.pairs), strict=True))
-        return Side.pieces(self._reduced, cells, first), Side.pieces(self._reduced, cells, second)
-
-    def _coupling_sides(self, cells: Ints, corners: Ints) -> tuple[Side, Side]:
-        """Return rows and columns of the pieces of `element_integrals.coupling`, for each pair of fields."""
-        a = self.elements.angles
-        fields, numbers = np.divmod(np.arange(a.fields * a.pressures), a.pressures)
-        return (
-            Side.pieces(self._reduced, cells, fields),
-            Side.pieces(self._pressures, corners, numbers, len(self.elements.nodes) + 1),
-        )
+        self.pattern = Pattern(groups, sizes, skin)
+        self._compliance = -element_integrals.pressure_stiffness(e, element_integrals.volumes(e) * self.inverse_K)
 
     @property
     def unknown_numbers(self) -> Ints:
@@ -216,35 +188,23 @@ class System:
         return q[self.n_free : self.n_free + self.n_rigid]
 
     def admissible(self, q: Array) -> State | None:
-        """Return the state of unknowns q with its strains, or None where any silicone is inverted (J <= 0)."""
+        """Return the state of unknowns q, or None where any silicone is inverted (J <= 0)."""
         if not np.isfinite(q).all():
             return None
-        state, axisymmetric = self.state(q), self.axisymmetric
-        if axisymmetric is not None or element_loops.usable(self.law, self.elements):
-            if axisymmetric is not None:
-                least = axisymmetric.least_volume_change(state.u, state.p)
-            else:
-                least = self._loops.least_volume_change(state.u)
-            return State(state.q, state.u, state.p, least_J=1 + least) if least > -1 else None
-        strains = self._strains(state)
-        least = min((float(strain.Jm1.min()) for strain in strains), default=0.0)
-        return replace(state, strains=strains, least_J=1 + least) if least > -1 else None
-
-    def _strains(self, state: State) -> tuple[material.Strain, ...]:
-        e = self.elements
-        return tuple(material.strain(element_integrals.gradient(e, part, state.u)) for part in self._parts)
+        state = self.state(q)
+        if self.axisymmetric is not None:
+            least = self.axisymmetric.least_volume_change(state.u, state.p)
+        else:
+            least = self._loops.least_volume_change(state.u)
+        return replace(state, least_J=1 + least) if least > -1 else None
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
         axisymmetric = self.axisymmetric
         if axisymmetric is not None:
             return self._assemble_axisymmetric(axisymmetric, state, plate, tangent=tangent)
-        compiled = element_loops.usable(self.law, self.elements)
         T = self._motion_derivative(state)
-        if compiled:
-            energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
-        else:
-            energy, forces, volumes, groups = self._integrate(state, T, tangent)
+        energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
         springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
         forces += springs - self.dead
         energy += spring_energy - float(np.vdot(self.dead, state.u))
@@ -255,11 +215,8 @@ class System:
             return Assembly(residual, energy, forces, None)
         # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
         own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else None
-        if compiled:
-            self._add_small_groups(own, blocks, data)
-            matrix = self.pattern.with_data(data)
-        else:
-            matrix = self.pattern.assemble([*groups, own, *blocks])
+        self._add_small_groups(own, blocks, data)
+        matrix = self.pattern.with_data(data)
         if not symmetric and blocks[0] is not None:
             matrix = self.pattern.unfold(matrix, blocks[0])
         return Assembly(residual, energy, forces, matrix, symmetric)
@@ -285,21 +242,6 @@ class System:
             matrix = self.pattern.unfold(matrix, blocks[0])
         return Assembly(residual, energy + own, forces, matrix, symmetric, norms)
 
-    def _integrate(self, state: State, T: Array, tangent: bool) -> tuple[float, Array, Array, list[Array | None]]:
-        """Return energy, nodal forces and volumes, and matrices of the elements, by NumPy."""
-        e, inner, moduli = self.elements, self._free_cells, (self.mu, self.inverse_K)
-        strains = state.strains or self._strains(state)
-        energy, fu, fp, K, C = element_integrals.integrate(
-            e, self._parts, strains, self.law, moduli, state.p[self._corners], self.viscous, tangent=tangent
-        )
-        forces = element_integrals.sum_entries(e.places, fu, state.u.shape)
-        rows = np.arange(state.p.size).reshape(state.p.shape)[self._corners]
-        volumes = element_integrals.sum_entries(np.swapaxes(rows, 1, 2), fp, state.p.shape)
-        if not tangent:
-            return energy, forces, volumes, []
-        outer = self._with_motion(T, K[inner:], C[inner:])
-        return energy, forces, volumes, [K[:inner], C[:inner], *outer, self._compliance]
-
     @functools.cached_property
     def _loops(self) -> Loops:
         """The compiled loops over the elements."""
@@ -310,14 +252,11 @@ class System:
             self.n_free, self._compliance,
         )  # fmt: skip
 
-    @property
-    def axisymmetric(self) -> AxisymmetricLoops | None:
-        """The compiled loops of a section without harmonics; None for other models, and where NumPy is used."""
-        return self._axisymmetric_loops if self._plain and element_loops.usable(self.law, self.elements) else None
-
     @functools.cached_property
-    def _axisymmetric_loops(self) -> AxisymmetricLoops:
-        """The compiled loops over elements and skin of a section without harmonics."""
+    def axisymmetric(self) -> AxisymmetricLoops | None:
+        """The compiled loops over elements and skin of a section without harmonics; None for other models."""
+        if not axisymmetric_loops.knows(self.elements, self.surface):
+            return None
         number, on_magnet = self._reduced.copy(), np.zeros(len(self.fixed), dtype=bool)
         on_magnet[self.glued] = True
         if self.rigid:
@@ -345,19 +284,20 @@ class System:
         magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
         state : its magnet's rotation is the only part that matters; default: the undeformed state.
         """
-        pieces = element_integrals.mass(self.elements, slice(None), np.full(len(self.elements.cells), density))
-        return self.displacement_matrix(pieces, state or self.state(np.zeros(self.size)), magnet)
+        matrices = element_integrals.mass(self.elements, density)
+        T = self._motion_derivative(state or self.state(np.zeros(self.size)))
+        data = self._loops.assemble_displacements(matrices, T)
+        self._add_small_groups(np.diag(magnet), [None], data)
+        return self.pattern.with_data(data)
 
-    def displacement_matrix(self, pieces: Array, state: State, magnet: Array) -> sp.csr_matrix:
-        """Return a matrix (upper triangle) without pressures; `pieces` as in `element_integrals.mass`."""
-        T = self._motion_derivative(state)
-        if element_loops.usable(self.law, self.elements):
-            data = self._loops.assemble_displacements(pieces, T)
-            self._add_small_groups(np.diag(magnet), [None], data)
-            return self.pattern.with_data(data)
-        outer, _ = self._with_motion(T, pieces[self._free_cells :], None)
-        blocks = [pieces[: self._free_cells], None, outer, None, None, np.diag(magnet)]
-        return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
+    def relaxing_stiffness(self, state: State) -> sp.csr_matrix:
+        """Return the part of the tangent (upper triangle) that relaxes in a viscoelastic silicone.
+
+        With the second Piola-Kirchhoff stress S of the isochoric law, dP_iJ/dF_kL = delta_ik S_JL + F_iM F_kN
+        dS_MJ/dE_NL. The first term turns a stress with the material (geometric stiffness); the second one is
+        returned. Pressures do not contribute.
+        """
+        return self.pattern.with_data(self._loops.assemble_relaxing(state.u, self._motion_derivative(state)))
 
     def _spring_terms(
         self, state: State, plate: Plate | None, tangent: bool
@@ -379,21 +319,3 @@ class System:
         if self.rigid:
             T[self.glued] = self.rigid.derivative(self.motion(state.q))
         return T
-
-    def _with_motion(self, T: Array, K: Array, C: Array | None) -> list[Array | None]:
-        """Return the matrices of the elements at the magnet, bordered by the unknowns of its motion.
-
-        T is from `_motion_derivative`; K and C are the pieces of the elements' stiffness, and their coupling or None.
-        """
-        if not len(K):
-            return [None, None]
-        e = self.elements
-        K, m = element_integrals.join_pieces(e, K), len(K)
-        Te = np.swapaxes(T[e.cells[self._free_cells :]], 1, 2).reshape(m, K.shape[1], self.n_rigid)
-        KT, TK = K @ Te, np.swapaxes(Te, 1, 2)
-        bottom = np.concatenate([np.swapaxes(KT, 1, 2), TK @ KT], axis=2)
-        bordered = np.concatenate([np.concatenate([K, KT], axis=2), bottom], axis=1)
-        if C is None:
-            return [bordered, None]
-        C = np.swapaxes(C, 2, 3).reshape(m, K.shape[1], self._p.shape[1])
-        return [bordered, np.concatenate([C, TK @ C], axis=1)]

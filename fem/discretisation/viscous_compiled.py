@@ -1,14 +1,14 @@
 """The stress that a time step of a viscoelastic law adds, in loops that numba compiles; see `overstress`.
 
 Arrays end with one axis over n points: displacement gradients, first Piola-Kirchhoff stresses (9, n) and tangents
-(9, 9, n) as in `fem.laws_compiled`, symmetric tensors (6, n) in the order of `fem.viscoelasticity.PAIRS`. w are the
+(9, 9, n) as in `fem.material`, symmetric tensors (6, n) in the order of `fem.viscoelasticity.PAIRS`. w are the
 weights of the points.
 """
 
 import numpy as np
 
-from fem.laws_compiled import compiled
 from fem.viscoelasticity import PAIRS, PLACES
+from geometry.compiled import compiled
 
 _ROWS, _COLUMNS = np.array(PAIRS).T.copy()
 _PLACES = np.asarray(PLACES)
@@ -52,14 +52,19 @@ def _invert(X, out):
 
 @compiled
 def _sandwich(X, a, b):
-    """Return an entry of `fem.viscoelasticity.sandwich`."""
+    """Return an entry of (X_IK X_JL + X_IL X_JK) / 2, which maps dC to X dC X."""
     I, J, K, L = _ROWS[a], _COLUMNS[a], _ROWS[b], _COLUMNS[b]
     return (X[_PLACES[I, K]] * X[_PLACES[J, L]] + X[_PLACES[I, L]] * X[_PLACES[J, K]]) / 2
 
 
 @compiled
 def add_branch(G, Jm1, A0, b0, mu, w, W, P, A, tangent):
-    """Add a branch of the law "finite", `fem.viscoelasticity.branch_stress`, with A0 (6, n), b0 and mu (n,)."""
+    """Add a branch of the law "finite", `fem.viscoelasticity.branch_stress`, with A0 (6, n), b0 and mu (n,).
+
+    With X = A0 + b Cbar and Y = det(X)^(1/3) X^-1, dY = det(X)^(1/3) b (Xi (Xi : dCbar) / 3 - Xi dCbar Xi), where
+    Xi = X^-1 and dCbar = J^(-2/3) (dC - C (C^-1 : dC) / 3). P_iJ gains F_iI S_IJ, and its tangent delta_ik S_JL +
+    F_iI F_kK (2 dS/dC)_IJKL.
+    """
     C, Ci, X, Xi, S, along = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
     F, CC, inner, half = np.empty((3, 3)), np.empty((6, 6)), np.empty((6, 6)), np.empty((9, 6))
     for x in range(len(w)):

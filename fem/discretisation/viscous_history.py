@@ -153,7 +153,7 @@ class FiniteHistory:
         S, still = self.branches.long_term * now.S, np.zeros(now.J.shape)
         for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
             # a step of length 0 leaves C_i as it is
-            _, own, _ = laws.branch_stress(Ci, still, now.C, now.J, modulus * now.mu, tangent=False)
+            _, own = laws.branch_stress(Ci, still, now.C, now.J, modulus * now.mu)
             S = S + own
         return S
 
@@ -174,16 +174,18 @@ class FiniteHistory:
 def measure(e: Elements, law: material.Law, mu: Array, u: Array) -> PointState:
     """Return strain, energy and stress at the integration points, for nodal fields u and shear moduli mu (m, 1)."""
     (m, q), t = e.weights.shape, len(e.angles.theta)
-    k = material.kinematics(material.strain(element_integrals.gradient(e, slice(0, m), u)), tangent=False)
-    W, P, _ = law(k, mu)
+    G = element_integrals.gradient(e, slice(0, m), u)
+    Jm1, Hm1 = (values.reshape(*values.shape[:-1], m, q * t) for values in material.strains(G.reshape(9, -1)))
+    H = Hm1.reshape(G.shape) + np.eye(3)[:, :, None, None]
+    W, P, _ = material.evaluate(law, G, mu, tangent=False)
     # S = F^-1 P, and H = F^-T
-    S = np.stack([np.einsum("i...,i...->...", k.H[:, I], P[:, J]) for I, J in laws.PAIRS])
+    S = np.stack([np.einsum("i...,i...->...", H[:, I], P[:, J]) for I, J in laws.PAIRS])
 
     def by_angle(values: Array) -> Array:
         return np.ascontiguousarray(np.moveaxis(values.reshape(*values.shape[:-1], q, t), -1, -3))
 
     weights = e.angles.weights[:, None, None] * e.weights
-    return PointState(by_angle(laws.cauchy_green(k.G)), by_angle(1 + k.Jm1), by_angle(W), by_angle(S), weights, mu)
+    return PointState(by_angle(laws.cauchy_green(G)), by_angle(1 + Jm1), by_angle(W), by_angle(S), weights, mu)
 
 
 History = LinearHistory | FiniteHistory

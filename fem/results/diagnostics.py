@@ -15,7 +15,7 @@ import numpy as np
 
 from fem.discretisation import element_integrals, elements
 from fem.discretisation.symmetry_models import Discretisation
-from fem.material import strain
+from fem.material import strains
 from fem.results import material_stability, silicone_strain
 from fem.results.lateral_stiffness import StabilityMargin
 from fem.results.state_messages import describe
@@ -134,7 +134,8 @@ def inverted_share(d: Discretisation, u: Array) -> float:
     folded = whole = 0.0
     for at in range(0, len(e.cells), FOLD_BATCH):
         part = slice(at, at + FOLD_BATCH)
-        J, volumes = 1 + strain(element_integrals.gradient(e, part, u)).Jm1, element_integrals.volumes(e, part)
+        G = element_integrals.gradient(e, part, u)
+        J, volumes = 1 + strains(G.reshape(9, -1))[0], element_integrals.volumes(e, part).ravel()
         folded, whole = folded + float(volumes[J <= 0].sum()), whole + float(volumes.sum())
     return folded / whole
 

@@ -21,7 +21,7 @@ import numpy as np
 from fem.discretisation import element_integrals
 from fem.discretisation.elements import Elements
 from fem.discretisation.nonlinear_system import System
-from fem.material import Law, kinematics, strain, yeoh
+from fem.material import Law, evaluate, yeoh
 from fem.solvers.path_state import PathState
 from geometry.arrays import Array
 
@@ -41,7 +41,7 @@ def stress_and_stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
     h : logarithms of the principal stretches, which add up to 0, shape (n, 3).
     """
     stretch = np.exp(h)
-    _, P, A = silicone(kinematics(strain(np.einsum("ij,nj->ijn", np.eye(3), np.expm1(h)))), 1.0)
+    _, P, A = evaluate(silicone, np.einsum("ij,nj->ijn", np.eye(3), np.expm1(h)))
     tau = np.einsum("iin->ni", P) * stretch
     slopes = A[::4, ::4].transpose(2, 0, 1)
     return tau, slopes * stretch[:, :, None] * stretch[:, None, :] + tau[:, :, None] * np.eye(3)

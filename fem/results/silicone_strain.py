@@ -10,18 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem.discretisation import element_integrals
+from fem.discretisation import axisymmetric_compiled, element_integrals
 from fem.discretisation.axisymmetric_loops import knows
 from fem.discretisation.elements import Elements
-from geometry import compiled
 from geometry.arrays import Array
 
 SHARE = 0.999
 """Share of the silicone's volume that stays below the strain of a state."""
 BATCH = 512
 """Elements per batch."""
-SAVING_S = 1e-4
-"""CPU time that the compiled strains of a section save, s."""
 
 
 def largest_strain(e: Elements, u: Array) -> float:
@@ -41,18 +38,15 @@ def largest_strain(e: Elements, u: Array) -> float:
 
 def _strains(e: Elements, u: Array) -> Array:
     """Return the largest principal nominal strain at each integration point, shape (n,)."""
-    if knows(e) and compiled.worthwhile(SAVING_S):
-        kernels = compiled.load("fem.discretisation.axisymmetric_compiled")
-        if kernels is not None:
-            strain = np.empty(e.weights.size)
-            kernels.largest_strains(e.cells, e.D, u, strain)
-            return strain
+    if knows(e):
+        strain = np.empty(e.weights.size)
+        axisymmetric_compiled.largest_strains(e.cells, e.D, u, strain)
+        return strain
     strains = []
     for at in range(0, len(e.cells), BATCH):
         part = slice(at, at + BATCH)
         G = element_integrals.gradient(e, part, u).reshape(3, 3, -1)
-        largest = largest_eigenvalue if e.angles.components is None else largest_axisymmetric_eigenvalue
-        strains.append(np.sqrt(largest(G + np.eye(3)[:, :, None])) - 1)
+        strains.append(np.sqrt(largest_eigenvalue(G + np.eye(3)[:, :, None])) - 1)
     return np.concatenate(strains)
 
 
@@ -79,13 +73,3 @@ def largest_eigenvalue(F: Array) -> Array:
     )
     angle = np.arccos(np.clip(det / 2, -1, 1)) / 3
     return np.asarray(mean + 2 * spread * np.cos(angle))
-
-
-def largest_axisymmetric_eigenvalue(F: Array) -> Array:
-    """Return the largest eigenvalue of C = F^T F, shape (n,), for gradients (3, 3, n) that do not couple the second
-    direction, around the axis, with the others.
-    """
-    (rr, _, rz), (_, around, _), (zr, _, zz) = F
-    first, last = rr * rr + zr * zr, rz * rz + zz * zz
-    in_plane = (first + last) / 2 + np.hypot((first - last) / 2, rr * rz + zr * zz)
-    return np.asarray(np.maximum(in_plane, around * around))

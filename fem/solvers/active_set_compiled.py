@@ -7,8 +7,8 @@ point. The skin's unknowns come late in the band, so that little is left to comp
 
 import numpy as np
 
-from fem.laws_compiled import compiled
 from fem.solvers.band_compiled import solve_band
+from geometry.compiled import compiled
 
 
 @compiled

@@ -8,7 +8,7 @@ column is kept apart (`edge`), and eliminated at the end.
 
 import numpy as np
 
-from fem.laws_compiled import compiled
+from geometry.compiled import compiled
 
 PANEL = 4
 """Rows that are eliminated together."""

@@ -27,8 +27,6 @@ matrices from the matrix after MOST_TURNS on."""
 LEAST_WIDTH = 4.5
 """Mean length of the rows of a band over that of the rows of the matrix, at least: 4.8 to 10 on sections. A band that
 is too long is recognised without its order, which takes longest."""
-SAVING_S = 1e-4
-"""CPU time that a factorisation saves, s."""
 DENSE = 4
 """An unknown with DENSE times as many neighbours as the mean is not part of the band: the motion of the magnet."""
 MOST_DENSE = 2
@@ -177,9 +175,7 @@ class Border:
 def band_factors(matrix: sp.csr_matrix) -> BandFactors | None:
     """Return an object that factorises matrices of this pattern (upper triangles), or None where that is slower."""
     n = matrix.shape[0]
-    if n > MOST_UNKNOWNS or (LEAST_WIDTH * matrix.nnz) ** 2 > 2 * n * MOST_WORK or not compiled.worthwhile(SAVING_S):
-        return None
-    if compiled.load("fem.solvers.band_compiled") is None:
+    if n > MOST_UNKNOWNS or (LEAST_WIDTH * matrix.nnz) ** 2 > 2 * n * MOST_WORK or not compiled.available():
         return None
     factors = BandFactors(matrix)
     return factors if factors.work <= MOST_WORK else None

@@ -21,7 +21,6 @@ import traceback
 from collections.abc import Callable
 from typing import IO, Any
 
-from geometry import compiled
 from studies import deferred_modules
 from studies.output.provenance import ROOT
 
@@ -207,8 +206,6 @@ def answer(function: Callable[[Any], Any], task: Any) -> Answer:
 def main() -> None:
     """Do the jobs that arrive on standard input, one after the other, until it closes."""
     deferred_modules.defer()
-    # from the first job on: else the last digits of an answer would depend on the jobs that this process did before
-    compiled.prepare()
     # libraries and programs that a job starts get neither pipe: they read nothing, and print to standard error
     jobs, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)

@@ -39,7 +39,7 @@ def deformed(wave: float) -> PointState:
     one, unit = np.ones(C.shape[1:]), np.zeros(C.shape)
     unit[:3] = 1.0
     # a branch that has not flown is the neo-Hookean law
-    W, S, _ = viscoelasticity.branch_stress(unit, np.zeros(C.shape[1:]), C, one, one, tangent=False)
+    W, S = viscoelasticity.branch_stress(unit, np.zeros(C.shape[1:]), C, one, one)
     return PointState(C, one, W, S, one, one)
 
 

@@ -229,8 +229,10 @@ def _stress(case: Case, X: Array) -> tuple[Array, Array]:
         G[..., inside, inside[J]] = np.imag(shifted) / TINY
     if case.hoop:
         G[..., 1, 1] = case.displacement(X)[..., 0] / X[..., 0]
-    k = material.kinematics(material.strain(np.moveaxis(G, (-2, -1), (0, 1))))
-    P = np.moveaxis(material.neo_hookean(k, 1.0, case.pressure(X))[1], (0, 1), (-2, -1))
+    _, P, _ = material.evaluate(
+        material.neo_hookean, np.moveaxis(G, (-2, -1), (0, 1)), 1.0, case.pressure(X), tangent=False
+    )
+    P = np.moveaxis(P, (0, 1), (-2, -1))
     return P[..., inside, :][..., inside], P[..., 1, 1]
 
 

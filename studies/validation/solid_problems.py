@@ -176,18 +176,20 @@ def reese_block(
     return tuple(float(-100 * answers[level].state.u[corner, 2]) for level in levels)
 
 
-def _coupled(k: material.Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
-    """Return energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added.
+def _coupled(
+    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
+    tangent: bool, step: int = 1,
+) -> None:  # fmt: skip
+    """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added: a `fem.material.Law`.
 
     W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T.
     """
-    W = mu / 2 * (2 * np.einsum("ii...->...", k.G) + np.sum(k.G**2, axis=(0, 1)) - 2 * np.log1p(k.Jm1))
-    P, A = material.pressure_terms(k, p)
-    P = P + mu * (k.G - k.Hm1)
-    if k.tangent:
-        A = A + mu * np.einsum("iL...,kJ...->iJkL...", k.H, k.H).reshape(A.shape)
-        np.einsum("ii...->i...", A)[...] += mu
-    return W + p * k.Jm1, P, A
+    W[:] = mu / 2 * (2 * G[::4].sum(axis=0) + np.square(G).sum(axis=0) - 2 * np.log1p(Jm1))
+    P[:] = mu * (G - Hm1)
+    if tangent:
+        H = Hm1.reshape(3, 3, -1) + np.eye(3)[..., None]
+        A[:] = mu * (np.eye(9)[..., None] + np.einsum("iLn,kJn->iJkLn", H, H).reshape(A.shape))
+    material.add_pressure(Jm1, Hm1, p, W, P, A, tangent, step)
 
 
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:

@@ -139,9 +139,7 @@ def holzapfel_block(n: int) -> tuple[float, float]:
     slow = sum(mu * a for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True)) / 2
     shares = tuple(mu * a / 2 / slow for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True))
 
-    def law(k: material.Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
-        return material.ogden(k, mu, p, alphas=EXPONENTS, shares=shares)
-
+    law = functools.partial(material.ogden, alphas=EXPONENTS, shares=shares)
     fixed = e.nodes < SKIN
     fixed[:, 2] |= e.nodes[:, 2] > 1 - SKIN
     times = 4 / n * np.arange(1, 4 * n + 1)
