@@ -24,7 +24,7 @@ check: setup
 compile: setup
 	$(BIN)/python -c 'from analytic import magnet; from fem import preparation; preparation.prepare(); magnet.prepare()'
 
-# the verdicts of stability without MKL and numba, in an environment of their own
+# the verdicts of stability without MKL, in an environment of their own
 plain: $(PLAIN)/ready
 	MAGTIP_PLAIN=1 $(ONE_THREAD) $(PLAIN)/bin/python -m pytest -p no:cacheprovider tests/test_without_extras.py tests/test_direct_solver.py tests/test_lateral_stiffness.py
 

@@ -52,7 +52,6 @@ def test_without_pardiso_the_verdicts_are_the_same(monkeypatch):
     answers = []
     for library in (have_pardiso, lambda: False):
         monkeypatch.setattr(direct_solver, "have_pardiso", library)
-        monkeypatch.setattr(direct_solver, "band_factors", lambda matrix: None)
         found = stability.critical(beam, "ignored", accuracy=QUICK, estimate=False)
         state = solve(beam, Load(depth=1.0), QUICK, magnet="ignored", model="harmonic")
         answers.append((found.depth, state.status, state.facts.stability, state.response.force[2]))

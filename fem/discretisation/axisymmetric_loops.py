@@ -67,7 +67,6 @@ class Skin:
     ----------
     nodes, shape, weights : see `fem.discretisation.elements.Surface`.
     heights : (k, q) heights of the points.
-    number : (nodes, 2) numbers of the unknowns.
     entries : (k, 3, 3) positions of the facets' entries for u_z.
     """
 
@@ -75,7 +74,6 @@ class Skin:
     shape: Array
     weights: Array
     heights: Array
-    number: Ints
     entries: Ints
 
 
@@ -126,14 +124,8 @@ class AxisymmetricLoops:
         # results of the law, which each batch overwrites
         self._stress = np.zeros(most), np.zeros(9 * most), np.zeros(81 * most)
         self._batches = [_batch(elements, slice(*cut), mu, inverse_K, corners, places, self._stress) for cut in cuts]
-        self._skin = None if surface is None else _skin(surface, number, on_magnet, pattern)
+        self.skin = None if surface is None else _skin(surface, number, on_magnet, pattern)
         self._evaluated: Array | None = None
-
-    @property
-    def skin(self) -> Skin:
-        """The skin; the section must have one."""
-        assert self._skin is not None
-        return self._skin
 
     def _place_elements(
         self, cells: Ints, corners: Ints, on_magnet: NDArray[np.bool_], pattern: Pattern
@@ -186,6 +178,7 @@ class AxisymmetricLoops:
                 *one.places, data, tangent,
             )  # fmt: skip
         if plate is not None:
+            assert self.skin is not None
             s, chosen = self.skin, plate.pressed is not None
             energy += k.add_springs(
                 s.nodes, s.shape, s.weights, s.heights, u, plate.height, plate.stiffness, chosen,
@@ -239,7 +232,7 @@ def _skin(surface: Surface, number: Ints, on_magnet: NDArray[np.bool_], pattern:
     unknowns = np.where(on_magnet, -1, number[:, 1])[surface.nodes]
     entries = _entries(pattern, unknowns[:, :, None], unknowns[:, None], pattern.offsets[FACETS])
     heights, shape = np.ascontiguousarray(surface.points[..., 2]), np.ascontiguousarray(surface.shape)
-    return Skin(np.ascontiguousarray(surface.nodes), shape, surface.weights, heights, number, entries)
+    return Skin(np.ascontiguousarray(surface.nodes), shape, surface.weights, heights, entries)
 
 
 def _entries(pattern: Pattern, rows: Ints, columns: Ints, offset: Ints) -> Ints:

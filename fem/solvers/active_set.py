@@ -31,9 +31,7 @@ from numpy.typing import NDArray
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation.assembled_state import State
-from fem.discretisation.axisymmetric_loops import NO_POINTS, Skin
 from fem.discretisation.nonlinear_system import System
-from fem.solvers.band_factors import BandFactors
 from fem.solvers.direct_solver import Solver
 from geometry.arrays import Array, Ints
 
@@ -66,11 +64,8 @@ def settle_contact(
     """
     if plate is None or plate.height is None or plate.friction is not None:
         return step
-    surface, loops = system.surface, system.axisymmetric
+    surface = system.surface
     assert surface is not None
-    band = solver.band
-    if loops is not None and band is not None and band.border is None and plate.only_presses:
-        return _settle_in_band(loops.skin, band, state.u, step, plate, pressed)
     acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
     loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
@@ -99,21 +94,6 @@ def settle_contact(
         settled = step - known.compliance.Z @ force
         now = plate_contact.overlap(surface, system.state(state.q - settled).u, plate).ravel()
     return settled
-
-
-def _settle_in_band(
-    skin: Skin, band: BandFactors, u: Array, step: Array, plate: Plate, pressed: NDArray[np.bool_] | None
-) -> Array:
-    """Return `settle_contact` of a press on a section, by one compiled loop."""
-    from fem.solvers import active_set_compiled
-
-    assert plate.height is not None
-    limits, chosen = (MOST_POINTS, MOST_ROUNDS, MOST_EXCHANGES, PATIENCE), pressed is not None
-    settled = active_set_compiled.settle(
-        skin.nodes, skin.shape, skin.heights - plate.height, skin.weights, skin.number, u, step, plate.stiffness,
-        chosen, pressed if chosen else NO_POINTS, *band.factors, *band.workspace(MOST_POINTS), limits,
-    )  # fmt: skip
-    return np.asarray(settled)
 
 
 @dataclass(frozen=True, slots=True)

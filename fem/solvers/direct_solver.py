@@ -2,7 +2,7 @@
 
 PARDISO (of MKL, the extra `fast`) takes all matrices. Without it qdldl takes the symmetric ones, and gives their
 inertia too; SuperLU the unsymmetric ones, and the symmetric ones that need other pivots, whose inertia is then
-unknown. Small symmetric matrices are factorised by compiled loops where these are faster (`band_factors`).
+unknown.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from fem.solvers.band_factors import BandFactors, band_factors
 from fem.solvers.inertia import UNKNOWN, Stability, count_negative
 from fem.solvers.pardiso import FEW, Pardiso, SingularMatrixError, have_pardiso
 from fem.solvers.sparse_pattern import nested_dissection
@@ -35,17 +34,12 @@ class Solver:
 
     Attributes
     ----------
-    band : factors of the last matrix by compiled loops; None where a library has them.
     kept : numbers of the unknowns that `condense` kept the last time; empty before the first.
     schur : their Schur complement, for which `forward` and `backward` solve; None where there is none.
     """
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
         self._use_pardiso = have_pardiso() if pardiso is None else pardiso
-        # a library that is asked for by name takes all matrices
-        self._try_band = pardiso is None
-        self.band: BandFactors | None = None
-        self._turns = 0
         self._handles: dict[bool, Pardiso] = {}
         self._symmetric = True
         self._order: Ints | None = None
@@ -66,9 +60,6 @@ class Solver:
             PARDISO's own order, and double precision.
         """
         self._symmetric = symmetric
-        # the band refuses pivots that are not finite
-        if symmetric and self._factorise_band(matrix):
-            return
         if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
         if self._use_pardiso:
@@ -101,16 +92,6 @@ class Solver:
         if self._order is None:
             self._order = nested_dissection(full)
         self._lu = _superlu(full[self._order][:, self._order])
-
-    def _factorise_band(self, matrix: sp.csr_matrix) -> bool:
-        """Factorise by compiled loops; return False where these are slower, or the pivots do not allow it."""
-        if self._try_band and self.band is None:
-            self.band = band_factors(matrix)
-        self._turns += 1
-        self._try_band = self.band is not None and self._turns <= self.band.turns and self.band.factorise(matrix)
-        if not self._try_band:
-            self.band = None
-        return self._try_band
 
     def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
         """Return the Schur complement (c, c) of some unknowns of a symmetric matrix, given as its upper triangle.
@@ -207,8 +188,6 @@ class Solver:
 
     def _negative(self) -> int | None:
         """Return the number of negative eigenvalues of the symmetric matrix; None where its pivots do not tell."""
-        if self.band is not None:
-            return self.band.negative
         if self._use_pardiso:
             iparm = self._handles[True].iparm
             # a perturbed pivot may have either sign
@@ -218,8 +197,6 @@ class Solver:
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
-        if self._symmetric and self.band is not None:
-            return self.band.solve(b)
         if not self._use_pardiso:
             if self._symmetric and self._ldl is not None and self._ldl.sound:
                 return self._ldl.solve(b)
