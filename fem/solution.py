@@ -10,7 +10,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem.discretisation import angular_fields
-from fem.solvers.inertia import UNKNOWN, Stability
+from fem.solvers.inertia import UNKNOWN, Stability, Verdict
 from fem.solvers.newton import Stop
 from geometry.arrays import Array
 from geometry.loads import Load, Response
@@ -43,7 +43,8 @@ class Facts:
     Attributes
     ----------
     stop : why the path ended before the load; empty if it did not.
-    stability : stable, unstable with a number of directions, or unknown.
+    stability : of the model that was solved: stable, unstable with a number of directions, or unknown. `verdict` is
+        that of the sensor.
     onset, onset_mm : the load coordinate that changed when the path became unstable, and its values (from, to) before
         and after, mm; None where the path did not become unstable or was not checked.
     weak_at : principal stretches, largest first, at which the law loses stability in the state, or just beyond a
@@ -83,6 +84,19 @@ class Facts:
     def creased(self) -> bool:
         """Whether the free skin is known to be compressed beyond the limit of creases."""
         return self.crease_ratio is not None and self.crease_ratio >= CREASE
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the state is stable against all that was looked at: its own model, a free tip, creases, its path.
+
+        >>> Facts(stability=Stability(0)).verdict, Facts(stability=Stability(0), remark="guided_only").verdict
+        ('stable', 'unstable')
+        >>> Facts(stability=Stability(0), remark="guided_unknown").verdict
+        'unknown'
+        """
+        if self.onset or self.creased or self.remark in ("given_way", "guided_only"):
+            return "unstable"
+        return "unknown" if self.remark == "guided_unknown" else self.stability.verdict
 
 
 class Diagnosed(Protocol):

@@ -115,7 +115,7 @@ def classify(facts: Facts) -> Status:
         return "not_converged"
     if facts.remark == "no_touch":
         return "no_contact"
-    if facts.stability.is_unstable or facts.onset or facts.creased or facts.remark in ("given_way", "guided_only"):
+    if facts.verdict == "unstable":
         return "unstable"
     return "ok"
 

@@ -277,7 +277,7 @@ def _fact_columns(facts: Facts) -> FactColumns:
     return FactColumns(
         stop=facts.stop or None,
         remark=facts.remark,
-        stability=facts.stability.verdict,
+        stability=facts.verdict,
         unstable_directions=facts.stability.directions,
         onset_depth_from_mm=depth[0],
         onset_depth_to_mm=depth[1],
