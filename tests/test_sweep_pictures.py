@@ -67,12 +67,37 @@ def test_a_shear_shows_the_shear_force_first(drawn, tmp_path):
 
 
 def test_zipped_axes_are_one_axis_with_a_note(drawn, tmp_path):
-    factors = (Factor(("D", "L"), ((8.0, 8.0, 10.0), (9.0, 11.0, 11.0))),)
+    factors = (Factor(("D", "L"), ((8.0, 9.0, 10.0), (9.0, 11.0, 11.0))),)
     collected(plan_of(factors, {"depth": 0.5})).draw(tmp_path / "sweep.png")
     (_, _, axes, _), options = drawn[0]
-    # both have two different values: the first stands for both, and its points keep their order
-    assert axes == {"D_mm": [8.0, 8.0, 10.0]}
+    assert axes == {"D_mm": [8.0, 9.0, 10.0]}
     assert options["notes"] == ["L varies together with D."]
+
+
+def test_zipped_axes_whose_values_repeat_are_named_by_all_their_values(drawn, tmp_path):
+    factors = (Factor(("D", "L"), ((8.0, 8.0, 10.0), (9.0, 11.0, 11.0))), *grid({"depth": [0.5, 1.0]}))
+    collected(plan_of(factors)).draw(tmp_path / "sweep.png")
+    (_, columns, axes, _), options = drawn[0]
+    points = ["8 mm, 9 mm", "8 mm, 11 mm", "10 mm, 11 mm"]
+    assert axes == {"$D$, $L$": points, "depth_mm": [0.5, 1.0]}
+    assert columns["$D$, $L$"].tolist() == [point for point in points for _ in range(2)]
+    assert options["notes"] == []
+
+
+def test_errors_of_a_force_that_changes_sign_are_over_the_largest_force():
+    """The formula is too high everywhere: relative to a pull of 0.1 N, its push of 0.1 N had an error of -200 %."""
+    columns = {"fem": np.array([-0.1, 0.0, 0.4, np.nan]), "paper": np.array([0.1, 0.2, 0.5, 1.0])}
+    shown = sweep_plot.Shown("press force", "N", {"FEM": "fem", "paper": "paper"}, {"paper": "error"})
+    drawn = sweep_pictures._comparable(shown, columns)
+    assert drawn.error_unit == "% of the largest value"
+    np.testing.assert_allclose(columns[drawn.errors["paper"]], [50, 50, 25, np.nan])
+
+
+@pytest.mark.parametrize("fem", [[0.1, 0.2], [-0.1, -0.2], [1e-12, 0.2]])
+def test_errors_of_a_force_of_one_sign_stay_relative(fem):
+    columns = {"fem": np.array(fem), "paper": np.array([np.sign(fem[1]) * 0.3 * (fem[0] != 1e-12) - 1e-13, fem[1]])}
+    shown = sweep_plot.Shown("press force", "N", {"FEM": "fem", "paper": "paper"}, {"paper": "error"})
+    assert sweep_pictures._comparable(shown, columns) is shown
 
 
 def test_a_sample_has_all_its_axes(drawn, tmp_path):

@@ -3,6 +3,7 @@
 import itertools
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -381,3 +382,19 @@ def test_the_pictures_of_a_real_sweep(tmp_path):
     with store.in_memory() as memory:
         assert len(list(sweep.run(plan, tmp_path, memory, processes=Processes(0)))) > 0
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
+
+
+def test_errors_of_one_colour_alone_are_drawn(drawn):
+    """Without a shear there is no error of the shear force: the others were left out with it."""
+    axes = {"depth_mm": [0.5, 1.0], "L_mm": [9.0, 12.0]}
+    columns = columns_of(axes)
+    columns["force_error_percent"] = np.where(columns["L_mm"] == 9.0, math.nan, -20.0 * columns["depth_mm"])
+    (figure,) = drawn(axes, columns=columns)
+    lines = [line for line in figure.axes[1].get_lines() if len(line.get_xdata()) == 2]
+    assert [-10.0, -20.0] in [list(line.get_ydata()) for line in lines]
+
+
+def test_errors_name_what_they_are_relative_to(drawn):
+    axes = {"depth_mm": [0.5, 1.0], "L_mm": [9.0, 12.0]}
+    (figure,) = drawn(axes, [replace(FORCE, error_unit="% of the largest value")])
+    assert figure.axes[1].get_ylabel().replace("\n", " ") == "error of press force (% of the largest value)"

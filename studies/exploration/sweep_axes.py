@@ -151,7 +151,8 @@ def split(column: str) -> tuple[str, str]:
 def symbol(column: str) -> str:
     """Return the symbol of an axis, or its name where it has none."""
     name, _ = split(column)
-    return SYMBOLS.get(name, name.replace("_", " "))
+    # the axis of zipped values has symbols in its name
+    return SYMBOLS.get(name, name if "$" in name else name.replace("_", " "))
 
 
 def scale(panel: Any, way: str, axis: Axis, inches: float = 3.0) -> None:

@@ -71,7 +71,7 @@ def draw(figure: Any, panels: Mapping[Place, Any], block: Block, axes: Mapping[s
 
 def _title(section: Section) -> str:
     model = section.models[0]
-    of_model = f"error of {model} (%)" if section.error else with_unit(model, section.unit)
+    of_model = with_unit(f"error of {model}" if section.error else model, section.unit)
     return f"{section.label},\n{of_model}"
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.exploration import sweep_plot
+from studies.exploration import sweep_axes, sweep_plot
 from studies.exploration.model_results import prefixes
 from studies.exploration.plate_motion import TIMED
 from studies.exploration.study_cases import Columns, Plan
@@ -24,6 +25,8 @@ from studies.inputs.user_input import Value
 
 MOST_DRAWN = 1_000_000
 """Largest number of cases that are drawn; it bounds the memory, at about 100 MB."""
+ROUNDING = 1e-6
+"""Magnitude over the largest one up to which a value is 0 but for rounding."""
 LARGE = 1000
 """Number of cases from which on the pictures leave out axes whose effect on the shown quantities is known."""
 
@@ -70,14 +73,19 @@ class Collected:
         """Draw the pictures, and return their files."""
         columns = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         sampled = any(factor.sampled for factor in self.plan.factors)
-        axes = {}
+        axes: dict[str, list[float | str]] = {}
         for factor in (factor for k, factor in enumerate(self.plan.factors) if k not in self._fixed):
+            if _needs_all(factor):
+                name = ", ".join(sweep_axes.symbol(study_axes.column(one)) for one in factor.names)
+                axes[name] = _together(factor, {one: _texts(factor, one) for one in factor.names})
+                rows = _together(factor, {one: columns[study_axes.column(one)] for one in factor.names})
+                columns[name] = np.array(rows, dtype=object)
+                continue
             for name in factor.names if factor.sampled else (_leader(factor),):
                 column = study_axes.column(name)
-                # the values of a zipped axis may repeat: the points are then told apart by their order
-                zipped = len(factor.names) > 1 and not factor.sampled
-                axes[column] = list(_texts(factor, name) if zipped else dict.fromkeys(columns[column].tolist()))
-        return sweep_plot.draw(path, columns, axes, self._shown, sampled=sampled, notes=self._notes())
+                axes[column] = list(dict.fromkeys(columns[column].tolist()))
+        shown = [_comparable(one, columns) for one in self._shown]
+        return sweep_plot.draw(path, columns, axes, shown, sampled=sampled, notes=self._notes())
 
     def _notes(self) -> list[str]:
         """Say in sentences what the pictures leave out."""
@@ -94,7 +102,7 @@ class Collected:
                 )
         for factor in (factor for k, factor in enumerate(self.plan.factors) if k not in self._fixed):
             leader = _leader(factor)
-            others = [] if factor.sampled else [name for name in factor.names if name != leader]
+            others = [] if factor.sampled or _needs_all(factor) else [name for name in factor.names if name != leader]
             if others:
                 notes.append(
                     f"{', '.join(others)} {'varies' if len(others) == 1 else 'vary'} together with {leader}."
@@ -135,6 +143,42 @@ def _leader(factor: Factor) -> str:
     """Return the axis that stands for a zipped group: the one with the most different values."""
     counts = [len(set(values)) for values in factor.values]
     return factor.names[counts.index(max(counts))]
+
+
+def _needs_all(factor: Factor) -> bool:
+    """Return whether the points of a zipped group are told apart by the values of all its axes only."""
+    return not factor.sampled and len(factor.names) > 1 and len(set(_texts(factor, _leader(factor)))) < factor.count
+
+
+def _together(factor: Factor, values: Mapping[str, Sequence[Value] | NDArray[np.generic]]) -> list[float | str]:
+    """Return the values of all axes of a zipped group at each point as one text, such as "8 mm, 9 mm"."""
+    units = [sweep_axes.split(study_axes.column(name))[1] for name in factor.names]
+    return [
+        ", ".join(f"{sweep_axes.text_of(value)} {unit}".strip() for value, unit in zip(point, units, strict=True))
+        for point in zip(*(values[name] for name in factor.names), strict=True)
+    ]
+
+
+def _comparable(shown: Shown, columns: Columns) -> Shown:
+    """Return a quantity whose errors mean something.
+
+    Where a model has the other sign than the reference, an error relative to the reference says too low of what is
+    too high. The errors are then differences from the reference over its largest magnitude, in columns of their own.
+    """
+    references = [column for model, column in shown.values.items() if model not in shown.errors]
+    if not references or not shown.errors:
+        return shown
+    truth = np.asarray(columns[references[0]], dtype=float)
+    models = {model: np.asarray(columns[shown.values[model]], dtype=float) for model in shown.errors}
+    with np.errstate(invalid="ignore"):
+        largest = float(np.nanmax(abs(truth), initial=0.0))
+        if not any((values * truth < -((ROUNDING * largest) ** 2)).any() for values in models.values()):
+            return shown
+    errors = {}
+    for model, values in models.items():
+        errors[model] = f"{shown.errors[model]} of the largest"
+        columns[errors[model]] = 100 * (values - truth) / largest
+    return replace(shown, errors=errors, error_unit="% of the largest value")
 
 
 def _shown(plan: Plan, columns: Mapping[str, NDArray[np.float64]]) -> list[Shown]:

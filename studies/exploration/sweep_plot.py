@@ -9,6 +9,7 @@ import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,7 @@ def _with_values(cube: Cube, quantity: Shown) -> Shown:
         {m: c for m, c in models.items() if np.isfinite(np.asarray(cube.columns[c], dtype=float)).any()}
         for models in (quantity.values, quantity.errors)
     ]
-    return Shown(quantity.label, quantity.unit, by[0], by[1])
+    return replace(quantity, values=by[0], errors=by[1])
 
 
 def units(cube: Cube, quantity: Shown, most: int) -> Iterator[list[Section]]:
@@ -123,7 +124,8 @@ def units(cube: Cube, quantity: Shown, most: int) -> Iterator[list[Section]]:
         free = not own.second and (whole.maps or not whole.second)
         numbers = [list(quantity.values).index(m) if m in quantity.values else k for k, m in enumerate(models)]
         colours = numbers if free else ()
-        return sweep_views.section(cube, own, quantity.label, quantity.unit, models, colours, error=error)
+        unit = quantity.error_unit if error else quantity.unit
+        return sweep_views.section(cube, own, quantity.label, unit, models, colours, error=error)
 
     references = {m: c for m, c in quantity.values.items() if m not in quantity.errors} or dict(quantity.values)
     reference, others = next(iter(references.items())), dict(quantity.values)

@@ -102,7 +102,7 @@ def _picture(
     text = "\n".join(part for note in notes for part in textwrap.wrap(note, int(width * 11)))
     rows = [(quantity.values, with_unit(quantity.label, quantity.unit), False)]
     if quantity.errors:
-        rows.append((quantity.errors, f"error of {quantity.label} (%)", True))
+        rows.append((quantity.errors, with_unit(f"error of {quantity.label}", quantity.error_unit), True))
     maps = list(quantity.errors.items()) if pair else []
     across = min(2, len(maps)) or 1
     upper, lower = 2.45 * len(rows) + 0.5, 2.9 * math.ceil(len(maps) / across)
@@ -123,7 +123,15 @@ def _picture(
         for k, (model, column) in enumerate(maps):
             panel = parts[1].add_subplot(math.ceil(len(maps) / across), across, k + 1)
             inches = 0.7 * width / across
-            _map(parts[1], panel, columns, pair, column, f"{quantity.label},\nerror of {model} (%)", inches)
+            _map(
+                parts[1],
+                panel,
+                columns,
+                pair,
+                column,
+                f"{quantity.label},\n{with_unit(f'error of {model}', quantity.error_unit)}",
+                inches,
+            )
         handles, count = table_plots.legend_columns(_handles(columns, quantity), width)
         figure.legend(handles=handles, loc="outside upper center", ncols=count, frameon=False)
         if text:

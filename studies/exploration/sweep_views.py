@@ -35,13 +35,15 @@ class Shown:
     ----------
     label, unit : such as "press force" and "N".
     values : column of the quantity by the label of each model, such as "FEM standard".
-    errors : column of the error in % by the label of each model that has one.
+    errors : column of the error by the label of each model that has one.
+    error_unit : of the errors.
     """
 
     label: str
     unit: str
     values: Mapping[str, str]
     errors: Mapping[str, str]
+    error_unit: str = "%"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +75,7 @@ class Section:
 
     Attributes
     ----------
-    label, unit : of the quantity; the unit of an error is %.
+    label, unit : of the quantity, and unit of the quantity or of its error.
     error : whether these are errors.
     models : labels of the models.
     values : of each model, shape (pages, rows, columns, second, x).
@@ -118,7 +120,7 @@ class Section:
     @property
     def name(self) -> str:
         """Label with unit."""
-        return f"error of {self.label} (%)" if self.error else with_unit(self.label, self.unit)
+        return with_unit(f"error of {self.label}" if self.error else self.label, self.unit)
 
 
 def view(axes: Mapping[str, Axis], effective: Collection[str]) -> View:
@@ -160,10 +162,16 @@ def section(
         axis=tuple(k for k, n in enumerate(cube.axes) if n not in _shown(look)), keepdims=True
     )
     ordered = _ordered(cube, look, failures)
-    alike = tuple(not look.folded and ordered.shape[3] > 1 and sweep_cube.same(part, axis=3) for part in values)
+    alike = tuple(not look.folded and ordered.shape[3] > 1 and _alike(part) for part in values)
     return Section(
         look, label, unit, error, tuple(columns), tuple(values), tuple(spread), alike, ordered, tuple(colours)
     )
+
+
+def _alike(values: Array) -> bool:
+    """Return whether all colours have the same values, and at the same places, shape as `Section.values`."""
+    some = np.isfinite(values)
+    return sweep_cube.same(values, axis=3) and bool((some == some[:, :, :, :1]).all())
 
 
 def _shown(look: View) -> list[str]:
