@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 import skfem
 
-from fem.accuracy import STANDARD, Accuracy, coarser
+from fem.accuracy import STANDARD, Accuracy
 from fem.error_estimates import estimate_response
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
@@ -123,8 +123,9 @@ def walk(
     Parameters
     ----------
     estimate : estimate the errors of force, shift and tilt from a second solve of the same scene, on a mesh coarser
-        by COARSER and with one harmonic less (two in place of one), see `fem.error_estimates`. Also check whether an
-        axisymmetric press would be stable sideways; if not, the message says so.
+        by COARSER and with one harmonic less (two in place of one), see `fem.error_estimates`; they stay unknown
+        where that mesh does not resolve the gripped skin. Also check whether an axisymmetric press would be stable
+        sideways; if not, the message says so.
     progress : called with the completed share of the path and a text.
     mesh : tetrahedra in units of D to solve on, see `fem.discretisation.symmetry_models.solid`; errors are then not
         estimated.
@@ -134,12 +135,8 @@ def walk(
     One solution per load, as soon as it is solved. Where a solve stops early, the last solution is the last converged
     state, with its status and message.
 
-    Raises
-    ------
-    BadInput
-        Before the first state, if the coarser mesh does not resolve the gripped skin.
     """
-    coarse = replace(scene, accuracy=coarser(scene.accuracy)) if estimate and mesh is None else None
+    coarse = scene.coarser() if estimate and mesh is None else None
     return _walk(scene, coarse, progress, mesh)
 
 

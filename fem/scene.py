@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from fem.accuracy import LEVELS, STANDARD, Accuracy
+from fem.accuracy import LEVELS, STANDARD, Accuracy, coarser
 from fem.material import Law, law
 from geometry.design import BadInput, Design, Shape
 from geometry.loads import Load, Magnet, check_kinds, check_load
@@ -72,7 +72,14 @@ class Scene:
         _check_path(self.loads)
         grip = self.loads[0].grip
         if grip is not None and self.solid:
-            _check_cap(self.design, grip, self.accuracy.solid_patch)
+            _check_cap(self.design, grip, self.accuracy)
+
+    def coarser(self) -> Scene | None:
+        """Return the scene on the mesh for error estimates; None where that does not resolve the gripped skin."""
+        accuracy, grip = coarser(self.accuracy), self.loads[0].grip
+        if grip is not None and self.solid and grip < _least_cap(self.design, accuracy):
+            return None
+        return dataclasses.replace(self, accuracy=accuracy)
 
     @property
     def solid(self) -> bool:
@@ -234,9 +241,14 @@ def _check_spot(design: Design, load: Load) -> None:
         raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {least:.3g} mm; got {load.grip:g} mm")
 
 
-def _check_cap(design: Design, grip: float, patch_size: float) -> None:
+def _least_cap(design: Design, accuracy: Accuracy) -> float:
+    """Return the least height, mm, of a gripped cap that is two elements of a solid wide."""
+    return 2 * (2 * accuracy.solid_patch) ** 2 * design.D**2 / design.R / 4
+
+
+def _check_cap(design: Design, grip: float, accuracy: Accuracy) -> None:
     """Refuse a grip whose area of skin is narrower than two elements."""
-    least = 2 * (2 * patch_size) ** 2 * design.D**2 / design.R / 4
+    least = _least_cap(design, accuracy)
     if grip < least:
         raise BadInput(
             f"grip must be at least {least:.3g} mm for the mesh of this accuracy to resolve it; got {grip:g} mm"

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import skfem
 
 from fem.accuracy import QUICK
-from fem.discretisation import symmetry_models
+from fem.discretisation import elements, symmetry_models
 from fem.equilibrium import solve
+from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load
 from geometry.meshing.edge_singularity import PLACE, SingularEdges
@@ -62,3 +64,16 @@ def test_a_gripped_shear_hardly_depends_on_the_elements_at_its_edge():
     )
     assert coarse.force[0] == pytest.approx(fine.force[0], rel=2e-3)
     assert coarse.tilt == pytest.approx(fine.tilt, rel=2e-3)
+
+
+def test_an_inverted_element_is_refused():
+    mesh = section(SHAPE, 0.25)
+    corner = mesh.t[0, 0]
+    places = mesh.doflocs.copy()
+    # beyond the opposite side
+    places[:, corner] += 3 * (places[:, mesh.t[1:, 0]].mean(axis=1) - places[:, corner])
+    with pytest.raises(MeshError, match=r"folded elements, and \d+ pairs of neighbours that overlap"):
+        elements.build(type(mesh)(places, mesh.t), axisymmetric=True)
+    straight = skfem.MeshTri(places[:, : mesh.nvertices], mesh.t)
+    with pytest.raises(MeshError, match=r"has 0 folded elements, and [1-9]\d* pairs"):
+        elements.build(skfem.MeshTri2.from_mesh(straight), axisymmetric=True)

@@ -38,6 +38,8 @@ SOLVE_KEYS = {
     "shear_y_mm",
     "plate_tilt_rad",
     "imperfection_N",
+    "friction",
+    "grip_mm",
     "tilt_y_rad",
     "rotation_rad",
     "digest",

@@ -99,3 +99,14 @@ def test_mechanics_of_a_contact_and_of_few_states():
         response_surface.of_samples(states[:2])
     with pytest.raises(BadInput, match="along the shear"):
         response_surface.of_samples([(Load(1, 1, friction="stick"), Response((1, 0, 1), (0.5, 0.5, -1), 0, 1))])
+
+
+def test_shears_of_unlike_contact_make_no_law():
+    press = [(Load(depth=d), bent(Load(depth=d))) for d in DEPTHS]
+    shears = [(load, bent(load)) for load in (Load(1.0, s, friction="stick") for s in SHEARS)]
+    slid = (dataclasses.replace(shears[0][0], friction=0.3), shears[0][1])
+    held = (Load(shear_x=0.5, grip=1.0), shears[0][1])
+    with pytest.raises(BadInput, match=r"one friction; got 0\.3 and stick"):
+        response_surface.of_samples([*press, *shears, slid])
+    with pytest.raises(BadInput, match="no grip"):
+        response_surface.of_samples([*press, held])

@@ -8,7 +8,9 @@ from numpy.testing import assert_allclose
 from analytic import hall
 from geometry import design_digest
 from geometry.design import Design, paper
-from geometry.loads import Response
+from geometry.loads import Load, Response
+from studies.inputs import state_files
+from studies.simulation import state_rows
 
 LABEL = design_digest.label(design_digest.of_mechanics(paper()))
 POSE = {"shift_mm": [0.4, -0.2, -0.8], "tilt_rad": 0.12, "tilt_y_rad": -0.07}
@@ -132,3 +134,21 @@ def test_states_that_do_not_determine_the_mechanics_have_no_resolution(run, stri
     solved_by_formulas(run, tmp_path)
     rows = strict(run("readings", "paper", "--responses", "states.jsonl", "--json")[1])
     assert {row["resolution_N"] for row in rows} == {None}
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        Load(depth=1.0),
+        Load(1.0, 0.5, friction="stick"),
+        Load(1.0, 0.5, 0.2, friction=0.3),
+        Load(shear_x=0.5, grip=2.0),
+        Load(1.0, imperfection=0.01),
+    ],
+)
+def test_a_load_comes_back_from_a_file_as_it_was(tmp_path, load):
+    row = state_rows.formula_state_row(load, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0), "paper", 0.0, LABEL)
+    file = tmp_path / "states.jsonl"
+    file.write_text(json.dumps(row.row() | LABEL))
+    (state,) = state_files.read(file, paper())
+    assert state.load == load

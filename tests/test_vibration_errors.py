@@ -80,3 +80,10 @@ def test_a_case_without_an_answer_misses_the_goals(judged):
     assert len(goals.missed(vibration_errors.goals([*judged, *lost]))) == 2
     assert len(vibration_errors.judge(case, QUICK, {}, {}, {})) == 3
     assert len(goals.missed(vibration_errors.goals([]))) == 2
+
+
+def test_motions_are_in_one_order_whatever_the_hash_seed():
+    case = vibration_errors.cases(quick=True)[1]
+    some = {name: curves(np.full(21, 5.0 + 0j)) for name in ("z", "x")}
+    lost = vibration_errors.judge(case, QUICK, some, {}, dict(reversed(some.items())))
+    assert [one.motion for one in lost] == ["x"] * 3 + ["z"] * 3

@@ -106,8 +106,13 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
     Raises
     ------
     BadInput
-        The samples contain no shear or no press, a plate is tilted, or a magnet does not move along the shear.
+        The samples contain no shear or no press, shears of unlike friction, a grip, a tilted plate, or a magnet that
+        does not move along the shear.
     """
+    samples = list(samples)
+    contacts = sorted({str(load.friction) for load, _ in samples if load.shear})
+    if len(contacts) > 1:
+        raise BadInput(f"the shears must all have one friction; got {' and '.join(contacts)}: leave the others out")
     rows = np.array([_row(load, response) for load, response in samples]).reshape(-1, 7)
     u, w, tilt, f_t, f_n, depth, shear = rows.T
     moved = u > 1e-9 * np.abs(rows[:, :2]).max(initial=0.0)
@@ -236,9 +241,10 @@ def _row(load: Load, response: Response) -> list[float]:
         return x * e[0] + y * e[1]
 
     aside = abs(shift[0] * e[1] - shift[1] * e[0])
-    if load.plate_tilt or not aside <= 1e-3 * (math.hypot(*shift) or 1.0):
+    if load.grip is not None or load.plate_tilt or not aside <= 1e-3 * (math.hypot(*shift) or 1.0):
         raise BadInput(
-            "every state must have an upright plate, and a magnet that moves along the shear: leave other states out"
+            "every state must have an upright plate, no grip, and a magnet that moves along the shear: leave other "
+            "states out"
         )
     u = along(shift[0], shift[1]) if amount else 0.0
     tilt = along(response.tilt, response.tilt_y) if amount else 0.0

@@ -23,6 +23,7 @@ from skfem.quadrature import get_quadrature
 
 from fem.discretisation.angular_fields import Angles, cartesian_fields, fourier_fields, rotations
 from geometry.arrays import Array, Ints
+from geometry.bad_input import MeshError
 
 
 @dataclass(frozen=True)
@@ -247,6 +248,11 @@ def build(
         With order 2 in triangles deep presses find spurious unstable directions and jump between branches.
     angles : fields; default: those of the harmonics, or Cartesian ones.
     points : (dim, q) points of the reference element to evaluate at instead, with equal weights.
+
+    Raises
+    ------
+    MeshError
+        Elements are folded or inverted.
     """
     dim = mesh.p.shape[0]
     order = order or (4 if dim == 2 else 2)
@@ -260,6 +266,8 @@ def build(
     m, q, _, a = grad.shape
     D = np.zeros((m, q, 3, a))
     D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = grad
+    _check_unfolded(mesh, determinant)
+    # the corners of an element may be numbered in either sense
     weights = np.abs(determinant) * rule.weights
     if axisymmetric:
         radius = places[..., 0] @ rule.shape.T
@@ -274,6 +282,24 @@ def build(
         shape=rule.shape,
         angles=angles or (fourier_fields(harmonics, sines=sines) if axisymmetric else cartesian_fields(dim)),
     )
+
+
+def _check_unfolded(mesh: skfem.Mesh, determinant: Array) -> None:
+    """Refuse elements whose determinants (m, q) have both signs, and neighbours on one side of their common facet."""
+    folded = int(np.count_nonzero(~(determinant.min(axis=1) * determinant.max(axis=1) > 0)))
+    inner = mesh.f2t[1] >= 0
+    facets, pairs = mesh.facets[:, inner].astype(np.int64), mesh.f2t[:, inner]
+    first = mesh.p[:, facets[0]]
+    opposite = mesh.t.astype(np.int64)[:, pairs].sum(axis=0) - facets.sum(axis=0)
+    along = [mesh.p[:, corner] - first for corner in facets[1:]]
+    one, other = (
+        np.linalg.det(np.stack([*along, mesh.p[:, corner] - first]).transpose(2, 0, 1)) for corner in opposite
+    )
+    overlapping = int(np.count_nonzero(~(one * other < 0)))
+    if folded or overlapping:
+        raise MeshError(
+            f"the mesh has {folded} folded elements, and {overlapping} pairs of neighbours that overlap: repair it"
+        )
 
 
 def surface(

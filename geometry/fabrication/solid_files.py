@@ -83,7 +83,7 @@ class Exported:
     file : name of the STL file that the values below describe; the 3MF file holds the same triangles.
     volume_mm3 : exact volume of the solid.
     stl_volume_mm3, relative_error : volume enclosed by the triangles in single precision, and its relative error.
-    watertight : True if the triangles enclose a volume; always True, because `facets` refuses all others.
+    watertight : whether the triangles, as written, enclose a volume.
     triangles : number of triangles.
     """
 
@@ -220,7 +220,7 @@ def export(
             }
             for suffix, content in contents.items():
                 Path(temporary, f"{name}.{suffix}").write_bytes(content)
-            figures = (float(solid.volume), float(mesh.volume), surface.error, True, len(mesh.faces))
+            figures = (float(solid.volume), float(mesh.volume), surface.error, bool(mesh.is_volume), len(mesh.faces))
             written.append(Exported(name, f"{name}.stl", *figures))
         for name in parts:
             for suffix in FORMATS:

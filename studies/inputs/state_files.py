@@ -74,15 +74,21 @@ def _state(line: int, record: dict[str, Any]) -> State:
 
 
 def _load_and_response(record: dict[str, Any]) -> tuple[Load, Response]:
-    """Return load and response of a record; keys that the formulas do not print count as 0."""
+    """Return load and response of a record; keys that the formulas do not print count as 0.
+
+    A record without `friction`, of a table made by hand or by magtip 0.2, is of a plate that sticks in a shear.
+    """
     x, y, z = (float(v) for v in record["shift_mm"])
     f_x, f_y, f_n = (float(v) for v in record["force_N"])
+    friction, grip = record.get("friction"), record.get("grip_mm")
     load = Load(
         depth=float(record["depth_mm"]),
         shear_x=float(record["shear_mm"]),
         shear_y=float(record.get("shear_y_mm") or 0.0),
-        friction="stick",
+        friction=("stick" if friction is None else friction) if grip is None else "none",
         plate_tilt=float(record.get("plate_tilt_rad") or 0.0),
+        imperfection=float(record.get("imperfection_N") or 0.0),
+        grip=None if grip is None else float(grip),
     )
     tilt, tilt_y = float(record["tilt_rad"]), float(record.get("tilt_y_rad") or 0.0)
     radius = float(record.get("contact_radius_mm") or 0.0)

@@ -20,13 +20,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LoadColumns:
-    """A load: the motion of the plate or grip, its tilt, and the imperfection."""
+    """A load: the motion of the plate or grip, its tilt, the imperfection, and how the tip is held.
+
+    Attributes
+    ----------
+    friction : "none", "stick" or a coefficient; None for a grip.
+    grip_mm : height of the gripped skin; None under a plate.
+    """
 
     depth_mm: float
     shear_mm: float
     shear_y_mm: float
     plate_tilt_rad: float
     imperfection_N: float
+    friction: float | str | None
+    grip_mm: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +263,10 @@ def formula_row(
 
 
 def _load_columns(load: Load) -> LoadColumns:
-    return LoadColumns(load.depth, load.shear_x, load.shear_y, load.plate_tilt, load.imperfection)
+    friction = None if load.grip is not None else load.friction
+    return LoadColumns(
+        load.depth, load.shear_x, load.shear_y, load.plate_tilt, load.imperfection, friction, load.grip
+    )
 
 
 def _response_columns(response: Response) -> ResponseColumns:
