@@ -22,7 +22,8 @@ check: setup
 	$(BIN)/mypy
 
 compile: setup
-	$(BIN)/python -c 'from analytic import magnet; from fem import preparation; preparation.prepare(); magnet.prepare()'
+	$(BIN)/python -c 'from analytic import decode, magnet; from fem import preparation; from geometry.design import paper; \
+	preparation.prepare(); magnet.prepare(); decode.decode(decode.decoder(paper()), [[0.01, 0.01, 0.01]])'
 
 # the verdicts of stability without MKL, in an environment of their own
 plain: $(PLAIN)/ready

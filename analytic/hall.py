@@ -245,12 +245,16 @@ def _values(elements: Sequence[Element], *names: str) -> list[Array]:
     return [np.array([getattr(element, name) for element in elements]) for name in names]
 
 
+def rail_slack(element: Element) -> float:
+    """Distance from a rail within which an output lies at it, V: a rounding error must not hide that it does."""
+    return 1e-12 * (element.high - element.low)
+
+
 def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
     """Return whether the output of any element lies at a rail, shape (n,), from B.n of the elements (k, n), T."""
     saturated = np.zeros(field.shape[1], dtype=np.bool_)
     for element, b in zip(elements, field, strict=True):
-        # a rounding error of the output must not hide that it lies at a rail
-        slack = 1e-12 * (element.high - element.low)
+        slack = rail_slack(element)
         output = element.null + element.gain * b
         saturated |= (output <= element.low + slack) | (output >= element.high - slack)
     return saturated

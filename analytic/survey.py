@@ -29,7 +29,7 @@ from analytic import decode, hall
 from analytic.clearance import lowest_point, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
 from analytic.force_resolution import force_resolution
-from analytic.inverse import forward_model, observability, response_surface
+from analytic.inverse import forward_model, observability, pose_search, response_surface
 from analytic.inverse.polynomials import polynomial
 from geometry.arrays import Array
 from geometry.design import BadInput
@@ -197,7 +197,7 @@ def equal_readings(coder: Decoder, shift: Array, readings: Array) -> tuple[NDArr
     np.maximum.at(far, decoded.owner, distance)
     np.minimum.at(near, decoded.owner, distance)
     # right beside a fold the decoder can miss the given pose itself, which has these readings nevertheless
-    return decoded.multiplicity + (near > decode.SAME), far
+    return decoded.multiplicity + (near > pose_search.SAME), far
 
 
 def collisions(coder: Decoder, shift: Array, tilt: Array, clearance: float = 0.0) -> tuple[Bools, Bools, Bools]:

@@ -1,12 +1,20 @@
 """Readings one at a time give what the decoder gives for all of them."""
 
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from analytic import beam, decode, stream
 from analytic.inverse import forward_model, response_surface
+from geometry import compiled
 from geometry.design import BadInput, Design, paper
+from studies.inputs import user_input
+from studies.sizing import candidate_variables
+from studies.sizing.catalogues import catalogues_of
+from studies.sizing.requirements import Requirements
 
 TAU = np.array([[0.1, 0.01], [0.002, 0.001]])
 
@@ -49,3 +57,49 @@ def test_stream_is_the_decoder(design, tau):
 def test_bad_shape_is_a_sentence():
     with pytest.raises(BadInput, match="readings must have shape"):
         stream.Stream(coder_of(paper(), TAU)).step((0.01, 0.01))
+
+
+def sized():
+    """Ten designs of the catalogue: winners of `magtip size`, and candidates drawn at random, a Hall part each."""
+    requirements = Requirements(force_z=5.0)
+    catalogues = catalogues_of(requirements)
+    variables = candidate_variables.variables(requirements, catalogues)
+    draw = np.random.default_rng(0)
+    designs = [user_input.read_design(str(path)) for path in sorted(RESULTS.glob("*/winner.toml"))]
+    while len(designs) < 10:
+        values = [draw.integers(v.choices) if v.choices else draw.uniform(v.low, v.high) for v in variables]
+        values[4] = len(designs) % len(catalogues.hall_parts)
+        if candidate_variables.shortage(np.array([values], dtype=float), catalogues)[0] == 0:
+            variant = candidate_variables.variant(values, requirements, catalogues)
+            designs += [] if isinstance(variant, str) else [variant.design]
+    return designs
+
+
+RESULTS = Path(__file__).parent.parent / "results" / "sizing"
+LEAST_RATE = 2000
+"""Readings a second of processor time that a stream decodes on each of the ten designs."""
+
+
+@pytest.mark.skipif(not compiled.prepare(), reason="numba is not installed")
+def test_stream_is_the_decoder_and_fast_on_designs_of_the_catalogue():
+    rates, t = [], np.linspace(0, 10, 400)
+    for design in sized():
+        law = response_surface.of_formula(
+            lambda load, d=design: beam.solve(d, load), 0.25 * design.D, 0.25 * design.D
+        )
+        coder = decode.decoder(design, law)
+        # presses and shears through the workspace, from rest on
+        path = 0.7 * np.array(coder.high)[:, None] * np.stack([np.sin(1.1 * t), np.sin(1.7 * t), 0 * t])
+        path[2] = 0.45 * coder.low[2] * (1 - np.cos(0.6 * t))
+        rows = list(map(tuple, forward_model.readings_at(coder.forward, path).T.tolist()))
+        follower = stream.Stream(coder)
+        follower.step(rows[0])
+        begin = time.process_time()
+        found = [follower.step(row) for row in rows]
+        rates.append(len(rows) / (time.process_time() - begin))
+        expected = decode.decode(coder, rows, follow=True)
+        assert [sample.status for sample in found] == expected.status
+        assert [sample.multiplicity for sample in found] == expected.multiplicity.tolist()
+        assert_allclose([sample.shift for sample in found], expected.shift, atol=2e-8)
+    assert len(rates) == 10
+    assert min(rates) > LEAST_RATE, [round(rate) for rate in rates]

@@ -89,7 +89,7 @@ def model(
             way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
             raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
     points, owners = plates(chosen)
-    normals = np.array([element.direction for element in chosen])[owners]
+    normals = np.array([element.direction for element in chosen], dtype=np.float64)[owners]
     return Forward(design, chosen, np.asarray(tau, dtype=np.float64), mode, points, normals, owners)
 
 

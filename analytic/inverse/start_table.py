@@ -14,8 +14,9 @@ corners best. The fixed-point iteration v = u - q(v) begins at v = u. It leaves 
 Newton step mostly suffices.
 
 On a fold det J = 0 and two poses merge; close to it a linear map finds neither of them. A cell whose corners differ
-in the sign of det J therefore gets a box along the principal axes of its linear map, larger by half, and one start
-on each side of the fold.
+in the sign of det J therefore gets a box along the principal axes of its linear map, larger by half, and is divided
+into parts with boxes of their own, whose corners are placed by the cubic polynomial. Each part that contains the
+readings gives one start on each side of the fold: its corner whose readings are nearest.
 """
 
 from __future__ import annotations
@@ -36,32 +37,34 @@ APART = 1.2
 """Starts with the same sign of det J and closer than this many cell diagonals lead to the same pose."""
 CORRECTIONS = 3
 """Number of iterations of v = u - q(v), which corrects the position in a cell."""
+PARTS = 3
+"""Number of parts of a folded cell along each edge."""
 STEEP = 1e9
 """Curvature of a cell without a bound, 1/mm: only a first Newton step below 1e-9 mm then ends the iteration."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StartTable:
-    """Cells of the workspace and bins of readings; n cells, p grid points, k elements.
+    """Cells of the workspace and bins of readings; n cells, k elements.
 
     Attributes
     ----------
     basis : projection of k readings onto three numbers, shape (3, k).
     bin_edges : inner edges of the bins along each projected reading, shape (3, BINS - 1), T.
     first, members : the cells of bin b are members[first[b]:first[b + 1]].
-    low, high : bounding boxes of the cells' projected readings, enlarged by the margin, shape (3, n), T.
+    low, high : bounding boxes of the cells' projected readings, enlarged by the margin, shape (n, 3), T.
     maps : inverse linear maps of the cells, shape (3, n, 4). The readings r lie at maps[i, :, :3] @ r + maps[i, :, 3]
         along axis i, measured from the cell's centre in units of its edges (for a folded cell: of its box).
-    correction : coefficients of q in the order of `monomials`, shape (3, 20, n); 0 where the iteration need not
+    correction : coefficients of q in the order of `monomials`, shape (n, 3, 20); 0 where the iteration need not
         converge.
     curvature : upper bound of |J^-1 d2B/ds2| / 2 in a cell, 1/mm: a Newton step of length p leaves an error of at
         most curvature p^2; `STEEP` where it is not known.
     centre : centres of the cells, shape (n, 3), mm.
     cell_sign : sign of det J at the corners of each cell, shape (n,); 0 (folded) where the corners differ.
-    corners : indices of the grid points at the corners of each cell, shape (n, 8).
-    grid : shifts of the grid points, shape (p, 3), mm.
-    grid_sign : sign of det J at the grid points, shape (p,).
-    readings : projected readings at the grid points, shape (p, 3), T.
+    fold : number of each folded cell among the folded ones, -1 for the others, shape (n,).
+    nodes, node_sign : readings at the corners of the parts of the m folded cells, in units of the cell's box, shape
+        (m, (PARTS + 1)^3, 3), and sign of det J there.
+    parts : lower and upper ends of the parts' boxes, in the same units, shape (m, PARTS^3, 6).
     cell_size : edges of a cell, shape (3,), mm.
     span : range of each element's readings over the grid, shape (k,), T.
     """
@@ -77,84 +80,12 @@ class StartTable:
     curvature: Array
     centre: Array
     cell_sign: NDArray[np.int8]
-    corners: Ints
-    grid: Array
-    grid_sign: Array
-    readings: Array
+    fold: Ints
+    nodes: Array
+    node_sign: NDArray[np.int8]
+    parts: Array
     cell_size: Array
     span: Array
-
-
-def starts(table: StartTable, readings: Array) -> tuple[Ints, Array, Array]:
-    """Return the starts of the iteration for rows of readings.
-
-    Parameters
-    ----------
-    readings : B.n of k elements, shape (k, n), T.
-
-    Returns
-    -------
-    owner : index of the readings that each start belongs to, ascending, shape (m,).
-    shift : shape (3, m), mm.
-    curvature : `StartTable.curvature` of each start's cell, shape (m,), 1/mm.
-    """
-    r = table.basis @ readings
-    owner, cell, u = cells_containing(table, r, *_candidates(table, r))
-    distance = np.abs(u).max(axis=0)
-    sign = table.cell_sign[cell]
-    folded = sign == 0
-    regular = np.flatnonzero(~folded)
-    # neighbouring cells overlap by their margins, so one pose often lies in several of them
-    linear_shift = table.centre[cell[regular]] + u[:, regular].T * table.cell_size
-    apart = APART * float(np.linalg.norm(table.cell_size))
-    regular = regular[
-        _distinct(owner[regular], sign[regular].astype(np.int64), distance[regular], linear_shift, apart)
-    ]
-    owners, curvature = owner[regular], table.curvature[cell[regular]]
-    shifts = corrected_shifts(table, cell[regular], u[:, regular])
-    if folded.any():
-        # the linear map cannot place a pose near a fold: start at a corner on either side of it
-        fold_owners, fold_shifts = _fold_starts(table, owner[folded], cell[folded], r.T[owner[folded]])
-        owners, shifts = np.concatenate([owners, fold_owners]), np.concatenate([shifts, fold_shifts.T], axis=1)
-        curvature = np.concatenate([curvature, np.full(len(fold_owners), STEEP)])
-        order = np.argsort(owners, kind="stable")
-        owners, shifts, curvature = owners[order], shifts[:, order], curvature[order]
-    return owners, np.ascontiguousarray(shifts), curvature
-
-
-def cells_containing(table: StartTable, r: Array, owner: Ints, cell: Ints) -> tuple[Ints, Ints, Array]:
-    """Select the candidate cells that contain their readings.
-
-    Parameters
-    ----------
-    r : projected readings, shape (3, n), T.
-    owner, cell : candidates: index of the readings, index of the cell.
-
-    Returns
-    -------
-    owner, cell : the candidates that remain, shape (m,).
-    u : position in the cell by its linear map, in units of the cell's edges, shape (3, m).
-    """
-    positions: list[Array] = []
-    point = r[:, owner]
-    # most candidates fail at the first axis, so the other axes are computed for the remaining ones only
-    for rows in table.maps:
-        row = rows[cell]
-        u = row[:, 0] * point[0] + row[:, 1] * point[1] + row[:, 2] * point[2] + row[:, 3]
-        within = np.flatnonzero(np.abs(u) <= 0.5 + MARGIN)
-        owner, cell, point = owner[within], cell[within], point[:, within]
-        positions = [*(v[within] for v in positions), u[within]]
-    # a nearly singular linear map reaches far beyond the cell's readings; the bounding box removes those candidates
-    inside = ((point >= table.low[:, cell]) & (point <= table.high[:, cell])).all(axis=0)
-    return owner[inside], cell[inside], np.stack(positions)[:, inside]
-
-
-def corrected_shifts(table: StartTable, cell: Ints, u: Array) -> Array:
-    """Return shifts, shape (3, n), mm, from positions u (3, n) in cells (n,), corrected by the cubic polynomial q."""
-    q, v = table.correction[:, :, cell], u
-    for _ in range(CORRECTIONS):
-        v = u - np.einsum("ipn,pn->in", q, np.array(monomials(*v)))
-    return np.asarray(table.centre[cell].T + v * table.cell_size[:, None])
 
 
 def monomials(x: Any, y: Any, z: Any) -> list[Any]:
@@ -166,63 +97,3 @@ def monomials(x: Any, y: Any, z: Any) -> list[Any]:
     squares = [xx, x * y, x * z, yy, y * z, zz]
     cubes = [xx * x, xx * y, xx * z, x * yy, squares[1] * z, x * zz, yy * y, yy * z, y * zz, zz * z]
     return [1.0 + 0.0 * x, x, y, z, *squares, *cubes]
-
-
-def _fold_starts(table: StartTable, owner: Ints, cell: Ints, point: Array) -> tuple[Ints, Array]:
-    """Return, for folded cells, the corner on each side of the fold whose readings are nearest to the point.
-
-    Parameters
-    ----------
-    owner, cell : index of the readings and of the cell, shape (n,).
-    point : projected readings, shape (n, 3), T.
-
-    Returns
-    -------
-    owner : index of the readings of each start, shape (m,).
-    shift : shape (m, 3), mm.
-    """
-    corners = table.corners[cell]
-    size = (table.high - table.low)[:, cell].T
-    distance = (np.abs(table.readings[corners] - point[:, None]) / size[:, None]).max(axis=2)
-    owners, shifts = [], []
-    for sign in (-1, 1):
-        one_side = np.where(table.grid_sign[corners] == sign, distance, np.inf)
-        best = one_side.argmin(axis=1)
-        # a cell with a corner exactly on the fold (det J = 0) may have no corner of this sign
-        exists = np.isfinite(one_side[np.arange(len(best)), best])
-        owners.append(owner[exists])
-        shifts.append(table.grid[corners[exists, best[exists]]])
-    return np.concatenate(owners), np.concatenate(shifts)
-
-
-def _candidates(table: StartTable, r: Array) -> tuple[Ints, Ints]:
-    """Return index of the readings and index of the cell, for every cell in the bins of the readings r (3, n)."""
-    index = np.zeros(r.shape[1], dtype=np.int64)
-    for edges, values in zip(table.bin_edges, r, strict=True):
-        index = index * BINS + np.searchsorted(edges, values)
-    begin = table.first[index]
-    count = table.first[index + 1] - begin
-    owner = np.repeat(np.arange(len(count)), count)
-    # the bins' lists one after another: position in the concatenated lists, moved to the list's place in `members`
-    place = np.arange(len(owner)) + np.repeat(begin - (np.cumsum(count) - count), count)
-    return owner, table.members[place].astype(np.int64)
-
-
-def _distinct(owner: Ints, sign: Ints, distance: Array, shift: Array, apart: float) -> Ints:
-    """Return indices of the starts to keep.
-
-    For each owner and sign of det J these are the start nearest to the centre of its cell, and every start farther
-    than `apart`, mm, from it.
-
-    Parameters
-    ----------
-    distance : of each start from the centre of its cell, in units of the cell's edges, shape (n,).
-    shift : shape (n, 3), mm.
-    """
-    group = 3 * owner + sign
-    # one sort orders by group, then by distance, because distance is at most 0.5 + MARGIN and hence below 1
-    order = np.argsort(group + distance, kind="stable")
-    head = np.diff(group[order], prepend=-2) != 0
-    best = shift[order][np.flatnonzero(head)[np.cumsum(head) - 1]]
-    far = ((shift[order] - best) ** 2).sum(axis=1) > apart**2
-    return np.asarray(order[head | far], dtype=np.int64)

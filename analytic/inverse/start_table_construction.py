@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.inverse.forward_model import Forward, readings_with_slopes
-from analytic.inverse.start_table import BINS, MARGIN, STEEP, StartTable, monomials
+from analytic.inverse.start_table import BINS, MARGIN, PARTS, STEEP, StartTable, monomials
 from geometry.arrays import Array, Ints
 
 BOX = 1.5
 """Size of a folded cell's box over the range of its corners' readings: the fold bulges beyond the corners."""
+PART_MARGIN = 0.6
+"""Margin of the box of a folded cell's part on every side, over the range of its corners."""
 MAX_RATE = 0.7
 """Largest slope of q, 1, at which v = u - q(v) is iterated; it converges below 1, and slowly close to 1."""
 CHUNK = 2048
@@ -22,6 +24,17 @@ TENSOR_NORMS = np.array(
 yyz, yzz and zzz: with them the norm of a polynomial's coefficients bounds its value in every direction."""
 CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 """Corners of a unit cell, shape (8, 3)."""
+NODES = np.stack(np.meshgrid(*[np.arange(PARTS + 1) / PARTS - 0.5] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+"""Corners of the parts of a folded cell, in units of its edges from its centre, shape ((PARTS + 1)^3, 3)."""
+PART_NODES = np.array(
+    [
+        [((i + a) * (PARTS + 1) + j + b) * (PARTS + 1) + k + c for a, b, c in CORNERS]
+        for i in range(PARTS)
+        for j in range(PARTS)
+        for k in range(PARTS)
+    ]
+)
+"""Indices of the corners of each part, shape (PARTS^3, 8)."""
 
 
 def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> StartTable:
@@ -59,7 +72,9 @@ def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int
     folded = np.asarray(cell_sign == 0)
     middle, inverse = _maps(linear, corner_readings, folded)
     cell_size = (high - low) / counts
-    correction, curvature = _corrections(inverse, middle, corner_readings, slopes[corners], folded, cell_size)
+    fit = _cubics(inverse, middle, corner_readings, slopes[corners], cell_size)
+    nodes, node_sign, parts = _parts(fit[:, :, folded], np.sign(np.linalg.det(inverse[folded])))
+    correction, curvature = _corrections(fit, folded, cell_size)
     least, most = corner_readings.min(axis=1), corner_readings.max(axis=1)
     reach = MARGIN * (most - least)
     least, most = least - reach, most + reach
@@ -72,17 +87,17 @@ def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int
         bin_edges=np.ascontiguousarray(edges),
         first=first,
         members=members,
-        low=np.ascontiguousarray(least.T),
-        high=np.ascontiguousarray(most.T),
+        low=least,
+        high=most,
         maps=maps,
-        correction=correction,
+        correction=np.ascontiguousarray(np.moveaxis(correction, 2, 0)),
         curvature=curvature,
         centre=grid.T[corners].mean(axis=1),
         cell_sign=cell_sign,
-        corners=corners,
-        grid=np.ascontiguousarray(grid.T),
-        grid_sign=grid_sign,
-        readings=r,
+        fold=np.where(folded, np.cumsum(folded) - 1, -1),
+        nodes=nodes,
+        node_sign=node_sign,
+        parts=parts,
         cell_size=cell_size,
         span=np.ptp(readings, axis=1),
     )
@@ -121,26 +136,56 @@ def _affine(inverse: Array, middle: Array) -> Array:
     return np.moveaxis(np.concatenate([inverse, -np.matmul(inverse, middle[:, :, None])], axis=2), 1, 0).copy()
 
 
-def _corrections(
-    inverse: Array, middle: Array, corner_readings: Array, slopes: Array, folded: NDArray[np.bool_], cell_size: Array
-) -> tuple[Array, Array]:
-    """Return `StartTable.correction` and `StartTable.curvature`.
+def _cubics(inverse: Array, middle: Array, corner_readings: Array, slopes: Array, cell_size: Array) -> Array:
+    """Return the cubic polynomials u(v) that fit readings and slopes at the cells' corners best, shape (3, 20, n).
 
     Parameters
     ----------
     inverse, middle : as returned by `_maps`.
     corner_readings, slopes : readings (n, 8, 3), T, and slopes (n, 8, i, j), T/mm, at the cells' corners.
-    folded : shape (n,).
     cell_size : shape (3,), mm.
     """
-    v = (CORNERS - 0.5).T
-    # the monomials' slopes by a complex step are exact to rounding
-    columns = [np.array(monomials(*v))]
-    columns += [np.array(monomials(*(v + 1e-30j * e[:, None]))).imag / 1e-30 for e in np.eye(3)]
+    columns = [np.array(monomials(*(CORNERS - 0.5).T)), *_monomial_slopes((CORNERS - 0.5).T)]
     # all cells have the same corners in units of their edges, so one pseudo-inverse fits q in all of them
     fit = np.linalg.pinv(np.concatenate(columns, axis=1).T)
     data = np.concatenate([corner_readings - middle[:, None], *np.moveaxis(slopes * cell_size, 3, 0)], axis=1)
-    q = np.einsum("pd,ndk,nik->ipn", fit, data, inverse, optimize=True)
+    return np.asarray(np.einsum("pd,ndk,nik->ipn", fit, data, inverse, optimize=True))
+
+
+def _monomial_slopes(v: Array) -> list[Array]:
+    """Return the slopes of the monomials along x, y and z at positions (3, m), each of shape (20, m)."""
+    # by a complex step, exact to rounding
+    return [np.array(monomials(*(v + 1e-30j * e[:, None]))).imag / 1e-30 for e in np.eye(3)]
+
+
+def _parts(fit: Array, turn: Array) -> tuple[Array, NDArray[np.int8], Array]:
+    """Return `StartTable.nodes`, `StartTable.node_sign` and `StartTable.parts`.
+
+    Parameters
+    ----------
+    fit : cubic polynomials u(v) of the folded cells, shape (3, 20, m).
+    turn : sign of the determinant of their inverse maps, shape (m,).
+    """
+    v = NODES.T
+    nodes = np.einsum("pk,ipm->mki", np.array(monomials(*v)), fit)
+    slopes = np.einsum("jpk,ipm->mkij", np.array(_monomial_slopes(v)), fit)
+    sign = (np.sign(np.linalg.det(slopes)) * turn[:, None]).astype(np.int8)
+    corners = nodes[:, PART_NODES]
+    least, most = corners.min(axis=2), corners.max(axis=2)
+    wider = PART_MARGIN * (most - least)
+    return nodes, sign, np.concatenate([least - wider, most + wider], axis=2)
+
+
+def _corrections(fit: Array, folded: NDArray[np.bool_], cell_size: Array) -> tuple[Array, Array]:
+    """Return `StartTable.correction` and `StartTable.curvature`.
+
+    Parameters
+    ----------
+    fit : as returned by `_cubics`.
+    folded : shape (n,).
+    cell_size : shape (3,), mm.
+    """
+    q = fit.copy()
     # the fit is u(v) = v + q(v): subtract v
     for i in range(3):
         q[i, 1 + i] -= 1

@@ -1,0 +1,78 @@
+"""The search for all poses: compiled as in plain Python, and with every pose of readings beside folds."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from analytic import beam, decode
+from analytic.inverse import forward_model, observability, pose_search, response_surface
+from geometry import compiled
+from geometry.design import Design, paper
+from studies.sensing import decode_readings
+
+CHIP = Design(
+    D=4, L=4.8, E=0.442, magnet_diameter=3, remanence=1.395, l0=4, hall_average=256, hall_layout="tle493d-p2b6"
+)
+"""A small sensor whose chip lies so close to the magnet that a sixth of the workspace is folded."""
+FOLDED = Design(D=21.1, L=29.5, f=21.8, c=16.4, l0=22, magnet_diameter=8, magnet_height=5)
+"""A sensor with two or three poses for most readings."""
+
+
+def coder_of(design, **options):
+    law = response_surface.of_formula(lambda load: beam.solve(design, load), 0.4 * design.D, 0.5 * design.D)
+    return decode.decoder(design, law, **options)
+
+
+def readings_of(coder, count, seed=0):
+    shift = np.random.default_rng(seed).uniform(coder.low, coder.high, (count, 3)).T.copy()
+    return shift.T, forward_model.readings_at(coder.forward, shift).T
+
+
+@pytest.mark.skipif(not compiled.prepare(), reason="numba is not installed")
+@pytest.mark.parametrize(
+    ("design", "options"),
+    [
+        (paper(), {}),
+        (CHIP, {}),
+        (FOLDED, {}),
+        (Design(hall_plate=0.5), {}),
+        (Design(hall_layout="tmag5273a1"), {"mode": "magnitude", "workspace": ([0, 0, -2], [2, 2, 0])}),
+    ],
+    ids=["paper", "chip", "folded", "plates", "magnitudes"],
+)
+def test_compiled_search_is_the_plain_one(design, options):
+    coder = coder_of(design, **options)
+    for row in readings_of(coder, 40)[1]:
+        fast, plain = (coder.search(row, fast=fast) for fast in (True, False))
+        assert_allclose(fast[0], plain[0], atol=1e-9)
+        assert_allclose(fast[1], plain[1], atol=1e-9 * np.abs(plain[1]).max(initial=0))
+        assert fast[2] == plain[2]
+
+
+@pytest.mark.parametrize(
+    ("design", "level", "several"),
+    [(paper(), "finite", 0), (CHIP, "finite", 5), (FOLDED, "paper", 250)],
+    ids=["paper", "chip", "folded"],
+)
+def test_every_pose_is_found_from_its_readings(design, level, several):
+    coder = decode.decoder(design, decode_readings.of_level(design, level))
+    shifts, readings = readings_of(coder, 400)
+    found = decode.decode(coder, readings)
+    seen = np.array([status != "saturated" for status in found.status])
+    errors = [np.abs(found.poses[found.owner == k] - shift).max(axis=1) for k, shift in enumerate(shifts)]
+    own = np.array([error.min(initial=np.inf) for error in errors])
+    slopes = forward_model.readings_with_slopes(coder.forward, shifts.T.copy())[1]
+    # right on a fold, rounding decides whether two poses or none have the readings
+    apart = seen & (observability.condition(slopes) < 1e4)
+    assert apart.sum() > 350
+    assert own[apart].max() < 1e-6
+    assert (found.multiplicity[seen] > 1).sum() >= several
+
+
+def test_no_pose_is_found_twice():
+    coder = coder_of(FOLDED)
+    found = decode.decode(coder, readings_of(coder, 100)[1])
+    for row in range(100):
+        poses = found.poses[found.owner == row]
+        distance = np.abs(poses[:, None] - poses).max(axis=2) + np.eye(len(poses))
+        assert distance.min(initial=1) > pose_search.SAME
