@@ -25,7 +25,6 @@ from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
 from analytic.inverse.pose_search import EXACT, Search
 from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
-from geometry import compiled
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
@@ -206,9 +205,7 @@ def check_count(coder: Decoder, given: int) -> None:
 
 def _solve(coder: Decoder, target: Array, index: NDArray[np.int64]) -> Poses:
     """Find all poses of the rows `index` of readings, (n, k), T."""
-    # a row takes some 0.05 ms compiled, and ten times as long in plain Python
-    fast = compiled.worthwhile(5e-4 * len(index))
-    found = [coder.search(target[row], fast=fast) for row in index.tolist()]
+    found = [coder.search(target[row]) for row in index.tolist()]
     counts = [len(shifts) for shifts, _, _ in found]
     k = target.shape[1]
     return Poses(

@@ -1,8 +1,8 @@
 """Decoding of one row of readings at a time, for a real-time loop: the results of `analytic.decode`, sooner.
 
-Both find the poses by `analytic.inverse.pose_search`, which numba compiles if it is installed. A NumPy operation
-takes microseconds even for arrays of three numbers, so the rest of a row's result is computed from Python's floats
-here. Of several poses the stream chooses the one nearest to the last pose.
+Both find the poses by `analytic.inverse.pose_search`. A NumPy operation takes microseconds even for arrays of three
+numbers, so the rest of a row's result is computed from Python's floats here. Of several poses the stream chooses the
+one nearest to the last pose.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class Stream:
     """
 
     def __init__(self, coder: Decoder) -> None:
-        # lists, because indexing a NumPy array costs more than the arithmetic on one number
         self.coder, law = coder, coder.mechanics
         self.last: Vector = (0.0, 0.0, 0.0)
-        self.tau = coder.forward.tau.tolist()
-        self.surfaces = [] if law is None else [law.lateral.tolist(), law.normal.tolist(), law.depth.tolist()]
+        self.tau = np.ascontiguousarray(coder.forward.tau)
+        surfaces = () if law is None else (law.lateral, law.normal, law.depth)
+        self.surfaces = [np.ascontiguousarray(surface) for surface in surfaces]
 
     def step(self, field: tuple[float, ...]) -> Sample:
         """Decode one row of readings, B.n of each element, T.
@@ -67,7 +67,7 @@ class Stream:
             output, slack = element.null + element.gain * b, rail_slack(element)
             if not element.low + slack < output < element.high - slack:
                 return _without_pose("saturated")
-        shifts, _, misfit = self.coder.search(np.array(field, dtype=np.float64), fast=True)
+        shifts, _, misfit = self.coder.search(np.array(field, dtype=np.float64))
         poses = [(x, y, z) for x, y, z in shifts.tolist()]
         if not poses:
             return _without_pose("inconsistent" if misfit else "out_of_workspace")

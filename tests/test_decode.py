@@ -11,7 +11,6 @@ from analytic.inverse import (
     damped_newton,
     forward_model,
     observability,
-    pose_search,
     response_surface,
     start_table,
     workspace_limits,
@@ -109,11 +108,10 @@ def test_condition_is_that_of_singular_values():
 def test_first_step_leaves_no_more_than_the_curvature_says(design):
     coder = decode.decoder(design, tilting(design))
     shift, field = poses(coder, 600)
-    _, table, *_ = coder.search.lists
-    starts = [pose_search.starts_of(row, table) for row in field.T.tolist()]
+    starts = [coder.search.starts(row) for row in field.T]
     owner = np.repeat(np.arange(600), [len(some) for some in starts])
-    curve, *start = np.array([one for some in starts for one in some]).T
-    start = np.array(start)
+    curve, start = np.split(np.concatenate(starts).T.copy(), [1])
+    curve = curve[0]
     values, slopes = forward_model.readings_with_slopes(coder.forward, start)
     step = np.linalg.solve(np.moveaxis(slopes, 2, 0).swapaxes(1, 2), (field[:, owner] - values).T[:, :, None])[
         :, :, 0

@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 
 from analytic import beam, decode, stream
 from analytic.inverse import forward_model, response_surface
-from geometry import compiled
 from geometry.design import BadInput, Design, paper
 from studies.inputs import user_input
 from studies.sizing import candidate_variables
@@ -80,7 +79,6 @@ LEAST_RATE = 2000
 """Readings a second of processor time that a stream decodes on each of the ten designs."""
 
 
-@pytest.mark.skipif(not compiled.prepare(), reason="numba is not installed")
 def test_stream_is_the_decoder_and_fast_on_designs_of_the_catalogue():
     rates, t = [], np.linspace(0, 10, 400)
     for design in sized():

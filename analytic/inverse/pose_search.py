@@ -1,27 +1,24 @@
 """All poses that have one row of readings: starts from the table, a damped Newton iteration from each.
 
-Plain Python on numbers, which `analytic.inverse.pose_search_compiled` compiles by numba. The starts are those that
-`analytic.inverse.start_table` explains; the iteration is that of `analytic.inverse.damped_newton`, for one pose. Two
-rules end iterations that would lead nowhere. A start stands for the poses near it, since every other pose has a start
-of its own: an iteration that moves farther than `REACH` cell diagonals from its start ends. So does one whose misfit
-does not fall to `FALL` of its size in `STALL` evaluations, as next to a minimum of the misfit that is no pose.
-
-`Search` prepares the arguments: tuples of arrays, or of lists in plain Python, which indexes lists faster.
+The starts are those that `analytic.inverse.start_table` explains; the iteration is that of
+`analytic.inverse.damped_newton`, for one pose, in loops that numba compiles. Two rules end iterations that would lead
+nowhere. A start stands for the poses near it, since every other pose has a start of its own: an iteration that moves
+farther than `REACH` cell diagonals from its start ends. So does one whose misfit does not fall to `FALL` of its size
+in `STALL` evaluations, as next to a minimum of the misfit that is no pose.
 """
 
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analytic.field import cylinder_pointwise
+from analytic.field.cylinder_compiled import meridian
 from analytic.field.cylinder_numpy import cylinder_moments, face_moments
 from analytic.inverse.damped_newton import GOAL, LONGEST, STEPS, STUCK
 from analytic.inverse.start_table import APART, BINS, CORRECTIONS, MARGIN, PARTS, STEEP
-from geometry import compiled
+from geometry.compiled import compiled
 
 if TYPE_CHECKING:
     from analytic.inverse.forward_model import Forward
@@ -39,8 +36,6 @@ REACH = 2.5
 STALL, FALL = 6, 0.8
 """Number of evaluations in which the misfit must fall, and to which part of its size. Near a double root, the slowest
 case, each full step brings it to a quarter."""
-
-meridian = cylinder_pointwise.meridian
 
 
 class Search:
@@ -86,30 +81,22 @@ class Search:
             for group in groups
         )
 
-    @cached_property
-    def lists(self) -> tuple[tuple[Any, ...], ...]:
-        """The arguments with lists in place of arrays."""
-        return tuple(
-            tuple(value.tolist() if isinstance(value, np.ndarray) else value for value in group)
-            for group in self._arguments
-        )
-
-    def __call__(self, field: Array, *, fast: bool) -> tuple[Array, Array, bool]:
+    def __call__(self, field: Array) -> tuple[Array, Array, bool]:
         """Return shifts (n, 3), mm, and slopes (n, k, 3), T/mm, of all poses, and whether one was a misfit.
 
         Parameters
         ----------
         field : B.n of each element, shape (k,), T.
-        fast : use the compiled functions if numba is usable.
         """
-        kernel = compiled.load("analytic.inverse.pose_search_compiled") if fast and compiled.available() else None
-        if kernel is not None:
-            shifts, slopes, count, misfit = kernel.poses_of(np.ascontiguousarray(field), *self._arguments)
-        else:
-            shifts, slopes, count, misfit = poses_of(field.tolist(), *self.lists)
+        shifts, slopes, count, misfit = poses_of(np.ascontiguousarray(field), *self._arguments)
         return shifts[:count], slopes[:count], misfit
 
+    def starts(self, field: Array) -> Array:
+        """Return the starts for one row of readings: bound of the curvature, 1/mm, and shift, mm, shape (n, 4)."""
+        return np.array(starts_of(np.ascontiguousarray(field), self._arguments[1])).reshape(-1, 4)
 
+
+@compiled
 def poses_of(field, model, table, box, scratch):
     """Return the poses of one row of readings.
 
@@ -160,6 +147,7 @@ def poses_of(field, model, table, box, scratch):
     return shifts, slopes, count, misfit
 
 
+@compiled
 def starts_of(field, table):
     """Return the starts for one row of readings: bound of the curvature, 1/mm, and shift, mm, of each."""
     basis, bins, first, members, maps, low, high, correction = table[:8]
@@ -241,6 +229,7 @@ def starts_of(field, table):
     return starts
 
 
+@compiled
 def place(edges, value):
     """Return the number of edges below a value."""
     low, high = 0, len(edges)
@@ -253,11 +242,13 @@ def place(edges, value):
     return low
 
 
+@compiled
 def position(row, r):
     """Return the position of readings along one axis of a cell, in units of its edges."""
     return row[0] * r[0] + row[1] * r[1] + row[2] * r[2] + row[3]
 
 
+@compiled
 def corrected(c, u, v, w):
     """Return the position in a cell from that by its linear map, by the coefficients c of q."""
     x, y, z = u, v, w
@@ -276,6 +267,7 @@ def corrected(c, u, v, w):
     return x, y, z
 
 
+@compiled
 def refined(curvature, x, y, z, reach, field, model, box, f, A, g, B):
     """Iterate from a start; returns whether it converged, the shift before the last step, and this step, mm.
 
@@ -319,6 +311,7 @@ def refined(curvature, x, y, z, reach, field, model, box, f, A, g, B):
     return False, x, y, z, 0.0, 0.0, 0.0
 
 
+@compiled
 def step(f, A, weights, mu):
     """Return the step -(A'WA + mu tr(A'WA) I)^-1 A'W f, mm; 0 where the matrix is singular."""
     a, b, c, d, e, h, p, q, r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -342,6 +335,7 @@ def step(f, A, weights, mu):
     )
 
 
+@compiled
 def evaluated(x, y, z, field, model, weights, f, A):
     """Fill f with the misfit of each element, T, and A with its slopes, T/mm; return the sum of weighted squares.
 
@@ -414,6 +408,7 @@ def evaluated(x, y, z, field, model, weights, f, A):
     return total
 
 
+@compiled
 def polynomial(c: Any, u: float, w: float) -> tuple[float, float, float]:
     """Return the value and slopes that `analytic.inverse.polynomials.polynomial` returns."""
     p, p_u, p_w = 0.0, 0.0, 0.0
