@@ -96,6 +96,14 @@ def test_failed_cases_of_morris_are_counted_and_bounded():
     assert next(iter(study.reasons)).startswith("bad_input: L must exceed the tip radius")
 
 
+def test_unstable_cases_of_morris_keep_their_numbers_and_are_said():
+    with store.in_memory() as kept:
+        study = morris(kept, {"L": (24.0, 32.0)}, load=Press(3.0), count=4)
+    assert not study.reasons
+    assert len(study.unstable) == len(study.cases)
+    assert "states are unstable, the first one because a beam whose tip slides freely" in study.doubt
+
+
 def test_a_fast_model_answers_in_place_of_failed_cases():
     points, failed = np.array([[0.5], [1.0], [9.0]]), np.array([False, True, True])
     other = substitutes(paper(), {"depth": (0.5, 9.0)}, Press(1.0), points, "finite", failed)

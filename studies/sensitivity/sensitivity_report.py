@@ -148,6 +148,8 @@ def _morris(study: MorrisStudy) -> list[str]:
     first = study.rows[0]
     lines = ["## Morris' effects", "", *MORRIS.splitlines(), ""]
     lines += [*_ranges(study.rows), f"{first.points} cases by {first.model}; {_failures(study, first.points)}.", ""]
+    if study.doubt:
+        lines += [f"{study.doubt}.", ""]
     if study.reasons:
         lines += [f"The fast model replaces {study.replaced} of the failed cases in the estimates.", ""]
     cells = [

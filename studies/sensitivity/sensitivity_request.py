@@ -139,7 +139,8 @@ def tables(results: Results) -> list[Table]:
         indices = [row.row() for row in results.sobol.rows]
         shown.append(Table("Sobol indices", indices, (*common, "mean"), first, remark))
     if results.morris is not None:
-        remark = summary(results.morris.reasons, results.morris.rows[0].points)
+        parts = (summary(results.morris.reasons, results.morris.rows[0].points), results.morris.doubt)
+        remark = "; ".join(filter(None, parts))
         first = ("output", "input", "mu_star", "sigma", "effect_unit")
         effects = [row.row() for row in results.morris.rows]
         shown.append(Table("Morris' effects", effects, (*common, "sigma_low", "sigma_high"), first, remark))

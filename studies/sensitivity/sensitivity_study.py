@@ -54,13 +54,24 @@ class SobolStudy:
 class MorrisStudy:
     """Rows of all outputs, the cases as a sweep has them, and why how many of them have failed.
 
-    `replaced` : number of failed cases that the fast model replaces in the estimates.
+    `replaced` : number of failed cases that the fast model replaces in the estimates. `unstable` : messages of the
+    cases whose state is unstable, which keep their numbers.
     """
 
     rows: Sequence[MorrisRow]
     cases: Sequence[FlatRow]
     reasons: Mapping[str, int]
     replaced: int
+    unstable: Sequence[str]
+
+    @property
+    def doubt(self) -> str:
+        """How many states are unstable, with the message of the first; "" if none is."""
+        if not self.unstable:
+            return ""
+        return (
+            f"{len(self.unstable)} of {len(self.cases)} states are unstable, the first one because {self.unstable[0]}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +142,8 @@ def morris_study(
         rows += sensitivity_rows.morris_rows(ranges, name, effects, f"fem {accuracy}")
     replaced = int(np.isfinite(other["force_N"]).sum()) if other else 0
     messages = [f"{one}: {text}" for one, text in zip(table["status"][~ok], table["message"][~ok], strict=True)]
-    return MorrisStudy(rows, list(flat_rows(table)), failure_reasons(messages), replaced)
+    unstable = table["message"][table["status"] == "unstable"].tolist()
+    return MorrisStudy(rows, list(flat_rows(table)), failure_reasons(messages), replaced, unstable)
 
 
 def morris_plan(design: Design, ranges: Ranges, load: Press, points: Array, accuracy: AccuracyName) -> Plan:
