@@ -271,3 +271,24 @@ def test_figures_are_drawn_for_the_width_of_paper(chromium, report):
 def test_size_is_bounded(report):
     assert report.size == report.out.stat().st_size
     assert report.size < report_page.MOST_BYTES
+
+
+def test_ticks_of_a_narrow_range_differ(chromium, tmp_path):
+    """Four digits of 0.90001, 0.90002 ... all read 0.9."""
+    rows = "".join(f"{0.1 * k:.1f},{0.90001 + 4e-6 * k:.6f},ok\n" for k in range(5))
+    (tmp_path / "sweep.csv").write_text("depth_mm,fem_force_N,status\n" + rows)
+    page = chromium.page(report_page.report(tmp_path, solve=False).out)
+    script = "[...document.querySelectorAll('.panel .labels text')].map((text) => text.textContent)"
+    labels = page.run(script)
+    high = [label for label in labels if label.startswith("0.9")]
+    assert len(high) > 2
+    assert len(set(high)) == len(high)
+
+
+def test_folders_of_one_title_are_told_apart(tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "sweep.csv").write_text("depth_mm,fem_force_N,status\n0.5,1,ok\n1,2,ok\n")
+    text = report_page.report(tmp_path, solve=False).out.read_text("utf-8")
+    assert "Sweep (one)" in text
+    assert "Sweep (two)" in text

@@ -2,6 +2,8 @@ from pathlib import Path
 
 import pytest
 
+from geometry.design import Design
+from geometry.loads import Load
 from studies.report import folder_contents, report_sections
 
 RESULTS = Path(__file__).resolve().parent.parent / "results"
@@ -83,3 +85,25 @@ def test_design_is_that_of_the_run_or_of_the_only_file(tmp_path):
 def test_sensor_of_the_demonstration_is_that_of_the_paper():
     (contents,) = folder_contents.read(RESULTS / "demo")
     assert report_sections.design_of(contents).D == 8
+
+
+def test_the_state_in_3d_is_one_of_the_study(tmp_path):
+    """The record of a sweep names its base design, which an axis may leave out."""
+    (tmp_path / "run.json").write_text('{"format": 1, "command": "", "made": "", "design": {"D": 8, "L": 9, "E": 2}}')
+    head = "D_mm,L_mm,depth_mm,shear_mm,friction,fem_force_N,status\n"
+    rows = ("6,9,0.5,0,,1,ok", "6,9,1,0.25,0.3,1,ok", "10,9,1,0.2,stick,1,ok", "10,9,2,1,stick,,not_converged")
+    (tmp_path / "sweep.csv").write_text(head + "\n".join(rows) + "\n")
+    (contents,) = folder_contents.read(tmp_path)
+    design, load = report_sections.state_of(contents)
+    assert (design.D, design.L, design.E) == (6, 9, 2)
+    assert load == Load(depth=1.0, shear_x=0.25, friction=0.3)
+    (tmp_path / "sweep.csv").write_text(head + "\n".join([*rows, "8,9,0.3,0,,1,ok"]) + "\n")
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.state_of(contents) == (Design(D=8, L=9, E=2), Load(depth=0.3))
+
+
+def test_a_study_without_a_load_has_a_design_only():
+    (contents,) = folder_contents.read(RESULTS / "demo")
+    assert report_sections.state_of(contents)[1].shear_x > 0
+    (contents,) = folder_contents.read(RESULTS / "response")
+    assert report_sections.state_of(contents)[1] is None

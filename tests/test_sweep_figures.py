@@ -82,3 +82,15 @@ def test_sweep_of_failures_has_no_figure(status):
     whole = table(AXES, fem_force_N=lambda D, L, d: D * d)
     whole.columns["status"][:] = status
     assert sweep_figures.sweep(whole) == []
+
+
+def test_errors_of_a_force_that_changes_sign_are_over_the_largest():
+    whole = table(
+        {"L_mm": [9.0, 12.0], "depth_mm": [0.5, 1.0]},
+        fem_force_N=lambda L, d: d - 0.75,
+        analytic_force_N=lambda L, d: d,
+        force_error_percent=lambda L, d: 100 * (d / (d - 0.75) - 1),
+    )
+    figure = sweep_figures.sweep(whole)[-1]
+    assert figure.value == "error (% of the largest press force)"
+    assert {cell for row in figure.panels[0].cells for cell in row} == {300.0}

@@ -17,6 +17,7 @@ import numpy as np
 
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
+from geometry.loads import Load
 
 SECTORS = 40
 """Number of sectors of half a turn into which a section is revolved: 4.5 degrees, round at the size of the page."""
@@ -91,8 +92,12 @@ def from_file(path: Path) -> Surface | None:
     return Surface(f"Deformed sensor, {path.name}", _caption(parts, f"the state in {path.name}"), parts)
 
 
-def solved(design: Design) -> Surface:
-    """Solve a press to D/8 and a glued shear of D/8 by finite elements and return its surface.
+def solved(design: Design, load: Load | None) -> Surface:
+    """Solve for a state by finite elements and return its surface.
+
+    Parameters
+    ----------
+    load : of the study; None, where it names none, for a press to D/8 and a glued shear of D/8.
 
     Raises
     ------
@@ -100,23 +105,39 @@ def solved(design: Design) -> Surface:
         The solve stopped before this state.
     """
     from fem.accuracy import STANDARD
-    from geometry.loads import Load
     from studies.output.vtk_files import field_grid
     from studies.simulation.compare import follow
 
-    step = design.D / 8
-    load = Load(depth=step, shear_x=step, friction="stick")
+    chosen = load is None
+    load = load or Load(depth=design.D / 8, shear_x=design.D / 8, friction="stick")
     (outcome,) = follow(design, [load], STANDARD, "rigid" if design.shape.has_magnet else "ignored")
     if outcome.solution is None:
         raise BadInput(f"the sensor was not solved for its 3D figure ({outcome.status}): {outcome.message}")
     parts = parts_of(field_grid(outcome.solution))
     response = outcome.solution.response
-    state = f"a press of {step:.3g} mm and a shear of {step:.3g} mm with the plate stuck to the tip"
+    why = ", for want of a load in the files," if chosen else ""
     caption = (
-        f"{_caption(parts, state)} Solved for this report: force {response.force[0]:.3g} N along the shear and "
+        f"{_caption(parts, _named_load(load))} Solved{why} for this report, for D = {design.D:.4g} mm and "
+        f"L = {design.L:.4g} mm: force {response.force[0]:.3g} N along the shear and "
         f"{response.force[2]:.3g} N in compression; the magnet tilts by {math.degrees(response.tilt):.2g} degrees."
     )
     return Surface("Deformed sensor", caption, parts)
+
+
+def _named_load(load: Load) -> str:
+    """Return what is done to the sensor.
+
+    >>> _named_load(Load(depth=1.0, shear_x=0.5, friction=0.3))
+    'a press of 1 mm and a shear of 0.5 mm with a friction coefficient of 0.3'
+    """
+    parts = [f"a press of {load.depth:.3g} mm" if load.grip is None else f"a grip of {load.grip:.3g} mm"]
+    if load.plate_tilt:
+        parts.append(f"a plate tilted by {math.degrees(load.plate_tilt):.3g} degrees")
+    if load.shear:
+        parts.append(f"a shear of {load.shear:.3g} mm")
+    contact = {"stick": "with the plate stuck to the tip", "none": "without friction"}
+    how = contact.get(str(load.friction), f"with a friction coefficient of {load.friction}")
+    return " and ".join(parts) + (f" {how}" if load.shear and load.grip is None else "")
 
 
 def _caption(parts: dict[str, Part], state: str) -> str:

@@ -86,7 +86,8 @@ const Plots = (() => {
     }
     if (low > 0 && low < 0.35 * high) low = 0;
     if (high < 0 && high > 0.35 * low) high = 0;
-    if (high === low) { const d = Math.abs(low) * 0.1 || 1; low -= d; high += d; }
+    // values that differ by rounding errors are one value
+    if (high - low <= 1e-9 * Math.max(Math.abs(low), Math.abs(high))) { const d = Math.abs(low) * 0.1 || 1; low -= d; high += d; }
     const pad = 0.04 * (high - low);
     if (low !== 0) low -= pad;
     if (high !== 0) high += pad;
@@ -114,11 +115,13 @@ const Plots = (() => {
     const map = figure.kind === "map", x = figure.x, y = figure.y;
     const all = panel.series || [];
     const rows = y.categories ? y.categories.length : 0;
-    const longest = rows ? Math.max(...y.categories.map(wide)) : 38;
-    const left = Math.min(longest + 14, width * (map ? 0.3 : 0.46)) + (y.label ? 20 : 0), right = 12;
     const top = panel.title ? 28 : 10, bottom = 50;
     const inner = map ? Math.max(60, Math.min(28, 300 / rows + 8) * rows) : rows ? Math.max(rows * (all.some((s) => s.y.some((v) => v % 1)) ? 25 : 19), 60) : state.single ? Math.min(330, Math.max(220, width * 0.5)) : Math.min(290, Math.max(200, width * 0.62));
     const height = top + inner + bottom;
+    const ys = all.flatMap((s) => spanOf(s, false)).concat((figure.guides || []).filter((g) => g.axis === "y").map((g) => g.at));
+    const sy = scale(y, state.shared ? state.ys : ys, top + inner, top);
+    const longest = Math.max(rows ? 0 : 38, ...tickTexts(y, sy).map(wide));
+    const left = Math.min(longest + 14, width * (map ? 0.3 : 0.46)) + (y.label ? 20 : 0), right = 12;
     const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, width, height, tabindex: 0, role: "group", class: "panel" });
     svg.style.setProperty("--columns", state.columns);
     svg.setAttribute("aria-roledescription", map ? "map" : "plot");
@@ -126,8 +129,7 @@ const Plots = (() => {
     box.appendChild(svg);
     if (panel.title) make("text", { x: left, y: 16, class: "panel-title" }, svg, cut(panel.title, width - left)).appendChild(make("title", {}, null, panel.title));
     const xs = all.flatMap((s) => spanOf(s, true)).concat((figure.guides || []).filter((g) => g.axis === "x").map((g) => g.at));
-    const ys = all.flatMap((s) => spanOf(s, false)).concat((figure.guides || []).filter((g) => g.axis === "y").map((g) => g.at));
-    const sx = scale(x, state.shared ? state.xs : xs, left, width - right), sy = scale(y, state.shared ? state.ys : ys, top + inner, top);
+    const sx = scale(x, state.shared ? state.xs : xs, left, width - right);
     axes(svg, figure, panel.x ? { ...x, label: panel.x } : x, sx, sy, { left, right: width - right, top, bottom: top + inner, width, height });
     const marks = [];
     if (map) cells(svg, figure, panel, sx, sy, marks);
@@ -145,6 +147,18 @@ const Plots = (() => {
     return axis.log || axis.categories || !most || (most >= 0.01 && most < 1e5) ? 0 : Math.floor(Math.log10(most));
   }
 
+  // The texts of the ticks of a scale, with as many digits as tell them apart.
+  function tickTexts(axis, scale) {
+    if (axis.categories) return scale.ticks.map((tick) => axis.categories[tick]);
+    const p = power(axis, scale);
+    let texts = [];
+    for (let digits = 4; digits <= 12; digits++) {
+      texts = scale.ticks.map((tick) => show(tick / 10 ** p, digits));
+      if (new Set(texts).size === texts.length) break;
+    }
+    return texts;
+  }
+
   // "shift (mm)" as "shift (10⁻³ mm)".
   const inPowers = (label, p) => (!p ? label : /\([^)]*\)$/.test(label) ? label.replace(/\(([^)]*)\)$/, `(10${raised(p)} $1)`) : `${label} (10${raised(p)})`);
 
@@ -152,17 +166,18 @@ const Plots = (() => {
     const grid = make("g", { class: "grid" }, svg), labels = make("g", { class: "labels" }, svg), map = figure.kind === "map";
     const many = figure.x.categories ? Math.ceil((Math.max(...figure.x.categories.map(wide)) + 8) / sx.step) : 1;
     const [ux, uy] = [power(figure.x, sx), power(figure.y, sy)];
+    const [xTexts, yTexts] = [tickTexts(figure.x, sx), tickTexts(figure.y, sy)];
     sx.ticks.forEach((tick, k) => {
       const at = sx.at(tick);
       if (!map) make("line", { x1: at, x2: at, y1: area.top, y2: area.bottom }, grid);
-      if (k % many === 0) make("text", { x: at, y: area.bottom + 17, "text-anchor": "middle" }, labels, figure.x.categories ? figure.x.categories[tick] : show(tick / 10 ** ux));
+      if (k % many === 0) make("text", { x: at, y: area.bottom + 17, "text-anchor": "middle" }, labels, xTexts[k]);
     });
-    for (const tick of sy.ticks) {
-      const at = sy.at(tick), text = figure.y.categories ? figure.y.categories[tick] : show(tick / 10 ** uy);
+    sy.ticks.forEach((tick, k) => {
+      const at = sy.at(tick), text = yTexts[k];
       if (!map) make("line", { x1: area.left, x2: area.right, y1: at, y2: at }, grid);
       const label = make("text", { x: area.left - 8, y: at + 4, "text-anchor": "end" }, labels, cut(text, area.left - (figure.y.label ? 34 : 14)));
       if (figure.y.categories) make("title", {}, label, text);
-    }
+    });
     make("path", { d: `M${area.left} ${area.top}V${area.bottom}H${area.right}`, class: "frame" }, svg);
     make("text", { x: (area.left + area.right) / 2, y: area.height - 10, "text-anchor": "middle", class: "axis-label" }, svg, cut(inPowers(x.label, ux), area.width - 10));
     const middle = (area.top + area.bottom) / 2;

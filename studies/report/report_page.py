@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design
+from geometry.loads import Load
 from geometry.messages import Progress
 from studies.output import atomic_files, provenance
 from studies.report import folder_contents, page_pictures, report_sections
@@ -90,16 +91,16 @@ def report(
     contents = folder_contents.read(folder)
     file = atomic_files.check_output_file(out or folder / "report.html", ".html", ".htm")
     atomic_files.check_apart([file], folder_contents.inputs(contents))
-    sections, solved = [], list[Design]()
+    sections, solved = [], list[tuple[Design, Load | None]]()
     for k, one in enumerate(contents):
         if progress is not None:
             progress(k / len(contents), one.name or str(folder))
         # a design that several folders name is solved and shown once, and the first ones only
-        design = report_sections.design_of(one)
-        new = solve and design is not None and design not in solved
+        state = report_sections.state_of(one)
+        new = solve and state is not None and state not in solved
         sections.append(report_sections.section(one, solve=new and len(solved) < MOST_SOLVED))
-        if new and design is not None and not one.solutions:
-            solved.append(design)
+        if new and state is not None and not one.solutions:
+            solved.append(state)
     text = page(folder, sections, command)
     size = len(text.encode())
     if size > MOST_BYTES:
@@ -125,8 +126,8 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     images = page_pictures.Budget(MOST_PICTURE_BYTES)
     data: dict[str, Any] = {"figures": {}, "surfaces": {}, "tables": tables}
     shown = []
-    for number, section in enumerate(sections):
-        shown.append(_section(section, number, data, left_out, images))
+    for number, (section, name) in enumerate(zip(sections, _titles(sections), strict=True)):
+        shown.append(_section(section, name, number, data, left_out, images))
     scripts = [(OWN / name).read_text("utf-8") for name in SCRIPTS]
     title = folder.resolve().name or str(folder)
     figures = len(data["figures"]) + len(data["surfaces"])
@@ -190,8 +191,18 @@ def _table_key(folder: str, table: Table) -> str:
     return f"{folder}/{table.name}"
 
 
+def _titles(sections: Sequence[Section]) -> list[str]:
+    """Return the titles of the sections; several of one title have the names of their folders behind it."""
+    titles = [title_of(section.contents) for section in sections]
+    names = [section.contents.name or section.contents.path.resolve().name for section in sections]
+    return [
+        f"{title} ({name})" if titles.count(title) > 1 else title for title, name in zip(titles, names, strict=True)
+    ]
+
+
 def _section(
     section: Section,
+    title: str,
     number: int,
     data: dict[str, Any],
     left_out: Mapping[tuple[str, str], str],
@@ -230,7 +241,7 @@ def _section(
     count = len(figures) + len(surfaces)
     return {
         "id": f"part-{number}",
-        "title": title_of(contents),
+        "title": title,
         "folder": section.name,
         "count": _count(count, "figure") if count else "",
         "lead": lead_of(contents),

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from geometry.design import BadInput, Design, paper
-from studies.inputs import user_input
+from geometry.loads import Load
+from studies.exploration.study_cases import load_of, varied
+from studies.inputs import study_axes, user_input
 from studies.report import (
     deformed_surface,
     folder_contents,
@@ -24,6 +29,8 @@ from studies.report.report_figures import Figure, thinned
 
 MOST_SURFACES = 3
 """Largest number of solutions of one folder that are shown in 3D, of about 0.4 MB each."""
+MOST_CASES = 20_000
+"""About the largest number of cases among which the one that is shown in 3D is chosen."""
 MOST_OPEN_ROWS, MOST_OPEN_COLUMNS = 40, 9
 """Size up to which a table of words is shown at once, and not only on demand."""
 
@@ -162,12 +169,66 @@ def _add_surfaces(result: Section, *, solve: bool) -> None:
             result.remarks.append(f"{name} is a mesh without displacements, which the page does not show.")
         else:
             result.surfaces.append(surface)
-    design = design_of(contents)
-    if not result.surfaces and design is not None and solve:
+    state = state_of(contents)
+    if not result.surfaces and state is not None and solve:
         try:
-            result.surfaces.append(deformed_surface.solved(design))
+            result.surfaces.append(deformed_surface.solved(*state))
         except BadInput as error:
             result.remarks.append(f"{error}.")
+
+
+def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
+    """Return a sensor and a load that the study of a folder contains, the largest load; None without a design.
+
+    The load is None where no table states one.
+    """
+    design = design_of(contents)
+    if design is None:
+        return None
+    for name in ("sweep.csv", "sweep.parquet", "shear.csv", "press.csv", "cycle.csv"):
+        table = contents.tables.get(name)
+        if table is not None and (state := _largest_state(table, design)) is not None:
+            return state
+    return design, None
+
+
+def _largest_state(table: Table, base: Design) -> tuple[Design, Load] | None:
+    """Return the case of a table with the greatest shear, then depth, of the base design if the table has it."""
+    columns = {name: study_axes.column(name) for name in study_axes.AXES}
+    present = {name: column for name, column in columns.items() if column in table.columns}
+    if "depth" not in present or not table.ok.any():
+        return None
+    texts = {name: table.texts(column) for name, column in present.items()}
+    rows = np.flatnonzero(table.ok)
+    cases = [
+        {name: _axis_value(values[row]) for name, values in texts.items() if values[row]}
+        for row in rows[:: len(rows) // MOST_CASES + 1].tolist()
+    ]
+
+    def rank(case: dict[str, float | str]) -> tuple[bool, float, float]:
+        own = all(getattr(base, name) == value for name, value in case.items() if name in study_axes.DESIGN)
+        aside = math.hypot(_size(case.get("shear")), _size(case.get("shear_y")))
+        return own, aside, _size(case.get("depth"))
+
+    case = max(cases, key=rank)
+    fields = {k: value for k, value in case.items() if k in study_axes.DESIGN and value != getattr(base, k)}
+    load = {name: value for name, value in case.items() if name in study_axes.LOAD}
+    try:
+        return varied(base, fields), load_of(load)
+    except (BadInput, TypeError):
+        return None
+
+
+def _axis_value(text: str) -> float | str:
+    """Return a value of an axis from its text."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _size(value: float | str | None) -> float:
+    return abs(value) if isinstance(value, float) else 0.0
 
 
 def design_of(contents: Contents) -> Design | None:
