@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fem.material import cofactor, kinematics, law, strain
+from fem.material import evaluate, law
 from geometry.design import LAWS, SILICONE_E, BadInput
 from studies.inputs.option_groups import LawName
 from studies.inputs.user_input import read_design
@@ -38,8 +38,8 @@ def table(tmp_path, data):
 @pytest.mark.parametrize("name", CASES)
 def test_closed_form_is_the_law_of_the_finite_elements(name):
     for s in (0.4, 1.0, 1.7, 3.5):
-        k = kinematics(strain(np.diag([s, s**-0.5, s**-0.5]) - np.eye(3)))
-        P, cof = law(name, CASES[name])(k, 1.0)[1], cofactor(k)
+        F = np.diag([s, s**-0.5, s**-0.5])
+        P, cof = evaluate(law(name, CASES[name]), F - np.eye(3))[1], np.linalg.det(F) * np.linalg.inv(F).T
         want = (P - P[2, 2] / cof[2, 2] * cof)[0, 0]
         assert law_regression.nominal_stress(name, CASES[name], np.array(s)) == pytest.approx(
             want, rel=1e-11, abs=1e-12

@@ -137,3 +137,13 @@ def test_bad_input_is_one_sentence(run, tmp_path):
     status, out, err = run("fit", file)
     assert (status, out, len(err.splitlines())) == (2, "", 1)
     assert run("fit", file, "--nu", 0.6)[0] == 2
+
+
+@pytest.mark.parametrize(("tau", "warned"), [(5.0, True), (30.0, False)])
+def test_a_branch_at_the_first_time_is_said_to_be_perhaps_shorter(run, strict, tmp_path, tau, warned):
+    at = np.linspace(20, 24, 600)
+    table(tmp_path / "late.csv", "time_s,youngs_modulus_MPa", at, 1 + 0.5 * np.exp(-at / tau))
+    status, out, err = run("fit", "late.csv", "--ramp", 0, "--nu", 0.5, "--json")
+    chosen = next(record for record in strict(out) if record["chosen"])
+    assert (status, chosen["branches"]) == (0, 1)
+    assert ("a branch is as short as the first time of the test, 20 s" in err) == warned

@@ -23,6 +23,8 @@ STILL_FALLING = 3.0
 
 WRONG = 0.05
 """Rms residual from which on branches do not describe the test, and are no design."""
+AT_START = 1.02
+"""Ratio of the shortest branch to the first time up to which it lies at the bound of the fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +188,11 @@ def _warnings(each: BranchFit, test: Test) -> list[str]:
         texts.append(
             f"relaxation goes on beyond the test: a branch has {times[-1]:.3g} s where the test covers "
             f"{test.covered[1]:.3g} s, so the long-term modulus is extrapolated"
+        )
+    if times and test.kind == "relaxation" and times[0] < AT_START * test.at[0]:
+        texts.append(
+            f"a branch is as short as the first time of the test, {test.at[0]:.3g} s, and may be shorter: the "
+            "instantaneous modulus is extrapolated; record from the beginning of the stretch, whose time is 0"
         )
     if not times:
         texts.append(f"the test shows no relaxation above its noise of {100 * each.rms:.2g} % (rms)")
