@@ -39,9 +39,23 @@ def test_the_verb(run, tmp_path):
     assert all(f"]({name})" in text for name in assumption_report.FILES if name.endswith(".png"))
 
 
+def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(run, tmp_path):
+    design = "[design]\nD = 10\nE = 0.6\nmagnet_diameter = 5"
+    text = SMALL.replace('design = "paper"\n', "").replace("magnet_diameter = [0, 4]\n", "")
+    text = text.replace("magnet_height = [0, 2]", "magnet_height = [1, 2]").replace(
+        "magnet_edge_radius = [0, 0.1]\n", ""
+    )
+    (tmp_path / "own.toml").write_text(text + design + "\n")
+    status, _, err = run("assumption", "own.toml", "--out", "out", "--workers", "0")
+    assert status == 0, err
+    assert "D is 10 mm and E is 0.6 MPa" in (tmp_path / "out" / "ASSUMPTION.md").read_text("utf-8")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
+        ("L = [9, 16]", "L = [9, 16]\nE = [1, 2]", "has the axis E"),
+        ("magnet_height = [0, 2]", "magnet_height = [2, 2]", "12 cases of 6 different"),
         ('"finite"', '"standard"', "one finite-element model and all levels"),
         ("nu = [0.4998, 0.4998]", "", "lacks the axis nu"),
         ('"tilt"', '"readings"', "quantities force, shift and tilt"),

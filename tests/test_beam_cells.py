@@ -51,6 +51,14 @@ def test_errors_stand_at_their_length_and_load():
     assert beam_cells.errors(mixed, grid, "paper", "press force") == approx(np.array(ERROR))
 
 
+def test_two_rows_of_one_cell_are_refused():
+    values = table(ERROR)
+    values["depth_mm"][1] = values["depth_mm"][0]
+    values["L_mm"][1] = values["L_mm"][0]
+    with pytest.raises(ValueError, match="two rows of the table are one cell"):
+        grid_of(values)
+
+
 def test_bodies_are_sorted_by_height():
     assert beam_cells.bodies(table(ERROR, heights=(0.25, 0.0))) == [Body(0.0, 0.4998), Body(0.25, 0.4998)]
 

@@ -1,8 +1,12 @@
 """Errors of the readings: each part has its own cause, and their sum is the whole."""
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 
+from geometry.design import paper
 from studies.claims import beam_cells, reading_split
 
 approx = pytest.approx
@@ -36,10 +40,14 @@ def table(tilt=0.0, aside=0.5, lower=0.4):
     }
 
 
-def cells(**pose):
-    values = table(**pose)
+def split(values, design=paper()):
     body = beam_cells.bodies(values)[0]
-    return reading_split.split_cells(values, [beam_cells.cells(values, body, kind) for kind in ("press", "shear")])
+    grids = [beam_cells.cells(values, body, kind) for kind in ("press", "shear")]
+    return reading_split.split_cells(values, grids, design)
+
+
+def cells(**pose):
+    return split(table(**pose))
 
 
 def largest(rows, part):
@@ -78,3 +86,37 @@ def test_means_are_by_load_and_slenderness():
     ]
     assert means[0].tilt_percent_FS == 0
     assert means[1].tilt_percent_FS > 1
+
+
+@pytest.mark.parametrize("column", ["fem_shift_x_mm", "fem_shift_z_mm", "analytic_paper_shift_x_mm", "fem_tilt_rad"])
+def test_an_unknown_pose_is_no_motion(column):
+    values = table(aside=0.4)
+    values[column] = np.where(values["shear_mm"] == 2.0, np.nan, values[column])
+    rows, whole = split(values), cells(aside=0.4)
+    for row in rows:
+        assert math.isnan(row.total_percent_FS) == (row.shear_over_D == 0.25)
+    (mean,) = (m for m in reading_split.split_means(rows, {"all": lambda _: True}) if m.load == "shear")
+    assert mean.states == 1
+    assert len(rows) == len(whole)
+
+
+def test_a_press_may_have_no_columns_across():
+    values = table()
+    for name in ("fem_shift_x_mm", "fem_shift_y_mm", "fem_tilt_rad", "analytic_paper_tilt_rad"):
+        values[name] = np.where(values["shear_mm"] == 0, np.nan, values[name])
+    assert all(math.isfinite(row.total_percent_FS) for row in split(values))
+
+
+def test_the_sensor_is_that_of_the_study():
+    """Its elements' height, and sizes of the magnet that no axis varies."""
+    values = {name: column for name, column in table().items() if name not in ("magnet_diameter_mm", "l0_mm")}
+    own = dataclasses.replace(paper(), c=3.0, magnet_diameter=3.0)
+    sensor = reading_split.sensor(values, 0, own)
+    assert (sensor.c, sensor.magnet_diameter, sensor.l0) == (3.0, 3.0, pytest.approx(own.l0))
+    by_c = [[row.dipole_percent_FS for row in split(values, dataclasses.replace(own, c=c))] for c in (2.0, 3.0)]
+    assert by_c[0] != by_c[1]
+
+
+def test_a_chip_has_its_own_elements():
+    rows = split(table(), dataclasses.replace(paper(), hall_layout="tmag5273a1"))
+    assert {row.element for row in rows} == {"chip x", "chip y", "chip -z"}

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analytic import beam
-from geometry.design import BadInput
+from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.claims import beam_cells, beam_regions, beam_sentences, reading_split
 from studies.claims.beam_cells import Cells, Columns
@@ -22,17 +21,17 @@ from studies.claims.beam_regions import BestRow, ShareRow
 from studies.claims.reading_split import SplitCell, SplitMean
 from studies.exploration import sweep_request
 from studies.exploration.needed_paths import Processes
-
-if TYPE_CHECKING:
-    from studies.exploration.study_cases import Plan
+from studies.exploration.study_cases import Cases, Plan
 
 STUDY = Path(__file__).resolve().parents[1] / "examples" / "beam_assumption.toml"
 """The shipped study."""
+CELL, WITH_HEIGHT = ("L", "magnet_height", "nu", "depth", "shear"), ("magnet_diameter", "magnet_edge_radius")
+"""Axes that make a cell, and those that may follow the magnet's height."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assumption:
-    """The table of the sweep, and what follows from it.
+    """The design and the table of the sweep, and what follows from it.
 
     Attributes
     ----------
@@ -40,6 +39,7 @@ class Assumption:
     parts : parts of the readings' errors in each state of the largest nu.
     """
 
+    design: Design
     table: Columns
     grids: list[Cells]
     shares: list[ShareRow]
@@ -64,7 +64,12 @@ def plan_of(study: Path) -> Plan:
             f"the study {str(study)!r} must have one finite-element model and all levels of the formulas "
             f"({', '.join(beam.LEVELS)}): change its models"
         )
-    lacking = [name for name in ("L", "magnet_height", "nu", "depth", "shear") if name not in plan.axes]
+    if other := [name for name in plan.axes if name not in (*CELL, *WITH_HEIGHT)]:
+        raise BadInput(
+            f"the study {str(study)!r} has the axis {', '.join(other)}; its axes may be "
+            f"{', '.join((*CELL, *WITH_HEIGHT))}: give {', '.join(other)} one value in [design] or [load]"
+        )
+    lacking = [name for name in CELL if name not in plan.axes]
     if lacking:
         raise BadInput(
             f"the study {str(study)!r} lacks the axis {', '.join(lacking)}: add it, with one value if fixed"
@@ -72,6 +77,13 @@ def plan_of(study: Path) -> Plan:
     needed = {"force", "shift", "tilt"}
     if not needed <= set(plan.quantities):
         raise BadInput(f"the study {str(study)!r} needs the quantities force, shift and tilt: add them")
+    axes = Cases(plan).batch(np.arange(plan.count)).axes
+    places = np.unique(np.column_stack([np.asarray(axes[name], dtype=float) for name in CELL]), axis=0)
+    if len(places) < plan.count:
+        raise BadInput(
+            f"the study {str(study)!r} has {plan.count} cases of {len(places)} different {', '.join(CELL)}; each may "
+            f"have one case: zip {' and '.join(WITH_HEIGHT)} with magnet_height"
+        )
     return plan
 
 
@@ -85,11 +97,11 @@ def run(plan: Plan, progress: Progress, processes: Processes = Processes(), stor
     with sweep_request.sweep(plan, None, progress, processes, store) as batches:
         tables = list(batches)
     table = {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
-    return judged(table)
+    return judged(table, plan.design)
 
 
-def judged(table: Columns) -> Assumption:
-    """Return what follows from the table of a sweep."""
+def judged(table: Columns, design: Design) -> Assumption:
+    """Return what follows from the table of a sweep over a design."""
     grids = [
         grid
         for body in beam_cells.bodies(table)
@@ -100,7 +112,7 @@ def judged(table: Columns) -> Assumption:
     nu = max(grid.body.nu for grid in grids)
     main = [grid for grid in grids if grid.body.nu == nu]
     best = beam_regions.best_rows(table, main)
-    parts = reading_split.split_cells(table, main)
+    parts = reading_split.split_cells(table, main, design)
     means = reading_split.split_means(parts, beam_regions.SLENDER)
     lines: Sequence[str] = beam_sentences.sentences(table, grids, shares, best, means)
-    return Assumption(table, grids, shares, best, parts, means, list(lines))
+    return Assumption(design, table, grids, shares, best, parts, means, list(lines))

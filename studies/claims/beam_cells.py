@@ -81,7 +81,13 @@ def bodies(table: Columns) -> list[Body]:
 
 
 def cells(table: Columns, body: Body, kind: Kind) -> Cells:
-    """Return the cells of one body and one kind of load."""
+    """Return the cells of one body and one kind of load.
+
+    Raises
+    ------
+    ValueError
+        Two rows of the table belong to one cell; `beam_assumption.plan_of` refuses such studies.
+    """
     D = table["D_mm"]
     own = np.isclose(table["magnet_height_mm"] / D, body.height, atol=1e-6) & np.isclose(table["nu"], body.nu)
     own &= (table["shear_mm"] != 0) if kind == "shear" else (table["shear_mm"] == 0)
@@ -89,6 +95,8 @@ def cells(table: Columns, body: Body, kind: Kind) -> Cells:
     slenderness, column = np.unique(np.round(table["L_mm"] / D, 9)[rows], return_inverse=True)
     pairs = np.round(np.column_stack([table["depth_mm"], table["shear_mm"]])[rows] / D[rows, None], 9)
     loads, line = np.unique(pairs, axis=0, return_inverse=True)
+    if len(np.unique(np.column_stack([line.ravel(), column]), axis=0)) < len(rows):
+        raise ValueError(f"two rows of the table are one cell of {body.name}, nu {body.nu:g}")
     row = np.full((len(loads), len(slenderness)), -1)
     row[line.ravel(), column] = rows
     force = _at(table["fem_force_x_N" if kind == "shear" else "fem_force_N"], row)
