@@ -6,12 +6,14 @@ import json
 import pytest
 
 from analytic import buckling
+from fem.physics_version import PHYSICS
 from geometry.loads import Load
 from studies.benchmarks import trade_cases, trade_rule
 from studies.benchmarks.trade_reference import TrueError
 from studies.benchmarks.trade_rule import Confirmation, confirm, statements, summary
 from studies.benchmarks.trade_study import TradeState
 from studies.output import goals
+from studies.simulation import model_choice
 from studies.simulation.model_choice import Statement
 
 
@@ -120,6 +122,8 @@ def test_the_text_of_a_rule_is_read_back():
     read = json.loads(trade_rule.as_text(rule, "by hand"))
     assert [Statement(**each) for each in read["statements"]] == rule
     assert read["made"] == "by hand"
+    assert read["versions"] == model_choice.versions()
+    assert read["versions"]["harmonic"] == str(PHYSICS["harmonic"])
 
 
 def test_percentiles_are_values_of_the_sample():

@@ -120,9 +120,10 @@ def percentile(values: Sequence[float], share: float = 0.95) -> float:
 
 
 def as_text(rule: Sequence[Statement], origin: str) -> str:
-    """Return the text of model_choice.json, a statement on each line."""
+    """Return the text of model_choice.json: the versions of the models, and a statement on each line."""
     rows = ",\n".join(json_line(records.known(asdict(each))) for each in rule)
-    return f'{{"made": {json.dumps(origin)}, "statements": [\n{rows}\n]}}\n'
+    made = f'"made": {json.dumps(origin)}, "versions": {json.dumps(model_choice.versions())}'
+    return f'{{{made}, "statements": [\n{rows}\n]}}\n'
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """The cheapest model whose measured error meets a tolerance, for a design and its loads (option --tolerance).
 
 The errors come from `magtip trade`: every model on twenty-four designs against extrapolated references, by kind of
-scene and by region of the loads. They are frozen in model_choice.json beside this module. Force, shift and tilt count
+scene and by region of the loads. They are frozen in model_choice.json beside this module, with the versions of the
+models: statements of another version do not count. Force, shift and tilt count
 as vectors, relative to the reference; readings in percent of full scale; and of a shear the force along it, relative
 to itself. A choice meets the tolerance in all of them.
 
@@ -19,17 +20,19 @@ beams are sparse. Half widths alone would not do: one case in ten lies beyond th
 from __future__ import annotations
 
 import functools
+import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from analytic import beam, buckling
 from fem.error_estimate_rules import press_limits
-from fem.scene import choose_model
-from geometry.design import BadInput, Design
+from fem.physics_version import PHYSICS
+from fem.scene import Model, choose_model
+from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
 
 Kind = Literal["press", "glued shear", "friction"]
@@ -51,6 +54,10 @@ ANY_REGION = "any"
 """Region of the statements about tetrahedra, which ran on too few designs to tell regions apart."""
 SURROGATE = "surrogate"
 """Name of the surrogate among the models."""
+SOLVED: tuple[Model, ...] = ("axisymmetric", "harmonic", "half", "full")
+"""Finite-element models of the rule."""
+VERSION_LOADS = (Load(depth=0.4), Load(depth=0.8, shear_x=0.8, friction="stick"))
+"""Loads whose answers tell versions of formulas and of the surrogate apart."""
 UNMET = "beyond_tolerance"
 """Status of a state that is not known to meet its tolerance."""
 FINER = {"quick": "standard", "standard": "fine"}
@@ -141,6 +148,32 @@ class Region:
 def statements() -> tuple[Statement, ...]:
     """Return the statements of the rule."""
     return tuple(Statement(**each) for each in json.loads(DATA.read_text("utf-8"))["statements"])
+
+
+@functools.cache
+def versions() -> dict[str, str]:
+    """Return the version of each model on which the rule rests.
+
+    That of finite elements is the version of their physics. Formulas and the surrogate have a digest of their answers
+    to a few loads, half widths included, to five digits.
+    """
+    from studies.surrogate import surrogate_response
+
+    found: dict[str, str] = {model: str(PHYSICS[model]) for model in SOLVED}
+    cases = [(design, load) for design in (paper(), replace(paper(), L=14.0)) for load in VERSION_LOADS]
+    formulas = [beam.solve(*case, level) for case in cases for level in beam.LEVELS]
+    found["formula"] = _digest([value for one in formulas for value in (*one.force, *one.shift, one.tilt)])
+    try:
+        estimates = [surrogate_response.respond(*case) for case in cases]
+    except BadInput as refusal:
+        return found | {SURROGATE: str(refusal)}
+    values = [value for one in estimates for value in (*one.response.force, *one.response.shift, one.response.tilt)]
+    widths = [width or 0.0 for one in estimates for width in (one.force_error, one.shift_error, one.sideways_error)]
+    return found | {SURROGATE: _digest([*values, *widths])}
+
+
+def _digest(values: Sequence[float]) -> str:
+    return hashlib.sha256(" ".join(f"{value:.5g}" for value in values).encode()).hexdigest()[:16]
 
 
 def choose(

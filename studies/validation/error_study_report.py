@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fem.physics_version import PHYSICS
 from studies.output.atomic_files import write_text
 from studies.output.checkpoint import solved_at
 from studies.output.csv_tables import write_table
@@ -64,6 +65,7 @@ def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str,
             "",
         ]
     lines += ["## States left out", "", *_left_out(states), "", "## Designs", "", *_designs(states), ""]
+    lines += [f"Versions of the physics: {', '.join(f'{name} {number}' for name, number in PHYSICS.items())}.", ""]
     lines += [solved_at(state.commit for state in states if state.commit), ""]
     write_text(folder / "ACCURACY.md", "\n".join([*lines, made(command, origin)]) + "\n")
 
