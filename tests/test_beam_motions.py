@@ -6,7 +6,8 @@ import pytest
 from analytic import beam, hall
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.sensitivity.beam_motions import motions, poses, readings
+from studies.sensitivity.beam_motions import QUANTITIES, motions, poses, readings
+from studies.surrogate import surrogate_response
 
 DEPTH, SHEAR = np.array([[0.5, 1.0], [0.4, 0.8]]), np.array([[0.0, 0.3], [0.0, -0.3]])
 LONGER = Design(L=12.0, l0=10.2, E=0.5)
@@ -27,6 +28,19 @@ def test_impossible_sensors_and_loads_have_no_results():
     assert np.isnan(moved.values["force_z"]).all()
     assert "depth must be less than 7 mm" in moved.refusals[1, 0]
     assert np.isnan(readings([None, paper()], moved)[0]).all()
+
+
+def test_the_surrogate_refuses_beyond_buckling_as_everywhere():
+    """A sheared slender beam gave a force against the shear, without a word."""
+    slender, load = Design(L=24.0, l0=22.0), Load(depth=2.0, shear_x=0.5, friction="stick")
+    moved = motions("surrogate", [slender, paper()], np.full((2, 2), 2.0), np.array([[0.5, 0.0], [0.5, -0.5]]))
+    for name in QUANTITIES:
+        assert np.isnan(moved.values[name][0]).all()
+        assert np.isnan(moved.half_widths[name][0]).all()
+    assert moved.refusals[0, 0] == surrogate_response.refusal(slender, load, "rigid")
+    assert "knows a press to stay stable to" in moved.refusals[0, 1]
+    assert moved.refusals[1].tolist() == ["", ""]
+    assert moved.values["force_x"][1, 0] == -moved.values["force_x"][1, 1] > 0
 
 
 def test_readings_are_those_of_each_pose():

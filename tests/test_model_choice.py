@@ -131,7 +131,8 @@ def test_the_shipped_rule_is_that_of_the_committed_results():
 
 @pytest.mark.parametrize("load", [PRESS, Load(depth=1.0), SHEAR])
 def test_the_surrogate_is_chosen_between_formulas_and_finite_elements(load):
-    choice = choose(STUBBY, [load], 0.05, rule=RULE)
+    # the half widths of the shear are 5 to 10 %: the interval is one of nine beams out of ten at all loads
+    choice = choose(STUBBY, [load], 0.15, rule=RULE)
     assert (choice.model_kind, choice.name) == ("surrogate", "surrogate shipped")
     assert "90 % intervals" in choice.reason
     assert choose(STUBBY, [load], 0.015, rule=RULE).model_kind == "fem"
@@ -191,7 +192,7 @@ def test_a_rule_without_statements_about_the_surrogate_never_chooses_it():
 
 def test_the_surrogate_has_no_bound_where_the_force_along_the_shear_was_not_measured():
     unknown = [dataclasses.replace(each, sideways=None) for each in RULE]
-    assert choose(STUBBY, [SHEAR], 0.05, rule=RULE).model_kind == "surrogate"
+    assert choose(STUBBY, [SHEAR], 0.15, rule=RULE).model_kind == "surrogate"
     assert choose(STUBBY, [SHEAR], 0.05, rule=unknown).model_kind == "fem"
 
 

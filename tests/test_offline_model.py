@@ -33,6 +33,18 @@ def test_refusals_are_those_of_the_surrogate():
         offline_model.state_part(one)
 
 
+@pytest.mark.parametrize("load", [{"depth": 2.0}, {"depth": 2.0, "shear": 0.5}])
+def test_a_press_beyond_buckling_is_refused_and_ends_the_curve(load):
+    slender = {"L": 24, "l0": 22}
+    with pytest.raises(BadInput, match="the surrogate knows a press to stay stable to"):
+        offline_model.state_part(state(slender, **load))
+    curve, stability = (
+        part(state(slender, **load)) for part in (offline_model.curve_part, offline_model.stability_part)
+    )
+    assert curve["depth"][-1] == pytest.approx(stability["stable_to"])
+    assert stability["stable_to"] < stability["critical_depth"]
+
+
 def test_half_width_of_a_reading_spans_the_corners_of_the_pose():
     one = state(depth=1.0, shear=1.0)
     plane = offline_model.solve(one)[1]

@@ -148,7 +148,7 @@ def answers(page, cases):
 def test_javascript_and_python_agree_on_random_states(answers):
     assert len(answers) == DESIGNS * LOADS
     solved = [(ours["state"], theirs["state"]) for ours, theirs in answers if "state" in theirs]
-    assert len(solved) > 160
+    assert len(solved) > 100
     difference, place = max(worst(*pair) for pair in solved)
     assert difference < AGREEMENT, place
 
@@ -323,7 +323,7 @@ def test_another_design_says_that_its_picture_is_fitted(page):
 
 def test_errors_are_those_of_the_shipped_table():
     text = offline_page.about()
-    assert "207 unseen beams" in text
+    assert "120 unseen beams" in text
     assert offline_page.ERRORS.read_bytes() == (ROOT / "results" / "surrogate" / "summary.csv").read_bytes()
     assert math.isclose(float(re.search(r"press force ([\d.]+) %", text)[1]), 0.6, abs_tol=0.05)
 

@@ -37,7 +37,7 @@ def test_cases_that_the_surrogate_refuses_have_no_value_and_a_reason():
     outputs, refusals = sampled_outputs("surrogate", paper(), cases, sheared=False)
     assert np.isfinite(outputs["force_N"].value[:2]).all()
     assert np.isnan(outputs["S1_V"].value[2])
-    assert "the surrogate has presses from 0.01 D" in refusals[2]
+    assert "the surrogate knows depths of 0.08 to" in refusals[2]
     assert (outputs["S1_V"].half_width[:2] > 0).all()
 
 

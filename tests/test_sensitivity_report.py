@@ -40,7 +40,7 @@ def test_files_of_methods_that_are_not_requested_again_do_not_stay(run, tmp_path
 
 
 def test_failures_are_said_and_end_with_3_if_nothing_succeeds(run):
-    common = ("sensitivity", "paper", "--depth", "1", "--methods", "sobol", "--count", "16")
+    common = ("sensitivity", "paper", "--depth", "0.1", "--methods", "sobol", "--count", "16")
     status, _, err = run(*common, "--vary", "L=30:36")
     assert status == 0
     assert "have failed" in err

@@ -1,5 +1,6 @@
 """The study that builds the surrogate, on few beams and rough meshes."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,17 +9,17 @@ import pytest
 from fem.accuracy import QUICK
 from studies.exploration import store
 from studies.exploration.needed_paths import Processes
+from studies.output.goals import missed
 from studies.surrogate.gaussian_process import GaussianProcess
 from studies.surrogate.prediction import Beams, first_zero
 from studies.training import surrogate_report, surrogate_study, surrogate_test
+from studies.training.calibration import conformal_quantile
 from studies.training.state_errors import StateError, recalibrated
 from studies.training.surrogate_fit import press_outputs, shear_outputs
 from studies.training.surrogate_study import Extent, widest_points
 
 ROUGH = replace(QUICK, name="rough", section_size=0.5, section_patch=0.12, harmonics=1)
-# of 400 seeds the one whose first beams lie in the range, are short and have blunt edges: their meshes are small
-SEED = 181
-EXTENT = Extent(first=9, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH, seed=SEED)
+EXTENT = Extent(first=13, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH)
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +29,8 @@ def result():
 
 
 def test_training_has_the_first_beams_and_those_of_the_rounds(result):
-    assert len(result.training.beams) + result.failed[0] == 10
-    assert len(result.test.set.beams) + result.failed[1] == 1
+    assert len(result.training.beams) + result.failed[0] == 14
+    assert len(result.test.set.beams) + result.failed[1] == 6
     assert result.surrogate.about["accuracy"] == "rough"
 
 
@@ -45,19 +46,17 @@ def test_training_beams_get_back_their_own_states(result):
 def test_every_state_of_the_test_has_its_errors(result):
     rows = result.errors
     count = len(result.test.set.beams)
-    for kind, quantities, states in (("press", 5, 5), ("shear", 7, 3), ("mode", 1, 1)):
+    for kind, quantities, states in (("press", 5, 5), ("shear", 7, 2), ("mode", 1, 1)):
         assert len([row for row in rows if row.kind == kind]) == count * quantities * states
-    assert all(
-        np.isfinite(row.error_percent) and row.interval_percent > 0 for row in rows if row.kind != "critical depth"
-    )
+    assert all(np.isfinite(row.error_percent + row.fem_error_percent) and row.interval_percent > 0 for row in rows)
 
 
 def test_the_report_says_what_is_missed(result, tmp_path):
-    missed = surrogate_report.write(tmp_path, result, 9, "made for a test", "magtip surrogate")
+    lost = missed(surrogate_report.write(tmp_path, result, 13, "made for a test", "magtip surrogate"))
     text = (tmp_path / "SURROGATE.md").read_text("utf-8")
-    # ten beams on rough meshes cannot reach 2 %
-    assert missed
-    assert all(sentence in text for sentence in missed)
+    # few beams on rough meshes cannot reach 2 %
+    assert lost
+    assert all(str(goal) in text for goal in lost)
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(surrogate_report.FILES)
 
 
@@ -103,29 +102,69 @@ def row(**changes):
     return StateError(**(values | changes))
 
 
-def test_goals_are_judged_by_percentile_and_coverage():
-    good = [row(error_percent=1.0, interval_percent=2.0)] * 9 + [row(error_percent=1.0, interval_percent=0.5)]
-    assert surrogate_test.missed(surrogate_test.summaries(good)) == []
-    wide = surrogate_test.missed(surrogate_test.summaries([row(error_percent=1.0, interval_percent=2.0)] * 10))
-    assert any("intervals hold 100 %" in sentence for sentence in wide)
-    bad = surrogate_test.missed(surrogate_test.summaries([row(error_percent=3.0, interval_percent=9.0)] * 10))
-    assert any("95th percentile of the errors 3 %, goal 2 %" in sentence for sentence in bad)
+def judged(rows):
+    return [str(goal) for goal in missed(surrogate_test.goals(surrogate_test.summaries(rows)))]
 
 
-def test_intervals_are_scaled_to_the_errors_of_their_region(result):
-    """All errors of slender beams are twice their intervals; a region with few rows takes the quantile of all."""
+def test_goals_are_judged_by_percentile_and_covered_beams():
+    """Of 20 beams, 14 must be covered in all of their states."""
+    good = [row(beam=k, error_percent=1.0, interval_percent=2.0) for k in range(20)]
+    assert judged(good) == []
+    bad = [row(beam=k, depth_over_D=0.01, error_percent=1.0, interval_percent=0.5) for k in range(7)]
+    assert any("all: beams that the intervals hold: 65 %, goal at least 70 %" in one for one in judged(good + bad))
+    assert judged(good + bad[:6]) == []
+    far = [row(beam=k, error_percent=3.0, interval_percent=9.0) for k in range(10)]
+    assert any("95th percentile of the errors: 3 %, goal at most 2 %" in one for one in judged(far))
+
+
+def test_a_region_that_fails_is_not_hidden_by_the_others():
+    good = [row(beam=k, L_over_D=1.0, error_percent=1.0, interval_percent=2.0) for k in range(100)]
+    slender = [row(beam=k, L_over_D=3.0, error_percent=1.0, interval_percent=0.5) for k in range(100, 110)]
+    lost = judged(good + slender)
+    assert any("slender, thin magnet: beams that the intervals hold: 0 %" in one for one in lost)
+    assert not any(", all: beams" in one for one in lost)
+
+
+@pytest.mark.parametrize("unknown", ["error_percent", "interval_percent", "fem_error_percent"])
+def test_an_unknown_error_misses_its_goals(unknown):
+    good = [row(beam=k, error_percent=1.0, interval_percent=2.0) for k in range(30)]
+    lost = judged([replace(one, **{unknown: math.nan}) for one in good])
+    assert any("beams that the intervals hold: 0 %" in one for one in lost)
+    if unknown == "error_percent":
+        assert any("95th percentile of the errors: no data" in one for one in lost)
+
+
+def test_the_own_error_of_the_finite_elements_counts():
+    one = row(error_percent=-1.0, interval_percent=1.5, fem_error_percent=0.4)
+    assert one.covered
+    assert not replace(one, fem_error_percent=0.6).covered
+
+
+def test_a_beam_has_one_score_and_regions_their_own_intervals(result):
+    """All errors of slender beams are twice their intervals, of others as large; one state of a beam decides."""
     both = [{"depth_over_D": depth, "interval_percent": 1.0} for depth in (0.02, 0.3)]
-    short = [row(L_over_D=1.0, error_percent=1.0, **more) for more in both] * 40
-    slender = [row(L_over_D=3.0, error_percent=2.0, **more) for more in both] * 40
-    scaled = recalibrated(result.surrogate, short + slender)
+    short = [row(beam=k, L_over_D=1.0, error_percent=1.0, **more) for more in both for k in range(40)]
+    slender = [row(beam=40 + k, L_over_D=3.0, error_percent=2.0, **more) for more in both for k in range(40)]
+    # a fifth of the beams has one large error each; a tenth of the states
+    large = [row(beam=k, L_over_D=1.0, error_percent=5.0, depth_over_D=0.021, interval_percent=1.0) for k in range(8)]
+    scaled = recalibrated(result.surrogate, short + slender + large)
     before, after = (s.groups["press"].quantiles for s in (result.surrogate, scaled))
-    assert after["force"] / before["force"] == pytest.approx(np.array([[1.0], [2.0], [2.0], [2.0]]) * np.ones((1, 8)))
+    ratio = after["force"] / before["force"]
+    assert ratio[0] == pytest.approx([5.0] * 4 + [1.0] * 4)
+    assert ratio[1] == pytest.approx(2.0)
     assert np.array_equal(after["shift"], before["shift"])
 
 
-def test_light_and_deep_presses_are_scaled_apart(result):
-    light = [row(depth_over_D=0.02, error_percent=3.0, interval_percent=1.0)] * 40
-    deep = [row(depth_over_D=0.3, L_over_D=1.5, error_percent=0.5, interval_percent=1.0)] * 40
-    scaled = recalibrated(result.surrogate, light + deep)
-    ratio = scaled.groups["press"].quantiles["force"] / result.surrogate.groups["press"].quantiles["force"]
-    assert ratio[0] == pytest.approx([3.0] * 4 + [0.5] * 4)
+def test_quantiles_of_few_beams_are_those_of_all(result):
+    few = [row(beam=k, L_over_D=3.0, error_percent=9.0, interval_percent=1.0, depth_over_D=0.3) for k in range(2)]
+    many = [
+        row(beam=k, L_over_D=1.0, error_percent=1.0, interval_percent=1.0, depth_over_D=0.3) for k in range(9, 60)
+    ]
+    light = [replace(one, depth_over_D=0.02) for one in (*few, *many)]
+    ratio = recalibrated(result.surrogate, few + many + light).groups["press"].quantiles["force"]
+    assert ratio / result.surrogate.groups["press"].quantiles["force"] == pytest.approx(1.0)
+
+
+def test_an_unknown_score_is_no_small_one():
+    assert conformal_quantile(np.array([1.0, math.nan, 2.0])) == math.inf
+    assert conformal_quantile(np.append(np.ones(99), math.nan)) == 1.0

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from geometry.design import Design
-from studies.surrogate import surrogate_range
-from studies.training.training_beams import DIMENSIONS, of_cube, random_beams, training_beams
+from studies.surrogate import prediction, surrogate_range
+from studies.training.training_beams import (
+    DIMENSIONS,
+    corners,
+    of_cube,
+    random_beams,
+    regional_beams,
+    training_beams,
+)
 
 NAMES = ("L", "diameter", "height", "nu", "edge", "share")
 
@@ -17,8 +24,34 @@ def test_more_training_beams_keep_the_first_ones():
     assert all(np.array_equal(getattr(few, name), getattr(many, name)[:20]) for name in NAMES)
 
 
-def test_beams_lie_in_the_range_and_have_walls():
-    beams = random_beams(500, 7)
+def test_training_begins_with_the_corners_of_the_range():
+    """Slender beams with thin magnets, and wide thin magnets above short bases, are interpolated."""
+    first = corners()
+    for L in surrogate_range.LENGTH:
+        for diameter in surrogate_range.DIAMETER:
+            for nu in surrogate_range.POISSON:
+                own = first[(first.L == L) & (first.diameter == diameter) & (first.nu == nu)]
+                assert own.height.min() == surrogate_range.HEIGHT[0]
+                # the highest magnet that the walls allow
+                higher = own[own.height > 0.15]
+                top = surrogate_range.wall(higher.L, higher.diameter, higher.height + 2e-3, higher.edge)
+                below = surrogate_range.below(higher.L, higher.height + 2e-3)
+                limits = (top < surrogate_range.LEAST_WALL) | (below < surrogate_range.LEAST_BELOW)
+                assert (limits | (higher.height == surrogate_range.HEIGHT[1])).all()
+    beams = training_beams(len(first) + 200, 1)
+    assert np.array_equal(beams.L[: len(first)], first.L)
+    assert (beams.L[len(first) :] == 0.75).sum() >= 4
+
+
+def test_every_region_has_its_random_beams():
+    beams = regional_beams(4, 3)
+    region = prediction.beam_region(beams.L, beams.diameter, beams.height)
+    assert region.tolist() == 4 * list(range(prediction.REGIONS))
+    assert np.array_equal(regional_beams(6, 3).L[:24], beams.L)
+
+
+@pytest.mark.parametrize("beams", [random_beams(500, 7), training_beams(500, 7)], ids=["random", "training"])
+def test_beams_lie_in_the_range_and_have_walls(beams):
     for name, (low, high) in (
         ("L", surrogate_range.LENGTH),
         ("diameter", surrogate_range.DIAMETER),
@@ -28,6 +61,7 @@ def test_beams_lie_in_the_range_and_have_walls():
         assert low <= getattr(beams, name).min() <= getattr(beams, name).max() <= high
     wall = surrogate_range.wall(beams.L, beams.diameter, beams.height, beams.edge)
     assert wall.min() >= surrogate_range.LEAST_WALL
+    assert beams.in_range.all()
 
 
 def test_the_wall_is_that_of_the_design():

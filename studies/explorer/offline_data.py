@@ -64,7 +64,9 @@ def surrogate() -> Data:
         "about": dict(shipped.about),
         "groups": groups,
         "range": {name.lower(): getattr(surrogate_range, name) for name in _RANGE},
-        "calibration": {name.lower(): getattr(prediction, name) for name in ("SLENDER", "THICK", "DEEP")}
+        "calibration": {
+            name.lower(): getattr(prediction, name) for name in ("SLENDER", "THICK", "WIDE", "DEEP", "REGIONS")
+        }
         | {"critical_grid": prediction.CRITICAL_GRID},
     }
 
@@ -98,7 +100,16 @@ def integers(values: ArrayLike) -> Data:
 
 _RANGE = (
     *("LENGTH", "DIAMETER", "HEIGHT", "POISSON", "EDGE", "DENSITY_RATIO", "LEAST_WALL", "LEAST_BELOW", "SHALLOWEST"),
-    *("DEEPEST", "DEPTH_SHARE", "SHALLOWEST_SHEAR", "FARTHEST", "SHEAR_SHARE", "PRESS_NODES", "SHEAR_NODES"),
+    *(
+        "DEEPEST",
+        "DEPTH_SHARE",
+        "WIDEST_SHARE",
+        "SHALLOWEST_SHEAR",
+        "FARTHEST",
+        "SHEAR_SHARE",
+        "PRESS_NODES",
+        "SHEAR_NODES",
+    ),
 )
 """Constants of `studies.surrogate.surrogate_range`."""
 

@@ -11,7 +11,7 @@ shear it depends on the depth d and the shear s only:
   K = dF/dq, the decoded force is F + K J^-1 dB. Its half width is the sum of that of F and of those of u, w and t
   through K J^-1; its noise is `analytic.force_resolution`. There is none where a reading is at a rail, below the
   least depth of a shear, or where J is singular. The decoder has the surrogate's mechanics.
-- Curve: presses over the whole range of depths, with the formulas beside them.
+- Curve: presses to the depth to which they are known to stay stable, with the formulas beside them.
 - Field lines: of the exact field in the plane of the section.
 - Stability: the critical depth of a frictionless press, and the first mode at rest.
 
@@ -200,9 +200,10 @@ def curve_part(state: ExplorerState) -> Part:
     """Return force and shift over the depth of frictionless presses, with the formulas beside them."""
     design = state.design
     beams = _beams(design)
-    low, high = surrogate_range.SHALLOWEST * design.D, float(beams.deepest[0]) * design.D
+    deepest = float(beams.stable_to()[0])
+    low, high = surrogate_range.SHALLOWEST * design.D, deepest * design.D
     depth = np.linspace(low, high, CURVE_POINTS)
-    press = beams.press(np.minimum(depth / design.D, beams.deepest[0])[None])
+    press = beams.press(np.minimum(depth / design.D, deepest)[None])
     unit = design.E * design.D**2
     return {
         "depth": depth.tolist(),
@@ -266,13 +267,17 @@ def field_lines_part(state: ExplorerState) -> Part:
 
 
 def stability_part(state: ExplorerState) -> Part:
-    """Return critical depth, mm, and first mode, Hz, with half widths; None without a value in the range."""
+    """Return critical depth, mm, and first mode, Hz, with half widths; None without a value in the range.
+
+    `stable_to` is the depth to which a press is known to stay stable, mm.
+    """
     design, beams = state.design, _beams(state.design)
     critical, mode = beams.critical_depth(), beams.first_mode(np.array([design.magnet_density / design.density]))
     unit = frequency_unit(design.D, design.E, design.density)
     return {
         "critical_depth": _finite(design.D * critical.value[0]),
         "estimate": _finite(design.D * critical.half_width[0]),
+        "stable_to": design.D * float(beams.stable_to()[0]),
         "first_mode_hz": _finite(unit * mode.value[0]),
         "first_mode_estimate_hz": _finite(unit * mode.half_width[0]),
     }
@@ -317,7 +322,7 @@ def _loaded(design: Design, load: Load, plane: Plane) -> Loaded:
     scale = np.array([D, -D, 1.0, design.E * D**2, design.E * D**2])
 
     # the ends of the range cut a difference on one side
-    most, farthest = float(beams.deepest[0]), float(beams.farthest[0])
+    most, farthest = float(beams.stable_to()[0]), float(beams.farthest[0])
     d, s = min(load.depth / D, most), min(plane.shear / D, farthest)
     low, high = max(d - STEP, surrogate_range.SHALLOWEST_SHEAR), min(d + STEP, most)
     near, far = s - STEP, min(s + STEP, farthest)

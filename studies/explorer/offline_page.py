@@ -103,7 +103,7 @@ def about() -> str:
     """Return the sentence on the model's errors, from the table of the surrogate's test that is shipped.
 
     >>> about()[:62]
-    "95th percentiles of the surrogate's errors on 207 unseen beams"
+    "95th percentiles of the surrogate's errors on 120 unseen beams"
     """
     with ERRORS.open(encoding="utf-8", newline="") as file:
         rows = {(row["kind"], row["quantity"]): row for row in csv.DictReader(file) if row["region"] == "all"}

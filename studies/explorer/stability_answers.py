@@ -12,7 +12,7 @@ from fem.accuracy import LEVELS
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.exploration.solved_paths import frequency_unit
-from studies.surrogate import surrogate_response
+from studies.surrogate import surrogate_range, surrogate_response
 
 Data = dict[str, Any]
 
@@ -20,7 +20,7 @@ Data = dict[str, Any]
 def by_surrogate(design: Design, magnet: Magnet) -> Data | None:
     """Return the surrogate's answers with half widths of 90 % intervals; None where it refuses the design."""
     try:
-        if surrogate_response.refusal(design, Load(depth=design.D / 20), magnet):
+        if surrogate_response.refusal(design, Load(depth=surrogate_range.SHALLOWEST * design.D), magnet):
             return None
     except (BadInput, ArithmeticError):
         return None
@@ -35,6 +35,7 @@ def by_surrogate(design: Design, magnet: Magnet) -> Data | None:
         "source": "surrogate",
         "critical_depth": depth if found else None,
         "estimate": float(critical.half_width[0]) * design.D if found else None,
+        "stable_to": float(beams.stable_to()[0]) * design.D,
         "first_mode_hz": unit * float(mode.value[0]) if known else None,
         "first_mode_estimate_hz": unit * float(mode.half_width[0]) if known else None,
         "rows": [],

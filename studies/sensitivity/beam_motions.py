@@ -22,7 +22,7 @@ from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
-from studies.surrogate import prediction, surrogate_range
+from studies.surrogate import prediction, surrogate_range, surrogate_response
 from studies.surrogate.prediction import Beams
 
 SURROGATE = "surrogate"
@@ -96,15 +96,14 @@ def _by_surrogate(designs: Sequence[Design | None], depth: Array, shear: Array) 
     D, E, L, diameter, height, edge, nu = np.array([attrgetter(*fields)(design) for _, design in usable]).T
     beams = prediction.beams(L / D, diameter / D, height / D, nu, edge / D)
     ratio, aside = depth[rows] / D[:, None], shear[rows] / D[:, None]
+    known = beams.knows(ratio, np.abs(aside))
     for name, (value, half_width) in _predicted(beams, ratio, aside).items():
         unit = {"force": E * D**2, "tilt": np.ones_like(D)}.get(name.partition("_")[0], D)[:, None]
-        values[name][rows], half_widths[name][rows] = unit * value, unit * half_width
-    lacking = np.isnan(values["force_z"][rows])
-    for row, column in zip(*np.nonzero(lacking), strict=True):
-        refusals[rows[row], column] = str(beams.outside[row]) or (
-            f"the surrogate has presses from {surrogate_range.SHALLOWEST:g} D to {beams.deepest[row]:.3g} D and "
-            f"shears, from a depth of {surrogate_range.SHALLOWEST_SHEAR:g} D, to {beams.farthest[row]:.3g} D"
-        )
+        values[name][rows] = np.where(known, unit * value, np.nan)
+        half_widths[name][rows] = np.where(known, unit * half_width, np.nan)
+    for row, column in np.argwhere(~known):
+        load = depth[rows[row], column], abs(shear[rows[row], column])
+        refusals[rows[row], column] = surrogate_response.load_refusal(beams, row, D[row], *load)
     return Motions(values, half_widths, refusals)
 
 

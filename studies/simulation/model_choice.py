@@ -466,19 +466,12 @@ def along_shear(load: Load, response: Response) -> float:
 def _surrogate_bound(
     rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
 ) -> Bound | None:
-    """Return the larger one of the surrogate's measured bound and its half widths; None outside its range.
-
-    A press beyond the depth at which it may buckle is left to finite elements, which say that it is unstable.
-    """
+    """Return the larger one of the surrogate's measured bound and its half widths; None where it refuses the load."""
     from studies.surrogate import surrogate_response
 
     wanted = place.kind, place.name, SURROGATE, level
     own = [each for each in rule if (each.kind, each.region, each.model, each.level) == wanted]
     if not own or place.beyond or surrogate_response.refusal(design, load, magnet):
-        return None
-    critical = surrogate_response.beams_of([design]).critical_depth()
-    # an infinite depth has an infinite half width
-    if critical.value[0] < math.inf and load.depth / design.D > critical.value[0] - critical.half_width[0]:
         return None
     estimate = surrogate_response.respond(design, load, magnet)
     widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error, estimate.sideways_error)

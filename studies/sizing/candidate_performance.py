@@ -92,8 +92,8 @@ def performance(
     force_z = factors[:, 0] * requirements.force_z
     force_x = NO_SHEAR * force_z if requirements.force_x is None else factors[:, 1] * requirements.force_x
     unit = D**2
-    height = np.array([each.design.magnet_height for each in variants]) / D
-    limit = surrogate_range.deepest(L / D, height)
+    magnet = np.array([(each.design.magnet_diameter, each.design.magnet_height) for each in variants]) / D[:, None]
+    limit = surrogate_range.deepest(L / D, *magnet.T)
     if estimate is not None:
         limit = np.minimum(limit, DEEPER * np.maximum(estimate.range_depth, estimate.depth))
     press = press_curves(beams, limit)

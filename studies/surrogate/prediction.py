@@ -11,9 +11,12 @@ beams and loads (`PRESS_FORMS`, `shear_forms`):
   logarithm is taken. Polynomials in s^2 go through the values at `SHEAR_NODES`. F_z and u_z at s = 0 are those of the
   press, which therefore goes over into the shear continuously.
 
-Half widths are those of 90 % intervals: the spread g of the process, times the 90 % quantile, by region and node, of
-the errors of left-out training beams over g, times a yardstick: the value itself, the length of the vector of force
-or shift in a shear, or 1 - k/k_0. Beams and loads outside the range have NaN, and `Beams.outside` says why.
+Half widths are those of 90 % intervals: of nine beams in ten they hold at all loads (`studies.training.calibration`).
+They are the spread g of the process, times a quantile, by region and node, of errors over g, times a yardstick: the
+value itself, the length of the vector of force or shift in a shear, or 1 - k/k_0. Beams and loads outside the range
+have NaN, and `Beams.outside` says why; so have shears above a press that is not known to stay upright
+(`Beams.stable_to`), where the equilibrium depends on the path. Values of presses are those of the upright beam, also
+beyond that depth: who asks for the behaviour of a sensor takes `Beams.knows`.
 """
 
 from __future__ import annotations
@@ -37,8 +40,11 @@ STRAIN = ("strain", "sideways_ratio")
 POSE = ("force_x", "force_z", "shift_x", "shift_z", "tilt")
 SKIN = ("contact_radius", "strain")
 SHEAR = (*POSE, *SKIN)
-SLENDER, THICK, DEEP = 2.0, 0.35, 0.15
-"""L, height of the magnet and depth of a shear, all over D, beyond which errors are calibrated by themselves."""
+SLENDER, THICK, WIDE, DEEP = 2.0, 0.35, 0.5, 0.15
+"""L, height and diameter of the magnet and depth of a shear, all over D, beyond which errors are calibrated by
+themselves; a magnet is wide if it is not thick."""
+REGIONS = 6
+"""Number of regions of beams."""
 CRITICAL_GRID = 49
 """Depths at which the sideways stiffness is evaluated to find its zero."""
 CRITICAL = "critical_depth"
@@ -127,7 +133,7 @@ class Beams:
     @property
     def deepest(self) -> Array:
         """Largest depth over D, shape (n,)."""
-        return surrogate_range.deepest(self.L, self.height)
+        return surrogate_range.deepest(self.L, self.diameter, self.height)
 
     @property
     def farthest(self) -> Array:
@@ -141,7 +147,7 @@ class Beams:
     @functools.cached_property
     def region(self) -> NDArray[np.int64]:
         """Region of each beam, in which its errors are calibrated, shape (n,)."""
-        return beam_region(self.L, self.height)
+        return beam_region(self.L, self.diameter, self.height)
 
     @functools.cached_property
     def _presses(self) -> dict[str, tuple[Array, Array]]:
@@ -173,20 +179,32 @@ class Beams:
             result[name] = Quantity(value, relative * (form if name == "sideways_ratio" else unit * form))
         return result
 
-    def shear(self, depth: Array, shear: Array) -> dict[str, Quantity]:
+    def knows(self, depth: Array, shear: Array) -> NDArray[np.bool_]:
+        """Return which loads have an answer that a sensor shows: in the range, and not beyond `stable_to`.
+
+        Parameters
+        ----------
+        depth, shear : over D, shape (n, k); a press has no shear.
+        """
+        stable = depth <= self.stable_to()[:, None] + 1e-9
+        return np.asarray(stable & np.where(shear == 0, self._can_press(depth), self._can_shear(depth, shear)))
+
+    def shear(self, depth: Array, shear: Array, *, beyond_stable: bool = False) -> dict[str, Quantity]:
         """Return the response to shears of a plate that is glued to the tip after a press.
 
         Parameters
         ----------
-        depth, shear : over D, shape (n, k); NaN is returned outside SHALLOWEST_SHEAR to `deepest`, and 0 to
-            `farthest`. Loads whose depths are equal in all beams share their work.
+        depth, shear : over D, shape (n, k); NaN is returned outside SHALLOWEST_SHEAR to `deepest` and `stable_to`,
+            and 0 to `farthest`. Loads whose depths are equal in all beams share their work.
+        beyond_stable : answer beyond `stable_to`, too, for tests of the intervals.
 
         Returns
         -------
         The quantities of `SHEAR`, each (n, k); along x, in which the plate moves. The shift along z is positive down.
         """
-        possible = self._can_press(depth) & (depth >= surrogate_range.SHALLOWEST_SHEAR - 1e-12)
-        possible &= (shear >= 0) & (shear <= self.farthest[:, None] + 1e-9)
+        possible = self._can_shear(depth, shear)
+        if not beyond_stable:
+            possible &= depth <= self.stable_to()[:, None] + 1e-9
         depth = np.where(possible, depth, np.nan)
         columns, which = np.unique(np.nan_to_num(depth), axis=1, return_inverse=True)
         forms, widths = self._sheared(np.where(columns > 0, columns, np.nan))
@@ -204,33 +222,51 @@ class Beams:
         }
 
     def critical_depth(self) -> Quantity:
-        """Return the depths over D at which frictionless presses buckle sideways, (n,); infinite without one."""
-        share = np.linspace(0, 1, CRITICAL_GRID)
-        low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)[:, None]
-        depth = (low + (high - low) * share) ** 2
-        stiffness = through_roots(self._presses["sideways_ratio"][0], np.broadcast_to(share, depth.shape))
-        value = first_zero(depth, -stiffness)
+        """Return the depths over D at which frictionless presses buckle sideways, shape (n,).
+
+        Infinite where there is none down to `deepest`; how deep it lies is then not known, and it has no half width
+        (NaN): `stable_to` says how far the press is known to stay stable.
+        """
+        value = np.where(self.inside, first_zero(self._grid, -self._logs_of_loss), np.nan)
+        return Quantity(value, np.where(np.isinf(value), np.nan, value * self.critical_spread))
+
+    @functools.cached_property
+    def critical_spread(self) -> Array:
+        """Half width of the critical depth over the depth, shape (n,)."""
         spread = self._presses["sideways_ratio"][1].mean(axis=1)
-        rule = self.surrogate.groups["strain"].quantiles[CRITICAL][self.region, 0]
-        return Quantity(np.where(self.inside, value, np.nan), value * rule * spread)
+        return np.asarray(self.surrogate.groups["strain"].quantiles[CRITICAL][self.region, 0] * spread)
 
     def stable_to(self, caution: float = 1.0) -> Array:
-        """Return the depths over D up to which presses are known to be stable, shape (n,), at most `deepest`.
+        """Return the depths over D to which presses are known to stay stable, at most `deepest`, shape (n,).
+
+        That is the lower end of the critical depth's interval. Without a critical depth in the range, it is the depth
+        at which the interval of the sideways stiffness reaches 0, or `deepest`.
 
         Parameters
         ----------
-        caution : number of half widths by which the sideways stiffness and the critical depth may be less.
+        caution : number of half widths of the intervals.
         """
-        share = np.broadcast_to(np.linspace(0, 1, CRITICAL_GRID), (len(self.L), CRITICAL_GRID))
-        low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)[:, None]
-        logs, widths = self._presses["sideways_ratio"]
-        least = 1 - np.exp(through_roots(logs, share)) * (1 + caution * _linear_over_roots(widths, share))
         critical = self.critical_depth()
-        # where errors of critical depths are not calibrated, those of the stiffness are
-        calibrated = np.isfinite(critical.half_width)
-        lost = np.where(calibrated, critical.value - caution * np.where(calibrated, critical.half_width, 0.0), np.inf)
-        known = np.minimum(np.minimum(first_zero((low + (high - low) * share) ** 2, least), lost), self.deepest)
-        return np.where(self.inside, known, np.nan)
+        widths = _linear_over_roots(self._presses["sideways_ratio"][1], self._grid_shares)
+        doubtful = first_zero(self._grid, 1 - np.exp(self._logs_of_loss) * (1 + caution * widths))
+        known = np.isfinite(critical.half_width)
+        lower = np.where(known, critical.value - caution * critical.half_width, doubtful)
+        return np.asarray(np.where(self.inside, np.minimum(lower, self.deepest), np.nan))
+
+    @property
+    def _grid_shares(self) -> Array:
+        return np.broadcast_to(np.linspace(0, 1, CRITICAL_GRID), (len(self.L), CRITICAL_GRID))
+
+    @functools.cached_property
+    def _grid(self) -> Array:
+        """Depths at which the sideways stiffness is evaluated, shape (n, CRITICAL_GRID)."""
+        low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)[:, None]
+        return np.asarray((low + (high - low) * self._grid_shares) ** 2)
+
+    @functools.cached_property
+    def _logs_of_loss(self) -> Array:
+        """Logarithms of 1 - k/k_0 at `_grid`; 0 where the press buckles."""
+        return through_roots(self._presses["sideways_ratio"][0], self._grid_shares)
 
     def first_mode(self, density_ratio: Array) -> Quantity:
         """Return the lowest natural frequency of the unloaded beams over (E / rho)^(1/2) / D, shape (n,).
@@ -259,6 +295,10 @@ class Beams:
     def _can_press(self, depth: Array) -> NDArray[np.bool_]:
         inside = self.inside[:, None] & (depth >= surrogate_range.SHALLOWEST - 1e-12)
         return np.asarray(inside & (depth <= self.deepest[:, None] + 1e-9))
+
+    def _can_shear(self, depth: Array, shear: Array) -> NDArray[np.bool_]:
+        possible = self._can_press(depth) & (depth >= surrogate_range.SHALLOWEST_SHEAR - 1e-12)
+        return np.asarray(possible & (shear >= 0) & (shear <= self.farthest[:, None] + 1e-9))
 
     def _root_share(self, depth: Array) -> Array:
         """Return where depths lie between the least and the largest one, in their roots."""
@@ -302,14 +342,19 @@ def shear_features(x: Array, depth: Array) -> Array:
     return np.column_stack([x, np.sqrt(depth)])
 
 
-def beam_region(L: Array, height: Array) -> NDArray[np.int64]:
-    """Return the regions of beams: 1 for slender, plus 2 for a thick magnet."""
-    return (L > SLENDER).astype(np.int64) + 2 * (height > THICK)
+def beam_region(L: Array, diameter: Array, height: Array) -> NDArray[np.int64]:
+    """Return the regions of beams: 1 for slender, plus 2 for a thick magnet, or 4 for a wide thin one.
+
+    >>> beam_region(np.array([1.0, 3.0, 3.0]), np.array([0.3, 0.3, 0.6]), np.array([0.2, 0.5, 0.2])).tolist()
+    [0, 3, 5]
+    """
+    thick = height > THICK
+    return np.asarray(1 * (L > SLENDER) + 2 * thick + 4 * (~thick & (diameter > WIDE)))
 
 
 def shear_region(region: NDArray[np.int64], depth: Array) -> NDArray[np.int64]:
-    """Return the regions of shears: those of their beams, plus 4 for a deep press."""
-    return np.asarray(region + 4 * (depth > DEEP))
+    """Return the regions of shears: those of their beams, plus REGIONS for a deep press."""
+    return np.asarray(region + REGIONS * (depth > DEEP))
 
 
 def yardsticks(values: Mapping[str, Array]) -> dict[str, Array]:

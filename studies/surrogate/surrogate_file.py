@@ -13,18 +13,25 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from fem.accuracy import STANDARD
+from fem.physics_version import PHYSICS
 from geometry.arrays import Array
 from geometry.design import BadInput
 from studies.surrogate.gaussian_process import GaussianProcess
 
 FILE = Path(__file__).with_name("surrogate.npz")
 """The shipped surrogate, written by `magtip surrogate`."""
-FORMAT = 1
-"""Version of the file's format."""
+FORMAT = 2
+"""Version of the file's format, and of what its numbers mean (`studies.surrogate.prediction`)."""
+ANSWERS: tuple[Literal["axisymmetric", "harmonic", "critical depth", "modes"], ...] = (
+    *("axisymmetric", "harmonic"),
+    *("critical depth", "modes"),
+)
+"""Finite elements that the surrogate is trained on, calibrated and tested by (`fem.physics_version`)."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +58,7 @@ class Surrogate:
 
     Attributes
     ----------
-    about : commit, accuracy, number of beams, errors on unseen beams.
+    about : physics versions, level of accuracy, numbers of beams, versions of the packages and the commit.
     """
 
     groups: Mapping[str, Group]
@@ -59,8 +66,8 @@ class Surrogate:
 
 
 def write(file: Path, surrogate: Surrogate) -> None:
-    """Write a surrogate."""
-    about = dict(surrogate.about) | {"format": FORMAT}
+    """Write a surrogate of today's finite elements."""
+    about = dict(surrogate.about) | {"format": FORMAT, "physics": {name: PHYSICS[name] for name in ANSWERS}}
     arrays: dict[str, Any] = {"about": np.array(json.dumps(about))}
     for name, group in surrogate.groups.items():
         process = group.process
@@ -83,20 +90,29 @@ def read(file: Path) -> Surrogate:
     Raises
     ------
     BadInput
-        The file is no surrogate of this format.
+        The file is no surrogate of this format, or of finite elements whose answers have changed since.
     """
     try:
         with np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         about = json.loads(str(arrays["about"]))
         if about["format"] != FORMAT:
-            raise BadInput(f"{file.name} has format {about['format']}, and this version reads {FORMAT}: rebuild it")
+            raise BadInput(f"{file.name} has format {about['format']}, and this version reads {FORMAT}: {REMEDY}")
+        for name in ANSWERS:
+            if about["physics"].get(name) != PHYSICS[name]:
+                raise BadInput(
+                    f"{file.name} was trained on version {about['physics'].get(name)} of the finite elements "
+                    f"({name}), and this magtip has version {PHYSICS[name]}: {REMEDY}"
+                )
         names = {name.split(".")[0] for name in arrays if "." in name}
         return Surrogate({name: _group(name, arrays) for name in sorted(names)}, about)
     except (OSError, EOFError, zipfile.BadZipFile, ValueError, KeyError) as error:
         if isinstance(error, BadInput):
             raise
         raise BadInput(f"{str(file)!r} is no surrogate: {error}") from None
+
+
+REMEDY = "build it again with `magtip surrogate`, or take finite elements"
 
 
 def _group(name: str, arrays: Mapping[str, Any]) -> Group:
@@ -118,4 +134,10 @@ def _group(name: str, arrays: Mapping[str, Any]) -> Group:
 @functools.cache
 def shipped() -> Surrogate:
     """Return the surrogate that magtip ships."""
-    return read(FILE)
+    surrogate = read(FILE)
+    if surrogate.about["accuracy"] != STANDARD.name:
+        raise BadInput(
+            f"{FILE.name} was trained at accuracy {surrogate.about['accuracy']}, and magtip ships {STANDARD.name}: "
+            f"{REMEDY}"
+        )
+    return surrogate

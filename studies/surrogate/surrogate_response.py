@@ -1,7 +1,9 @@
 """The response of one design to one load by the surrogate, in the user's units, with 90 % intervals.
 
 What it does not know it refuses: other laws than neo-Hookean, designs without a magnet, beams and loads outside its
-range, Coulomb friction, grips, tilted plates, imperfections, and shears beyond the depth at which the press buckles.
+range, Coulomb friction, grips, tilted plates, imperfections, presses and shears beyond the depth to which a press is
+known to stay stable; and everything if its file is older than the finite elements. All users take `refusal`, or for
+many beams at once `Beams.knows` and `load_refusal`.
 """
 
 from __future__ import annotations
@@ -102,21 +104,33 @@ def refusal(design: Design, load: Load, magnet: Magnet) -> str:
     ):
         if refused:
             return text
-    beams = beams_of([design])
-    if beams.outside[0]:
-        return str(beams.outside[0])
-    D, sheared = design.D, load.shears_tip
-    least = surrogate_range.SHALLOWEST_SHEAR if sheared else surrogate_range.SHALLOWEST
-    most = float(beams.deepest[0])
-    if not least - 1e-9 <= load.depth / D <= most + 1e-9:
-        return f"the surrogate knows depths of {least * D:.3g} to {most * D:.3g} mm here; got {load.depth:g} mm"
-    if sheared and not load.shear / D <= beams.farthest[0] + 1e-9:
-        return f"the surrogate knows shears to {float(beams.farthest[0]) * D:.3g} mm here; got {load.shear:g} mm"
-    critical = float(beams.critical_depth().value[0])
-    if sheared and load.depth / D > critical:
+    try:
+        beams = beams_of([design])
+    except BadInput as error:
+        return str(error)
+    return load_refusal(beams, 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
+
+
+def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> str:
+    """Return why the surrogate refuses a load of beam `k`, "" if it takes it.
+
+    Parameters
+    ----------
+    depth, shear : mm; a press has no shear.
+    """
+    if beams.outside[k]:
+        return str(beams.outside[k])
+    least = surrogate_range.SHALLOWEST_SHEAR if shear else surrogate_range.SHALLOWEST
+    most = float(beams.deepest[k])
+    if not least - 1e-9 <= depth / D <= most + 1e-9:
+        return f"the surrogate knows depths of {least * D:.3g} to {most * D:.3g} mm here; got {depth:g} mm"
+    if not shear / D <= beams.farthest[k] + 1e-9:
+        return f"the surrogate knows shears to {float(beams.farthest[k]) * D:.3g} mm here; got {shear:g} mm"
+    stable = float(beams.stable_to()[k])
+    if not depth / D <= stable + 1e-9:
         return (
-            f"the surrogate knows shears above the depth at which a press buckles, about {critical * D:.3g} mm here; "
-            f"got {load.depth:g} mm"
+            f"the surrogate knows a press to stay stable to {stable * D:.3g} mm here, and nothing deeper; "
+            f"got {depth:g} mm"
         )
     return ""
 

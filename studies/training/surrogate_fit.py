@@ -32,33 +32,28 @@ LEAST_DROP = 1e-4
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """Beams with all their states.
-
-    Attributes
-    ----------
-    mode : first natural frequency over `frequency_unit`, shape (n,).
-    """
+    """Beams with all their states."""
 
     beams: Beams
     press: States
-    mode: Array
+    mode: States
     shear: States
 
     def kept(self, rows: NDArray[Any]) -> TrainingSet:
         """Return the beams of these rows."""
-        return TrainingSet(self.beams[rows], self.press.kept(rows), self.mode[rows], self.shear.kept(rows))
+        return TrainingSet(self.beams[rows], self.press.kept(rows), self.mode.kept(rows), self.shear.kept(rows))
 
     def complete(self) -> TrainingSet:
         """Return the beams of which no state has failed."""
         ratio = np.isnan(self.press.quantities["sideways_ratio"]).any(axis=1)
-        return self.kept(self.press.complete & self.shear.complete & ~np.isnan(self.mode) & ~ratio)
+        return self.kept(self.press.complete & self.shear.complete & self.mode.complete & ~ratio)
 
     def joined(self, other: TrainingSet) -> TrainingSet:
         """Return the beams of both."""
         return TrainingSet(
             joined(self.beams, other.beams),
             self.press.joined(other.press),
-            np.concatenate([self.mode, other.mode]),
+            self.mode.joined(other.mode),
             self.shear.joined(other.shear),
         )
 
@@ -104,7 +99,7 @@ def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict
 def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
     """Return the surrogate of training beams."""
     x, b = states.features, states.beams
-    region = prediction.beam_region(b.L, b.height)
+    region, regions = prediction.beam_region(b.L, b.diameter, b.height), prediction.REGIONS
     outputs = press_outputs(states.press)
     groups: dict[str, Group] = {}
     left_out: dict[str, Array] = {}
@@ -114,7 +109,7 @@ def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
         predicted, g = process.left_out()
         own = dict(zip(quantities, np.split(predicted, len(quantities), axis=1), strict=True))
         quantiles = {
-            quantity: quantiles_by_region(np.abs(1 - np.exp(outputs[quantity] - logs)) / g[:, None], region, 4)
+            quantity: quantiles_by_region(np.abs(1 - np.exp(outputs[quantity] - logs)) / g[:, None], region, regions)
             for quantity, logs in own.items()
         }
         left_out |= own
@@ -124,7 +119,7 @@ def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
                 states.press.depth, outputs["sideways_ratio"], left_out["sideways_ratio"], widths, region
             )
         groups[name] = Group(process, quantities, surrogate_range.PRESS_NODES, quantiles)
-    groups["mode"] = _mode_group(x, b, states.mode, region)
+    groups["mode"] = _mode_group(x, b, states.mode.quantities["frequency"], region)
     groups |= _shear_groups(states, x, left_out, region)
     return Surrogate(groups, about)
 
@@ -145,15 +140,15 @@ def _critical_quantiles(
     # a beam without a critical depth by both has no error
     exists = (one < depth[:, -1]) | (other < depth[:, -1])
     scores = np.abs(one - other) / (one * widths)
-    return quantiles_by_region(scores[exists, None], region[exists], 4)
+    return quantiles_by_region(scores[exists, None], region[exists], prediction.REGIONS)
 
 
 def _mode_group(x: Array, beams: Beams, mode: Array, region: NDArray[np.int64]) -> Group:
-    features, y = prediction.mode_features(x, beams.density_ratio), np.log(mode)[:, None]
+    features, y = prediction.mode_features(x, beams.density_ratio), np.log(mode)
     process = fitted(features, y)
     predicted, g = process.left_out()
     scores = np.abs(1 - np.exp(y - predicted)) / g[:, None]
-    return Group(process, ("frequency",), 1, {"frequency": quantiles_by_region(scores, region, 4)})
+    return Group(process, ("frequency",), 1, {"frequency": quantiles_by_region(scores, region, prediction.REGIONS)})
 
 
 def _shear_groups(
@@ -178,7 +173,7 @@ def _shear_groups(
     where = prediction.shear_region(region, depth[:, 0])
     quantiles = {
         name: quantiles_by_region(
-            np.abs(values[name] - truth[name]) / (rods[name] * spreads[name][:, None]), where, 8
+            np.abs(values[name] - truth[name]) / (rods[name] * spreads[name][:, None]), where, 2 * prediction.REGIONS
         )
         for name in SHEAR
     }
@@ -191,7 +186,10 @@ def _shear_groups(
 
 def press_at(beams: Beams, logs: Mapping[str, Array], depth: Array) -> dict[str, Array]:
     """Return force and shift (down) of presses at depths (n, 1) from the logarithms of their forms at the nodes."""
-    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(beams.L, beams.height))[:, None]
+    low, high = (
+        np.sqrt(surrogate_range.SHALLOWEST),
+        np.sqrt(surrogate_range.deepest(beams.L, beams.diameter, beams.height))[:, None],
+    )
     share = (np.sqrt(depth) - low) / (high - low)
     return {
         "force": depth**1.5 * np.exp(prediction.through_roots(logs["force"], share)),

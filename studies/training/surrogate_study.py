@@ -3,7 +3,7 @@
 The first training beams fill the range evenly. Each round then adds the beams, of a large random pool, whose shears
 have the widest intervals, one after the other: every one narrows the intervals around it before the next is chosen.
 Random beams at random depths and shears scale the intervals, and other such beams are the test, and serve for nothing
-else.
+else. Both have the same number of beams in each region, so that none is judged by the others.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from studies.output.provenance import versions
 from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.gaussian_process import GaussianProcess, correlation
 from studies.surrogate.surrogate_file import Surrogate
-from studies.training.state_errors import StateError, errors, recalibrated
+from studies.training.state_errors import StateError, critical_errors, errors, recalibrated
 from studies.training.surrogate_fit import TrainingSet, surrogate_of
-from studies.training.training_beams import Beams, random_beams, training_beams
-from studies.training.training_states import Solver, shear_depth
+from studies.training.training_beams import Beams, random_beams, regional_beams, training_beams
+from studies.training.training_states import Solver, States, shear_depth
 
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
-RANDOM_DEPTHS, RANDOM_SHEARS = 5, 3
+RANDOM_DEPTHS, RANDOM_SHEARS = 5, 2
 """Random depths of each press, and random shears, for calibration and test."""
 CALIBRATION = 1000
 """Added to the seed for the beams of the calibration."""
@@ -38,40 +38,42 @@ CALIBRATION = 1000
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Size of the study; of the first and of the test beams those with too thin a base are left out.
+    """Size of the study.
 
     Attributes
     ----------
-    first : number of evenly spread training beams.
+    first : number of training beams in the corners and evenly spread.
     rounds : number of beams that each round adds where intervals are widest.
-    calibration : number of random beams that scale the intervals.
-    test : number of beams of the test; `critical` of them also with their critical depth by `fem.stability`.
+    calibration, test : number of random beams of each region that scale the intervals, and that test them.
+    critical : number of beams of each region, of both, with their critical depth by `fem.stability`.
     """
 
-    first: int = 300
-    rounds: tuple[int, ...] = (100,)
-    calibration: int = 120
-    test: int = 220
-    critical: int = 60
+    first: int = 200
+    rounds: tuple[int, ...] = (80, 80, 80)
+    calibration: int = 24
+    test: int = 20
+    critical: int = 10
     accuracy: Accuracy = STANDARD
     seed: int = 1
 
 
-FEW = Extent(first=40, rounds=(8,), calibration=12, test=12, critical=2, accuracy=QUICK)
+FEW = Extent(first=48, rounds=(8,), calibration=2, test=2, critical=1, accuracy=QUICK)
 """A study of some minutes, whose surrogate has errors of 10 %."""
 
 
 @dataclass(frozen=True, slots=True)
-class Test:
+class Unseen:
     """Beams that training has not seen, with their states.
 
     Attributes
     ----------
-    critical : critical depths of the first beams over D, infinite where there is none.
+    critical : critical depths of the first beams.
+    failed : number of beams that are left out because a state failed.
     """
 
     set: TrainingSet
-    critical: Array
+    critical: States
+    failed: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,60 +87,75 @@ class Result:
 
     surrogate: Surrogate
     training: TrainingSet
-    test: Test
+    test: Unseen
     failed: tuple[int, int]
 
     @property
     def errors(self) -> list[StateError]:
         """Errors in all states of the test."""
-        return errors(self.surrogate, self.test.set, self.test.critical)
+        unseen = self.test.set, self.test.critical
+        return errors(self.surrogate, unseen[0]) + critical_errors(self.surrogate, *unseen)
 
 
 def run(extent: Extent, store: Store, processes: Processes, progress: Progress | None = None) -> Result:
     """Build and test the surrogate; states that the store has are not solved again."""
     solver = Solver(store, processes, progress, extent.accuracy)
-    beams = training_beams(extent.first, extent.seed)
-    beams = beams[beams.in_range]
-    states = training_states(solver, beams)
+    states = training_states(solver, training_beams(extent.first, extent.seed))
     for k, count in enumerate(extent.rounds):
         surrogate = surrogate_of(states.complete(), {})
-        pool = random_beams(POOL, extent.seed + 2 + k)
-        more = widest(surrogate, pool[pool.in_range], count)
+        more = widest(surrogate, random_beams(POOL, extent.seed + 2 + k), count)
         states = states.joined(training_states(solver, more))
     complete = states.complete()
-    calibration = random_states(solver, extent.calibration, extent.seed + CALIBRATION)
-    test = random_states(solver, extent.test, extent.seed + 1)
-    tested = test.complete()
-    critical = solver.critical_depths(tested.beams[: extent.critical])
+    calibration = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
+    test = unseen(solver, extent.test, extent.critical, extent.seed + 1)
     about = {
         "accuracy": solver.accuracy.name,
         "beams": len(complete.beams),
-        "test_beams": len(tested.beams),
+        "calibration_beams": len(calibration.set.beams),
+        "test_beams": len(test.set.beams),
         "versions": versions(),
     }
     surrogate = surrogate_of(complete, about)
-    surrogate = recalibrated(surrogate, errors(surrogate, calibration.complete()))
-    failed = len(states.beams) - len(complete.beams), len(test.beams) - len(tested.beams)
-    return Result(surrogate, complete, Test(tested, critical), failed)
+    surrogate = recalibrated(surrogate, errors(surrogate, calibration.set))
+    # the half widths of critical depths follow those of the sideways stiffness
+    surrogate = recalibrated(surrogate, critical_errors(surrogate, calibration.set, calibration.critical))
+    failed = len(states.beams) - len(complete.beams), test.failed
+    return Result(surrogate, complete, test, failed)
 
 
 def training_states(solver: Solver, beams: Beams) -> TrainingSet:
     """Return the states of training beams: at the nodes of the surrogate."""
-    press = solver.presses(beams, surrogate_range.press_depths(beams.L, beams.height))
+    press = solver.presses(beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
     mode = solver.first_modes(beams)
     shear = solver.shears(beams, shear_depth(beams, press), surrogate_range.shears(beams.L))
     return TrainingSet(beams, press, mode, shear)
 
 
-def random_states(solver: Solver, count: int, seed: int) -> TrainingSet:
-    """Return the states of random beams in the range at random depths and shears."""
-    beams, rng = random_beams(count, seed), np.random.default_rng(seed)
-    depths, shears = random_depths(beams, rng), random_shears(beams, rng)
-    inside = beams.in_range
-    beams, depths, shears = beams[inside], depths[inside], shears[inside]
+def unseen(solver: Solver, count: int, critical: int, seed: int) -> Unseen:
+    """Return `count` random beams of each region with their states, and critical depths of the first ones."""
+    states = random_states(solver, regional_beams(count, seed), seed)
+    complete = states.complete()
+    first = complete.beams[: critical * prediction.REGIONS]
+    depths = solver.critical_depths(first).compared(solver.coarser().critical_depths(first))
+    return Unseen(complete, depths, len(states.beams) - len(complete.beams))
+
+
+def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
+    """Return the states of beams at random depths and shears; those of the first do not depend on the others.
+
+    All have an estimate of the finite elements' own error, which the coarser mesh gives where answers have none.
+    """
+    depths = random_depths(beams, np.random.default_rng((seed, 1)))
+    shears = random_shears(beams, np.random.default_rng((seed, 2)))
     press = solver.presses(beams, depths)
-    mode = solver.first_modes(beams)
-    return TrainingSet(beams, press, mode, solver.shears(beams, shear_depth(beams, press), shears))
+    sheared = shear_depth(beams, press)
+    other = solver.coarser()
+    return TrainingSet(
+        beams,
+        press.compared(other.presses(beams, depths)),
+        solver.first_modes(beams).compared(other.first_modes(beams)),
+        solver.shears(beams, sheared, shears).compared(other.shears(beams, sheared, shears)),
+    )
 
 
 def random_shears(beams: Beams, rng: np.random.Generator) -> Array:
@@ -150,7 +167,10 @@ def random_shears(beams: Beams, rng: np.random.Generator) -> Array:
 
 def random_depths(beams: Beams, rng: np.random.Generator) -> Array:
     """Return random depths of beams over D, spread in their root, shape (n, RANDOM_DEPTHS), rising."""
-    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(beams.L, beams.height))
+    low, high = (
+        np.sqrt(surrogate_range.SHALLOWEST),
+        np.sqrt(surrogate_range.deepest(beams.L, beams.diameter, beams.height)),
+    )
     share = np.sort(rng.random((len(beams), RANDOM_DEPTHS)), axis=1)
     return np.asarray(np.round((low + (high[:, None] - low) * share) ** 2, 6))
 
@@ -163,9 +183,12 @@ def widest(surrogate: Surrogate, pool: Beams, count: int) -> Beams:
     """
     group = surrogate.groups["shear"]
     x = prediction.features(pool.L, pool.diameter, pool.height, pool.nu, pool.edge)
-    low, high = np.sqrt(surrogate_range.SHALLOWEST_SHEAR), np.sqrt(surrogate_range.deepest(pool.L, pool.height))
+    low, high = (
+        np.sqrt(surrogate_range.SHALLOWEST_SHEAR),
+        np.sqrt(surrogate_range.deepest(pool.L, pool.diameter, pool.height)),
+    )
     depth = (low + (high - low) * pool.share) ** 2
-    region = prediction.shear_region(prediction.beam_region(pool.L, pool.height), depth)
+    region = prediction.shear_region(prediction.beam_region(pool.L, pool.diameter, pool.height), depth)
     quantile = np.mean([values.mean(axis=1) for values in group.quantiles.values()], axis=0)
     points = prediction.shear_features(x, depth)
     return pool[widest_points(group.process, points, quantile[region], count)]

@@ -1,11 +1,15 @@
-"""Beams for training and for testing, spread evenly over the range of the surrogate.
+"""Beams for training, for the calibration of intervals, and for testing.
 
-Training beams are scrambled Sobol points, so that later ones fill the gaps between the first ones. Beams of the test
-are independent random points: they are drawn as a user's would be, and training has not seen them.
+A Gaussian process extrapolates badly. So training begins with the corners of the range, and the scrambled Sobol
+points that follow are stretched beyond it and cut at its faces: two of three lie on a face. Later points fill the
+gaps between the first ones. Beams of calibration and test are independent random points, the same number in each
+region of the beams, so that no region's intervals rest on a handful of beams: within a region they are drawn as a
+user's would be, and training has not seen them.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +19,7 @@ from scipy.stats import qmc
 
 from geometry.arrays import Array
 from geometry.design import Design
-from studies.surrogate import surrogate_range
+from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.surrogate_range import DENSITY_RATIO, DIAMETER, EDGE, HEIGHT, LEAST_WALL, LENGTH, POISSON
 
 DIAMETER_MM = 10.0
@@ -23,6 +27,9 @@ DIAMETER_MM = 10.0
 DIGITS = 5
 """Digits of the lengths over D: a design file can repeat a beam exactly."""
 DIMENSIONS = 6
+STRETCH = 1.2
+"""Factor by which the Sobol points of training are stretched from the centre of the cube, before they are cut at its
+faces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,21 +90,49 @@ def _round(value: float) -> float:
 
 
 def training_beams(count: int, seed: int) -> Beams:
-    """Return the first `count` beams of a Sobol sequence; more beams keep the first ones."""
+    """Return the first `count` beams of training; more beams keep the first ones."""
     points = qmc.Sobol(DIMENSIONS, rng=seed)
-    inside = Beams(*(np.empty(0),) * DIMENSIONS)
-    while len(inside) < count:
-        inside = joined(inside, of_cube(points.random(1024)))
-    return inside[:count]
+    found = corners()
+    while len(found) < count:
+        beams = of_cube(np.clip(0.5 + STRETCH * (points.random(1024) - 0.5), 0.0, 1.0))
+        found = joined(found, beams[beams.in_range])
+    return found[:count]
+
+
+def corners() -> Beams:
+    """Return the corners of the range of L, diameter, height and nu, each with two edges and depths of its shear.
+
+    A magnet that is too high for its beam is as high as the walls allow.
+    """
+    unit = np.array(list(itertools.product((0.0, 1.0), repeat=5)))
+    # the share changes with the parity of the others: half of the corners of the six dimensions; mixed, so that the
+    # first few differ in all of them
+    unit = np.random.default_rng(0).permutation(np.column_stack([unit, unit.sum(axis=1) % 2]))
+    low, high = np.zeros(len(unit)), unit[:, 2].copy()
+    for _ in range(40):
+        middle = (low + high) / 2
+        fits = _possible(_scaled(np.column_stack([unit[:, :2], middle, unit[:, 3:]])))
+        low, high = np.where(fits, middle, low), np.where(fits, high, middle)
+    whole = _possible(_scaled(unit))
+    return of_cube(np.column_stack([unit[:, :2], np.where(whole, unit[:, 2], low - 1e-4), unit[:, 3:]]))
 
 
 def random_beams(count: int, seed: int) -> Beams:
-    """Return independent random beams."""
+    """Return independent random beams of the range."""
     rng = np.random.default_rng(seed)
-    inside = Beams(*(np.empty(0),) * DIMENSIONS)
-    while len(inside) < count:
-        inside = joined(inside, of_cube(rng.random((1024, DIMENSIONS))))
-    return inside[:count]
+    found = joined()
+    while len(found) < count:
+        beams = of_cube(rng.random((1024, DIMENSIONS)))
+        found = joined(found, beams[beams.in_range])
+    return found[:count]
+
+
+def regional_beams(count: int, seed: int) -> Beams:
+    """Return `count` independent random beams of each region, region after region in turn; more keep the first."""
+    many = random_beams(100 * count * prediction.REGIONS, seed)
+    region = prediction.beam_region(many.L, many.diameter, many.height)
+    rows = [np.flatnonzero(region == k)[:count] for k in range(prediction.REGIONS)]
+    return many[np.stack(rows, axis=1).ravel()]
 
 
 def of_cube(unit: Array) -> Beams:
@@ -106,17 +141,31 @@ def of_cube(unit: Array) -> Beams:
     The length is spread on a log scale. Poisson's ratio is spread in (1 - 2 nu)^(1/2): most silicones are close to
     0.5, and the response changes with 1 - 2 nu.
     """
+    beams = _scaled(unit)
+    return beams[_walled(beams)]
+
+
+def _scaled(unit: Array) -> Beams:
+    """Return the beams of all points of the unit cube."""
     low, high = LENGTH
     soft = 1 - 2 * POISSON[0]
     L = low * (high / low) ** unit[:, 0]
     d, h, edge = (a + (b - a) * unit[:, k] for k, (a, b) in ((1, DIAMETER), (2, HEIGHT), (4, EDGE)))
     nu = (1 - soft * unit[:, 3] ** 2) / 2
     L, d, h, nu, edge = (np.round(x, DIGITS) for x in (L, d, h, nu, edge))
-    beams = Beams(L, d, h, nu, edge, unit[:, 5])
-    possible = surrogate_range.wall(beams.L, beams.diameter, beams.height, beams.edge) >= LEAST_WALL
-    return beams[possible]
+    return Beams(L, d, h, nu, edge, unit[:, 5])
 
 
-def joined(one: Beams, other: Beams) -> Beams:
-    """Return the beams of both."""
-    return Beams(*(np.concatenate([getattr(one, name), getattr(other, name)]) for name in Beams.__slots__))
+def _walled(beams: Beams) -> NDArray[np.bool_]:
+    """Return which beams have enough silicone around their magnets."""
+    return np.asarray(surrogate_range.wall(beams.L, beams.diameter, beams.height, beams.edge) >= LEAST_WALL)
+
+
+def _possible(beams: Beams) -> NDArray[np.bool_]:
+    return np.asarray(_walled(beams) & beams.in_range)
+
+
+def joined(*parts: Beams) -> Beams:
+    """Return the beams of all parts."""
+    empty = np.empty(0)
+    return Beams(*(np.concatenate([empty, *(getattr(one, name) for one in parts)]) for name in Beams.__slots__))

@@ -1,12 +1,16 @@
-"""Finite-element states of beams, from the store or solved: presses, first modes, and glued shears.
+"""Finite-element states of beams, from the store or solved: presses, first modes, critical depths and glued shears.
 
 A shear begins at a depth between `SHALLOWEST_SHEAR` and the deepest press, but before the tip would buckle sideways:
 beyond that depth an equilibrium depends on the path. So presses come first, and tell each beam's critical depth.
+
+The finite elements have an error of their own. Answers bring estimates of it for force, shift and tilt; for the other
+quantities it is taken for the difference from the same state on the coarser mesh (`Solver.with_errors`).
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.accuracy import Accuracy
+from fem.accuracy import Accuracy, coarser
 from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.loads import Load, Response
@@ -39,29 +43,38 @@ class States:
     Attributes
     ----------
     depth, shear : position over D.
-    quantities : by name, forces over E D^2, lengths over D, tilt in rad.
+    quantities : by name, forces over E D^2, lengths over D, tilt in rad, frequencies over `frequency_unit`.
+    errors : by name, estimated errors of the finite elements themselves; a name or a number (NaN) is missing where
+        the error is unknown.
     """
 
     depth: Array
     shear: Array
     quantities: Mapping[str, Array]
+    errors: Mapping[str, Array]
 
     @property
     def complete(self) -> NDArray[np.bool_]:
         """Which beams have all their states, shape (n,)."""
-        return np.asarray(~np.isnan(self.quantities["force_z"]).any(axis=1))
+        return np.asarray(~np.isnan(next(iter(self.quantities.values()))).any(axis=1))
 
     def kept(self, rows: NDArray[Any]) -> States:
         """Return the states of some beams."""
-        return States(self.depth[rows], self.shear[rows], {name: q[rows] for name, q in self.quantities.items()})
+        parts = ({name: q[rows] for name, q in part.items()} for part in (self.quantities, self.errors))
+        return States(self.depth[rows], self.shear[rows], *parts)
 
     def joined(self, other: States) -> States:
         """Return the states of the beams of both."""
-        return States(
-            np.concatenate([self.depth, other.depth]),
-            np.concatenate([self.shear, other.shear]),
-            {name: np.concatenate([q, other.quantities[name]]) for name, q in self.quantities.items()},
+        parts = (
+            {name: np.concatenate([q, theirs[name]]) for name, q in mine.items()}
+            for mine, theirs in ((self.quantities, other.quantities), (self.errors, other.errors))
         )
+        return States(np.concatenate([self.depth, other.depth]), np.concatenate([self.shear, other.shear]), *parts)
+
+    def compared(self, coarse: States) -> States:
+        """Return these states with errors, where they have none, that are the differences from coarser ones."""
+        differences = {name: np.abs(q - coarse.quantities[name]) for name, q in self.quantities.items()}
+        return replace(self, errors=differences | dict(self.errors))
 
 
 class Solver:
@@ -105,17 +118,20 @@ class Solver:
             scenes.append(Scene(beams.design(k), loads, self.accuracy, model="harmonic"))
         return _states(np.broadcast_to(depth[:, None], shears.shape), shears, self.answers(scenes))
 
-    def critical_depths(self, beams: Beams) -> Array:
-        """Return the critical depths over D, shape (n,), infinite where a press stays stable, NaN where it fails."""
+    def critical_depths(self, beams: Beams) -> States:
+        """Return the critical depths over D, at most the deepest press of the surrogate; NaN where a search fails."""
         scenes = [Scene(beams.design(k), (Load(depth=1.0),), self.accuracy) for k in range(len(beams))]
+        deepest = surrogate_range.deepest(beams.L, beams.diameter, beams.height).tolist()
         found = []
-        for (answer,) in self.answers(scenes, "critical depth"):
+        for (answer,), most in zip(self.answers(scenes, "critical depth"), deepest, strict=True):
             depth = answer.values.get("critical_depth_over_D")
-            found.append((np.inf if answer.status == "ok" else np.nan) if depth is None else depth)
-        return np.array(found)
+            if depth is None and answer.values.get("stable_to_over_D", 0.0) >= most - 1e-9:
+                depth = most
+            found.append(math.nan if depth is None else min(depth, most))
+        return _single("depth", found)
 
-    def first_modes(self, beams: Beams) -> Array:
-        """Return the lowest natural frequencies of the unloaded beams over `frequency_unit`, shape (n,)."""
+    def first_modes(self, beams: Beams) -> States:
+        """Return the lowest natural frequencies of the unloaded beams over `frequency_unit`."""
         rest, ratios = (Load(depth=0.0),), beams.density_ratio
         scenes = []
         for k in range(len(beams)):
@@ -123,20 +139,31 @@ class Solver:
             design = replace(design, magnet_density=float(ratios[k]) * design.density)
             scenes.append(Scene(design, rest, self.accuracy, model="axisymmetric"))
         lowest = [(answer.values.get("frequency") or [np.nan])[0] for (answer,) in self.answers(scenes, "modes")]
-        return np.array(lowest)
+        return _single("frequency", lowest)
+
+    def coarser(self) -> Solver:
+        """Return a solver on the coarser mesh from which errors are estimated."""
+        return Solver(self.store, self.processes, self.progress, coarser(self.accuracy))
 
 
 def shear_depth(beams: Beams, press: States) -> Array:
     """Return the depth of each beam's shear, over D, shape (n,), above the depth at which its press buckles."""
     low = np.sqrt(surrogate_range.SHALLOWEST_SHEAR)
     critical = first_zero(press.depth, np.nan_to_num(press.quantities["sideways_ratio"], nan=-1.0))
-    most = np.minimum(surrogate_range.deepest(beams.L, beams.height), SAFE * critical)
+    most = np.minimum(surrogate_range.deepest(beams.L, beams.diameter, beams.height), SAFE * critical)
     high = np.maximum(np.sqrt(most), low)
     return np.asarray(np.round((low + (high - low) * beams.share) ** 2, 5))
 
 
+def _single(name: str, values: Sequence[float]) -> States:
+    """Return the states of a quantity that each beam has once."""
+    column = np.array(values, dtype=float)[:, None]
+    none = np.zeros_like(column)
+    return States(none, none, {name: column}, {})
+
+
 def _states(depth: Array, shear: Array, answers: Sequence[Sequence[Answer]]) -> States:
-    """Return the quantities of answers, which are for D = DIAMETER_MM and E = 1 MPa."""
+    """Return the quantities of answers, which are for D = DIAMETER_MM and E = 1 MPa, with the known errors."""
     D = DIAMETER_MM
 
     def table(read: Callable[[Answer, Response], Any]) -> Array:
@@ -154,4 +181,12 @@ def _states(depth: Array, shear: Array, answers: Sequence[Sequence[Answer]]) -> 
         "strain": table(lambda a, _: a.values["largest_strain"]),
         "sideways_ratio": table(lambda a, _: a.values.get("sideways_stiffness_ratio")),
     }
-    return States(depth, shear, quantities)
+    of_force, of_shift = (np.hypot(quantities[f"{name}_x"], quantities[f"{name}_z"]) for name in ("force", "shift"))
+    errors = {
+        "force_x": np.abs(quantities["force_x"]) * table(lambda a, _: a.estimates.get("sideways")),
+        "force_z": of_force * table(lambda a, _: a.error_estimate),
+        "shift_x": of_shift * table(lambda a, _: a.estimates.get("shift")),
+        "shift_z": of_shift * table(lambda a, _: a.estimates.get("shift")),
+        "tilt": np.abs(quantities["tilt"]) * table(lambda a, _: a.estimates.get("tilt")),
+    }
+    return States(depth, shear, quantities, errors)

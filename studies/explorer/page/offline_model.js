@@ -65,10 +65,9 @@ const OfflineModel = (() => {
           `got ${general(depth)} mm`;
       if (shearsTip && !(shear / D <= beam.farthest + 1e-9))
         return `the surrogate knows shears to ${general(beam.farthest * D, 3)} mm here; got ${general(shear)} mm`;
-      const critical = beam.criticalDepth().value;
-      if (shearsTip && depth / D > critical)
-        return "the surrogate knows shears above the depth at which a press buckles, about " +
-          `${general(critical * D, 3)} mm here; got ${general(depth)} mm`;
+      if (!(depth / D <= beam.stable + 1e-9))
+        return `the surrogate knows a press to stay stable to ${general(beam.stable * D, 3)} mm here, and nothing deeper; ` +
+          `got ${general(depth)} mm`;
       return "";
     }
 
@@ -167,8 +166,8 @@ const OfflineModel = (() => {
         const q = beam.shear(depth, Math.abs(shear));
         return PLANE.map((name, i) => scale[i] * q[name].value * (shear < 0 ? ODD[i] : 1));
       };
-      const d = Math.min(one.depth / D, beam.deepest), s = Math.min(plane.shear / D, beam.farthest);
-      const low = Math.max(d - STEP, range.shallowest_shear), high = Math.min(d + STEP, beam.deepest);
+      const d = Math.min(one.depth / D, beam.stable), s = Math.min(plane.shear / D, beam.farthest);
+      const low = Math.max(d - STEP, range.shallowest_shear), high = Math.min(d + STEP, beam.stable);
       const near = s - STEP, far = Math.min(s + STEP, beam.farthest);
       const difference = (a, b, width) => a.map((v, i) => (v - b[i]) / (width * D));
       const alongDepth = difference(at(high, s), at(low, s), high - low);
@@ -229,9 +228,9 @@ const OfflineModel = (() => {
       const rest = { depth: range.shallowest * design.D, friction: "none", plate_tilt: 0, coulomb: null, shear: 0, shearsTip: false };
       const reason = refusal(design, rest, magnet);
       if (reason) throw new BadInput(`${reason}: take finite elements`);
-      const { D } = design, beam = beamOf(design), unit = design.E * D ** 2, low = range.shallowest * D, high = beam.deepest * D;
+      const { D } = design, beam = beamOf(design), unit = design.E * D ** 2, low = range.shallowest * D, high = beam.stable * D;
       const depth = Array.from({ length: CURVE_POINTS }, (_, k) => low + ((high - low) * k) / (CURVE_POINTS - 1));
-      const press = depth.map((d) => beam.press(Math.min(d / D, beam.deepest)));
+      const press = depth.map((d) => beam.press(Math.min(d / D, beam.stable)));
       const formula = (level) => {
         const answers = depth.map((d) => formulaPart(design, { ...rest, depth: d, shear_x: 0, shear_y: 0 }, level));
         return Object.fromEntries(["force", "shift"].map((name) => [name, answers.map((a) => a[name]?.[2] ?? null)]));
@@ -283,7 +282,7 @@ const OfflineModel = (() => {
       const { D, E, density } = design, beam = beamOf(design), critical = beam.criticalDepth();
       const mode = beam.firstMode(design.magnet_density / density), unit = Math.sqrt(E / density) / D;
       return {
-        critical_depth: finite(D * critical.value), estimate: finite(D * critical.halfWidth),
+        critical_depth: finite(D * critical.value), estimate: finite(D * critical.halfWidth), stable_to: D * beam.stable,
         first_mode_hz: mode && unit * mode.value, first_mode_estimate_hz: mode && unit * mode.halfWidth,
       };
     }

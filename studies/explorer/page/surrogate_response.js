@@ -60,8 +60,11 @@ const SurrogateResponse = (() => {
     function beam(L, diameter, height, nu, edge) {
       const below = L - 0.5 - height / 2;
       const features = [Math.log(L), diameter, height, Math.sqrt(1 - 2 * nu), edge, Math.log(Math.max(below, 1e-3))];
-      const region = (L > calibration.slender ? 1 : 0) + (height > calibration.thick ? 2 : 0);
-      const deepest = Math.min(range.deepest, range.depth_share * (L - height));
+      const kind = height > calibration.thick ? 2 : diameter > calibration.wide ? 4 : 0;
+      const region = (L > calibration.slender ? 1 : 0) + kind;
+      const over = Math.min(Math.max((diameter - 0.5) / (range.diameter[1] - 0.5), 0), 1);
+      const share = range.depth_share + (range.widest_share - range.depth_share) * over;
+      const deepest = Math.min(range.deepest, share * (L - height));
       const farthest = Math.min(range.farthest, range.shear_share * L);
       const low = Math.sqrt(range.shallowest), high = Math.sqrt(deepest);
       const presses = { ...atNodes("press", features, region), ...atNodes("strain", features, region) };
@@ -86,7 +89,7 @@ const SurrogateResponse = (() => {
       /** Forms of shears at a depth, at the shear's nodes. */
       function sheared(depth) {
         if (!skinShears.has(depth)) {
-          const point = [...features, Math.sqrt(depth)], place = region + (depth > calibration.deep ? 4 : 0);
+          const point = [...features, Math.sqrt(depth)], place = region + (depth > calibration.deep ? calibration.regions : 0);
           if (skinShears.size > 64) skinShears.clear();
           skinShears.set(depth, { ...atNodes("shear", point, place), ...atNodes("shear_skin", point, place) });
         }
@@ -115,25 +118,36 @@ const SurrogateResponse = (() => {
         }));
       }
 
-      /** The depth at which a frictionless press buckles sideways; infinite without one. */
-      function criticalDepth() {
-        const { widths } = presses.sideways_ratio, count = calibration.critical_grid;
-        const rule = data.groups.strain.quantiles.critical_depth[region];
-        const spread = widths.reduce((sum, width) => sum + width, 0) / widths.length;
+      /** The depth at which a measure of the sideways stiffness, `stiffnessAt(share of the depths)`, falls to 0. */
+      function firstZero(stiffnessAt) {
+        const count = calibration.critical_grid;
         let last = null;
         for (let k = 0; k < count; k++) {
           const share = k / (count - 1), depth = (low + (high - low) * share) ** 2;
-          // as in Python: the logarithm of the share of the buckling load falls through 0
-          const stiffness = -atRoot("sideways_ratio", share);
+          const stiffness = stiffnessAt(share);
           if (stiffness <= 0) {
             const before = last ?? { depth, stiffness };
             const part = before.stiffness > stiffness ? before.stiffness / (before.stiffness - stiffness) : 0;
-            const value = before.depth + part * (depth - before.depth);
-            return { value, halfWidth: value * rule * spread };
+            return before.depth + part * (depth - before.depth);
           }
           last = { depth, stiffness };
         }
-        return { value: Infinity, halfWidth: Infinity };
+        return Infinity;
+      }
+
+      /** The depth at which a frictionless press buckles sideways; infinite and without a half width if not in the range. */
+      function criticalDepth() {
+        const { widths } = presses.sideways_ratio, value = firstZero((share) => -atRoot("sideways_ratio", share));
+        const rule = data.groups.strain.quantiles.critical_depth[region];
+        const spread = widths.reduce((sum, width) => sum + width, 0) / widths.length;
+        return { value, halfWidth: value < Infinity ? value * rule * spread : NaN };
+      }
+
+      /** The depth to which a press is known to stay stable. */
+      function stableTo() {
+        const { widths } = presses.sideways_ratio, { value, halfWidth } = criticalDepth();
+        const least = (share) => 1 - Math.exp(atRoot("sideways_ratio", share)) * (1 + linear(widths, rootNodes, share));
+        return Math.min(Number.isFinite(halfWidth) ? value - halfWidth : firstZero(least), deepest);
       }
 
       /** The lowest natural frequency over (E / rho)^(1/2) / D; null where the density ratio lies outside the range. */
@@ -144,7 +158,7 @@ const SurrogateResponse = (() => {
         return { value, halfWidth: value * widths[0] };
       }
 
-      return { deepest, farthest, press, shear, criticalDepth, firstMode };
+      return { deepest, farthest, stable: stableTo(), press, shear, criticalDepth, firstMode };
     }
 
     /** Why the surrogate refuses a beam, "" if it takes it; the sentence of `Beams.outside`. */
