@@ -75,6 +75,6 @@ def test_a_case_that_is_not_known_to_meet_the_tolerance_has_failed(run, strict):
     status, out, err = run("sweep", "paper", *slender, *axes)
     (row,) = strict(out)
     assert (status, row["status"]) == (3, "beyond_tolerance")
-    assert "error estimate of the force along the shear" in row["message"]
+    assert "error of the force along the shear" in row["message"]
     assert row["chosen_force_N"] > 1
     assert "1 cases are not known to meet the tolerance" in err

@@ -1,10 +1,12 @@
 """The rule that chooses a model for a tolerance."""
 
 import dataclasses
+import json
 
 import pytest
 
-from analytic import buckling
+from analytic import beam, buckling
+from fem.physics_version import PHYSICS
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.simulation import model_choice
@@ -127,6 +129,45 @@ def test_every_kind_has_statements_of_all_three_accuracies():
 def test_the_shipped_rule_is_that_of_the_committed_results():
     results = model_choice.DATA.parents[2] / "results" / "trade" / "model_choice.json"
     assert model_choice.DATA.read_text("utf-8") == results.read_text("utf-8")
+
+
+def test_the_shipped_rule_is_of_the_versions_of_today():
+    """Fails when a model's answers have changed: then `magtip trade --confirm` must be made again."""
+    assert model_choice.outdated() == ()
+    assert len(statements()) == len(json.loads(model_choice.DATA.read_text("utf-8"))["statements"])
+
+
+@pytest.fixture
+def fresh():
+    """Let the rule be read again, before and after a test."""
+    cached = model_choice.statements, model_choice.outdated, model_choice.versions
+    for function in cached:
+        function.cache_clear()
+    yield
+    for function in cached:
+        function.cache_clear()
+
+
+@pytest.mark.usefixtures("fresh")
+def test_statements_of_another_version_of_the_physics_do_not_count(monkeypatch):
+    monkeypatch.setitem(PHYSICS, "harmonic", PHYSICS["harmonic"] + 1)
+    assert model_choice.outdated() == ("harmonic",)
+    assert {each.kind for each in statements()} == {"press"}
+    assert "harmonic" not in {each.model for each in statements()}
+    press = choose(paper(), [PRESS], 0.01, formulas=False)
+    assert (press.model, "other versions of harmonic, which are left out" in press.reason) == ("axisymmetric", True)
+    with pytest.raises(
+        BadInput, match="no run of model harmonic for glued shear, and those of harmonic are of another"
+    ):
+        choose(paper(), [SHEAR], 0.01)
+
+
+@pytest.mark.usefixtures("fresh")
+def test_a_formula_with_other_answers_does_not_count(monkeypatch):
+    original = beam.solve
+    monkeypatch.setattr(beam, "solve", lambda *case: original(*case).scaled(1.0, 1.001))
+    assert model_choice.outdated() == ("formula",)
+    assert "formula" not in {each.model for each in statements()}
 
 
 @pytest.mark.parametrize("load", [PRESS, Load(depth=1.0), SHEAR])

@@ -26,7 +26,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from analytic import beam, buckling
 from fem.error_estimate_rules import press_limits
@@ -55,7 +55,8 @@ ANY_REGION = "any"
 SURROGATE = "surrogate"
 """Name of the surrogate among the models."""
 SOLVED: tuple[Model, ...] = ("axisymmetric", "harmonic", "half", "full")
-"""Finite-element models of the rule."""
+REFERENCE: dict[Kind, Model] = {"press": "axisymmetric", "glued shear": "harmonic", "friction": "harmonic"}
+"""Finite-element models of the rule, and the model of the references of each kind."""
 VERSION_LOADS = (Load(depth=0.4), Load(depth=0.8, shear_x=0.8, friction="stick"))
 """Loads whose answers tell versions of formulas and of the surrogate apart."""
 UNMET = "beyond_tolerance"
@@ -145,9 +146,22 @@ class Region:
 
 
 @functools.cache
+def _shipped() -> dict[str, Any]:
+    return dict(json.loads(DATA.read_text("utf-8")))
+
+
+@functools.cache
 def statements() -> tuple[Statement, ...]:
-    """Return the statements of the rule."""
-    return tuple(Statement(**each) for each in json.loads(DATA.read_text("utf-8"))["statements"])
+    """Return the statements of the rule about models of today's version, with references of today's version."""
+    old, every = outdated(), (Statement(**each) for each in _shipped()["statements"])
+    return tuple(each for each in every if not {each.model, REFERENCE[each.kind]} & set(old))
+
+
+@functools.cache
+def outdated() -> tuple[str, ...]:
+    """Return the models whose version is another one today than that on which the rule rests."""
+    made = _shipped().get("versions", {})
+    return tuple(model for model, version in versions().items() if made.get(model) != version)
 
 
 @functools.cache
@@ -203,11 +217,15 @@ def choose(
     choices = []
     for choice in _choices(statements() if rule is None else rule, design, loads, magnet, formulas=formulas):
         if choice.bound <= tolerance:
+            if rule is None and outdated():
+                left_out = f"; the study has other versions of {', '.join(outdated())}, which are left out"
+                return replace(choice, reason=choice.reason + left_out)
             return choice
         choices.append(choice)
     if not choices:
+        old = f", and those of {', '.join(outdated())} are of another version" if outdated() else ""
         raise BadInput(
-            f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}: "
+            f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}{old}: "
             "choose --accuracy instead of a tolerance"
         )
     best = min(choices, key=lambda choice: choice.bound)
