@@ -65,3 +65,17 @@ def test_the_judge_of_extremes_measures_the_cone():
 def test_coulombs_law_holds_under_a_tilted_plate():
     rough = replace(coulomb_study.SOLID, solid_size=0.5, solid_patch=0.15, friction_step_factor=8.0)
     assert coulomb_study.tilted(rough, mu=0.05, depth=0.4, shear=0.25).passed
+
+
+def test_a_part_that_stops_is_a_missed_check(monkeypatch, tmp_path):
+    def stopped(*args, **options):
+        raise coulomb_study.StoppedError("stopped at depth 0.5 mm")
+
+    passed = coulomb_study.Check("onset", "share", 1.0, 1.0, 0.0, 0.1, True)
+    monkeypatch.setattr(coulomb_study, "onset", lambda level: [passed])
+    monkeypatch.setattr(coulomb_study, "curve", stopped)
+    monkeypatch.setattr(coulomb_study, "cycle", stopped)
+    checks = coulomb_study.run(quick=True, folder=tmp_path)
+    assert [check.passed for check in checks] == [True, False, False, False, False, False]
+    assert "no measurement: stopped at depth 0.5 mm" in checks[-1].quantity
+    assert "1 of 6 checks pass" in (tmp_path / "FRICTION.md").read_text("utf-8")

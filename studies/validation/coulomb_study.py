@@ -6,8 +6,9 @@ ABOUT, which the report prints, describes the checks.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,7 @@ Coulomb friction is checked on the paper's sensor: onset of slip, full slip, a c
 - Tilted plate: at full slip in the full model, the force along the plate must be mu times the force across it.
 """
 
+NAN = math.nan
 DEPTH = 1.0
 """Depth of the press before full slip and before the cycle, mm."""
 MUS = {0.05: 0.5, 0.1: 1.0, 0.2: 2.0, 0.5: 4.0}
@@ -107,22 +109,30 @@ def run(
     """
     report_progress = progress or (lambda share, text: None)
     origin = versions()
-    report_progress(0.0, "onset")
-    checks = onset(QUICK_ONSET if quick else ONSET)
-    curves = []
-    for i, (mu, farthest) in enumerate(MUS.items()):
-        report_progress(0.1 + 0.1 * i, f"mu = {mu:g}")
+    checks: list[Check] = []
+    curves: list[Curve] = []
+    loop: list[Solution] = []
+
+    def sheared(mu: float, farthest: float) -> list[Check]:
         curves.append(curve(mu, farthest, 8, COARSE if quick else QUICK))
-        checks.append(full_slip(curves[-1]))
-    report_progress(0.5, "cycle")
-    loop = cycle(0.2, COARSE if quick else QUICK)
-    checks += closed(loop)
+        return [full_slip(curves[-1])]
+
+    def cycled() -> list[Check]:
+        loop.extend(cycle(0.2, COARSE if quick else QUICK))
+        return closed(loop)
+
+    parts: list[tuple[str, Callable[[], list[Check]]]] = [("onset", partial(onset, QUICK_ONSET if quick else ONSET))]
+    parts += [(f"full slip, mu = {mu:g}", partial(sheared, mu, farthest)) for mu, farthest in MUS.items()]
+    parts.append(("cycle", cycled))
     if not quick:
-        for i, model in enumerate(SOLID_MODELS):
-            report_progress(0.7 + 0.1 * i, f"{model} model")
-            checks += other_model(model)
-        report_progress(0.9, "tilted plate")
-        checks.append(tilted(SOLID))
+        parts += [(f"{model} model", partial(other_model, model)) for model in SOLID_MODELS]
+        parts.append(("tilted plate", lambda: [tilted(SOLID)]))
+    for i, (name, part) in enumerate(parts):
+        report_progress(i / len(parts), name)
+        try:
+            checks += part()
+        except StoppedError as stop:
+            checks.append(Check(name, f"no measurement: {stop}", NAN, NAN, NAN, NAN, passed=False))
     if folder is not None:
         write(folder, checks, curves, loop, origin, command)
     return checks
@@ -267,6 +277,8 @@ def draw_friction(path: Path, curves: Sequence[Curve], cycle: Sequence[Solution]
             axes[0].plot(curve.shear_mm, ratio, color=colour, marker="o", label=f"$\\mu$ = {curve.mu:g}")
             axes[0].axhline(curve.mu, color=colour, linestyle=":", linewidth=1)
         label(axes[0], "a", "$F_x / F_N$")
+        if cycle:
+            label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {cycle[0].load.friction:g}")
         axes[1].plot(
             [state.load.shear_x for state in cycle],
             [state.response.force[0] for state in cycle],
@@ -274,7 +286,7 @@ def draw_friction(path: Path, curves: Sequence[Curve], cycle: Sequence[Solution]
             marker="o",
             markersize=3,
         )
-        label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {cycle[0].load.friction:g}")
         for axis in axes:
             axis.set_xlabel("shear (mm)")
-        axes[0].legend(frameon=False)
+        if curves:
+            axes[0].legend(frameon=False)
