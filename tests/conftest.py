@@ -21,6 +21,8 @@ from studies.cli import entry_point
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+NO_BROWSER = "no Chromium is installed (Debian: apt-get install chromium)"
+"""Why a test of a page is skipped, or fails where a browser is needed."""
 LONGEST = (
     "test_equilibrium",
     "test_mesh",
@@ -93,6 +95,14 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: place.get(item.path.stem, len(LONGEST)))
 
 
+def pytest_terminal_summary(terminalreporter):
+    """Say how many tests of the pages did not run because there is no browser."""
+    skipped = [report for report in terminalreporter.stats.get("skipped", []) if NO_BROWSER in str(report.longrepr)]
+    if skipped:
+        text = f"{len(skipped)} tests of the pages' JavaScript did not run: {NO_BROWSER}"
+        terminalreporter.write_line(text, red=True, bold=True)
+
+
 def pytest_collection_finish():
     """Exempt what the collection leaves, millions of objects, from each later collection of garbage."""
     gc.collect()
@@ -130,10 +140,9 @@ def own_store(store_folders, monkeypatch):
 def chromium():
     """A headless Chromium; without one, tests are skipped, or fail where the environment says that one is needed."""
     if executable() is None:
-        reason = "no Chromium is installed (Debian: apt-get install chromium)"
         if os.environ.get("MAGTIP_NEEDS_BROWSER"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+            pytest.fail(NO_BROWSER)
+        pytest.skip(NO_BROWSER)
     with Browser() as browser:
         yield browser
 

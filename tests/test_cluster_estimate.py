@@ -5,10 +5,8 @@ import pytest
 from studies.benchmarks import cluster_estimate
 
 
-def test_planning_counts_time_and_memory_of_different_solves():
-    planning = cluster_estimate.plan_study(20)
-    assert planning["seconds"] > 0
-    assert planning["MB"] >= 0
+def test_planning_takes_time():
+    assert cluster_estimate.plan_study(20)["seconds"] > 0
 
 
 def test_the_estimate_follows_from_the_measured_figures(tmp_path, monkeypatch):

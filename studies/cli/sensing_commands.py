@@ -129,6 +129,7 @@ def decode(
         CSV file for the rows of --file with the results added; default: standard output.
     """
     from studies.sensing import decode_readings, decode_tables
+    from studies.sensitivity import decode_tolerances
 
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
@@ -138,7 +139,12 @@ def decode(
     coder = decode_readings.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     name = decode_readings.level_name(level, responses)
     if readings is not None:
-        record = decode_readings.decode_text(coder, readings, units, name).row()
+        answer, field, found = decode_readings.decode_text(coder, readings, units, name)
+        tolerances = decode_tolerances.check(coder, field, found)
+        record = answer.row()
+        record["rest_probability"] = float(tolerances.rest_probability[0])
+        record["tolerance_N"] = tolerances.tolerance_N or None
+        record["warnings"] += tolerances.warnings(found.force)
         console.report([record], as_json=as_json, title="Decoded", brief=["warnings"])
         for warning in record["warnings"]:
             console.warn(warning)
@@ -150,7 +156,8 @@ def decode(
     with atomic_files.sole_writer(out):
         decoded = decode_tables.decode_file(coder, file, units, out, name, as_json=as_json)
     counts = decoded.counts
-    for warning in decoded.warnings:
+    tolerances = decode_tolerances.check(coder, decoded.field, decoded.decoded)
+    for warning in [*decoded.warnings, *tolerances.warnings(decoded.decoded.force)]:
         console.warn(warning)
     if as_json and out is not None:
         console.report([counts], as_json=True)

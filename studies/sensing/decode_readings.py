@@ -194,8 +194,14 @@ class DecodedReadings:
         return records.flat(self)
 
 
-def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> DecodedReadings:
-    """Decode one set of readings a,b,c; `level` is the name from `level_name`."""
+def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tuple[DecodedReadings, Array, Decoded]:
+    """Decode one set of readings a,b,c; `level` is the name from `level_name`.
+
+    Returns
+    -------
+    record : for the user.
+    field, decoded : the readings, shape (1, k), T, and what was decoded from them.
+    """
     from analytic.decode import decode
     from studies.sensing import force_level_check
 
@@ -217,7 +223,7 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> Dec
     if contact is False:
         message = "; ".join(filter(None, [message, NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))]))
     gap, size = force_gap(coder, level, decoded), math.hypot(*decoded.force[0].tolist())
-    return DecodedReadings(
+    record = DecodedReadings(
         status=status,
         message=message,
         level=level,
@@ -245,6 +251,7 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> Dec
         fit_error_N=max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
         warnings=[] if gap is None else force_level_check.warnings(level, gap),
     )
+    return record, field, decoded
 
 
 def _limit_of(coder: Decoder, field: Array) -> tuple[Limit | None, list[float]]:

@@ -41,11 +41,14 @@ class Summary:
     counts : number of rows of each status.
     limits : number of rows that exceed each limit, among the first `MOST_SEARCHED` rows out of the workspace.
     warnings : sentences about the level's forces.
+    field, decoded : the readings, shape (n, k), T, and what was decoded from them.
     """
 
     counts: dict[str, int]
     limits: dict[Limit | None, int]
     warnings: list[str]
+    field: Array
+    decoded: Decoded
 
 
 def decode_file(
@@ -117,9 +120,8 @@ def _summary(coder: Decoder, decoded: Decoded, field: Array, level: str) -> Summ
 
     gap = force_gap(coder, level, decoded)
     counts: dict[str, int] = {name: decoded.status.count(name) for name in WHY if name in decoded.status}
-    return Summary(
-        counts, _count_limits(coder, decoded, field), [] if gap is None else force_level_check.warnings(level, gap)
-    )
+    warnings = [] if gap is None else force_level_check.warnings(level, gap)
+    return Summary(counts, _count_limits(coder, decoded, field), warnings, field, decoded)
 
 
 def _count_limits(coder: Decoder, decoded: Decoded, field: Array) -> dict[Limit | None, int]:

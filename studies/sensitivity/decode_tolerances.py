@@ -1,0 +1,114 @@
+"""What the tolerances of parts do to a decoded force, and whether readings may be those of a made sensor at rest.
+
+Three readings determine the three numbers of a pose: nearly every row has a pose without any residual, whichever made
+sensor it comes from. So the decoder cannot tell that its nominal sensor is not the one that was read. It is
+tested instead whether the row may be that of a made sensor at rest. With d its difference from the nominal sensor's
+readings at rest and C the covariance of made sensors' readings there, noise included,
+
+    chi^2 = d' C^-1 d,
+
+the probability of a row is the share of made sensors at rest whose chi^2 is larger. (That of chi^2 with three
+degrees of freedom would be wrong, since parts beyond their tolerances are sorted out.) The spread of a decoded force
+is that of made sensors in the decoded pose, whose readings are decoded as if they were the nominal sensor's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analytic.decode import decode
+from analytic.parts import common_values
+from studies.sensitivity.made_readings import made_readings
+from studies.sensitivity.made_sensors import MadeSensors, made_sensors, nominal_sensor
+
+if TYPE_CHECKING:
+    from analytic.decode import Decoded, Decoder
+    from geometry.arrays import Array
+
+SENSORS = 400
+"""Number of made sensors: a standard deviation is then known to 4 %."""
+LEAST = 0.05
+"""Probability from which a row may be that of a made sensor at rest."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToleranceCheck:
+    """Effect of tolerances on decoded rows.
+
+    Attributes
+    ----------
+    rest_probability : share of made sensors at rest that differ more from the nominal one than each row, shape (n,);
+        NaN for a row without readings.
+    row : number of the row with the largest force; None without a force.
+    tolerance_N : standard deviations of its force over made sensors.
+    lost : made sensors whose readings in its pose have no pose, or no force.
+    """
+
+    rest_probability: Array
+    row: int | None
+    tolerance_N: list[float]
+    lost: int
+
+    def warnings(self, force: Array) -> list[str]:
+        """Return a sentence on decoded forces, shape (n, 3), N, if a sensor at rest may have given the readings."""
+        alike, count = int((self.rest_probability >= LEAST).sum()), len(self.rest_probability)
+        if not alike:
+            return []
+        rows = "these readings" if count == 1 else f"{alike} of {count} rows"
+        text = f"{rows} may be those of a sensor at rest whose parts lie within usual tolerances"
+        if self.row is not None:
+            size, sigma = float(np.linalg.norm(force[self.row])), ", ".join(f"{v:.2g}" for v in self.tolerance_N)
+            place = "" if count == 1 else f" in row {self.row + 1}"
+            lost = f"; {self.lost} of {SENSORS} such sensors have no force there" if self.lost else ""
+            text += (
+                f", which change the force of {size:.3g} N{place} by {sigma} N along x, y and z (standard deviations"
+                f"{lost})"
+            )
+        return [f"{text}: calibrate the sensor, the status does not tell"]
+
+
+def check(coder: Decoder, field: Array, decoded: Decoded) -> ToleranceCheck:
+    """Compare decoded rows of a design's own three elements with made sensors of the design.
+
+    Parameters
+    ----------
+    field : the readings B.n, shape (n, 3), T.
+    """
+    design = coder.forward.design
+    made, nominal = made_sensors(design, count=SENSORS), nominal_sensor(design)
+    rest, rest_deviations = _read(nominal, made, np.zeros(3), np.zeros(2))
+    rest_deviations = rest_deviations + np.random.default_rng(0).normal(0.0, coder.sigma, rest_deviations.shape)
+    inverse = np.linalg.inv(rest_deviations.T @ rest_deviations / len(rest_deviations))
+    of_rows, of_made = (np.einsum("ni,ij,nj->n", d, inverse, d) for d in (field - rest, rest_deviations))
+    probability = (of_made > of_rows[:, None]).mean(axis=1)
+    probability[np.isnan(of_rows)] = np.nan
+    size = np.linalg.norm(decoded.force, axis=1)
+    if not (size > 0).any():
+        return ToleranceCheck(probability, None, [], 0)
+    row = int(np.nanargmax(size))
+    deviations = _read(nominal, made, decoded.shift[row], decoded.tilt[row])[1]
+    found = decode(coder, field[row] + deviations, near=decoded.shift[row])
+    has_force = np.isfinite(found.force[:, 2])
+    spread = (found.force[has_force] - decoded.force[row]).T
+    tolerance = np.sqrt((spread**2).mean(axis=1)) if has_force.any() else np.full(3, np.nan)
+    return ToleranceCheck(probability, row, tolerance.tolist(), int((~has_force).sum()))
+
+
+def _read(
+    nominal: MadeSensors, made: MadeSensors, shift: Sequence[float] | Array, tilt: Array
+) -> tuple[Array, Array]:
+    """Return the nominal sensor's readings in a pose, shape (3,), and made sensors' deviations from it, (n, 3), T."""
+    gain, null, *_ = common_values(nominal.nominal)
+
+    def fields(sensors: MadeSensors) -> Array:
+        count = len(sensors)
+        poses = np.broadcast_to(shift, (count, 1, 3)), np.broadcast_to(tilt, (count, 1, 2))
+        return np.asarray((made_readings(sensors, *poses).output[:, 0] - null) / gain)
+
+    own = fields(nominal)[0]
+    deviations = fields(made) - own
+    return own, deviations[np.isfinite(deviations).all(axis=1)]
