@@ -27,7 +27,8 @@ from analytic.field import cylinder_pointwise
 from analytic.field.cylinder_numpy import cylinder_moments, distance_to_hull, face_moments, unit_field
 from geometry import compiled as compilation
 from geometry.arrays import Array
-from geometry.design import BadInput
+from geometry.cad import magnet_volume
+from geometry.design import BadInput, Design
 
 __all__ = ["cylinder_field", "cylinder_field_jacobian", "dipole_field", "meridian_field", "paper_field"]
 
@@ -36,6 +37,12 @@ Pair = tuple[Array, Array]
 MIN_COMPILED_POINTS = 2000
 """Smallest number of points in a call for which the compiled kernel is used, in a tenth of NumPy's time. Loading it
 takes about a second, once in a process: a single decoding, with fewer points in a call, does not wait for that."""
+MU_0 = 4e-7 * math.pi
+"""Vacuum permeability, T m/A."""
+GRAVITY, GRIP = 9.81, 0.3
+"""Acceleration, m/s^2, and friction of a magnet on the floor of its pocket over its weight, a common value."""
+FACE_RADII, FACE_ANGLES = 16, 48
+"""Points of the integrals over a face: the force of magnets that nearly touch is exact to 1e-4, else to 1e-7."""
 THREAD_POINTS = 20_000
 """Number of points for each thread: they take 1 ms, ten times the time to start a thread."""
 
@@ -317,3 +324,63 @@ def numpy_field(x: Array, radius: float, half: float, J: float, *, slope: bool) 
     jacobian[:, :2, 2] = jacobian[:, 2, :2] = lean_z[:, None] * across
     jacobian[:, 2, 2] = along_z
     return B, jacobian * (J / radius)
+
+
+def repulsion(radius: float, height: float, J: float, distance: float) -> float:
+    """Return the force with which two equal magnets side by side, like poles up, push each other apart, N.
+
+    The faces of one carry the charges +-M in the field of the other: F = (J / mu0) (int B_x dA over its upper face
+    less that over its lower face). The integrals take Gauss points over the radius and equal angles.
+
+    Parameters
+    ----------
+    radius, height, J : of both magnets, as in `cylinder_field`.
+    distance : of their axes, mm; more than their diameter.
+
+    Raises
+    ------
+    BadInput
+        The magnets would overlap.
+
+    Examples
+    --------
+    Far away it is that of two dipoles, 3 mu0 m^2 / (4 pi s^4):
+
+    >>> m = 1.2 / MU_0 * math.pi * 3.0**2 * 3.0 * 1e-9
+    >>> round(repulsion(3.0, 3.0, 1.2, 200.0) / (3 * MU_0 * m**2 / (4 * math.pi * 0.2**4)), 3)
+    1.0
+    """
+    if not distance > 2 * radius:
+        raise BadInput(f"distance must exceed the magnets' diameter = {2 * radius:g} mm; got {distance:g} mm")
+    nodes, weights = np.polynomial.legendre.leggauss(FACE_RADII)
+    r, turn = radius * (nodes + 1) / 2, 2 * math.pi * np.arange(FACE_ANGLES) / FACE_ANGLES
+    area = np.repeat(r * weights * radius / 2, FACE_ANGLES) * 2 * math.pi / FACE_ANGLES
+    x, y = distance + np.outer(r, np.cos(turn)).ravel(), np.outer(r, np.sin(turn)).ravel()
+    upper, lower = (
+        cylinder_field(np.column_stack([x, y, np.full(len(x), z)]), radius, height, J)[:, 0]
+        for z in (height / 2, -height / 2)
+    )
+    return float(1e-6 * J / MU_0 * area @ (upper - lower))
+
+
+def weight(design: Design) -> float:
+    """Return the weight of a design's magnet, N."""
+    return 1e-9 * magnet_volume(design.shape) * design.magnet_density * GRAVITY
+
+
+def resting_distance(design: Design) -> float | None:
+    """Return the distance of the axes from which two such magnets, side by side with like poles up, stay put, mm.
+
+    From there on they push each other by no more than GRIP of their weight. None without a magnet.
+    """
+    from scipy.optimize import brentq
+
+    if not design.shape.has_magnet:
+        return None
+    radius, height = design.magnet_diameter / 2, design.magnet_height
+
+    def excess(distance: float) -> float:
+        return repulsion(radius, height, design.remanence, distance) - GRIP * weight(design)
+
+    near = 2 * radius * (1 + 1e-6)
+    return near if excess(near) <= 0 else float(brentq(excess, near, 1e3 * (radius + height), rtol=1e-6))

@@ -28,8 +28,20 @@ LARGEST_VENT = 0.8
 LEAST_FREE = 5.0
 """Least height of B above its foot, mm, so that the skirt fits even in the mould of a small sensor."""
 
-DOWEL_SHARE = 0.8
-"""Largest diameter of a dowel, as a fraction of the width of the foot's ledge in which it stands."""
+DOWEL = 2.0
+"""Diameter of the pins that align the halves of a split B unless chosen, mm: a common parallel pin (ISO 8734)."""
+
+BOLT, BOLT_HOLE, WASHER = 3.0, 3.4, 7.0
+"""Screws that clamp the halves, mm: thread M3, its clearance hole (ISO 273, medium), and diameter of a washer."""
+
+EAR_DEPTH, EAR_WALL = 5.0, 2.0
+"""Thickness of an ear of one half along y, and least wall around its holes, mm."""
+
+BOLT_PITCH = 20.0
+"""Largest distance of the screws of one ear, mm."""
+
+TEARDROP = 1.5
+"""Height of a hole above its centre, in radii: a roof of 45°, which prints without support, ends at 2^(1/2)."""
 
 RANGES = {
     "shrink": Range(0.0, 0.2, ""),
@@ -78,7 +90,7 @@ class Mold:
     columns, rows : number of cavities along x and along y.
     split : 1 for a B in two halves along a row (only with rows = 1).
     marks : 1 to engrave A on the lid, B on the foot, and the pole of the magnet that faces up in the mould (N or S).
-    dowel : diameter of the two upright dowels in B's foot that align the halves.
+    dowel : diameter of the two pins that align the halves of B, across the split; default: 2.
 
     Raises
     ------
@@ -124,6 +136,29 @@ class Mold:
 
 
 @dataclass(frozen=True, slots=True)
+class Ears:
+    """The ears of a split B at x > 0, mm; those at x < 0 mirror them. Each lies on both sides of the split, y = 0.
+
+    The screws clamp the halves over their whole height, and the pins lie across the split, where they cannot part it.
+
+    Attributes
+    ----------
+    start, inner, end : x of its end inside B's wall, of its face beside A's skirt, and of its outer end.
+    web : z of the ear's top between `start` and `inner`.
+    bolt_x, bolt_z, pin_x, pin_z : places of the holes.
+    """
+
+    start: float
+    inner: float
+    end: float
+    web: float
+    bolt_x: float
+    bolt_z: tuple[float, ...]
+    pin_x: float
+    pin_z: float
+
+
+@dataclass(frozen=True, slots=True)
 class Sizes:
     """All lengths of the mould, mm, shrinkage included and defaults filled in.
 
@@ -137,7 +172,8 @@ class Sizes:
     skirt, inner, rim : length of A's skirt below z = 0, its inner radius and its outer radius.
     lid, wall, fit : thickness of A's lid, thickness of walls, and gap between skirt and B.
     vent_diameter, vent_ring : diameter of the vents, and radius of the circle of their centres.
-    dowel : diameter of the dowels of a split B.
+    dowel, dowel_hole : diameter of the pins of a split B, and of their holes.
+    ears : ears of a split B, one at each end of the split; None of an undivided one.
     centres : (x, y) of each cavity's axis.
     """
 
@@ -160,6 +196,8 @@ class Sizes:
     vent_diameter: float
     vent_ring: float
     dowel: float
+    dowel_hole: float
+    ears: Ears | None
     centres: tuple[tuple[float, float], ...]
 
     @property
@@ -207,12 +245,14 @@ def sizes(design: Design, mold: Mold) -> Sizes:
         raise BadInput(f"tip_vent must not exceed the tip's radius = {R:g} mm; got {mold.tip_vent:g} mm")
     outer = R + wall
     inner, pitch = outer + fit, 2 * R + wall
-    ledge = fit + wall
-    dowel = 0.5 * ledge if mold.dowel is None else mold.dowel
-    if mold.split and not dowel <= DOWEL_SHARE * ledge:
+    dowel = DOWEL if mold.dowel is None else mold.dowel
+    # half the fit of the process around a pin, as around an element in its seat
+    hole = dowel + process.fit
+    most = 2 * (free + floor - 2) / (1 + TEARDROP) - process.fit
+    if mold.split and not dowel <= most:
         raise BadInput(
-            f"dowel must not exceed {DOWEL_SHARE:g} of the foot's ledge of {ledge:g} mm (fit + wall) = "
-            f"{DOWEL_SHARE * ledge:.3g} mm; got {dowel:g} mm"
+            f"dowel must not exceed {most:.3g} mm, so that its hole keeps a wall in the ears of "
+            f"{free + floor:.3g} mm; got {dowel:g} mm: set a smaller dowel or a larger floor"
         )
     places = [
         (i - (mold.columns - 1) / 2, j - (mold.rows - 1) / 2) for i in range(mold.columns) for j in range(mold.rows)
@@ -237,7 +277,30 @@ def sizes(design: Design, mold: Mold) -> Sizes:
         vent_diameter=vent,
         vent_ring=ring,
         dowel=dowel,
+        dowel_hole=hole,
+        ears=_ears(pitch * (mold.columns - 1) / 2, outer, inner + wall, -free - floor, -skirt - mold.pry_gap, hole)
+        if mold.split
+        else None,
         centres=tuple((pitch * i, pitch * j) for i, j in places),
+    )
+
+
+def _ears(far: float, outer: float, rim: float, bottom: float, web: float, hole: float) -> Ears:
+    """Return the ears of a split B whose last cavity has its axis at x = `far`; lengths as in `Sizes`."""
+    inner = far + rim + 0.5
+    bolt = inner + WASHER / 2
+    pin = bolt + max(BOLT_HOLE, WASHER - hole) / 2 + EAR_WALL + hole / 2
+    height = -bottom
+    count = 1 if height < 12 else max(2, math.ceil(height / BOLT_PITCH))
+    return Ears(
+        start=far + math.sqrt(max(outer**2 - EAR_DEPTH**2, 0.0)) - 0.2,
+        inner=inner,
+        end=pin + hole / 2 + EAR_WALL,
+        web=web,
+        bolt_x=bolt,
+        bolt_z=tuple(bottom + height * (k + 0.5) / count for k in range(count)),
+        pin_x=pin,
+        pin_z=bottom / 2,
     )
 
 

@@ -9,7 +9,7 @@ from ezdxf import bbox
 from geometry.base import Base, plan
 from geometry.design import Design
 from geometry.fabrication.board_drawing import LAND_PATTERNS, LAYERS, board, pads
-from geometry.fabrication.hall_bodies import places
+from geometry.fabrication.hall_bodies import CHIPS, places
 
 DESIGNS = [Design(), Design(hall_layout="tmag5273a1"), Design(hall_layout="tle493d-p2b6", l0=9.0, chip_x=2.0)]
 
@@ -53,6 +53,22 @@ def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
     circles = drawing.modelspace().query('CIRCLE[layer=="PADS"]')
     assert {tuple(c.dxf.center)[:2] for c in circles} == set(centres)
     assert len(circles) == 18
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+@pytest.mark.parametrize("layout", list(LAND_PATTERNS))
+def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
+    design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
+    (pocket,) = plan(design, Base(), process).seats.values()
+    (left, near, _), (wide, deep, high) = pocket.corner, pocket.sides
+    pattern, chip = LAND_PATTERNS[layout], CHIPS[layout]
+    for x, y in pads(design):
+        assert left < x - pattern.width / 2
+        assert x + pattern.width / 2 < left + wide
+        assert near < y - pattern.length / 2
+        assert y + pattern.length / 2 < near + deep
+    assert high > chip.height
+    assert "on the underside of the board" in board(design, plan(design, Base()))
 
 
 @pytest.mark.parametrize("layout", list(LAND_PATTERNS))

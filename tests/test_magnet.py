@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from analytic.magnet import cylinder_field, cylinder_field_jacobian, dipole_field, paper_field
-from geometry.design import BadInput
+from analytic.magnet import (
+    MU_0,
+    cylinder_field,
+    cylinder_field_jacobian,
+    dipole_field,
+    paper_field,
+    repulsion,
+    resting_distance,
+    weight,
+)
+from geometry.design import BadInput, Design
 from studies.benchmarks import field_reference
 
 RNG = np.random.default_rng(20160403)
@@ -82,6 +91,32 @@ def test_divergence_and_curl_vanish(centre):
     size = np.abs(gradient).max()
     assert abs(np.trace(gradient)) < 1e-5 * size
     assert np.abs(gradient - gradient.T).max() < 1e-5 * size
+
+
+def test_the_repulsion_is_the_loss_of_energy_of_a_magnet_in_the_field_of_the_other():
+    """U = -(J / mu0) int B_z dV over the body, by 10 x 10 x 16 points."""
+    a, h, J, s, step = 3.0, 3.0, 1.2, 9.0, 1e-3
+    (r, w), (z, v) = (np.polynomial.legendre.leggauss(10) for _ in range(2))
+    turn = 2 * math.pi * np.arange(16) / 16
+    R, Z, T = (grid.ravel() for grid in np.meshgrid(a * (r + 1) / 2, h * z / 2, turn, indexing="ij"))
+    volume = np.einsum("i,j,k->ijk", w * a / 2 * a * (r + 1) / 2, v * h / 2, np.full(16, 2 * math.pi / 16)).ravel()
+
+    def energy(distance):
+        points = np.column_stack([distance + R * np.cos(T), R * np.sin(T), Z])
+        return -1e-9 * J / MU_0 * volume @ cylinder_field(points, a, h, J)[:, 2]
+
+    slope = (energy(s + step) - energy(s - step)) / (2e-3 * step)
+    assert repulsion(a, h, J, s) == pytest.approx(-slope, rel=1e-5)
+
+
+def test_magnets_stay_from_where_the_push_is_that_of_friction():
+    design = Design(D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
+    apart = resting_distance(design)
+    assert repulsion(3.0, 3.0, design.remanence, apart) == pytest.approx(0.3 * weight(design), rel=1e-5)
+    bare = Design(magnet_diameter=0, magnet_height=0, magnet_edge_radius=0)
+    assert resting_distance(bare) is None
+    with pytest.raises(BadInput, match="distance must exceed the magnets' diameter = 6 mm"):
+        repulsion(3.0, 3.0, 1.2, 6.0)
 
 
 def test_no_flux_leaves_a_closed_surface():

@@ -15,9 +15,9 @@ import pytest
 from geometry import base, mold
 from geometry.design import BadInput, paper
 from geometry.fabrication.printability import Check
-from geometry.mold import Mold
+from geometry.mold import Mold, sizes
 from studies.fabrication import assembly_picture, casting_recipe, sensor_parts, sensor_solids
-from studies.fabrication.fabrication_rows import FabricationRow
+from studies.fabrication.fabrication_rows import FabricationRow, Silicone
 from studies.output import console, own_files
 from studies.simulation.design_summary import OuterSize
 
@@ -113,16 +113,56 @@ def test_the_recipe_says_what_magnet_and_mould_need(made):
     assert "17.74 x 17.74 x 12.27 mm" in text
 
 
-def test_dowels_fill_their_holes_in_the_foot():
-    choices = sensor_solids.FabricationChoices(Mold(split=1, floor=4.5))
+def test_pins_and_screws_of_a_split_mould_have_clearance_and_lie_across_the_split():
+    choices = sensor_solids.FabricationChoices(Mold(split=1))
+    recipe, s = casting_recipe.recipe_of(paper(), choices), sizes(paper(), choices.mold)
+    assert (recipe.dowels.diameter_mm, recipe.dowels.hole_mm) == (2.0, pytest.approx(2.2))
+    assert recipe.screws.thread == "M3"
+    import build123d as bd
+
     made = sensor_solids.make_solids(paper(), choices)
-    dowels = casting_recipe.recipe_of(paper(), choices).dowels
-    whole = sensor_solids.FabricationChoices(Mold(floor=4.5))
-    drilled = sensor_solids.make_solids(paper(), whole).B.volume - sum(
-        made.mold[name].volume for name in ("mold_b1", "mold_b2")
-    )
-    assert drilled == pytest.approx(2 * math.pi / 4 * dowels.diameter_mm**2 * dowels.length_mm, rel=1e-9)
-    assert dowels.length_mm == 4.5
+    for x, z, radius in (
+        (s.ears.pin_x, s.ears.pin_z, recipe.dowels.diameter_mm / 2),
+        *((s.ears.bolt_x, z, 1.5) for z in s.ears.bolt_z),
+    ):
+        for side in (1, -1):
+            place = bd.Plane((side * x, -recipe.dowels.length_mm / 2, z), z_dir=(0, 1, 0))
+            bar = bd.Solid.make_cylinder(radius, recipe.dowels.length_mm, place)
+            halves = [made.mold[name] for name in ("mold_b1", "mold_b2")]
+            assert all(0.09 < bar.distance_to(half) < 0.3 for half in halves)
+
+
+MIX = Silicone("Sylgard 184", "10A:1B by weight", 48, 23, "a paper", ("mixed", "hours"))
+
+
+def recipe_text(design, choices):
+    row, recipe = FabricationRow("ok", "", Path("out")), casting_recipe.recipe_of(design, choices)
+    size = OuterSize((8, 8, 9), None, None)
+    return casting_recipe.text(design, choices, row, recipe, size, None, "", "magtip cad")
+
+
+def test_the_recipe_mixes_the_silicone_that_was_chosen():
+    text = recipe_text(paper(), sensor_solids.FabricationChoices(silicone=MIX))
+    assert "Mix Sylgard 184 10A:1B by weight, a ratio to check on its data sheet" in text
+    assert "First cure: 48 h at 23 °C, times to check on its data sheet" in text
+    read = dataclasses.replace(MIX, assumed=())
+    assert "10A:1B by weight (a paper)" in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=read))
+
+
+def test_a_design_without_a_silicone_gets_no_invented_mix():
+    text = recipe_text(paper(), sensor_solids.FabricationChoices())
+    assert "Mix the silicone's parts as its data sheet says" in text
+    assert "Dragon Skin" not in text
+    assert "16 h" not in text
+
+
+def test_neighbouring_magnets_are_glued_one_after_another():
+    design = dataclasses.replace(paper(), D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
+    text = recipe_text(design, sensor_solids.FabricationChoices(Mold(columns=2)))
+    assert "repel with 0.043 N, 6.9 times their weight" in text
+    assert "stay by themselves from 32.2 mm" in text
+    assert text.index("one after another") < text.index("Let the glue cure") < text.index("Second pour")
+    assert "repel" not in recipe_text(design, sensor_solids.FabricationChoices())
 
 
 def test_assembly_and_mould_are_named_and_coloured(made):
@@ -208,10 +248,10 @@ def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
     (record,) = strict(out)
     assert {"status", "message", "folder", "parts", "checks", "warnings"} <= set(record)
     assert (record["assembled_size_mm"], record["beam_size_mm"]) == (None, [8, 8, 12])
-    assert record["recipe"]["dowels"] == {"count": 2, "diameter_mm": 1.05, "length_mm": 2.0}
+    assert record["recipe"]["dowels"] == {"count": 2, "diameter_mm": 2.0, "length_mm": 10.0, "hole_mm": 2.1}
     text = (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
     assert "There is no base and so no assembled size; the beam is 8 x 8 x 12 mm" in text
-    assert "Two dowels of Ø1.05 mm, 2 mm long" in text
+    assert "Two pins of Ø2 x 10 mm lie across the split, in holes of Ø2.1 mm" in text
     names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2"]
     assert [part["name"] for part in record["parts"]] == names
     assert set(record["checks"][0]) == {field.name for field in dataclasses.fields(Check)}
@@ -329,8 +369,8 @@ def test_a_round_base_with_its_recess_in_files_drawings_and_recipe(run, tmp_path
     status, out, _ = run("cad", "paper", "--base", "round", "--out", "parts", "--json", *fields, *magnet)
     assert status == 0
     (record,) = strict(out)
-    assert record["assembled_size_mm"][:2] == pytest.approx([4 + 2 * (0.2 + 1.2)] * 2)
+    assert record["assembled_size_mm"][:2] == pytest.approx([2 * (math.hypot(1.55, 1.95) + 1.2)] * 2)
     assert "The recess is 0.4 mm deep and leaves a gap of 0.2 mm" in (tmp_path / "parts/README.md").read_text("utf-8")
     sheet = (tmp_path / "parts" / "base.svg").read_text("utf-8")
     assert "recess Ø4.4" in sheet
-    assert "Ø6.8" in sheet
+    assert "Ø7.38" in sheet

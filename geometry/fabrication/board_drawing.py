@@ -16,10 +16,9 @@ Unchecked dimensions are common values: compare them with the data sheet before 
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from geometry.fabrication.hall_bodies import CHIPS, SS495A, places
+from geometry.fabrication.hall_bodies import CHIPS, LAND_PATTERNS, SS495A, places
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -37,30 +36,9 @@ BEND = 2.0
 LETTER = 0.8
 """Height of text, mm."""
 
+BELOW = "Capacitor of the supply: on the underside of the board, under the chip. The base has no room for it."
+
 NOTE = "Seen from above, mm. Pads are common values: check against your data sheet."
-
-
-@dataclass(frozen=True, slots=True)
-class LandPattern:
-    """Pads of a chip with two rows of three pins, mm.
-
-    Attributes
-    ----------
-    pitch : distance of neighbouring pads of a row, along x.
-    rows : distance of the centres of both rows, along y.
-    length, width : size of a pad along y and along x.
-    """
-
-    pitch: float
-    rows: float
-    length: float
-    width: float
-
-
-LAND_PATTERNS = {
-    "tmag5273a1": LandPattern(pitch=0.95, rows=2.6, length=1.1, width=0.6),
-    "tle493d-p2b6": LandPattern(pitch=0.95, rows=2.4, length=1.0, width=0.5),
-}
 
 
 def board(design: Design, plan: Plan) -> str:
@@ -90,6 +68,7 @@ def board(design: Design, plan: Plan) -> str:
         _leaded(space, design)
     else:
         _chip(space, design)
+        _text(space, BELOW, -plan.half, -plan.half - 4.5 * LETTER)
     _axes(space, plan.half)
     _text(space, NOTE, -plan.half, -plan.half - 3 * LETTER)
     text = io.StringIO()

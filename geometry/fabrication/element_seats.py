@@ -7,7 +7,8 @@ in each slot sets the height of the element, and the leads pass down through the
 the top of the base gets a post, open towards the beam and as high as the element's Hall plate. Under the beam, S2 and
 S3 lie in pockets that are open below, as S1 does.
 
-A 3-axis chip is soldered to a board that is glued to the underside of the base; a pocket holds its body.
+A 3-axis chip is soldered to a board that is glued to the underside of the base; a pocket holds its body and the
+solder on its pads. The capacitor of its supply goes on the underside of the board.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
-from geometry.fabrication.hall_bodies import CHIPS, SS495A, Vector
+from geometry.fabrication.hall_bodies import CHIPS, LAND_PATTERNS, SS495A, Vector
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -185,5 +186,8 @@ def chip_seat(design: Design, where: dict[str, Vector], fit: float, thickness: f
             f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base over the chip; "
             f"got {design.l0:g} mm"
         )
-    x, y = chip.length / 2 + fit, chip.width / 2 + fit
+    pattern = LAND_PATTERNS[design.hall_layout]
+    # the solder on the pads is wider than the chip
+    x = max(chip.length / 2, pattern.pitch + pattern.width / 2) + fit
+    y = max(chip.width / 2, (pattern.rows + pattern.length) / 2) + fit
     return Block((middle - x, -y, -thickness), (2 * x, 2 * y, roof + thickness))

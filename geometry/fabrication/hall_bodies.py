@@ -71,6 +71,29 @@ CHIPS = {
     "tle493d-p2b6": Chip(length=2.9, width=2.5, height=1.1, plate=0.6),
 }
 
+
+@dataclass(frozen=True, slots=True)
+class LandPattern:
+    """Pads of a chip with two rows of three pins, mm.
+
+    Attributes
+    ----------
+    pitch : distance of neighbouring pads of a row, along x.
+    rows : distance of the centres of both rows, along y.
+    length, width : size of a pad along y and along x.
+    """
+
+    pitch: float
+    rows: float
+    length: float
+    width: float
+
+
+LAND_PATTERNS = {
+    "tmag5273a1": LandPattern(pitch=0.95, rows=2.6, length=1.1, width=0.6),
+    "tle493d-p2b6": LandPattern(pitch=0.95, rows=2.4, length=1.0, width=0.5),
+}
+
 LEAD = 6.0
 """Length of the leads in drawings and solids, mm; a maker cuts them to the length needed."""
 

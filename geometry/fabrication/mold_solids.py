@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from geometry.cad import cut, moved, turned
 from geometry.design import Design
 from geometry.fabrication import engraved_marks
-from geometry.mold import Mold, Sizes, sizes
+from geometry.mold import BOLT_HOLE, EAR_DEPTH, Mold, Sizes, sizes
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -39,30 +39,52 @@ def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid,
 
     half_x, half_y = (max(centre[k] for centre in s.centres) + s.rim for k in (0, 1))
     foot = bd.Solid.make_box(2 * half_x, 2 * half_y, s.floor, bd.Plane((-half_x, -half_y, s.bottom)))
-    block = slab(s, s.outer, s.bottom, 0.0).fuse(foot).solids()[0]
+    ears, holes = _ears(s)
+    block = slab(s, s.outer, s.bottom, 0.0).fuse(foot, *ears).solids()[0]
     cavity = beam.rotate(bd.Axis.X, 180) if beam and not mold.shrink else turned(s.cavity)
     through = tip_vents(s, mold)
-    return A, cut(block, *(moved(cavity, (*centre, 0.0)) for centre in s.centres), *through, *on_foot)
+    return A, cut(block, *(moved(cavity, (*centre, 0.0)) for centre in s.centres), *through, *on_foot, *holes)
 
 
 def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:
-    """Return the halves of B by name: first the half at y > 0, then the half at y < 0.
-
-    The foot gets a hole for a dowel at both ends. The dowels stand upright in the plane of the split and keep the
-    halves from sliding along it. The bench keeps the halves level; A's skirt and a rubber band around the foot hold
-    them together.
-    """
+    """Return the halves of B by name: first the half at y > 0, then the half at y < 0."""
     import build123d as bd
 
-    s = sizes(design, mold)
-    end = max(x for x, _ in s.centres) + s.outer + (s.rim - s.outer) / 2
-    holes = [bd.Solid.make_cylinder(s.dowel / 2, s.floor, bd.Plane((x, 0, s.bottom))) for x in (end, -end)]
-    drilled, far = cut(B, *holes), 4 * (end + s.rim)
+    ears = sizes(design, mold).ears
+    assert ears is not None
+    far = 4 * ears.end
     sides = {"mold_b1": 0.0, "mold_b2": -far}
     return {
-        name: cut(drilled, bd.Solid.make_box(2 * far, far, 2 * far, bd.Plane((-far, -far - y, -far))))
+        name: cut(B, bd.Solid.make_box(2 * far, far, 2 * far, bd.Plane((-far, -far - y, -far))))
         for name, y in sides.items()
     }
+
+
+def _ears(s: Sizes) -> tuple[list[Solid], list[Solid]]:
+    """Return the ears of a split B, and the holes in them for screws and pins, along y; none of an undivided B."""
+    import build123d as bd
+
+    if s.ears is None:
+        return [], []
+    e, depth = s.ears, EAR_DEPTH
+    ears, holes = [], []
+    for side in (1, -1):
+        corners = [(e.start, s.bottom), (e.end, s.bottom), (e.end, 0.0), (e.inner, 0.0), (e.inner, e.web)]
+        points = [(side * x, depth, z) for x, z in (*corners, (e.start, e.web))]
+        face = bd.Face(bd.Wire.make_polygon(points))
+        ears.append(bd.Solid.extrude(face, bd.Vector(0, -2 * depth, 0)))
+        holes += [_teardrop(side * e.bolt_x, z, BOLT_HOLE / 2) for z in e.bolt_z]
+        holes.append(_teardrop(side * e.pin_x, e.pin_z, s.dowel_hole / 2))
+    return ears, holes
+
+
+def _teardrop(x: float, z: float, radius: float) -> Solid:
+    """Return a hole along y through both ears, with a roof of 45°, which prints without support."""
+    import build123d as bd
+
+    depth, place = EAR_DEPTH, bd.Plane((x, EAR_DEPTH, z), x_dir=(1, 0, 1), z_dir=(0, -1, 0))
+    round_hole = bd.Solid.make_cylinder(radius, 2 * depth, place)
+    return round_hole.fuse(bd.Solid.make_box(radius, radius, 2 * depth, place)).solids()[0]
 
 
 def vents(s: Sizes, mold: Mold) -> list[Solid]:

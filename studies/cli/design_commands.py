@@ -32,6 +32,7 @@ def cad(
     base: list[str] | None = None,
     axis: list[str] | None = None,
     tolerance: float | None = None,
+    silicone: str | None = None,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -56,13 +57,19 @@ def cad(
         Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable.
     tolerance
         Largest distance of the STL's facets from the surface, mm; default: D/2000.
+    silicone
+        Name of a silicone of the shipped catalogue, such as "Sylgard 184", whose mix and cure the recipe then states;
+        default: the recipe refers to the data sheet.
     """
     command_line = command(cad, locals())
     from studies.fabrication import design_variants, sensor_parts, sensor_solids
 
     design = design_of(source, sets)
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
-    choices = sensor_solids.parse_fabrication_choices(process, mold or [], base or [], tolerance)
+    from studies.sizing import catalogues
+
+    mix = None if silicone is None else catalogues.silicone_of(silicone)
+    choices = sensor_solids.parse_fabrication_choices(process, mold or [], base or [], tolerance, mix)
     axes = design_variants.axes_of(axis or [])
     for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from analytic import magnet as magnet_field
 from geometry.base import Plan
 from geometry.design import Design
-from geometry.mold import Mold, pours, sizes
-from studies.fabrication.fabrication_rows import Cure, Dowels, FabricationRow, Recipe
+from geometry.fabrication import board_drawing
+from geometry.mold import BOLT, EAR_DEPTH, Mold, pours, sizes
+from studies.fabrication.fabrication_rows import Cure, Dowels, FabricationRow, Recipe, Screws, Silicone
 
 if TYPE_CHECKING:
     from geometry.fabrication.solid_files import Exported
@@ -54,6 +57,10 @@ PAPER_CURE = 80.0
 """Temperature at which the paper cures the silicone for 1 h, °C; no cure is hotter."""
 
 
+NUT = 6.0
+"""Length of a screw beside the two ears, mm: an M3 nut, two washers and a turn of thread."""
+
+
 def cure(limit: float) -> float:
     """Return the hottest cure for a material or a magnet whose limit is `limit`, °C.
 
@@ -76,10 +83,27 @@ def recipe_of(design: Design, choices: FabricationChoices) -> Recipe:
         for material in MATERIALS
         if material.process == choices.mold.process
     )
-    if not choices.mold.split:
-        return Recipe(magnet, cures, None)
-    s = sizes(design, choices.mold)
-    return Recipe(magnet, cures, Dowels(2, s.dowel, s.floor))
+    s, apart = sizes(design, choices.mold), magnet_field.resting_distance(design)
+    if s.ears is None:
+        return Recipe(magnet, cures, None, silicone=choices.silicone, magnets_apart_mm=apart)
+    length = 2 * EAR_DEPTH
+    dowels = Dowels(2, s.dowel, length, s.dowel_hole)
+    screws = Screws(2 * len(s.ears.bolt_z), f"M{BOLT:g}", length + NUT)
+    return Recipe(magnet, cures, dowels, screws, choices.silicone, apart)
+
+
+def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
+    """Return the force between the magnets of neighbouring cavities, N and over a magnet's weight.
+
+    None where there is no neighbour, or where its magnet stays in its pocket by itself.
+    """
+    (x, y), *others = sizes(design, mold).centres
+    apart = magnet_field.resting_distance(design)
+    pitch = min((math.hypot(u - x, v - y) for u, v in others), default=math.inf)
+    if apart is None or pitch >= apart:
+        return None
+    force = magnet_field.repulsion(design.magnet_diameter / 2, design.magnet_height, design.remanence, pitch)
+    return force, force / magnet_field.weight(design)
 
 
 def size_sentence(size: OuterSize) -> str:
@@ -119,7 +143,7 @@ def text(
         "",
         *([f"![the sensor, cut open]({picture})", ""] if picture else []),
         *_files(fabricated.parts, plan),
-        *_printing(design, choices, plan),
+        *_printing(design, choices, recipe, plan),
         *_casting(design, choices, recipe),
         *_assembly(design, plan),
         *_checks(fabricated),
@@ -149,7 +173,7 @@ def _files(parts: Sequence[Exported], plan: Plan | None) -> list[str]:
     return [*lines, ""]
 
 
-def _printing(design: Design, choices: FabricationChoices, plan: Plan | None) -> list[str]:
+def _printing(design: Design, choices: FabricationChoices, recipe: Recipe, plan: Plan | None) -> list[str]:
     m = choices.mold
     b = "both halves of B" if m.split else "B (mold_b)"
     lines = [
@@ -170,18 +194,20 @@ def _printing(design: Design, choices: FabricationChoices, plan: Plan | None) ->
             "when it is glued into its pocket."
         )
     lines.append("- The cure decides the material: see the temperatures under Cast.")
-    if m.split:
-        s = sizes(design, m)
+    if recipe.dowels and recipe.screws:
+        pins, screws = recipe.dowels, recipe.screws
         lines.append(
-            f"- Two dowels of Ø{s.dowel:.3g} mm, {s.floor:.3g} mm long (flush with the foot, below A's skirt), stand "
-            "in the foot, in the plane of the split; a rubber band round the foot holds the halves."
+            f"- Two pins of Ø{pins.diameter_mm:g} x {pins.length_mm:g} mm lie across the split, in holes of "
+            f"Ø{pins.hole_mm:.3g} mm in the ears; {screws.count} screws {screws.thread} x {screws.length_mm:g} mm "
+            "with washers and nuts clamp the ears along the seam. Tighten them before each pour, in turn, until no "
+            "light shows through the seam; a film of petroleum jelly on it keeps thin silicone from creeping in."
         )
     return [*lines, ""]
 
 
 def _casting(design: Design, choices: FabricationChoices, recipe: Recipe) -> list[str]:
     m = choices.mold
-    steps = [*_first_pour(m), *_second_pour(design), _demoulding(m)]
+    steps = [*_first_pour(m, recipe), *_second_pour(design, m, recipe), _demoulding(m)]
     larger = 100 * (1 / (1 - m.shrink) - 1)
     return [
         *_mixes(design, m),
@@ -217,27 +243,43 @@ def _mixes(design: Design, m: Mold) -> list[str]:
     return lines
 
 
-def _first_pour(m: Mold) -> list[str]:
+def _first_pour(m: Mold, recipe: Recipe) -> list[str]:
     """Return the steps from the empty mould to the cured beam, still in part B."""
     return [
         "Spray release agent into B and onto A's underside and pin; let it dry.",
-        "Mix the silicone's parts by its data sheet (Dragon Skin 30: 1 to 1), degas until it has risen and fallen.",
+        f"{_mixing(recipe.silicone)}, degas until it has risen and fallen.",
         (
             "Fill B to its rim, then press A on slowly, until the lid lies on the rim: air and surplus leave by the "
             f"{m.vents} vents of each cavity."
         ),
         "Degas again in the vacuum chamber; top up through the vents.",
-        "First cure: 16 h at room temperature, or in the oven at no more than the table below allows.",
+        f"First cure: {_curing(recipe.silicone)}, or in the oven at no more than the table below allows.",
         "Lift A straight up, a blade in the slot between skirt and foot. Leave the cast in B.",
     ]
 
 
-def _second_pour(design: Design) -> list[str]:
+def _mixing(silicone: Silicone | None) -> str:
+    """Return how to mix; a ratio whose source was not read is said to need a look."""
+    if silicone is None:
+        return "Mix the silicone's parts as its data sheet says"
+    unread = ", a ratio to check on its data sheet" if "mixed" in silicone.assumed else f" ({silicone.source})"
+    return f"Mix {silicone.name} {silicone.mixed}{unread}"
+
+
+def _curing(silicone: Silicone | None) -> str:
+    """Return how long to cure without an oven."""
+    if silicone is None:
+        return "at room temperature for as long as the silicone's data sheet says"
+    unread = ", times to check on its data sheet" if "hours" in silicone.assumed else ""
+    return f"{silicone.hours:g} h at {silicone.temperature:g} °C{unread}"
+
+
+def _second_pour(design: Design, m: Mold, recipe: Recipe) -> list[str]:
     """Return the steps that put the magnet into its pocket; none without a magnet."""
     if not design.shape.has_magnet:
         return []
     # the mould holds the sensor upside down
-    down = design.magnet_north == "down"
+    down, pushed = design.magnet_north == "down", neighbours_push(design, m)
     north = "up, out of the mould: it points to the base" if down else "down, into the mould: it points to the tip"
     return [
         (
@@ -250,15 +292,30 @@ def _second_pour(design: Design) -> list[str]:
             f"pocket with a drop of the same silicone, its north pole {north} later. Glues of tin-cured silicone or "
             "amine-cured epoxy keep platinum silicone from curing."
         ),
+        *([_apart(*pushed, recipe)] if pushed else []),
+        (
+            f"Let the glue cure before the second pour ({_curing(recipe.silicone)}): a magnet on wet silicone "
+            "shifts, tilts and turns."
+        ),
         (
             "Second pour: mix afresh, fill the pocket over the magnet, degas, and strike it off flush with B's rim, "
             "which is the base plane."
         ),
         (
-            "Second cure, with the magnet: 16 h at room temperature, or in the oven at no more than the table below "
-            "allows."
+            f"Second cure, with the magnet: {_curing(recipe.silicone)}, or in the oven at no more than the table "
+            "below allows."
         ),
     ]
+
+
+def _apart(force: float, weights: float, recipe: Recipe) -> str:
+    """Return the step that keeps neighbouring magnets in their pockets."""
+    return (
+        f"Neighbouring magnets, like poles up, repel with {force:.2g} N, {weights:.2g} times their weight, and would "
+        "rather turn over. Put them in one after another: hold each down with a rod of brass, aluminium or wood that "
+        "fills the pocket until its glue has cured, and only then bring the next; keep steel tools and other magnets "
+        f"away. They stay by themselves from {recipe.magnets_apart_mm:.3g} mm between their axes on."
+    )
 
 
 def _demoulding(m: Mold) -> str:
@@ -311,9 +368,20 @@ def _assembly(design: Design, plan: Plan | None) -> list[str]:
             "   Their output may fall where the model's rises: the sign of the part's gain decides; check it."
         )
     else:
+        pads = board_drawing.pads(design)
+        x, y = pads[0]
         where = f", {design.chip_x:g} mm from the axis on x" if design.chip_x else ""
-        lines.append(f"1. The chip's board is glued under the base, the chip in its pocket{where}.")
+        lines.append(f"1. The chip's board is glued under the base, the chip in its pocket{where}. Seen from above,")
+        lines.append(f"   its pin 1 lies at x = {x:.3g}, y = {y:.3g} mm, the row of pins 1 to 3 along +x; the chip's")
+        lines.append("   own axes are drawn on its data sheet: turn or change signs where they differ.")
+        lines.append(
+            "   The pocket has room for the chip and its pads; the capacitor goes on the underside of the board."
+        )
         lines.append("2. Its z axis must point down as in the model, or change the sign.")
+    if plan.screw:
+        at = plan.screw_at
+        lines.append(f"   Four screws M{math.floor(plan.screw):g} go through the holes of Ø{plan.screw:g} mm at")
+        lines.append(f"   x, y = +-{at:.4g} mm and hold base and board; the board needs the same holes.")
     onto = "into the recess" if plan.recess else "onto the middle"
     lines.append(f"3. Glue the beam {onto} of the base with silicone glue; it must hold the whole disc.")
     lines.append("   The finite elements take it as bonded there: prime the base as the glue's data sheet says.")

@@ -28,11 +28,41 @@ class Cure:
 
 @dataclass(frozen=True, slots=True)
 class Dowels:
-    """Dowels that align the halves of a split mould."""
+    """Pins across the split that align the halves of a mould, in holes wide enough to slide."""
 
     count: int
     diameter_mm: float
     length_mm: float
+    hole_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Screws:
+    """Screws with nuts that clamp the halves of a split mould; `length_mm` holds two washers and a nut."""
+
+    count: int
+    thread: str
+    length_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Silicone:
+    """What a recipe needs to know of a silicone.
+
+    Attributes
+    ----------
+    mixed : ratio of the parts.
+    hours, temperature : of a cure without an oven, h and °C.
+    source : data sheet or publication.
+    assumed : those of "mixed" and "hours" whose source was not read.
+    """
+
+    name: str
+    mixed: str
+    hours: float
+    temperature: float
+    source: str
+    assumed: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +73,18 @@ class Recipe:
     ----------
     magnet_limit_C : working limit of the magnet; None without a magnet.
     cures : one for each material that the mould can be printed from.
-    dowels : None if the mould is not split.
+    dowels, screws : None if the mould is not split.
+    silicone : None where the design names none.
+    magnets_apart_mm : distance of the axes from which the magnets of neighbouring cavities stay where they are put;
+        None without a magnet.
     """
 
     magnet_limit_C: float | None
     cures: tuple[Cure, ...]
     dowels: Dowels | None
+    screws: Screws | None = None
+    silicone: Silicone | None = None
+    magnets_apart_mm: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

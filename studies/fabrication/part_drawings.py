@@ -10,7 +10,7 @@ from geometry.base import Plan
 from geometry.design import Design
 from geometry.fabrication.hall_bodies import places
 from geometry.fabrication.technical_drawing import Dimension, Piece, View, number, sheet
-from geometry.mold import Mold, Sizes
+from geometry.mold import BOLT, BOLT_HOLE, Mold, Sizes
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -175,6 +175,13 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
     side.labels += [((-x - s.rim, s.lid / 2), "A", (-5.0, -9.0))]
     side.labels += [((-x - s.rim, s.bottom + 0.5 * s.floor), "B", (-5.0, 9.0))]
     _axis(side)
+    if s.ears:
+        e, low = s.ears, s.bottom
+        above.dims.append(((-e.end, 0), (e.end, 0), "above", 0, number(2 * e.end)))
+        side.dims += [
+            ((e.bolt_x, e.bolt_z[0]), (e.end, low), "right", 3, number(e.bolt_z[0] - low)),
+            ((x, low), (e.bolt_x, low), "below", 1, number(e.bolt_x - x)),
+        ]
     foot_y = max(centre[1] for centre in s.centres) + s.rim
     above.dims += [((-x - s.rim, -foot_y), (x + s.rim, -foot_y), "below", 0, number(2 * (x + s.rim)))]
     above.dims += [((x + s.rim, -foot_y), (x + s.rim, foot_y), "right", 0, number(2 * foot_y))]
@@ -187,7 +194,10 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
         f"{mold.vents} vents on Ø{number(2 * s.vent_ring)}; pin: draft {mold.draft:g}°, fillet {number(s.pin_edge)}",
     ]
     if mold.split:
-        notes.append(f"B in two halves, with two dowels Ø{number(s.dowel)} upright in the foot")
+        notes.append(
+            f"B in two halves; across the split: pins Ø{number(s.dowel)} in holes Ø{number(s.dowel_hole)}, "
+            f"screws M{number(BOLT)} in holes Ø{number(BOLT_HOLE)}"
+        )
     return sheet("Mould", [[side], [above]], notes)
 
 

@@ -188,6 +188,11 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
         for name, size in widths.items()
         if 0 < size < process.detail
     ]
+    if pushed := casting_recipe.neighbours_push(design, choices.mold):
+        too_fine.append(
+            f"the magnets of neighbouring cavities repel with {pushed[1]:.2g} times their weight: glue them in one "
+            "after another, held down until the glue has cured (see the recipe)"
+        )
     if choices.mold.marks and (no_room := engraved_marks.mold_marks(design, choices.mold, s)[2]):
         too_fine.append(no_room)
     if choices.base.marks and solids.plan and not solids.plan.marks:

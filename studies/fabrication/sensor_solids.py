@@ -10,6 +10,7 @@ from geometry.base import SHAPES, Base, Plan
 from geometry.design import BadInput, Design
 from geometry.fabrication.solid_files import check_tolerance
 from geometry.mold import Mold
+from studies.fabrication.fabrication_rows import Silicone
 from studies.inputs import user_input
 
 if TYPE_CHECKING:
@@ -43,11 +44,13 @@ class FabricationChoices:
     ----------
     mold, base : settings of the mould and of the base.
     tolerance : largest distance of the facets from the surface, mm; None: D/2000.
+    silicone : what the recipe says of the mix and the cure; None: that the data sheet tells.
     """
 
     mold: Mold = field(default_factory=Mold)
     base: Base = field(default_factory=Base)
     tolerance: float | None = None
+    silicone: Silicone | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,11 @@ class FabricatedSolids:
 
 
 def parse_fabrication_choices(
-    process: str, mold: Sequence[str], base: Sequence[str], tolerance: float | None
+    process: str,
+    mold: Sequence[str],
+    base: Sequence[str],
+    tolerance: float | None,
+    silicone: Silicone | None = None,
 ) -> FabricationChoices:
     """Return the fabrication choices that the texts KEY=VALUE state; `base` may also hold the name of a shape.
 
@@ -88,7 +95,7 @@ def parse_fabrication_choices(
     settings = user_input.parse_choices("--mold", mold, Mold)
     base = [f"shape={text}" if text in SHAPES else text for text in base]
     return FabricationChoices(
-        Mold(process=process, **settings), Base(**user_input.parse_choices("--base", base, Base)), tolerance
+        Mold(process=process, **settings), Base(**user_input.parse_choices("--base", base, Base)), tolerance, silicone
     )
 
 

@@ -58,6 +58,8 @@ class DerivedValues:
     S1_mm, S2_mm, S3_mm : positions of the Hall elements.
     rest_readings_T, rest_readings_V, rest_saturated : one value for each element without a load; None if the field
         at an element is unknown, and no volts for a chip.
+    magnets_apart_mm : distance of the axes from which two such magnets side by side, as in neighbouring cavities,
+        stay where they are put; None without a magnet.
     """
 
     H_mm: float
@@ -73,6 +75,7 @@ class DerivedValues:
     rest_readings_T: list[float] | None
     rest_readings_V: list[float] | None
     rest_saturated: list[bool] | None
+    magnets_apart_mm: float | None
 
 
 def _derived_columns(derived: DerivedValues) -> FlatRow:
@@ -147,12 +150,17 @@ def report_of(design: Design) -> DesignReport:
     derived, failures = derived_values(design)
     names = [each.name for each in dataclasses.fields(Design)]
     assumed = [name for name in names if origin(name, design) == "assumed" and name not in design.unused_fields()]
-    return DesignReport(design, derived, assumed, [*design.warnings(), *failures])
+    warnings = design.warnings()
+    # a base asks for more room over the elements than the beam does: one limit of l0, the larger one
+    if derived.outer_size.assembled_size_mm is None and any("l0 must be at least" in text for text in failures):
+        warnings = [text for text in warnings if "would lie inside the beam" not in text or "raise l0" not in text]
+    return DesignReport(design, derived, assumed, [*warnings, *failures])
 
 
 def derived_values(design: Design) -> tuple[DerivedValues, list[str]]:
     """Return the derived values, and a sentence for each that is unknown or whose element is saturated."""
     from analytic import hall
+    from analytic.magnet import resting_distance
     from analytic.parts import of_design
     from geometry.base import Base, plan
     from geometry.cad import beam_volume, magnet_volume
@@ -187,6 +195,7 @@ def derived_values(design: Design) -> tuple[DerivedValues, list[str]]:
         rest_readings_T=None if rest is None else list(rest.B_T),
         rest_readings_V=list(rest.V) if rest is not None and set(rest.units) == {"V"} else None,
         rest_saturated=None if rest is None else list(rest.saturated),
+        magnets_apart_mm=resting_distance(design),
     )
     return derived, failures
 

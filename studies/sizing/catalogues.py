@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from geometry.bad_input import nearest
 from geometry.design import LEAST_WALL, BadInput
+from studies.fabrication.fabrication_rows import Silicone
 from studies.sizing.catalogue_entries import HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.catalogue_files import CatalogueFile, read_catalogue
 from studies.sizing.requirements import CATALOGUES, Requirements
@@ -61,6 +62,29 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
         _in_use("hall_parts", _merged(file.hall_parts for file in files["hall_parts"]), requirements),
         _in_use("silicones", _merged(file.silicones for file in files["silicones"]), requirements),
     )
+
+
+def silicone_of(name: str) -> Silicone:
+    """Return what a casting recipe needs to know of a silicone of the shipped catalogue.
+
+    Raises
+    ------
+    BadInput
+        There is no silicone of this name.
+
+    >>> silicone_of("Sylgard 184").mixed
+    '10A:1B by weight'
+    """
+    shipped = read_catalogue(str(FOLDER / "silicones.toml")).silicones
+    if name not in shipped:
+        raise BadInput(f"the catalogue has no silicone {name!r}: {nearest(name, shipped)}")
+    return mix_of(shipped[name])
+
+
+def mix_of(part: SiliconeEntry) -> Silicone:
+    """Return what a casting recipe needs to know of a silicone."""
+    assumed = tuple(key for key, name in {"mixed": "mixed", "hours": "cure_hours"}.items() if name in part.assumed)
+    return Silicone(part.name, part.mixed, part.cure_hours, part.cure_temperature, part.source, assumed)
 
 
 def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[dict[str, Any]]:
