@@ -347,7 +347,7 @@ def repulsion(radius: float, height: float, J: float, distance: float) -> float:
     Far away it is that of two dipoles, 3 mu0 m^2 / (4 pi s^4):
 
     >>> m = 1.2 / MU_0 * math.pi * 3.0**2 * 3.0 * 1e-9
-    >>> round(repulsion(3.0, 3.0, 1.2, 200.0) / (3 * MU_0 * m**2 / (4 * math.pi * 0.2**4)), 3)
+    >>> round(repulsion(3.0, 3.0, 1.2, 500.0) / (3 * MU_0 * m**2 / (4 * math.pi * 0.5**4)), 3)
     1.0
     """
     if not distance > 2 * radius:

@@ -366,7 +366,8 @@ def test_a_count_is_not_rounded(run, count):
 )
 def test_what_is_set_in_vain_is_said(run, verb):
     status, _, err = run(verb[0], "paper", *verb[1:], "--set", "mooney_share=0.5", "--json")
-    assert (status, err) == (0, "magtip: warning: mooney_share has no effect: the law is neo-hookean\n")
+    assert status == 0
+    assert err.startswith("magtip: warning: mooney_share has no effect: the law is neo-hookean\n")
 
 
 def test_options_that_take_whole_numbers_say_so(run):
