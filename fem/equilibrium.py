@@ -20,14 +20,14 @@ import numpy as np
 import skfem
 
 from fem.accuracy import STANDARD, Accuracy
-from fem.error_estimates import estimate_response
+from fem.results.error_estimates import estimate_response
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Model, Scene
 from fem.solution import Solution
-from fem.solvers.depth_ranges import split_by_mesh
-from fem.solvers.load_case_models import path_models
-from fem.solvers.load_stepping import Path
+from fem.solve.depth_ranges import split_by_mesh
+from fem.solve.load_case_models import path_models
+from fem.solve.load_stepping import Path
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
@@ -123,11 +123,11 @@ def walk(
     Parameters
     ----------
     estimate : estimate the errors of force, shift and tilt from a second solve of the same scene, on a mesh coarser
-        by COARSER and with one harmonic less (two in place of one), see `fem.error_estimates`; they stay unknown
-        where that mesh does not resolve the gripped skin. Also check whether an axisymmetric press would be stable
-        sideways; if not, the message says so.
+        by COARSER and with one harmonic less (two in place of one), see `fem.results.error_estimates`; they stay
+        unknown where that mesh does not resolve the gripped skin. Also check whether an axisymmetric press would be
+        stable sideways; if not, the message says so.
     progress : called with the completed share of the path and a text.
-    mesh : tetrahedra in units of D to solve on, see `fem.discretisation.symmetry_models.solid`; errors are then not
+    mesh : tetrahedra in units of D to solve on, see `fem.model.symmetry_models.solid`; errors are then not
         estimated.
 
     Yields

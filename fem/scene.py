@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from fem.accuracy import LEVELS, STANDARD, Accuracy, coarser
-from fem.material import Law, law
+from fem.model.material import Law, law
 from geometry.design import BadInput, Design, Shape
 from geometry.loads import Load, Magnet, check_kinds, check_load
 

@@ -9,9 +9,9 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.discretisation import angular_fields
-from fem.solvers.inertia import UNKNOWN, Stability, Verdict
-from fem.solvers.newton import Stop
+from fem.model import angular_fields
+from fem.solve.inertia import UNKNOWN, Stability, Verdict
+from fem.solve.newton import Stop
 from geometry.arrays import Array
 from geometry.loads import Load, Response
 
@@ -58,11 +58,11 @@ class Facts:
     sideways_stiffness_ratio : lateral stiffness of a frictionless press with a tip free to slide, over that of the
         unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
     critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
-        `fem.results.lateral_stiffness`). `fem.stability` computes it with an error estimate.
+        `fem.results.lateral_stiffness`). `fem.analyses.stability` computes it with an error estimate.
     crease_ratio : largest ratio of the stretches normal to the free skin and along it, which creases beyond CREASE
         (see `fem.results.material_stability`); None where it was not computed.
     harmonics_missing : harmonics that a tilted plate needs beyond those of the model (see
-        `fem.solvers.depth_ranges.orders_needed`); the error estimates have grown with them.
+        `fem.solve.depth_ranges.orders_needed`); the error estimates have grown with them.
     largest_strain : largest principal nominal strain that 99.9 % of the silicone's volume stays below (see
         `fem.results.silicone_strain`); None where it was not computed.
     """
@@ -100,7 +100,8 @@ class Facts:
 
 
 class Diagnosed(Protocol):
-    """A state that gets facts, and from them status and message: a `Solution`, or a `fem.timed_path.TimedState`."""
+    """A state that gets facts, and from them status and message: a `Solution`, or a
+    `fem.analyses.timed_path.TimedState`."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -140,7 +141,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """Estimated relative errors from the mesh and the harmonics, see `fem.error_estimates`.
+    """Estimated relative errors from the mesh and the harmonics, see `fem.results.error_estimates`.
 
     Those of force, shift and tilt are relative errors of the vectors; that of `sideways` is of the force along the
     shear. None where they were not estimated, or where the quantity is zero.

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.contact import plate_contact
-from fem.contact.plate_contact import Plate
-from fem.discretisation import symmetry_models
-from fem.solvers import active_set
-from fem.solvers.direct_solver import Solver
+from fem.model import plate_contact, symmetry_models
+from fem.model.plate_contact import Plate
+from fem.solve import active_set
+from fem.solve.direct_solver import Solver
 from geometry.design import Design
 
 DEPTH = 0.06

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.contact import plate_contact
-from fem.contact.plate_contact import Plate
-from fem.discretisation import axisymmetric_compiled, element_integrals, symmetry_models
+from fem.model import axisymmetric_compiled, element_integrals, plate_contact, symmetry_models
+from fem.model.plate_contact import Plate
 from geometry.design import paper
 
 

@@ -6,8 +6,7 @@ import numpy as np
 from test_element_loops import assert_equal_assemblies, by_both_loops
 from test_nonlinear_system import SCENES, plate, smooth
 
-from fem.contact import coulomb_friction
-from fem.discretisation import axisymmetric_loops, element_loops
+from fem.model import axisymmetric_loops, coulomb_friction, element_loops
 
 
 def test_sections_without_harmonics_are_known_and_others_are_not():

@@ -24,11 +24,11 @@ def test_the_packages_of_the_product_are_found():
 
 
 def test_a_module_is_left_out_by_its_path_and_not_by_its_name(tmp_path, monkeypatch):
-    for name in ("fem/accuracy.py", "fem/solvers/accuracy.py"):
+    for name in ("fem/accuracy.py", "fem/solve/accuracy.py"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("a = 1\n")
     monkeypatch.setattr(checkpoint, "ROOT", tmp_path)
-    assert checkpoint.modules("fem", apart=["fem/accuracy.py"]) == [tmp_path / "fem/solvers/accuracy.py"]
+    assert checkpoint.modules("fem", apart=["fem/accuracy.py"]) == [tmp_path / "fem/solve/accuracy.py"]
 
 
 def test_a_result_keeps_the_commit_that_computed_it(tmp_path, monkeypatch):

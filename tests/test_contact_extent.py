@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from fem.accuracy import QUICK
-from fem.contact import contact_extent
-from fem.contact.contact_extent import find_contact_edge, measure_contact_edge, solve_press
-from fem.discretisation.mesh_specification import specification
+from fem.model.mesh_specification import specification
 from fem.scene import Scene
+from fem.solve import contact_extent
+from fem.solve.contact_extent import find_contact_edge, measure_contact_edge, solve_press
 from geometry.design import paper
 from geometry.loads import Load
 

@@ -8,13 +8,12 @@ import pytest
 import scipy.sparse.linalg as spla
 
 from fem.accuracy import QUICK
-from fem.contact import coulomb_friction
-from fem.contact.plate_contact import KAPPA, Plate
-from fem.discretisation import symmetry_models
 from fem.equilibrium import solve, trace
+from fem.model import coulomb_friction, symmetry_models
+from fem.model.plate_contact import KAPPA, Plate
 from fem.scene import choose_model
-from fem.solvers.direct_solver import Solver
-from fem.solvers.pardiso import have_pardiso
+from fem.solve.direct_solver import Solver
+from fem.solve.pardiso import have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -110,7 +109,7 @@ def test_no_friction_is_the_frictionless_plate():
 
 def test_little_friction_is_nearly_none_and_much_of_it_prevents_slip(monkeypatch):
     """On springs that are equally stiff in all of them."""
-    monkeypatch.setattr("fem.solvers.path_state.SECTION_KAPPA", KAPPA)
+    monkeypatch.setattr("fem.solve.path_state.SECTION_KAPPA", KAPPA)
     none, little, some, much, more = (bare([1.0], mu, magnet="rigid")[0] for mu in ("none", 1e-6, 0.1, 1e2, 1e4))
     force = [s.response.force[2] for s in (none, little, some, much, more)]
     assert force[1] == pytest.approx(force[0], rel=1e-5)

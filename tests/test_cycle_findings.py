@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from fem.timed_path import TimedState
+from fem.analyses.timed_path import TimedState
 from geometry.loads import Response
 from studies.simulation.cycle_findings import doubts
 from studies.simulation.cycle_loops import CycleState, LoopRow

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fem.timed_path import TimedState
+from fem.analyses.timed_path import TimedState
 from geometry.design import paper
 from geometry.loads import Response
 from studies.simulation.cycle_loops import CycleState, StaticCurve, loops, outputs_of, with_readings

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from fem.timed_path import TimedState
+from fem.analyses.timed_path import TimedState
 from geometry.design import paper
 from geometry.loads import Response
 from studies.simulation import cycle_plot

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from fem.accuracy import FINE, QUICK, STANDARD
-from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
+from fem.model import symmetry_models
 from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Facts
-from fem.solvers.inertia import STABLE, UNKNOWN, Stability
-from fem.solvers.load_stepping import Path
-from fem.solvers.newton import STOPPED
+from fem.solve.inertia import STABLE, UNKNOWN, Stability
+from fem.solve.load_stepping import Path
+from fem.solve.newton import STOPPED
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.simulation import state_rows

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fem.contact.plate_contact import Plate
-from fem.discretisation import symmetry_models
+from fem.model import symmetry_models
+from fem.model.plate_contact import Plate
 from fem.results.lateral_stiffness import SidewaysModel
-from fem.solvers import pardiso
-from fem.solvers.direct_solver import Solver
-from fem.solvers.inertia import STABLE, UNKNOWN, Stability
-from fem.solvers.load_stepping import Path
-from fem.solvers.pardiso import SingularMatrixError, have_pardiso
-from fem.solvers.path_state import about
+from fem.solve import pardiso
+from fem.solve.direct_solver import Solver
+from fem.solve.inertia import STABLE, UNKNOWN, Stability
+from fem.solve.load_stepping import Path
+from fem.solve.pardiso import SingularMatrixError, have_pardiso
+from fem.solve.path_state import about
 from geometry.design import Design
 
 RNG = np.random.default_rng(3)

@@ -121,7 +121,7 @@ def test_dotted_names_are_defined(path):
 
 def test_a_wrong_name_is_no_name():
     assert resolves("geometry.design.Design")
-    assert resolves("fem.solvers")
+    assert resolves("fem.solve")
     assert not resolves("geometry.design.Desing")
     assert not resolves("geometry.designs")
 

@@ -8,8 +8,8 @@ import pytest
 import skfem
 
 from fem.accuracy import QUICK
-from fem.discretisation import elements, symmetry_models
 from fem.equilibrium import solve
+from fem.model import elements, symmetry_models
 from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from test_nonlinear_system import RNG, SCENES, plate, smooth
 
-from fem import material
-from fem.discretisation import element_integrals, element_loops
+from fem.model import element_integrals, element_loops, material
 
 LAWS = {
     "neo-hookean": (),

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import simpson
 
 from fem.accuracy import QUICK, STANDARD
-from fem.discretisation import symmetry_models
 from fem.equilibrium import solve, trace
-from fem.solvers.load_stepping import Path
-from fem.solvers.path_state import with_harmonics
+from fem.model import symmetry_models
+from fem.solve.load_stepping import Path
+from fem.solve.path_state import with_harmonics
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 

@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from fem.error_estimate_rules import (
+from fem.results.error_estimate_rules import (
     LEAST_SHARE,
     RESPONSE_RULES,
     TANGENT_RULES,

@@ -7,7 +7,7 @@ import pytest
 
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve
-from fem.error_estimates import estimate_response, load_case
+from fem.results.error_estimates import estimate_response, load_case
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load, Response

@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from fem import modes, small_shear, stability
 from fem.accuracy import LEVELS, QUICK
+from fem.analyses import modes, small_shear, stability
 from geometry.design import paper
 from studies.output.atomic_files import json_line
 from studies.validation import error_statistics, error_study, error_study_cases, error_study_tangents

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.discretisation import symmetry_models
-from fem.solvers import extrapolation
-from fem.solvers.path_state import PastState, at_rest
+from fem.model import symmetry_models
+from fem.solve import extrapolation
+from fem.solve.path_state import PastState, at_rest
 from geometry.design import paper
 
 REST = at_rest(symmetry_models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))

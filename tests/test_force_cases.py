@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fem.force_targets import ForceTarget
+from fem.analyses.force_targets import ForceTarget
 from geometry.loads import Load
 from studies.inputs.option_groups import Motion
 from studies.simulation import force_cases

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
-from fem.contact import plate_contact
-from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
-from fem.solvers import load_increments
-from fem.solvers.direct_solver import Solver
-from fem.solvers.friction_newton import contact_zone, newton_with_friction
-from fem.solvers.inertia import STABLE, UNKNOWN
-from fem.solvers.newton import newton
-from fem.solvers.pardiso import have_pardiso
-from fem.solvers.path_state import at_rest
+from fem.model import plate_contact, symmetry_models
+from fem.solve import load_increments
+from fem.solve.direct_solver import Solver
+from fem.solve.friction_newton import contact_zone, newton_with_friction
+from fem.solve.inertia import STABLE, UNKNOWN
+from fem.solve.newton import newton
+from fem.solve.pardiso import have_pardiso
+from fem.solve.path_state import at_rest
 from geometry.design import paper
 from geometry.loads import Load
 

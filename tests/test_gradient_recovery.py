@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.discretisation import angular_fields, elements, gradient_recovery
+from fem.model import angular_fields, elements, gradient_recovery
 
 HEIGHT = 0.45
 CUBIC = np.random.default_rng(4).uniform(-0.1, 0.1, (3, len(gradient_recovery.POWERS)))

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.contact.plate_contact import Plate, overlap
-from fem.discretisation import symmetry_models
-from fem.solvers.direct_solver import Solver
-from fem.solvers.friction_newton import newton_with_friction
-from fem.solvers.kept_tangent import KeptTangent, newton_near
-from fem.solvers.newton import newton
-from fem.solvers.path_state import at_rest
+from fem.model import symmetry_models
+from fem.model.plate_contact import Plate, overlap
+from fem.solve.direct_solver import Solver
+from fem.solve.friction_newton import newton_with_friction
+from fem.solve.kept_tangent import KeptTangent, newton_near
+from fem.solve.newton import newton
+from fem.solve.path_state import at_rest
 from geometry.design import Design, paper
 
 DEPTHS = (0.05, 0.053, 0.056)

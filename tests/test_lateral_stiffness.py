@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from analytic import buckling
-from fem import stability
 from fem.accuracy import QUICK
-from fem.discretisation import symmetry_models
+from fem.analyses import stability
+from fem.model import symmetry_models
 from fem.results.lateral_stiffness import SidewaysModel, estimate_margin, measure_lateral_stiffness
-from fem.solvers.inertia import Stability
-from fem.solvers.load_stepping import Path
+from fem.solve.inertia import Stability
+from fem.solve.load_stepping import Path
 from geometry.design import Design
 
 BEAM = Design(L=40.0)

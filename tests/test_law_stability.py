@@ -5,7 +5,7 @@ import pytest
 
 from fem import equilibrium
 from fem.accuracy import STANDARD
-from fem.discretisation import element_integrals
+from fem.model import element_integrals
 from fem.results import material_stability
 from fem.scene import Scene
 from geometry.design import paper

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from fem.accuracy import QUICK, STANDARD
-from fem.discretisation.mesh_specification import specification
+from fem.model.mesh_specification import specification
 from fem.scene import Scene
-from fem.solvers import load_case_models
-from fem.solvers.load_case_models import PRESS_FILLET, path_models
+from fem.solve import load_case_models
+from fem.solve.load_case_models import PRESS_FILLET, path_models
 from geometry.design import paper
 from geometry.loads import Load
 

@@ -6,12 +6,12 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from fem.discretisation import symmetry_models
-from fem.solvers import extrapolation, load_increments
-from fem.solvers.direct_solver import Solver
-from fem.solvers.load_increments import apply_increment, follow_segment
-from fem.solvers.newton import TOLERANCE, newton, reference_size
-from fem.solvers.path_state import at_rest, glue, with_harmonics
+from fem.model import symmetry_models
+from fem.solve import extrapolation, load_increments
+from fem.solve.direct_solver import Solver
+from fem.solve.load_increments import apply_increment, follow_segment
+from fem.solve.newton import TOLERANCE, newton, reference_size
+from fem.solve.path_state import at_rest, glue, with_harmonics
 from geometry.design import paper
 
 SHAPE = paper().shape.without_magnet().scaled(1 / 8)

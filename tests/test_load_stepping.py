@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK, STANDARD
-from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
-from fem.solvers import load_increments
-from fem.solvers.load_stepping import Path
+from fem.model import symmetry_models
+from fem.solve import load_increments
+from fem.solve.load_stepping import Path
 from geometry.design import Design, paper
 from geometry.loads import Load
 

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from fem.material import eigenvectors, evaluate, lame, law, neo_hookean, ogden, strains
+from fem.model.material import eigenvectors, evaluate, lame, law, neo_hookean, ogden, strains
 
 RNG = np.random.default_rng(1)
 

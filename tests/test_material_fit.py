@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fem.material import evaluate, law
+from fem.model.material import evaluate, law
 from geometry.design import LAWS, SILICONE_E, BadInput
 from studies.inputs.option_groups import LawName
 from studies.inputs.user_input import read_design

@@ -7,7 +7,7 @@ import pytest
 
 from fem import equilibrium
 from fem.accuracy import QUICK
-from fem.material import evaluate, law
+from fem.model.material import evaluate, law
 from fem.results import material_stability
 from fem.results.postprocess import read
 from fem.scene import Scene

@@ -8,14 +8,14 @@ import pytest
 import skfem
 from scipy.optimize import brentq
 
-from fem import modes, vibration
 from fem.accuracy import QUICK, STANDARD
-from fem.discretisation import angular_fields, elements
-from fem.discretisation.nonlinear_system import System
-from fem.discretisation.symmetry_models import on_axis
-from fem.error_estimate_rules import TANGENT_RULES
-from fem.error_estimates import estimate_number
-from fem.material import lame
+from fem.analyses import modes, vibration
+from fem.model import angular_fields, elements
+from fem.model.material import lame
+from fem.model.nonlinear_system import System
+from fem.model.symmetry_models import on_axis
+from fem.results.error_estimate_rules import TANGENT_RULES
+from fem.results.error_estimates import estimate_number
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load

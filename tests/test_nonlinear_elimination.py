@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.contact import plate_contact
-from fem.contact.coulomb_friction import at_rest
-from fem.contact.plate_contact import Plate
-from fem.discretisation import elements, rigid_inclusion, symmetry_models
-from fem.discretisation.nonlinear_system import System
-from fem.material import lame
-from fem.solvers import newton, nonlinear_elimination
-from fem.solvers.direct_solver import Solver
+from fem.model import elements, plate_contact, rigid_inclusion, symmetry_models
+from fem.model.coulomb_friction import at_rest
+from fem.model.material import lame
+from fem.model.nonlinear_system import System
+from fem.model.plate_contact import Plate
+from fem.solve import newton, nonlinear_elimination
+from fem.solve.direct_solver import Solver
 from geometry.design import Design
 
 CORE, TOP = 0.5, 1.0

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.contact.plate_contact import Plate
-from fem.discretisation import angular_fields, elements, rigid_inclusion, symmetry_models
-from fem.discretisation.nonlinear_system import NONE, System
-from fem.material import lame
-from fem.solvers.direct_solver import Solver
-from fem.solvers.newton import newton
+from fem.model import angular_fields, elements, rigid_inclusion, symmetry_models
+from fem.model.material import lame
+from fem.model.nonlinear_system import NONE, System
+from fem.model.plate_contact import Plate
+from fem.solve.direct_solver import Solver
+from fem.solve.newton import newton
 from geometry.design import Design
 from geometry.section import section
 

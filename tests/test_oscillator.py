@@ -1,4 +1,5 @@
-"""One mass on one spring: limits, half-power width, and the natural frequencies of `fem.modes.spring_mass`."""
+"""One mass on one spring: limits, half-power width, and the natural frequencies of
+`fem.analyses.modes.spring_mass`."""
 
 import math
 from dataclasses import replace
@@ -8,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from analytic.oscillator import accurate_to, moving_mass, natural_frequency, receptance
-from fem.modes import spring_mass
+from fem.analyses.modes import spring_mass
 from geometry.design import paper
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fem.discretisation import symmetry_models, viscous_history
-from fem.discretisation.assembled_state import State
-from fem.discretisation.nonlinear_system import System
-from fem.discretisation.viscous_history import Branches
+from fem.model import symmetry_models, viscous_history
+from fem.model.assembled_state import State
+from fem.model.nonlinear_system import System
+from fem.model.viscous_history import Branches
 from geometry.arrays import Array
 from geometry.design import paper
 

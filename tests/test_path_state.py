@@ -5,10 +5,10 @@ from dataclasses import FrozenInstanceError, fields, replace
 import numpy as np
 import pytest
 
-from fem.contact.plate_contact import KAPPA, SECTION_KAPPA
-from fem.discretisation import symmetry_models
-from fem.solvers import path_state
-from fem.solvers.path_state import PathState, at_rest
+from fem.model import symmetry_models
+from fem.model.plate_contact import KAPPA, SECTION_KAPPA
+from fem.solve import path_state
+from fem.solve.path_state import PathState, at_rest
 from geometry.design import paper
 
 SHAPE = paper().shape.without_magnet().scaled(1 / 8)

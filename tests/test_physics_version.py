@@ -12,11 +12,11 @@ from typing import get_args
 import pytest
 
 from fem.accuracy import QUICK
+from fem.analyses.modes import modes
+from fem.analyses.stability import critical
 from fem.equilibrium import trace
-from fem.modes import modes
 from fem.physics_version import PHYSICS
 from fem.scene import Model, Scene
-from fem.stability import critical
 from geometry.design import paper
 from geometry.loads import Load
 from studies.exploration import response_paths

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
-from fem.discretisation import rigid_inclusion, symmetry_models
 from fem.equilibrium import trace
+from fem.model import rigid_inclusion, symmetry_models
 from fem.results.postprocess import read_pose
-from fem.solvers import load_increments
+from fem.solve import load_increments
 from geometry.design import paper
 from geometry.loads import Load
 

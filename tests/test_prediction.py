@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fem.accuracy import STANDARD
+from fem.analyses.modes import modes
+from fem.analyses.stability import critical
 from fem.equilibrium import solve, trace
-from fem.modes import modes
 from fem.physics_version import PHYSICS
-from fem.stability import critical
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.exploration.solved_paths import frequency_unit

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.discretisation import symmetry_models
-from fem.solvers import predictor
-from fem.solvers.direct_solver import Solver
-from fem.solvers.load_increments import follow_segment
-from fem.solvers.path_state import at_rest, glue, with_predictor
-from fem.solvers.predictor import correct_press, predict
+from fem.model import symmetry_models
+from fem.solve import predictor
+from fem.solve.direct_solver import Solver
+from fem.solve.load_increments import follow_segment
+from fem.solve.path_state import at_rest, glue, with_predictor
+from fem.solve.predictor import correct_press, predict
 from geometry.design import paper
 
 SHAPE = paper().shape.without_magnet().scaled(1 / 8)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from analytic import magnet
-from fem import equilibrium, material, preparation
+from fem import equilibrium, preparation
 from fem.accuracy import QUICK
+from fem.model import material
 from geometry import section
 from geometry.design import LAWS, Design, paper
 from geometry.loads import Load

@@ -9,16 +9,28 @@ from pathlib import Path
 import pytest
 
 from fem.accuracy import QUICK
+from fem.analyses.modes import modes
+from fem.analyses.stability import critical
 from fem.equilibrium import solve, trace
-from fem.modes import modes
-from fem.stability import critical
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
 MODULES = (
-    *("geometry.design", "geometry.loads", "fem.accuracy", "fem.equilibrium", "fem.force_targets", "fem.stability"),
-    *("fem.small_shear", "fem.modes", "fem.vibration", "fem.timed_path", "analytic.beam", "analytic.magnet"),
-    *("analytic.hall", "analytic.parts", "analytic.stream"),
+    "geometry.design",
+    "geometry.loads",
+    "fem.accuracy",
+    "fem.equilibrium",
+    "fem.analyses.force_targets",
+    "fem.analyses.stability",
+    "fem.analyses.small_shear",
+    "fem.analyses.modes",
+    "fem.analyses.vibration",
+    "fem.analyses.timed_path",
+    "analytic.beam",
+    "analytic.magnet",
+    "analytic.hall",
+    "analytic.parts",
+    "analytic.stream",
 )
 
 

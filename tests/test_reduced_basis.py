@@ -7,8 +7,8 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from fem.solvers import reduced_basis
-from fem.solvers.reduced_basis import NotReachedError, Problem, reduce
+from fem.solve import reduced_basis
+from fem.solve.reduced_basis import NotReachedError, Problem, reduce
 
 
 def chain(n=60):

@@ -7,8 +7,8 @@ import pytest
 
 from analytic import hall
 from fem.accuracy import QUICK
+from fem.analyses.vibration import vibrating_sensor
 from fem.equilibrium import trace
-from fem.vibration import vibrating_sensor
 from geometry.design import paper
 from geometry.loads import Load
 from geometry.prony import Relaxation

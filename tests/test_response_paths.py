@@ -1,4 +1,5 @@
-"""The steady vibration as a quantity of sweeps: similar designs share it, and it is that of `fem.vibration`."""
+"""The steady vibration as a quantity of sweeps: similar designs share it, and it is that of
+`fem.analyses.vibration`."""
 
 import json
 from dataclasses import replace
@@ -7,8 +8,8 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
+from fem.analyses.vibration import vibrating_sensor
 from fem.scene import Scene
-from fem.vibration import vibrating_sensor
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.exploration import repeated_solves, solved_paths, store, sweep

@@ -7,8 +7,8 @@ import pytest
 import skfem
 
 from fem.accuracy import QUICK
-from fem.discretisation import angular_fields
 from fem.equilibrium import trace
+from fem.model import angular_fields
 from fem.results import revolved_body
 from fem.solution import Field
 from geometry.cad import beam_volume, magnet_volume
@@ -29,7 +29,7 @@ def field(N, w, z, p=lambda n, r, z: 0 * r, magnet="hole"):
 
 
 def rigid(N, phi, move):
-    """Translation, and rotation by phi about y through the origin; see `fem.discretisation.rigid_inclusion`."""
+    """Translation, and rotation by phi about y through the origin; see `fem.model.rigid_inclusion`."""
 
     def w(k, r, z):
         if k == -1:

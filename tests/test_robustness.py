@@ -8,7 +8,7 @@ import pytest
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from fem.solution import Facts
-from fem.solvers.inertia import Stability
+from fem.solve.inertia import Stability
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs.exit_status import FAILED, GOOD

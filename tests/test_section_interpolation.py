@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.discretisation import symmetry_models
-from fem.discretisation.section_interpolation import interpolate_section
+from fem.model import symmetry_models
+from fem.model.section_interpolation import interpolate_section
 from geometry.design import paper
 
 SHAPE = paper().shape.scaled(1 / 8)

@@ -7,8 +7,8 @@ import pytest
 import skfem
 
 from fem.accuracy import QUICK, STANDARD
-from fem.discretisation import elements
 from fem.equilibrium import solve, trace
+from fem.model import elements
 from fem.results.silicone_strain import SHARE, largest_eigenvalue, largest_strain
 from geometry.design import paper
 from geometry.loads import Load

@@ -34,7 +34,7 @@ def test_bad_modes_are_a_sentence(run):
 
 
 def test_a_press_that_stops_is_a_failed_solve_that_keeps_what_was_found(run, strict, monkeypatch):
-    from fem import modes, small_shear, stability
+    from fem.analyses import modes, small_shear, stability
 
     def stops(*_, **__):
         raise BadInput("the press stops at depth 6.2 mm: take a smaller depth")
@@ -57,7 +57,7 @@ def test_only_modes_that_were_computed_are_claimed(run, strict):
 
 
 def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
-    from fem import small_shear, stability
+    from fem.analyses import small_shear, stability
     from geometry.design import paper
     from studies.simulation import stability_report
 

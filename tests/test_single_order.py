@@ -5,11 +5,11 @@ import functools
 import numpy as np
 import pytest
 
-from fem.discretisation import single_order, symmetry_models
-from fem.discretisation.gradient_recovery import build_recovery
-from fem.solvers.direct_solver import Solver
-from fem.solvers.load_stepping import Path
-from fem.solvers.path_state import about, glue, with_harmonics
+from fem.model import single_order, symmetry_models
+from fem.model.gradient_recovery import build_recovery
+from fem.solve.direct_solver import Solver
+from fem.solve.load_stepping import Path
+from fem.solve.path_state import about, glue, with_harmonics
 from geometry.design import Design
 
 HARMONICS, EDGE = 2, 0.14

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import small_shear
 from fem.accuracy import QUICK, STANDARD
+from fem.analyses import small_shear
 from fem.equilibrium import trace
 from geometry.design import BadInput, paper
 from geometry.loads import Load

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.discretisation import angular_fields
+from fem.model import angular_fields
 from fem.solution import Field
 from geometry.design import paper
 from geometry.loads import Load

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sp
 
-from fem.solvers.sparse_pattern import Pattern
+from fem.model.sparse_pattern import Pattern
 
 RNG = np.random.default_rng(2)
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import pytest
 
 from analytic import buckling
-from fem import stability
 from fem.accuracy import QUICK, STANDARD
+from fem.analyses import stability
 from fem.equilibrium import solve
 from fem.scene import Scene
-from fem.solvers import direct_solver
-from fem.solvers.direct_solver import Solver
-from fem.solvers.inertia import UNKNOWN, Stability
-from fem.solvers.pardiso import have_pardiso
+from fem.solve import direct_solver
+from fem.solve.direct_solver import Solver
+from fem.solve.inertia import UNKNOWN, Stability
+from fem.solve.pardiso import have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
 

@@ -9,8 +9,8 @@ from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve
 from fem.results import diagnostics, state_messages
 from fem.solution import Facts, Remark
-from fem.solvers.inertia import STABLE, UNKNOWN, Stability
-from fem.solvers.newton import STOPPED
+from fem.solve.inertia import STABLE, UNKNOWN, Stability
+from fem.solve.newton import STOPPED
 from geometry.design import paper
 from geometry.loads import Load
 

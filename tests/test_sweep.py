@@ -289,8 +289,8 @@ def test_models_stand_side_by_side(traced):
 
 
 def test_critical_depth_and_modes_scale_with_the_design(traced, kept):
-    from fem.modes import modes
-    from fem.stability import critical
+    from fem.analyses.modes import modes
+    from fem.analyses.stability import critical
 
     slender = replace(BARE, L=24.0)
     quantities = {"quantities": ("critical_depth", "modes"), "magnet": "ignored"}
@@ -369,9 +369,9 @@ def test_a_case_that_kills_its_worker_is_a_row_and_is_retried_only_if_asked(kept
 
 KINDS = {
     "force": "fem.equilibrium.trace",
-    "critical_depth": "fem.stability.critical",
-    "modes": "fem.modes.modes",
-    "response": "fem.vibration.vibrating_sensor",
+    "critical_depth": "fem.analyses.stability.critical",
+    "modes": "fem.analyses.modes.modes",
+    "response": "fem.analyses.vibration.vibrating_sensor",
     "cycle": "studies.simulation.cycle_report.run",
 }
 """The function that solves for a quantity of each kind of path."""

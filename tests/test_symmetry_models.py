@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
-from fem.contact.plate_contact import KAPPA
-from fem.discretisation import angular_fields, rigid_inclusion
-from fem.discretisation.symmetry_models import field_names, raise_harmonics
+from fem.model import angular_fields, rigid_inclusion
+from fem.model.plate_contact import KAPPA
+from fem.model.symmetry_models import field_names, raise_harmonics
 from fem.results.postprocess import read_pose, tip_force
 from fem.scene import Scene
-from fem.solvers.load_case_models import PRESS_FILLET, path_models
-from fem.solvers.load_stepping import Path
+from fem.solve.load_case_models import PRESS_FILLET, path_models
+from fem.solve.load_stepping import Path
 from geometry.design import paper
 from geometry.loads import Load
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
-from fem.vibration import vibrating_sensor
+from fem.analyses.vibration import vibrating_sensor
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from studies.explorer import time_answers

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
-from fem.contact.plate_contact import SECTION_KAPPA
+from fem.analyses.timed_path import TimedLoad, TimedState, ViscousLaw, follow
 from fem.equilibrium import solve, trace
-from fem.timed_path import TimedLoad, TimedState, ViscousLaw, follow
+from fem.model.plate_contact import SECTION_KAPPA
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 
@@ -101,7 +101,7 @@ def test_slip_dissipates_while_the_plate_goes_down_and_up() -> None:
 
 @pytest.mark.parametrize(("loss_factor", "mu"), [(0.1, 0.3), (0.25, 0.6)])
 def test_slip_within_a_step_changes_the_force_by_less_than_two_thousandths(loss_factor: float, mu: float) -> None:
-    # the docstring of fem.timed_path and the notes of `magtip cycle` state this bound
+    # the docstring of fem.analyses.timed_path and the notes of `magtip cycle` state this bound
     design = replace(paper(), loss_factor=loss_factor)
     loads = [TimedLoad(t, Load(1.0, x, friction=mu)) for t, x in ((0.5, 0.0), (1.5, 1.0), (2.5, 0.0))]
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import material
-from fem.contact.plate_contact import SECTION_KAPPA
+from fem.model import material
+from fem.model.plate_contact import SECTION_KAPPA
 from studies.cli import entry_point
 from studies.inputs import exit_status
 from studies.validation import (
@@ -110,7 +110,7 @@ def test_a_turned_section_has_no_energy_and_no_forces(harmonics):
 def test_the_penalty_costs_its_inverse(monkeypatch):
     """F falls by C / kappa: a tenth of the penalty costs ten times as much."""
     weak = 1 - contact_problems.penalty("standard", 0.1, "ignored")
-    monkeypatch.setattr("fem.solvers.path_state.SECTION_KAPPA", SECTION_KAPPA / 10)
+    monkeypatch.setattr("fem.solve.path_state.SECTION_KAPPA", SECTION_KAPPA / 10)
     assert 1 - contact_problems.penalty("standard", 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
 
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import vibration
 from fem.accuracy import QUICK, STANDARD
+from fem.analyses import vibration
+from fem.analyses.modes import frequency_unit, modes
+from fem.analyses.vibration_blocks import build_blocks, read_pose
 from fem.equilibrium import solve
-from fem.modes import frequency_unit, modes
-from fem.vibration_blocks import build_blocks, read_pose
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.prony import Relaxation

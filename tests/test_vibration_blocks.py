@@ -9,14 +9,13 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from fem import material, vibration_blocks
 from fem.accuracy import QUICK
-from fem.contact import plate_contact
-from fem.discretisation import element_integrals
+from fem.analyses import vibration_blocks
+from fem.analyses.small_shear import small_shear
+from fem.model import element_integrals, material, plate_contact
 from fem.scene import Scene
-from fem.small_shear import small_shear
-from fem.solvers.direct_solver import Solver
-from fem.solvers.newton import newton
+from fem.solve.direct_solver import Solver
+from fem.solve.newton import newton
 from geometry.design import paper
 from geometry.loads import Load
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from fem import material, viscoelasticity
-from fem.discretisation import viscous_history
-from fem.discretisation.viscous_history import Branches, History, PointState
+from fem.model import material, viscoelasticity, viscous_history
+from fem.model.viscous_history import Branches, History, PointState
 from geometry.arrays import Array
 
 BRANCHES = Branches(np.array([0.3, 0.2]), np.array([0.5, 2.0]), 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.discretisation import angular_fields
+from fem.model import angular_fields
 from fem.solution import Field
 from studies.output import vtk_files
 

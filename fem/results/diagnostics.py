@@ -13,17 +13,17 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from fem.discretisation import element_integrals, elements
-from fem.discretisation.symmetry_models import Discretisation
-from fem.material import strains
+from fem.model import element_integrals, elements
+from fem.model.material import strains
+from fem.model.symmetry_models import Discretisation
 from fem.results import material_stability, silicone_strain
 from fem.results.lateral_stiffness import StabilityMargin
 from fem.results.state_messages import describe
 from fem.scene import Scene
 from fem.solution import Diagnosed, Facts, Remark, Status
-from fem.solvers.depth_ranges import harmonics_missing
-from fem.solvers.newton import Stop
-from fem.solvers.path_state import PathState
+from fem.solve.depth_ranges import harmonics_missing
+from fem.solve.newton import Stop
+from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.loads import Response
 
@@ -105,7 +105,7 @@ def gather(
 def classify(facts: Facts) -> Status:
     """Return the status that follows from the facts.
 
-    >>> from fem.solvers.inertia import Stability
+    >>> from fem.solve.inertia import Stability
     >>> classify(Facts()), classify(Facts(stability=Stability(2))), classify(Facts("no_convergence"))
     ('ok', 'unstable', 'not_converged')
     >>> classify(Facts(remark="guided_only")), classify(Facts(crease_ratio=3.0))

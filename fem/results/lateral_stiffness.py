@@ -1,7 +1,7 @@
 """Lateral stiffness of a pressed body of revolution, and the depth at which it buckles sideways.
 
 About an axisymmetric state the tangent of a model with harmonics has one block for each order of the angle
-(`fem.discretisation.single_order`). The block K of order 1 is that of all displacements that vary like cos theta or
+(`fem.model.single_order`). The block K of order 1 is that of all displacements that vary like cos theta or
 sin theta: bending, sideways shear, rocking on the plate. A dead force along x, distributed over the dome as f,
 displaces the dome by f . K^-1 f per unit force. The lateral stiffness is
 
@@ -14,9 +14,9 @@ the number of sideways directions in which the press is unstable.
 
 One state is therefore enough to estimate the critical load. With r = k / k_0 the critical force is F / (1 - r). Where
 the force grows like d^n, with n = F d / U - 1 from the energy U stored so far, the critical depth is d (1 -
-r)^(-1/n). Compared with `fem.stability.critical` on eleven beams (L/D 1 to 6, with and without magnet), estimates
-from states at 0.7 to 1.1 of the critical depth, where r is between FAR and PAST, are off by at most 11 % at level
-quick and 7 % at standard.
+r)^(-1/n). Compared with `fem.analyses.stability.critical` on eleven beams (L/D 1 to 6, with and without magnet),
+estimates from states at 0.7 to 1.1 of the critical depth, where r is between FAR and PAST, are off by at most 11 % at
+level quick and 7 % at standard.
 """
 
 from __future__ import annotations
@@ -29,13 +29,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.contact import plate_contact
-from fem.contact.plate_contact import Plate
-from fem.discretisation import single_order, symmetry_models
-from fem.discretisation.symmetry_models import Discretisation
-from fem.solvers.direct_solver import Solver
-from fem.solvers.inertia import Stability
-from fem.solvers.path_state import PathState, about
+from fem.model import plate_contact, single_order, symmetry_models
+from fem.model.plate_contact import Plate
+from fem.model.symmetry_models import Discretisation
+from fem.solve.direct_solver import Solver
+from fem.solve.inertia import Stability
+from fem.solve.path_state import PathState, about
 
 FAR, PAST = 0.5, -0.3
 """Ratios of the lateral stiffness to that at rest between which a critical depth is estimated: the range of the

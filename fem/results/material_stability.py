@@ -18,11 +18,11 @@ import functools
 
 import numpy as np
 
-from fem.discretisation import element_integrals
-from fem.discretisation.elements import Elements
-from fem.discretisation.nonlinear_system import System
-from fem.material import Law, evaluate, yeoh
-from fem.solvers.path_state import PathState
+from fem.model import element_integrals
+from fem.model.elements import Elements
+from fem.model.material import Law, evaluate, yeoh
+from fem.model.nonlinear_system import System
+from fem.solve.path_state import PathState
 from geometry.arrays import Array
 
 CLAMP = 0.02
@@ -56,7 +56,7 @@ def least_stiffness(D: Array) -> Array:
 
     Examples
     --------
-    >>> from fem.material import neo_hookean
+    >>> from fem.model.material import neo_hookean
     >>> round(float(least_stiffness(stress_and_stiffness(neo_hookean, np.zeros((1, 3)))[1])[0]), 12)
     2.0
     """

@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.contact import coulomb_friction, plate_contact
-from fem.discretisation import rigid_inclusion
-from fem.discretisation.gradient_recovery import Recovery
-from fem.discretisation.symmetry_models import Discretisation
+from fem.model import coulomb_friction, plate_contact, rigid_inclusion
+from fem.model.gradient_recovery import Recovery
+from fem.model.symmetry_models import Discretisation
 from fem.results import diagnostics
 from fem.results.lateral_stiffness import SidewaysModel, estimate_margin
 from fem.scene import Scene
 from fem.solution import Field, Solution
-from fem.solvers.newton import Stop
-from fem.solvers.path_state import PathState
+from fem.solve.newton import Stop
+from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.loads import Load, Response
 

@@ -12,7 +12,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.discretisation import angular_fields
+from fem.model import angular_fields
 from fem.solution import Field, Solution
 from geometry.arrays import Array
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem.discretisation import axisymmetric_compiled, element_integrals
-from fem.discretisation.axisymmetric_loops import knows
-from fem.discretisation.elements import Elements
+from fem.model import axisymmetric_compiled, element_integrals
+from fem.model.axisymmetric_loops import knows
+from fem.model.elements import Elements
 from geometry.arrays import Array
 
 SHARE = 0.999

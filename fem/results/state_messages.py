@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fem.solution import CREASE, Diagnosed, Facts, Remark
-from fem.solvers.newton import STOPPED
+from fem.solve.newton import STOPPED
 from geometry.design import LAWS, Design
 from geometry.loads import Load
 

@@ -11,7 +11,7 @@ length with the element's coordinate t. At a quarter, the map is singular at the
 part of the edge stays where it was glued: elsewhere the plate touches more skin, and the strain is finite.
 
 A frictionless press is different: there the gap opens as s^(3/2). These elements then show small waves where the
-contact ends, see `fem.discretisation.symmetry_models`. Presses that nothing is glued to keep the middle nodes in the
+contact ends, see `fem.model.symmetry_models`. Presses that nothing is glued to keep the middle nodes in the
 middle, and so do plates that are glued under a tilt, where the edge lies at several radii, and natural frequencies
 and vibrations about a press.
 """

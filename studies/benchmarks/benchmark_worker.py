@@ -39,11 +39,11 @@ from typing import Any
 
 Answer = dict[str, Any]
 
-SOLVER = ("fem.solvers.pardiso", "fem.linear")
+SOLVER = ("fem.solve.pardiso", "fem.linear")
 ACCURACY = ("fem.accuracy", "fem.levels")
 LOADS = ("geometry.loads", "geometry.scene")
 CACHE = ("geometry.meshing.mesh_cache", "geometry.cache")
-SMALL_SHEAR = ("fem.small_shear", "fem.stability")
+SMALL_SHEAR = ("fem.analyses.small_shear", "fem.analyses.stability")
 """Names of modules: today's, and those of the earlier commit."""
 WARM = {"section_size": 0.25, "section_patch": 0.03, "harmonics": 2}
 """Accuracy of the small solve before the clock starts."""
@@ -141,7 +141,7 @@ def linearised(spec: Answer) -> Answer:
     """What follows from one tangent: a small shear, or vibrations."""
     import scipy.sparse.linalg  # noqa: F401
 
-    from fem import modes
+    from fem.analyses import modes
     from geometry.design import paper
 
     _module(*SOLVER).have_pardiso()
@@ -258,7 +258,7 @@ def compiled_functions(spec: Answer) -> Answer:
         {"model": "half", "magnet": "rigid", "loads": shear[:1], "accuracy": half},
     ]
     from analytic import magnet
-    from fem import modes, small_shear
+    from fem.analyses import modes, small_shear
 
     passes = []
     for _ in range(2):

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from fem.solvers.pardiso import have_pardiso
+from fem.solve.pardiso import have_pardiso
 from geometry.design import BadInput
 from studies.output.provenance import ROOT
 

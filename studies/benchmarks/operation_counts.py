@@ -44,8 +44,8 @@ class Counts:
 @contextlib.contextmanager
 def counted() -> Iterator[Counts]:
     """Count factorisations and assemblies of tangents within this context."""
-    from fem.discretisation.nonlinear_system import System
-    from fem.solvers.direct_solver import Solver
+    from fem.model.nonlinear_system import System
+    from fem.solve.direct_solver import Solver
 
     counts = Counts()
     plain = Solver.factorise, Solver.condense, System.assemble

@@ -161,7 +161,7 @@ def _solve(connection: Connection, run: Run) -> None:
     """Solve a run and send its answer; runs in the solve's own process."""
     import signal
 
-    from fem.solvers import pardiso
+    from fem.solve import pardiso
     from geometry.meshing import mesh_cache
 
     # an interruption of the study reaches the parent, which then ends this process

@@ -18,7 +18,7 @@ from analytic.magnet import cylinder_field
 from analytic.relaxation_loops import loop
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK, STANDARD, Accuracy
-from fem.modes import modes, spring_mass
+from fem.analyses.modes import modes, spring_mass
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress

@@ -22,7 +22,7 @@ from studies.output import atomic_files, console, run_record
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from fem.timed_path import ViscousLaw
+    from fem.analyses.timed_path import ViscousLaw
     from studies.simulation.cycle_motion import Motion
     from studies.simulation.cycle_report import Cycles
 
@@ -88,7 +88,7 @@ def cycle(
     """
     command_line = command(cycle, locals())
     design = design_of(source, sets, magnet)
-    from fem.timed_path import LEAST_TOLERANCE
+    from fem.analyses.timed_path import LEAST_TOLERANCE
     from geometry.loads import check_load
     from geometry.relaxation import check_range
     from studies.simulation import cycle_findings

@@ -8,7 +8,7 @@ is short: it has one magnet, one silicone and few candidates. A full one, with t
 from dataclasses import replace
 
 from fem.accuracy import QUICK
-from fem.force_targets import solve_force
+from fem.analyses.force_targets import solve_force
 from studies.exploration.needed_paths import Processes
 from studies.sizing.front_search import Effort
 from studies.sizing.requirements import Requirements

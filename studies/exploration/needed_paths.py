@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from analytic import beam
 from fem.accuracy import LEVELS
 from fem.scene import Scene
-from fem.solvers.depth_ranges import harmonics_at
+from fem.solve.depth_ranges import harmonics_at
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet

@@ -2,8 +2,9 @@
 
 What is stored is the dynamic stiffness Z(f), the force of the plate over the shift of the magnet along the motion, on
 a grid of frequencies: along x under a shear, else along z. Z is smooth where its inverse, the gain, has peaks, so a
-spline through the grid gives the gain at every frequency. Frequencies are over `fem.modes.frequency_unit`, and the
-times of the branches times it, of the design at rest (`fem.vibration.relaxed`): similar designs share a path.
+spline through the grid gives the gain at every frequency. Frequencies are over `fem.analyses.modes.frequency_unit`,
+and the times of the branches times it, of the design at rest (`fem.analyses.vibration.relaxed`): similar designs
+share a path.
 
 The readings of a press are proportional to the shift along z, so their gain is this gain; under a shear they depend
 on the tilt as well, and `magtip response` has them.
@@ -42,7 +43,7 @@ def rest_scene(scene: Scene) -> Scene:
     BadInput
         The load is none about which the sensor vibrates, or the mesh carries no frequency of the branches.
     """
-    from fem.vibration import check_vibration, relaxed
+    from fem.analyses.vibration import check_vibration, relaxed
 
     design, (load,) = scene.design, scene.loads
     if load.grip is not None or load.plate_tilt or load.coulomb is not None or load.shear_y:
@@ -63,7 +64,7 @@ def band(at_rest: Design, accuracy: Accuracy) -> tuple[float, float]:
     BadInput
         The mesh carries none of the frequencies for which the branches speak.
     """
-    from fem.vibration import highest_frequency
+    from fem.analyses.vibration import highest_frequency
 
     relaxation = relaxation_of(at_rest)
     least, most = relaxation.speaks_for_frequencies
@@ -79,7 +80,7 @@ def band(at_rest: Design, accuracy: Accuracy) -> tuple[float, float]:
 
 def unit_of(at_rest: Design) -> float:
     """Return the unit of frequencies of a design at rest, Hz."""
-    from fem.modes import frequency_unit
+    from fem.analyses.modes import frequency_unit
 
     return frequency_unit(at_rest)
 
@@ -152,7 +153,7 @@ def solve(scene: Scene) -> dict[str, Any]:
     BadInput
         The state is not reached, or it is unstable.
     """
-    from fem.vibration import vibrating_sensor
+    from fem.analyses.vibration import vibrating_sensor
     from studies.simulation import resonance_peaks
 
     (load,) = scene.loads

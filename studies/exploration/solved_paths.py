@@ -269,7 +269,7 @@ def _critical(scene: Scene) -> State:
     """Return the critical depth of a frictionless press as a state: lengths over D, force over E D^2."""
     import time
 
-    from fem import stability
+    from fem.analyses import stability
 
     begin, design = time.perf_counter(), scene.design
     D, unit = design.D, design.E * design.D**2
@@ -289,7 +289,7 @@ def _modes(scene: Scene) -> State:
     """Return the lowest natural frequencies about a press as a state: f D (rho / E)^(1/2), with rho in kg/m^3."""
     import time
 
-    from fem.modes import modes
+    from fem.analyses.modes import modes
 
     begin, design = time.perf_counter(), scene.design
     try:

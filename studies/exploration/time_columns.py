@@ -28,7 +28,7 @@ def response(plan: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
 
 def _response(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...]:
     """Return gain, phase, bandwidth, resonance and Q of a problem; NaN for what it does not have."""
-    from fem.vibration import relaxed
+    from fem.analyses.vibration import relaxed
 
     values, design = answer.values, problem.design
     if not values or design is None or plan.reference is None:

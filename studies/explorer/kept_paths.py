@@ -22,10 +22,10 @@ from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Solution
-from fem.solvers.depth_ranges import graded_depth
-from fem.solvers.load_stepping import Path
-from fem.solvers.newton import Stop
-from fem.solvers.path_state import FIRST_TOUCH, PathState
+from fem.solve.depth_ranges import graded_depth
+from fem.solve.load_stepping import Path
+from fem.solve.newton import Stop
+from fem.solve.path_state import FIRST_TOUCH, PathState
 from geometry.arrays import Array
 
 MOST = 4

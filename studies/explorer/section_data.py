@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.discretisation import angular_fields
+from fem.model import angular_fields
 from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
 from geometry.design import Design

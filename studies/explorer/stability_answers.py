@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fem import modes, stability
 from fem.accuracy import LEVELS
+from fem.analyses import modes, stability
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.exploration.solved_paths import frequency_unit

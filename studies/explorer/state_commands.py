@@ -101,7 +101,7 @@ def python(state: ExplorerState) -> str:
         "from analytic import hall" if has_magnet else "",
         f"from fem.accuracy import {accuracy}",
         "from fem.equilibrium import solve",
-        "from fem.vibration import vibrating_sensor" if vibrates else "",
+        "from fem.analyses.vibration import vibrating_sensor" if vibrates else "",
         f"from geometry.design import {state.preset}",
         "from geometry.loads import Load\n",
         f"design = replace({state.preset}(){fields})" if fields else f"design = {state.preset}()",

@@ -17,10 +17,10 @@ import numpy as np
 
 from analytic import relaxation_loops
 from fem.accuracy import LEVELS, coarser
-from fem.error_estimate_rules import VibrationQuantity
-from fem.error_estimates import estimate_vibration
-from fem.solvers import increment_watch
-from fem.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
+from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
+from fem.results.error_estimate_rules import VibrationQuantity
+from fem.results.error_estimates import estimate_vibration
+from fem.solve import increment_watch
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
@@ -214,7 +214,7 @@ def linear_loop(state: ExplorerState, motion: Motion) -> Data:
 
 
 def loop(state: ExplorerState, motion: Motion) -> Data:
-    """Return the part `loop` by finite elements; every time step calls the watch of `fem.solvers.increment_watch`."""
+    """Return the part `loop` by finite elements; every time step calls the watch of `fem.solve.increment_watch`."""
     from studies.simulation import cycle_report
 
     cycles = cycle_report.run(

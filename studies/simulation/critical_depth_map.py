@@ -20,7 +20,7 @@ from studies.output.provenance import made
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from fem.stability import Critical
+    from fem.analyses.stability import Critical
 
 ABOUT = """\
 Each length is solved with a free tip (it slides on a frictionless plate) and with a guided tip (its contact area
@@ -106,8 +106,8 @@ def run(
 
 
 def _solve(beam: Design, magnet: Magnet, accuracy: str, ratio: float) -> SlendernessRow:
-    from fem import stability
     from fem.accuracy import LEVELS
+    from fem.analyses import stability
 
     free, guided = (
         stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy]) for guided in (False, True)

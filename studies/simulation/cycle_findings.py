@@ -22,8 +22,8 @@ GAINED = 1e-2
 def lowest_frequency(design: Design, magnet: Magnet) -> float:
     """Return the lowest natural frequency of the free sensor, Hz, undamped, with the long-term modulus, at quick."""
     from fem.accuracy import QUICK
-    from fem.modes import modes
-    from fem.vibration import relaxed
+    from fem.analyses.modes import modes
+    from fem.analyses.vibration import relaxed
 
     return modes(relaxed(design, relaxation_of(design)), magnet, 1, accuracy=QUICK, estimate=False).frequency[0]
 

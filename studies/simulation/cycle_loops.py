@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analytic.batch_readings import batch_readings
-from fem.timed_path import TimedState
+from fem.analyses.timed_path import TimedState
 from geometry.arrays import Array
 from geometry.design import Design
 from studies.output import records

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from fem.timed_path import TimedLoad
+from fem.analyses.timed_path import TimedLoad
 from geometry.design import BadInput
 from geometry.loads import Load, Waveform
 

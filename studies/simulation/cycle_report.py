@@ -24,7 +24,7 @@ from studies.simulation.cycle_loops import CycleState, LoopRow, StaticCurve, loo
 from studies.simulation.cycle_motion import Motion, Stop, stops
 
 if TYPE_CHECKING:
-    from fem.timed_path import TimedState, ViscousLaw
+    from fem.analyses.timed_path import TimedState, ViscousLaw
 
 FILES = ("cycle.csv", "loops.csv", "cycle.png")
 """Files that a folder of results holds, beside run.json."""
@@ -47,7 +47,7 @@ class Cycles:
 
     Attributes
     ----------
-    law : "prony" or "finite", see `fem.viscoelasticity`.
+    law : "prony" or "finite", see `fem.model.viscoelasticity`.
     status, message : "ok", "unstable" with the first such state, or why the path ended.
     unit : unit of the outputs.
     seconds : processor time.
@@ -235,7 +235,7 @@ def _follow(
 ) -> Iterator[tuple[Stop, TimedState, bool]]:
     """Yield each state with the load of the motion that it moves to, and whether it has reached that."""
     from fem.accuracy import LEVELS
-    from fem.timed_path import follow
+    from fem.analyses.timed_path import follow
 
     path = stops(motion)
     check_load(design, motion.largest, magnet)

@@ -16,7 +16,7 @@ from studies.output.records import FlatRow
 from studies.simulation import load_cases
 
 if TYPE_CHECKING:
-    from fem.force_targets import ForceTarget
+    from fem.analyses.force_targets import ForceTarget
 
 
 def targets_of(motion: Motion) -> list[ForceTarget]:
@@ -30,7 +30,7 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
             raise BadInput("--shear-force is applied after a press to a normal force: add --force F in N")
         return []
     _check_alone(motion)
-    from fem.force_targets import ForceTarget
+    from fem.analyses.force_targets import ForceTarget
 
     sheared = bool(motion.shear_force or motion.shear_force_y)
     contact = load_cases.friction_of(motion.friction, "stick" if sheared else "none")
@@ -86,7 +86,7 @@ def approximate_loads(targets: Sequence[ForceTarget]) -> list[Load]:
 def loads_at_quick(design: Design, targets: Sequence[ForceTarget], method: Method, progress: Progress) -> list[Load]:
     """Return the loads of the targets as accuracy quick finds them, by which a model is chosen for a tolerance."""
     from fem.accuracy import QUICK
-    from fem.force_targets import walk_forces
+    from fem.analyses.force_targets import walk_forces
 
     states = walk_forces(design, targets, QUICK, magnet=method.magnet, estimate=False, progress=progress)
     return [state.load for state in states]

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.material import law
+from fem.model.material import law
 from fem.results import material_stability
 from geometry.arrays import Array
 

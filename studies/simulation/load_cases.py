@@ -24,7 +24,7 @@ from studies.simulation.state_rows import FormulaRow, StateRow
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
-    from fem.force_targets import ForceTarget
+    from fem.analyses.force_targets import ForceTarget
     from fem.solution import Solution
     from geometry.mesh import Parts
 
@@ -182,7 +182,8 @@ def solve(
     BadInput
         Before the first state: a file cannot be written, or the loads do not suit design, method or each other.
     """
-    from fem import equilibrium, force_targets
+    from fem import equilibrium
+    from fem.analyses import force_targets
     from fem.scene import Scene
 
     vtu = None if out is None else atomic_files.check_output_file(out, ".vtu")

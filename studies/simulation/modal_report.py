@@ -49,7 +49,7 @@ def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str,
         The number of modes or the depth is out of range.
     """
     from fem.accuracy import LEVELS
-    from fem.modes import MOST, modes, spring_mass
+    from fem.analyses.modes import MOST, modes, spring_mass
 
     if not 1 <= count <= MOST:
         raise BadInput(f"--count must be between 1 and {MOST}; got {count}")

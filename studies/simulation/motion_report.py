@@ -18,7 +18,7 @@ from studies.simulation.resonance_peaks import Peak
 from studies.simulation.response_curves import At, Complex, Curves, mesh_difference
 
 if TYPE_CHECKING:
-    from fem.vibration import VibratingSensor
+    from fem.analyses.vibration import VibratingSensor
 
 
 def _per(unit: str) -> Callable[[tuple[str, list[float | None]]], FlatRow]:

@@ -56,7 +56,7 @@ def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relax
     ----------
     stiffness : of the state at rest along the motion, N/mm; above 0.
     """
-    from fem.modes import spring_mass
+    from fem.analyses.modes import spring_mass
 
     own = natural_frequency(stiffness, moving_mass(design))
     name, loss = _loss_at(own, relaxation)

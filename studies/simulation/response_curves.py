@@ -19,7 +19,7 @@ from geometry.design import Design
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from fem.vibration import VibratingSensor
+    from fem.analyses.vibration import VibratingSensor
 
 Complex = NDArray[np.complex128]
 NEGLIGIBLE = 1e-9
@@ -40,7 +40,7 @@ class Curves:
     tilt : (f,) rad/mm.
     names, units : k elements, and the units of their outputs.
     per_mm, per_N : (f, k) readings over the motion and over the force along it; per_N is None without a force.
-    kept_amplitude : (f,) mm, see `fem.vibration.Vibration`; None about the free sensor.
+    kept_amplitude : (f,) mm, see `fem.analyses.vibration.Vibration`; None about the free sensor.
     """
 
     motion: str

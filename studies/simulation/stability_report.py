@@ -14,7 +14,7 @@ from studies.output import records
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from fem.small_shear import SmallShear
+    from fem.analyses.small_shear import SmallShear
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +75,8 @@ class StabilityReport:
 
 def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> StabilityReport:
     """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear."""
-    from fem import small_shear, stability
     from fem.accuracy import LEVELS
+    from fem.analyses import small_shear, stability
 
     # a depth out of range is refused here, before the searches, which take seconds
     if depth is not None:

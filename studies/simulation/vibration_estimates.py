@@ -6,8 +6,8 @@ function of f / f_0, the relative error is about
 
     A e,        A = 1 + |d ln g / d ln f| / 2.
 
-e follows from a rule (`fem.error_estimate_rules.VIBRATION_RULES`) and from the difference to the coarser mesh over A.
-`studies.validation.vibration_errors` compares the estimates with errors against much finer meshes.
+e follows from a rule (`fem.results.error_estimate_rules.VIBRATION_RULES`) and from the difference to the coarser mesh
+over A. `studies.validation.vibration_errors` compares the estimates with errors against much finer meshes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from geometry.arrays import Array
 from studies.simulation.response_curves import Complex, Curves
 
 if TYPE_CHECKING:
-    from fem.error_estimate_rules import VibrationQuantity
+    from fem.results.error_estimate_rules import VibrationQuantity
     from fem.scene import Scene
 
 
@@ -59,7 +59,7 @@ def errors(
 
     Frequencies of the coarser mesh must be among those of the finer one, which may have more.
     """
-    from fem.error_estimates import estimate_vibration
+    from fem.results.error_estimates import estimate_vibration
 
     f, slope = curves.frequency, amplification(curves.frequency, gain)
     both = np.isin(f, coarse.frequency)

@@ -68,7 +68,7 @@ def run(
         A value is out of range, or the state is not reached or not stable.
     """
     from fem.accuracy import LEVELS
-    from fem.vibration import check_vibration, vibrating_sensor
+    from fem.analyses.vibration import check_vibration, vibrating_sensor
 
     check_load(design, load, magnet)
     level = LEVELS[accuracy]
@@ -112,7 +112,7 @@ def _coarse_curves(
 ) -> Mapping[str, Curves]:
     """Return the curves of each motion on a coarser mesh; none if the path stops earlier on it."""
     from fem.accuracy import coarser
-    from fem.vibration import vibrating_sensor
+    from fem.analyses.vibration import vibrating_sensor
 
     try:
         sensor = vibrating_sensor(design, load, band, coarser(level), magnet=magnet, check=False)
@@ -164,7 +164,7 @@ def _notes(design: Design, load: Load) -> list[str]:
 
 def _free_note(at_rest: Design, magnet: Magnet, level: Accuracy) -> str:
     """Return the natural frequencies of the free sensor at rest, beside the paper's formula."""
-    from fem.modes import modes, spring_mass
+    from fem.analyses.modes import modes, spring_mass
 
     free = modes(at_rest, magnet, 6, accuracy=level, estimate=False)
     first = {shape: f for f, shape in reversed(list(zip(free.frequency, free.shape, strict=True)))}

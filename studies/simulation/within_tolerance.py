@@ -26,7 +26,7 @@ from studies.simulation.model_choice import UNMET, Choice, percent
 from studies.simulation.state_rows import StateRow
 
 if TYPE_CHECKING:
-    from fem.force_targets import ForceTarget
+    from fem.analyses.force_targets import ForceTarget
 
 TITLES = {"formula": "Formulas", "surrogate": "Surrogate", "fem": "Finite elements"}
 """Titles of tables by the kind of the chosen model."""

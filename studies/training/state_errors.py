@@ -75,7 +75,7 @@ def errors(surrogate: Surrogate, states: TrainingSet) -> list[StateError]:
 
 
 def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States) -> list[StateError]:
-    """Return the errors of the critical depths by `fem.stability` of the first beams, within the range."""
+    """Return the errors of the critical depths by `fem.analyses.stability` of the first beams, within the range."""
     if not len(critical.depth):
         return []
     first = states.beams[: len(critical.depth)]

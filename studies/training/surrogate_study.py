@@ -45,7 +45,7 @@ class Extent:
     first : number of training beams in the corners and evenly spread.
     rounds : number of beams that each round adds where intervals are widest.
     calibration, test : number of random beams of each region that scale the intervals, and that test them.
-    critical : number of beams of each region, of both, with their critical depth by `fem.stability`.
+    critical : number of beams of each region, of both, with their critical depth by `fem.analyses.stability`.
     """
 
     first: int = 200

@@ -14,13 +14,13 @@ import skfem
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from fem.discretisation import angular_fields, elements
-from fem.discretisation.assembled_state import State
-from fem.discretisation.elements import Elements
-from fem.discretisation.nonlinear_system import System
-from fem.discretisation.symmetry_models import on_axis
-from fem.material import lame
-from fem.modes import eigen
+from fem.analyses.modes import eigen
+from fem.model import angular_fields, elements
+from fem.model.assembled_state import State
+from fem.model.elements import Elements
+from fem.model.material import lame
+from fem.model.nonlinear_system import System
+from fem.model.symmetry_models import on_axis
 from studies.validation.solid_problems import SKIN, body, facet_loads, ramp, solve
 
 HARMONICS = 2

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from fem.accuracy import LEVELS
-from fem.contact import plate_contact
-from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
-from fem.solvers.direct_solver import Solver
-from fem.solvers.load_stepping import Path
-from fem.solvers.newton import STOPPED, newton
+from fem.model import plate_contact, symmetry_models
+from fem.solve.direct_solver import Solver
+from fem.solve.load_stepping import Path
+from fem.solve.newton import STOPPED, newton
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from studies.validation.solid_problems import NotSolvedError

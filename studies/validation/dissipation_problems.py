@@ -1,7 +1,7 @@
 """The sign of the dissipation of a point in cycles of large strain, for both viscoelastic laws.
 
 A point of an incompressible neo-Hookean silicone with one branch, g = 0.5, is sheared and stretched in a sine wave. A
-step of time dissipates dD = S : dC/2 - dW, with the stored energy W of `fem.discretisation.viscous_history`. By the
+step of time dissipates dD = S : dC/2 - dW, with the stored energy W of `fem.model.viscous_history`. By the
 law "finite" no step has dD < 0. By the law "prony" W is exact at small strain only: quick motions of large strain
 have steps of dD < 0, while a closed cycle in steady motion, in which W returns to its value, dissipates.
 """
@@ -13,10 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem import viscoelasticity
-from fem.discretisation import viscous_history
-from fem.discretisation.viscous_history import Branches, History, PointState
-from fem.timed_path import ViscousLaw
+from fem.analyses.timed_path import ViscousLaw
+from fem.model import viscoelasticity, viscous_history
+from fem.model.viscous_history import Branches, History, PointState
 from geometry.arrays import Array
 
 SHEARS = (0.1, 0.5, 1.5)

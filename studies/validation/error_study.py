@@ -16,7 +16,7 @@ from pathlib import Path
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK, Accuracy, coarser
-from fem.error_estimates import estimate_response
+from fem.results.error_estimates import estimate_response
 from fem.scene import Model, Scene
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
@@ -75,7 +75,7 @@ SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_stu
 """Designs of the parts of the study: FINE_SHEARS are also sheared at level fine and FAR_SHEARS are sheared far;
 SOLIDS are sheared and PRESSED are pressed with tetrahedra; the reference of CHECKED is compared with a finer one; the
 tangents of UNHELD are also solved without a magnet. Design 7 has little silicone above its magnet."""
-ESTIMATING = ("fem/accuracy.py", "fem/error_estimates.py", "fem/error_estimate_rules.py")
+ESTIMATING = ("fem/accuracy.py", "fem/results/error_estimates.py", "fem/results/error_estimate_rules.py")
 """Paths of modules that no kept solve depends on, because the study solves without estimates."""
 NOTHING = 1e-6
 """Shift in mm, tilt in rad or force along the shear in N below which a relative error has no meaning."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fem.accuracy import Accuracy
-from fem.error_estimate_rules import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
+from fem.results.error_estimate_rules import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
 from fem.scene import Model
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fem.accuracy import Accuracy
-from fem.modes import Modes
-from fem.small_shear import SmallShear
-from fem.stability import Critical
+from fem.analyses.modes import Modes
+from fem.analyses.small_shear import SmallShear
+from fem.analyses.stability import Critical
 from geometry.loads import Load, Magnet, Response
 from studies.output import records
 from studies.output.records import FlatRow

@@ -10,13 +10,13 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from fem import modes, small_shear, stability
 from fem.accuracy import Accuracy
-from fem.error_estimate_rules import PRESS_DEPTH, press_limits
-from fem.modes import Modes
+from fem.analyses import modes, small_shear, stability
+from fem.analyses.modes import Modes
+from fem.analyses.small_shear import SmallShear
+from fem.analyses.stability import Critical
+from fem.results.error_estimate_rules import PRESS_DEPTH, press_limits
 from fem.scene import Scene
-from fem.small_shear import SmallShear
-from fem.stability import Critical
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
 from studies.validation.error_study_cases import Trial, designs, rounded
@@ -32,7 +32,7 @@ from studies.validation.error_study_records import (
     nan_if_none,
 )
 
-MODULES = ("fem/stability.py", "fem/small_shear.py", "fem/modes.py")
+MODULES = ("fem/analyses/stability.py", "fem/analyses/small_shear.py", "fem/analyses/modes.py")
 """Modules of `fem` that only the scenes of this module use."""
 SHALLOW = 0.1 / PRESS_DEPTH
 """Smaller depth of a small shear, over the larger one."""

@@ -24,11 +24,10 @@ from dataclasses import dataclass
 import numpy as np
 import skfem
 
-from fem import material
-from fem.discretisation import angular_fields, elements
-from fem.discretisation.angular_fields import Angles
-from fem.discretisation.elements import Elements
-from fem.discretisation.symmetry_models import on_axis
+from fem.model import angular_fields, elements, material
+from fem.model.angular_fields import Angles
+from fem.model.elements import Elements
+from fem.model.symmetry_models import on_axis
 from geometry.arrays import Array
 from studies.validation.solid_problems import SKIN, Mask, body, solve
 

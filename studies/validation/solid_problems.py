@@ -16,13 +16,12 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import material
-from fem.discretisation import angular_fields, elements
-from fem.discretisation.elements import Elements
-from fem.discretisation.nonlinear_system import System
-from fem.material import lame
-from fem.solvers.direct_solver import Solver
-from fem.solvers.newton import STOPPED, Equilibrium, newton
+from fem.model import angular_fields, elements, material
+from fem.model.elements import Elements
+from fem.model.material import lame
+from fem.model.nonlinear_system import System
+from fem.solve.direct_solver import Solver
+from fem.solve.newton import STOPPED, Equilibrium, newton
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 
@@ -180,7 +179,8 @@ def _coupled(
     G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
     tangent: bool, step: int = 1,
 ) -> None:  # fmt: skip
-    """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added: a `fem.material.Law`.
+    """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added: a
+    `fem.model.material.Law`.
 
     W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T.
     """

@@ -1,6 +1,6 @@
 """Problems of viscoelasticity in time: a cube, the silicone beam at a held depth, and a viscoelastic half space.
 
-Branches and laws are those of `fem.viscoelasticity`. Times are in s.
+Branches and laws are those of `fem.model.viscoelasticity`. Times are in s.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ import skfem
 from scipy.spatial.transform import Rotation
 
 from analytic.viscoelastic_contact import indentation
-from fem import material
 from fem.accuracy import LEVELS, QUICK
-from fem.contact.plate_contact import SECTION_KAPPA
-from fem.discretisation import elements, viscous_history
-from fem.discretisation.nonlinear_system import System
-from fem.discretisation.viscous_history import Branches
+from fem.analyses.timed_path import TimedLoad, TimedState, ViscousLaw, follow
 from fem.equilibrium import solve as solve_load
-from fem.timed_path import TimedLoad, TimedState, ViscousLaw, follow
+from fem.model import elements, material, viscous_history
+from fem.model.nonlinear_system import System
+from fem.model.plate_contact import SECTION_KAPPA
+from fem.model.viscous_history import Branches
 from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load

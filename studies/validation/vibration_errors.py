@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from fem.accuracy import FINE, LEVELS, QUICK, Accuracy, coarser
-from fem.error_estimate_rules import VibrationQuantity, press_limits
+from fem.analyses.vibration import vibrating_sensor, vibration_model
+from fem.results.error_estimate_rules import VibrationQuantity, press_limits
 from fem.scene import Scene
-from fem.vibration import vibrating_sensor, vibration_model
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
@@ -56,7 +56,7 @@ GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
 """Goals; estimate over error up to which it is sharp; estimate below which the reference is hardly better."""
 NAN = float("nan")
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
-APART = ("fem/error_estimates.py", "fem/error_estimate_rules.py")
+APART = ("fem/results/error_estimates.py", "fem/results/error_estimate_rules.py")
 """Modules on which no kept solve depends."""
 
 

@@ -9,14 +9,14 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, Accuracy
-from fem.contact import plate_contact
-from fem.modes import frequency_unit, modes
+from fem.analyses.modes import frequency_unit, modes
+from fem.analyses.vibration import VibratingSensor, vibrating_sensor
+from fem.analyses.vibration_blocks import Block, build_block, build_blocks, read_pose
+from fem.model import plate_contact
 from fem.scene import Scene
-from fem.solvers.direct_solver import Solver
-from fem.solvers.newton import newton
-from fem.solvers.reduced_basis import Complex, Problem, reduce
-from fem.vibration import VibratingSensor, vibrating_sensor
-from fem.vibration_blocks import Block, build_block, build_blocks, read_pose
+from fem.solve.direct_solver import Solver
+from fem.solve.newton import newton
+from fem.solve.reduced_basis import Complex, Problem, reduce
 from geometry.design import paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of

@@ -1,0 +1,299 @@
+"""Natural frequencies and mode shapes about the unloaded or a pressed state.
+
+(K - omega^2 M) x = 0 has the tangent K of the section model and the consistent mass M of silicone and magnet. About
+an axisymmetric state both have one block for each order of the angle (`fem.model.single_order`): axial modes
+have order 0, bending modes 1 and ovalling modes 2. Pressures have no mass, so K is the symmetric indefinite matrix of
+the static problem. Torsion (u_theta alone) is solved separately. Bending and ovalling modes come in pairs that differ
+by a rotation about the axis; each pair is listed once.
+
+The pressed state is that of the frictionless press; its contact area is then glued to the fixed plate, because
+friction holds it at small amplitudes. There is no damping, and no mass of air or base.
+
+Lengths are over D and stresses over E: omega = sqrt(lambda E / rho) / D, with the silicone's density rho.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from fem.accuracy import STANDARD, Accuracy, coarser
+from fem.model import angular_fields, rigid_inclusion, single_order
+from fem.model.mesh_specification import specification
+from fem.model.nonlinear_system import ON_AXIS, System
+from fem.model.plate_contact import Plate
+from fem.results.error_estimate_rules import TANGENT_RULES
+from fem.results.error_estimates import estimate_number
+from fem.results.lateral_stiffness import SidewaysModel
+from fem.results.postprocess import read
+from fem.scene import Scene
+from fem.solution import Status
+from fem.solve.contact_extent import find_press
+from fem.solve.direct_solver import Solver
+from fem.solve.load_stepping import Path
+from fem.solve.newton import STOPPED, NoStateError
+from fem.solve.path_state import PathState, about, glue
+from geometry.arrays import Array
+from geometry.cad import beam_volume, magnet_inertia, magnet_volume
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet
+
+__all__ = ["Modes", "modes"]
+
+SHAPES = ("axial", "bending", "ovalling")
+"""Names of harmonics 0, 1, 2."""
+MOST = 40
+"""Largest number of modes that can be requested."""
+MOST_STEPS, CHECK_EVERY, EIGEN_TOLERANCE, NOTHING = 400, 3, 1e-6, 1e-14
+"""Of Lanczos' method: most steps, ten for each of the most modes; steps between two checks, which cost as much as a
+step; relative residual of an eigenvalue, whose error is its square; and length of a vector, over the first
+eigenvalue, below which there are no further ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """Natural frequencies in rising order, Hz, and the names of their shapes.
+
+    `estimates` are the estimated relative errors from the mesh, None where they were not estimated. `status` and
+    `message` are those of the press.
+    """
+
+    frequency: tuple[float, ...]
+    shape: tuple[str, ...]
+    estimates: tuple[float | None, ...] = ()
+    status: Status = "ok"
+    message: str = ""
+
+
+def modes(
+    design: Design,
+    magnet: Magnet = "rigid",
+    count: int = 8,
+    *,
+    depth: float = 0.0,
+    accuracy: Accuracy = STANDARD,
+    estimate: bool = True,
+) -> Modes:
+    """Return the lowest modes about a press to a depth in mm; 0 is the free sensor.
+
+    Parameters
+    ----------
+    estimate : estimate the errors from a second solve on a mesh coarser by COARSER.
+
+    Raises
+    ------
+    BadInput
+        The count or the depth is out of range, or the press does not reach the depth or is unstable there.
+    """
+    if not 1 <= count <= MOST:
+        raise BadInput(f"count must be between 1 and {MOST}; got {count}")
+    scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
+    lowest = _solve_modes(scene, count)
+    if not estimate:
+        return lowest
+    try:
+        coarse = _solve_modes(replace(scene, accuracy=coarser(accuracy)), count)
+    except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
+        return lowest
+    return replace(lowest, estimates=estimate_frequencies(lowest, coarse, scene))
+
+
+def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float | None, ...]:
+    """Return the estimated errors of frequencies, from those on a mesh coarser by COARSER.
+
+    The first, second, ... modes of each shape are compared.
+    """
+    left = {
+        name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
+    }
+    rule = TANGENT_RULES["pressed frequency" if scene.loads[0].depth else "frequency", scene.magnet]
+    edge, unit = scene.accuracy.section_size, frequency_unit(scene.design)
+    errors = []
+    for frequency, name in zip(one.frequency, one.shape, strict=True):
+        coarse = left[name].pop(0) if left[name] else None
+        errors.append(estimate_number(rule, frequency, coarse, edge, unit / frequency))
+    return tuple(errors)
+
+
+def _solve_modes(scene: Scene, count: int) -> Modes:
+    """Return the lowest modes of a scene, without error estimates."""
+    press, depth = solve_press(scene), scene.loads[0].depth
+    blocks = {name: _order_matrices(press, scene, order) for order, name in enumerate(SHAPES)}
+    blocks["torsion"] = _torsion_matrices(press, scene)
+    values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
+    # most blocks have few of the lowest modes: only those that may have more are solved again
+    limit = sorted(itertools.chain(*values.values()))[count - 1]
+    for name, block in blocks.items():
+        if len(values[name]) < count and values[name][-1] < limit:
+            values[name], _ = eigen(*block, count)
+    lowest = sorted((float(value), name) for name, own in values.items() for value in own)[:count]
+    if lowest[0][0] < 0:
+        raise NoStateError(
+            f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
+        )
+    scale = frequency_unit(scene.design)
+    frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
+    found = read(press.state, scene, scene.loads[0], sideways=SidewaysModel(press.state.d))
+    shapes = tuple(name for _, name in lowest)
+    return Modes(frequencies, shapes, (None,) * len(lowest), found.status, found.message)
+
+
+def frequency_unit(design: Design) -> float:
+    """Return the frequency at which omega D (rho / E)^(1/2) is 1, Hz; inputs in mm, MPa and kg/m^3."""
+    return math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
+
+
+def spring_mass(design: Design) -> tuple[float, float]:
+    """Return the frequencies of a mass on an axial spring, Hz, without and with the magnet's mass.
+
+    The frequency is sqrt(k / m) / 2 pi with k = E A / L and a third of the silicone's mass (Rayleigh's rod). Without
+    the magnet it is the paper's "approximately 970 Hz" (section IV.C), as we read it.
+    """
+    volume, core = beam_volume(design.shape), magnet_volume(design.shape)
+    k = 1e3 * design.E * math.pi * design.R**2 / design.L
+    light, heavy = design.density * volume / 3, design.density * (volume - core) / 3 + design.magnet_density * core
+    return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """An axisymmetric press about which the sensor vibrates.
+
+    Attributes
+    ----------
+    state : its state.
+    edge : undeformed radius at which the contact ends, over D; None for the free sensor.
+    """
+
+    state: PathState
+    edge: float | None
+
+    def glue(self, state: PathState) -> Plate | None:
+        """Return the plate with the contact area glued to it, in a model of the press; None for the free sensor."""
+        return None if self.edge is None else glue(state, self.edge).plate
+
+
+def solve_press(scene: Scene) -> Press:
+    """Solve for the press, on a mesh refined where the contact ends."""
+    size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
+    depth, edge, rough = scene.loads[0].depth / D, None, None
+    section = specification(scene, size, size / 2)
+    if depth:
+        edge, rough = find_press(section, patch, depth)
+        section = replace(section, rim=(edge, min(patch, edge / 4)))
+    path = Path(section.build(), rough=rough)
+    try:
+        reason, state = path.go(depth, np.zeros(2)), path.state
+    finally:
+        path.close()
+    if reason:
+        raise NoStateError(
+            f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
+        )
+    return Press(state, edge)
+
+
+def inertia_of_magnet(scene: Scene) -> tuple[float, float, float]:
+    """Return the magnet's mass and its moments of inertia across and along its axis, over those of silicone and D."""
+    design = scene.design
+    if scene.magnet != "rigid":
+        return 0.0, 0.0, 0.0
+    ratio, (across, along) = design.magnet_density / design.density, magnet_inertia(scene.shape)
+    return ratio * magnet_volume(scene.shape), ratio * across, ratio * along
+
+
+def _order_matrices(press: Press, scene: Scene, order: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Return tangent and mass of the block of one order about a press."""
+    state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
+    system, (m, across, _) = state.d.system, inertia_of_magnet(scene)
+    moved = ((m,), (m, across), ())[order]
+    K = system.assemble(system.state(state.q), press.glue(state)).tangent
+    return K, system.mass(1.0, np.array(moved[: system.n_rigid]))
+
+
+def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Return tangent and mass of torsion about a press, from the axisymmetric model with u_theta."""
+    d, low, at_press = press.state.d, press.state.d.system, press.state.d.system.state(press.state.q)
+    e = replace(d.elements, angles=angular_fields.torsion_fields())
+    # about an axisymmetric state torsion does not couple to the other displacements and the pressures
+    fixed = np.ones((len(e.nodes), 3), dtype=bool)
+    fixed[:, 1] = low.fixed.all(axis=1) | (e.nodes[:, 0] < ON_AXIS)
+    held = np.zeros((len(e.nodes), 1))
+    held[low.corner_nodes] = at_press.p
+    assert low.surface is not None
+    system = System(
+        e,
+        single_order.revolve_surface(low.surface, e.angles),
+        low.mu[:, 0],
+        low.inverse_K[:, 0],
+        fixed,
+        low.glued,
+        rigid_inclusion.section(e.nodes[low.glued] - [0, d.shape.H], e.angles) if low.rigid else None,
+        law=low.law,
+        prescribed=np.insert(at_press.u, 1, 0.0, axis=1),
+        held=held,
+    )
+    m, _, along = inertia_of_magnet(scene)
+    K = system.assemble(system.state(np.zeros(system.size)), press.glue(press.state)).tangent
+    M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
+    # the magnet's motion along the axis is not part of torsion either
+    twist = np.arange(system.size) != (system.n_free if low.rigid else -1)
+    return K[twist][:, twist].tocsr(), M[twist][:, twist].tocsr()
+
+
+def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]:
+    """Return the eigenvalues nearest to zero of K x = lambda M x in rising order, and their vectors (n, count).
+
+    Lanczos' method finds the largest eigenvalues 1 / lambda of K^-1 M in magnitude. All its vectors are kept
+    orthogonal in M, so that none is found twice. (SciPy's ARPACK takes three products with M a step, and spends as
+    much time on its own as on the solutions.)
+
+    Parameters
+    ----------
+    K, M : upper triangles (n, n); M may be singular.
+    """
+    M = M.copy()
+    M.eliminate_zeros()  # most of the pattern is that of pressures and of pairs of different fields
+    whole, n = (M + sp.triu(M, 1).T).tocsr(), K.shape[0]
+    most = min(n, MOST_STEPS)
+    V, MV, T = np.empty((most, n)), np.empty((most, n)), np.zeros((most, most))
+    solver = Solver()
+    try:
+        solver.factorise(K)
+        # a first vector in the range of K^-1 M has no part that M does not see
+        x = solver.solve(whole @ np.random.default_rng(0).normal(size=n))
+        for step in range(most):
+            Mx = whole @ x
+            length = math.sqrt(max(x @ Mx, 0.0))
+            if step and (length < NOTHING * abs(T[0, 0]) or _settled(T[:step, :step], length, count)):
+                break
+            V[step], MV[step] = x / length, Mx / length
+            x = solver.solve(MV[step])
+            for _ in range(2):  # the first pass leaves rounding errors, the second one does not
+                parts = MV[: step + 1] @ x
+                x -= parts @ V[: step + 1]
+                T[: step + 1, step] += parts
+        else:
+            step = most
+    finally:
+        solver.close()
+    inverse, parts = np.linalg.eigh(T[:step, :step], UPLO="U")
+    nearest = np.argsort(-np.abs(inverse))[:count]
+    rising = nearest[np.argsort(1 / inverse[nearest])]
+    return 1 / inverse[rising], V[:step].T @ parts[:, rising]
+
+
+def _settled(T: Array, length: float, count: int) -> bool:
+    """Return whether the `count` eigenvalues of largest magnitude are known, from the upper triangle T (m, m).
+
+    length : norm of the next vector before it is scaled.
+    """
+    if len(T) <= count or len(T) % CHECK_EVERY:
+        return False
+    values, vectors = np.linalg.eigh(T, UPLO="U")
+    largest = np.argsort(-np.abs(values))[:count]
+    return bool(np.all(length * np.abs(vectors[-1, largest]) < EIGEN_TOLERANCE * np.abs(values[largest])))

@@ -1,0 +1,259 @@
+"""Sideways stability of a pressed body of revolution, from one harmonic about the axisymmetric state.
+
+The press is solved with the axisymmetric model. It becomes unstable sideways at the depth where its lateral stiffness
+passes through zero, see `fem.results.lateral_stiffness`.
+
+There are two cases: a frictionless plate, on which the tip is free to slide, and a plate to which the contact area is
+glued (a guided tip).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
+from fem.model.mesh_specification import MeshSpecification, specification
+from fem.results.error_estimate_rules import LEAST_DEPTH, TANGENT_RULES
+from fem.results.error_estimates import estimate_number
+from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
+from fem.scene import Scene
+from fem.solve.contact_extent import EDGE_SHARE, find_contact_edge, measure_contact_edge
+from fem.solve.load_case_models import PRESS_FILLET
+from fem.solve.load_stepping import Path
+from geometry.design import Design
+from geometry.loads import Load, Magnet
+
+__all__ = ["Critical", "critical"]
+
+DEEPEST = 0.5
+"""Depth over the silicone's height up to which an instability is searched for."""
+STEP = 0.05
+"""Depth over D between two states that are checked."""
+TOLERANCE = 1e-4
+"""Relative width of the interval in which a critical depth is located."""
+AROUND = 0.05
+"""Search steps around the critical depth of another mesh, over that depth."""
+MOVED = 0.02
+"""Relative change of the radius at which the contact ends that requires another mesh."""
+KAPPA = 3e5
+"""Stiffness number of the plate: ten times that of other sections, because elements are this small where a deep
+contact ends (see `fem.model.plate_contact`). With a softer plate the press of a wide magnet seemed unstable at
+level fine from 0.33 D on."""
+RIM = 0.25
+"""Edge length where the contact ends, over that of a glued area; at most EDGE_SHARE of the contact radius. With
+larger elements the lateral stiffness depends on where in an element the contact ends, and a critical depth scatters
+by 2 %."""
+
+UNREACHED = "the press does not converge beyond {} mm; it is stable up to there"
+UNCOUNTED = (
+    "the press is stable up to {} mm; beyond, its stability is unknown: the pivots of its stiffness do not tell"
+)
+"""Limitations of a search that ends before its last depth."""
+
+
+@dataclass(frozen=True, slots=True)
+class CriticalEstimates:
+    """Estimated relative errors of a critical depth and force from the mesh; None where they were not estimated."""
+
+    depth: float | None = None
+    force: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Critical:
+    """Depth at which a press becomes unstable sideways.
+
+    Attributes
+    ----------
+    depth, force : critical depth, mm, and force, N; None where no sideways instability was found.
+    stable_to : depth up to which the press is known to be stable, mm.
+    message : limitation of the result; empty if there is none.
+    estimates : estimated errors.
+    """
+
+    depth: float | None
+    force: float | None
+    stable_to: float
+    message: str
+    estimates: CriticalEstimates = CriticalEstimates()
+
+
+def critical(
+    design: Design,
+    magnet: Magnet = "rigid",
+    *,
+    guided: bool = False,
+    accuracy: Accuracy = STANDARD,
+    deepest: float | None = None,
+    estimate: bool = True,
+) -> Critical:
+    """Return the depth at which a press becomes unstable sideways.
+
+    A coarse mesh gives a first estimate of the depth. A second mesh, refined where the contact ends at that depth,
+    gives the zero of the lateral stiffness (see `fem.results.lateral_stiffness`).
+
+    Parameters
+    ----------
+    guided : the contact area is glued to the plate, which itself cannot move sideways.
+    deepest : largest depth of the search, mm; default: half of the silicone's height.
+
+    Raises
+    ------
+    BadInput
+        The depth does not fit the design, or the design has no magnet to be rigid.
+    """
+    silicone = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
+    deepest = DEEPEST * silicone if deepest is None else deepest
+    scene = Scene(design, (Load(depth=deepest),), accuracy, magnet)
+    state = _find_critical(scene, guided)
+    if not estimate or state.depth is None:
+        return state
+    coarse = _find_critical(replace(scene, accuracy=coarser(accuracy)), guided)
+    return replace(state, estimates=estimate_critical(state, coarse, scene))
+
+
+def estimate_critical(one: Critical, other: Critical, scene: Scene) -> CriticalEstimates:
+    """Return the estimated errors of a critical state, from that on a mesh coarser by COARSER."""
+    if one.depth is None or one.force is None:
+        return CriticalEstimates()
+    magnet, edge, base = scene.magnet, scene.accuracy.section_size, max(one.depth / scene.design.D, LEAST_DEPTH)
+    return CriticalEstimates(
+        depth=estimate_number(TANGENT_RULES["critical depth", magnet], one.depth, other.depth, edge, base),
+        force=estimate_number(TANGENT_RULES["critical force", magnet], one.force, other.force, edge, base),
+    )
+
+
+def _find_critical(scene: Scene, guided: bool) -> Critical:
+    """Return the critical state of a scene, without error estimates."""
+    D = scene.design.D
+    end = scene.loads[0].depth / D
+    rough = _fine_section(replace(scene, accuracy=QUICK))
+    coarse = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
+    if not isinstance(coarse, _CriticalState):
+        return _report_none(coarse or _NotFound(0.0, UNREACHED), D)
+    edge = find_contact_edge(rough, RIM * scene.accuracy.section_patch, coarse.depth)
+    state = _find_near(_fine_section(scene, edge), guided, coarse.depth, end)
+    if isinstance(state, _CriticalState) and abs(state.edge / edge - 1) > MOVED:
+        state = _find_near(_fine_section(scene, state.edge), guided, state.depth, end)
+    if isinstance(state, _NotFound):
+        return _report_none(state, D)
+    return Critical(state.depth * D, state.force * scene.design.E * D**2, state.stable * D, "")
+
+
+def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
+    """Return the axisymmetric section, refined at the undeformed radius `edge` over D at which the contact ends."""
+    size, patch = scene.accuracy.section_size, RIM * scene.accuracy.section_patch
+    rim = None if edge is None else (edge, min(patch, EDGE_SHARE * edge))
+    return replace(specification(scene, size, size / 2), fillet=PRESS_FILLET, rim=rim)
+
+
+@dataclass(frozen=True, slots=True)
+class _CriticalState:
+    """A critical state in units of D and E.
+
+    Attributes
+    ----------
+    depth, force : critical depth, and normal force there.
+    edge : undeformed radius at which the contact ends.
+    stable : greatest depth that was found to be stable.
+    """
+
+    depth: float
+    force: float
+    edge: float
+    stable: float
+
+
+@dataclass(frozen=True, slots=True)
+class _NotFound:
+    """A search without an instability.
+
+    Attributes
+    ----------
+    stable : depth over D up to which the press is known to be stable.
+    limit : why the search ended there, with room for that depth in mm; empty if it reached its last depth.
+    """
+
+    stable: float
+    limit: str
+
+
+class _StoppedError(Exception):
+    """The press does not reach a depth, or its stability there is unknown: the text of `_NotFound.limit`."""
+
+
+def _find_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _CriticalState | _NotFound:
+    """Find the first instability near a depth; start from rest if the press is unstable or fails before that depth.
+
+    An unstable state may lie on another branch, from which unloading does not return to the stable one.
+    """
+    for start in ((1 - AROUND) * depth, 0.0):
+        state = _find_on_mesh(section, guided, start, AROUND * depth if start else depth / 4, end)
+        if state is not None:
+            return state
+    return _NotFound(0.0, UNREACHED)
+
+
+def _find_on_mesh(
+    section: MeshSpecification, guided: bool, start: float, step: float, end: float
+) -> _CriticalState | _NotFound | None:
+    """Find the first instability on one mesh.
+
+    None where the press does not reach the depth `start`, or is not known to be stable there.
+
+    Parameters
+    ----------
+    start, step, end : first depth, step and last depth of the search, over D; a start of 0 is the state at rest.
+    """
+    path = Path(section.build(), kappa=KAPPA)
+    try:
+        return _search_path(path, SidewaysModel(path.state.d), guided, start, step, end)
+    finally:
+        path.close()
+
+
+def _search_path(
+    path: Path, sideways: SidewaysModel, guided: bool, start: float, step: float, end: float
+) -> _CriticalState | _NotFound | None:
+    """Find the first instability on a path: see `_find_on_mesh`."""
+    known: dict[float, float] = {}
+
+    def stiffness(depth: float) -> float:
+        """Return the lateral stiffness, negative wherever there is an unstable direction."""
+        if depth not in known:
+            if path.go(depth, np.zeros(2)):
+                raise _StoppedError(UNREACHED)
+            now = measure_lateral_stiffness(sideways, path.state, guided=guided)
+            # a negative stiffness is a direction of lower energy, however many the pivots count
+            if now.stability.is_unknown and not now.stiffness < 0:
+                raise _StoppedError(UNCOUNTED)
+            # with several unstable directions the stiffness may be positive again: the count decides its sign
+            known[depth] = now.stiffness if now.stability.is_stable else -abs(now.stiffness)
+        return known[depth]
+
+    stable, depth = 0.0, start or step
+    try:
+        while stiffness(depth) > 0:
+            if depth >= end:
+                return _NotFound(depth, "")
+            stable, depth = depth, min(depth + step, end)
+        if start and not stable:
+            return None
+        # the bracket begins at rest if the first step is already unstable
+        if not stable:
+            known[stable] = sideways.stiffness_at_rest
+        depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
+        path.go(depth, np.zeros(2))
+    except _StoppedError as stopped:
+        return None if start and not stable else _NotFound(stable, str(stopped))
+    stable = max(depth for depth, value in known.items() if value > 0)
+    return _CriticalState(depth, integrate_normal_force(path.state), measure_contact_edge(path.state), stable)
+
+
+def _report_none(search: _NotFound, D: float) -> Critical:
+    """Return the result of a search without an instability."""
+    reached = search.stable * D
+    return Critical(None, None, reached, search.limit.format(f"{reached:.4g}"))

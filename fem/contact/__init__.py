@@ -1,1 +1,0 @@
-"""Contact with the plate: penalty springs, gluing, gripping, and Coulomb friction."""

@@ -1,1 +1,0 @@
-"""Elements and their integrals, the rigid magnet, symmetries, and the discrete residual and tangent."""

@@ -1,0 +1,1 @@
+"""The discretised problem: fields, elements, laws, plate, friction, magnet, assembly."""

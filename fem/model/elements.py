@@ -1,0 +1,355 @@
+"""Taylor-Hood elements (quadratic displacement, linear continuous pressure) on curved second-order meshes.
+
+One description covers plane strain, sections of revolution with any number of harmonics, and solids. Displacement and
+pressure are sums of fields on the mesh times known functions of the angle theta around the axis,
+
+    u_i(X) = sum_f E_if(theta) sum_a N_a u_af,        p(X) = sum_n C_n(theta) sum_c M_c p_cn,
+
+so the displacement gradient at a point is G_iJ = sum_f V_iJf(theta) g_Jf with g_Jf = sum_a D_Ja u_af. A solid or
+plane strain has one angle, E_if = delta_if, and D holds the Cartesian derivatives.
+
+The fields of sections of revolution are those of `fem.model.angular_fields`.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from skfem.quadrature import get_quadrature
+
+from fem.model.angular_fields import Angles, cartesian_fields, fourier_fields, rotations
+from geometry.arrays import Array, Ints
+from geometry.bad_input import MeshError
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Finite elements of the silicone.
+
+    Attributes
+    ----------
+    nodes : (n, dim) coordinates of all displacement nodes, corner nodes first, over D.
+    cells : (m, a) nodes of each element, corners first; the pressures belong to the first dim + 1.
+    D : (m, q, 3, a) derivatives of the shape functions, see the module docstring.
+    weights : (m, q) quadrature weights times the Jacobian (and times r on a section of revolution).
+    pressure_shape, shape : (q, dim + 1) and (q, a) shape functions of pressure and displacement.
+    angles : fields and their functions of the angle.
+    """
+
+    nodes: Array
+    cells: Ints
+    D: Array
+    weights: Array
+    pressure_shape: Array
+    shape: Array
+    angles: Angles
+
+    @property
+    def dim(self) -> int:
+        return int(self.nodes.shape[1])
+
+    @property
+    def corners(self) -> Ints:
+        return self.cells[:, : self.dim + 1]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Integration points on outer facets, at every angle where there are several.
+
+    Attributes
+    ----------
+    nodes : (k, f) nodes of each facet: corners, then the midpoints of its edges (01 or 01, 12, 02).
+    shape : (q, f) shape functions of these nodes.
+    weights : (k, q) areas, over D^2.
+    points : (k, q, 3) reference positions x, y, z, over D.
+    E : (q, 3, fields) Cartesian displacement of each field.
+    angles : number of angles t; the q points are those of a facet's line, t angles each.
+    """
+
+    nodes: Ints
+    shape: Array
+    weights: Array
+    points: Array
+    E: Array
+    angles: int = 1
+
+    @functools.cached_property
+    def spread(self) -> Array:
+        """(f fields, q 3) displacements of a facet's points by its nodal fields."""
+        f, fields = self.nodes.shape[1], self.E.shape[2]
+        return np.asarray(np.einsum("qf,qin->fnqi", self.shape, self.E).reshape(f * fields, -1))
+
+    def displacement(self, u: Array) -> Array:
+        """Return the displacements of the points, shape (k, q, 3), for nodal fields (n, fields)."""
+        return np.asarray(
+            (u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self.spread).reshape(self.points.shape)
+        )
+
+    @functools.cached_property
+    def radii(self) -> Array:
+        """(k, q) distances of the points from the axis, undeformed."""
+        return np.hypot(self.points[..., 0], self.points[..., 1])
+
+    @functools.cached_property
+    def reach(self) -> float:
+        """Largest distance of the points from the axis, undeformed."""
+        return float(self.radii.max())
+
+    @functools.cached_property
+    def dome(self) -> NDArray[np.bool_]:
+        """(k, q) mask of the points around the top: within 1.4 times `reach` from the highest point on the axis."""
+        return np.asarray(np.hypot(self.radii, self.points[..., 2] - self.points[..., 2].max()) < 1.4 * self.reach)
+
+    @functools.cached_property
+    def whole(self) -> tuple[bool, bool]:
+        """Whether the skin lies on both sides of the planes x = 0 and y = 0."""
+        return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -1e-9)
+
+    @functools.cached_property
+    def upward_spread(self) -> Array:
+        """(f fields, q) displacements of a facet's points along z by its nodal fields."""
+        return np.ascontiguousarray(self.spread[:, 2::3])
+
+    def upward_displacement(self, u: Array) -> Array:
+        """Return the displacements of the points along z, shape (k, q), for nodal fields (n, fields)."""
+        return np.asarray(u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self.upward_spread)
+
+    def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
+        """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.
+
+        Parameters
+        ----------
+        entries : (k, q) stiffness per area between directions i and j, for the (i, j) that are not zero.
+        frame : (3, 3) directions as rows.
+        """
+        n = len(self.spread)
+        matrices, upright = np.zeros((len(self.nodes), n, n)), frame[2].tolist() == [0, 0, 1]
+        for (i, j), C in entries.items():
+            # most facets of the skin are far from the plate, and have no springs
+            touched = np.flatnonzero(C.any(axis=1))
+            if upright and (i, j) not in self._upright_pairs:
+                self._upright_pairs[i, j] = self._pairs(frame[i], frame[j])
+            pairs = self._upright_pairs[i, j] if upright else self._pairs(frame[i], frame[j])
+            matrices[touched] += ((self.weights[touched] * C[touched]) @ pairs).reshape(-1, n, n)
+        return matrices
+
+    @functools.cached_property
+    def _upright_pairs(self) -> dict[tuple[int, int], Array]:
+        """The products of `_pairs` under an upright plate, for the directions i and j that were needed so far."""
+        return {}
+
+    def _pairs(self, first: Array, second: Array) -> Array:
+        """Return the products of a facet's displacements along two directions (3,), shape (q, fields f fields f)."""
+        f, q = self.nodes.shape[1], len(self.shape)
+        along = np.swapaxes(self.spread.reshape(f, -1, 3 * q), 0, 1).reshape(-1, q, 3)
+        one, other = (along @ first).T, (along @ second).T
+        return np.asarray((one[:, :, None] * other[:, None, :]).reshape(q, -1))
+
+    def forces(self, traction: Array) -> Array:
+        """Return the nodal forces (k, f, fields) of tractions (k, q, 3)."""
+        weighted = (self.weights[..., None] * traction).reshape(len(self.nodes), self.spread.shape[1])
+        return np.asarray((weighted @ self.spread.T).reshape(*self.nodes.shape, self.E.shape[2]))
+
+
+_FACET_NODES = {
+    2: np.array([[1, 2, 4], [0, 2, 5], [0, 1, 3]]),
+    3: np.array([[1, 2, 3, 5, 9, 8], [0, 2, 3, 6, 9, 7], [0, 1, 3, 4, 8, 7], [0, 1, 2, 4, 5, 6]]),
+}
+"""Local nodes of the facet opposite to each corner. The edges are numbered 01, 12, 02, 03, 13, 23."""
+
+
+def bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
+    return (skfem.ElementTriP2(), skfem.ElementTriP1()) if dim == 2 else (skfem.ElementTetP2(), skfem.ElementTetP1())
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """Shape functions at points of the reference element or facet, which have weights (q,).
+
+    Attributes
+    ----------
+    shape, slopes : (q, a) and (q, j, a), of the displacement.
+    pressure_shape : (q, c).
+    """
+
+    weights: Array
+    shape: Array
+    slopes: Array
+    pressure_shape: Array
+
+
+def _evaluate_basis(
+    points: Array, weights: Array, quadratic: skfem.Element, count: int, linear: skfem.Element
+) -> _Rule:
+    """Return the shape functions, `count` of the displacement, at points (dim, q)."""
+    values, slopes = zip(*(quadratic.lbasis(points, i) for i in range(count)), strict=True)
+    corners = [linear.lbasis(points, i)[0] for i in range(len(points) + 1)]
+    q = points.shape[1]
+    shape = np.stack([np.reshape(value, q) for value in values], axis=-1)
+    slope = np.stack([np.reshape(grad, (-1, q)).T for grad in slopes], axis=-1)
+    return _Rule(weights, shape, slope, np.stack([np.reshape(value, q) for value in corners], axis=-1))
+
+
+@functools.lru_cache
+def _rule(dim: int, order: int) -> _Rule:
+    """Return a quadrature rule of the elements that is exact up to an order."""
+    return _at_points(dim, *get_quadrature(bases(dim)[0], order))
+
+
+def _at_points(dim: int, points: Array, weights: Array) -> _Rule:
+    """Return the elements' shape functions at points (dim, q) of the reference element."""
+    quadratic, linear = bases(dim)
+    return _evaluate_basis(points, weights, quadratic, 6 if dim == 2 else 10, linear)
+
+
+@functools.lru_cache
+def _facet_rule(dim: int, order: int) -> _Rule:
+    """Return a quadrature rule of the facets that is exact up to an order."""
+    points, weights = get_quadrature(skfem.refdom.RefLine if dim == 2 else skfem.refdom.RefTri, order)
+    if dim == 2:
+        return _evaluate_basis(points, weights, skfem.ElementLineP2(), 3, skfem.ElementLineP1())
+    return _evaluate_basis(points, weights, skfem.ElementTriP2(), 6, skfem.ElementTriP1())
+
+
+def _invert(J: Array) -> tuple[Array, Array]:
+    """Return the inverses and determinants of matrices (..., d, d), d = 2 or 3."""
+    if J.shape[-1] == 2:
+        (a, b), (c, d) = np.moveaxis(J, (-2, -1), (0, 1))
+        determinant = a * d - b * c
+        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+    else:
+        a, b, c = np.moveaxis(J, -1, 0)
+        inverse = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+        determinant = np.einsum("...i,...i->...", a, inverse[..., 0, :])
+    return inverse / determinant[..., None, None], determinant
+
+
+def build(
+    mesh: skfem.Mesh,
+    *,
+    axisymmetric: bool,
+    harmonics: int = 0,
+    sines: bool = False,
+    order: int | None = None,
+    angles: Angles | None = None,
+    points: Array | None = None,
+) -> Elements:
+    """Build the elements of a second-order mesh: triangles (section of revolution or plane strain) or tetrahedra.
+
+    Parameters
+    ----------
+    harmonics, sines : number of harmonics of a section of revolution, and whether they include sine orders.
+    order : order up to which integrals are exact; default: 4 in triangles (6 points) and 2 in tetrahedra (4 points).
+        With order 2 in triangles deep presses find spurious unstable directions and jump between branches.
+    angles : fields; default: those of the harmonics, or Cartesian ones.
+    points : (dim, q) points of the reference element to evaluate at instead, with equal weights.
+
+    Raises
+    ------
+    MeshError
+        Elements are folded or inverted.
+    """
+    dim = mesh.p.shape[0]
+    order = order or (4 if dim == 2 else 2)
+    rule = _rule(dim, order) if points is None else _at_points(dim, points, np.ones(points.shape[1]))
+    # the mesh has the functions and the nodes of the displacements
+    cells = mesh.dofs.element_dofs.T
+    places = mesh.doflocs.T[cells]
+    jacobian = np.swapaxes(rule.slopes @ places[:, None], 2, 3)
+    inverse, determinant = _invert(jacobian)
+    grad = np.swapaxes(inverse, 2, 3) @ rule.slopes
+    m, q, _, a = grad.shape
+    D = np.zeros((m, q, 3, a))
+    D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = grad
+    _check_unfolded(mesh, determinant)
+    # the corners of an element may be numbered in either sense
+    weights = np.abs(determinant) * rule.weights
+    if axisymmetric:
+        radius = places[..., 0] @ rule.shape.T
+        D[:, :, 1] = rule.shape / radius[..., None]
+        weights = weights * radius
+    return Elements(
+        nodes=np.ascontiguousarray(mesh.doflocs.T),
+        cells=np.ascontiguousarray(cells).astype(np.int64),
+        D=D,
+        weights=weights,
+        pressure_shape=rule.pressure_shape,
+        shape=rule.shape,
+        angles=angles or (fourier_fields(harmonics, sines=sines) if axisymmetric else cartesian_fields(dim)),
+    )
+
+
+def _check_unfolded(mesh: skfem.Mesh, determinant: Array) -> None:
+    """Refuse elements whose determinants (m, q) have both signs, and neighbours on one side of their common facet."""
+    folded = int(np.count_nonzero(~(determinant.min(axis=1) * determinant.max(axis=1) > 0)))
+    inner = mesh.f2t[1] >= 0
+    facets, pairs = mesh.facets[:, inner].astype(np.int64), mesh.f2t[:, inner]
+    first = mesh.p[:, facets[0]]
+    opposite = mesh.t.astype(np.int64)[:, pairs].sum(axis=0) - facets.sum(axis=0)
+    along = [mesh.p[:, corner] - first for corner in facets[1:]]
+    one, other = (
+        np.linalg.det(np.stack([*along, mesh.p[:, corner] - first]).transpose(2, 0, 1)) for corner in opposite
+    )
+    overlapping = int(np.count_nonzero(~(one * other < 0)))
+    if folded or overlapping:
+        raise MeshError(
+            f"the mesh has {folded} folded elements, and {overlapping} pairs of neighbours that overlap: repair it"
+        )
+
+
+def surface(
+    mesh: skfem.Mesh, name: str, elements: Elements, *, axisymmetric: bool, order: int, angles: int | None = None
+) -> Surface:
+    """Return integration points on the named boundary of a mesh.
+
+    Parameters
+    ----------
+    order : order up to which integrals over a facet are exact.
+    angles : number of angles in (0, pi) on a section of revolution; default: those of the elements.
+    """
+    dim = elements.dim
+    facets = np.asarray(mesh.boundaries[name])
+    cell = np.asarray(mesh.f2t)[0, facets]
+    corners = np.asarray(mesh.facets)[:, facets].T
+    own = elements.cells[cell]
+    # the one corner of the cell that is not among those of the facet
+    opposite = np.argmin((own[:, : dim + 1, None] == corners[:, None, :]).any(axis=2), axis=1)
+    nodes = np.take_along_axis(own, _FACET_NODES[dim][opposite], axis=1)
+    rule = _facet_rule(dim, order)
+    shape, w = rule.shape, rule.weights
+    X = elements.nodes[nodes]
+    tangents = np.swapaxes(rule.slopes @ X[:, None], 2, 3)
+    normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
+    weights = np.linalg.norm(normal, axis=-1) * w
+    positions = shape @ X
+    own_angles = elements.angles
+    a = (
+        fourier_fields(own_angles.harmonics, angles, sines=own_angles.sines)
+        if axisymmetric and angles
+        else own_angles
+    )
+    turned = rotations(a.theta)
+    t = len(a.theta)
+    if dim == 2:
+        positions = np.stack([positions[..., 0], np.zeros_like(weights), positions[..., 1]], axis=-1)
+    if axisymmetric:
+        weights = weights * positions[..., 0]
+    points = np.einsum("ijt,kqj->kqti", turned, positions).reshape(len(nodes), -1, 3)
+    return Surface(
+        nodes=nodes,
+        shape=np.repeat(shape, t, axis=0),
+        weights=(weights[..., None] * a.weights).reshape(len(nodes), -1),
+        points=points,
+        E=np.tile(np.einsum("ijt,tjf->tif", turned, a.E), (len(shape), 1, 1)),
+        angles=t,
+    )
+
+
+def boundary_nodes(mesh: skfem.Mesh, name: str) -> Ints:
+    """Return all displacement nodes on the named boundary, numbered as in `Elements.nodes`."""
+    return np.asarray(mesh.dofs.get_facet_dofs(mesh.boundaries[name]).flatten(), dtype=np.int64)

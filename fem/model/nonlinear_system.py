@@ -1,0 +1,319 @@
+"""The discrete nonlinear system of one scene: unknowns, residual and tangent.
+
+The unknowns are q = [free displacements, motion of the rigid magnet, pressures]. Displacements that are clamped,
+prescribed, or zero by symmetry (axis, mirror plane) are eliminated. Nodes on the magnet's surface follow its rigid
+motion exactly: an element with such nodes has the magnet's unknowns beside its own. On a section of revolution
+"displacements" are the fields of `fem.model.elements`, components of the harmonics.
+
+The residual is the derivative of the potential
+
+    Pi(q) = int W(F) + p (J - 1) - p^2 / (2 K) dV + energy of the plate's springs - work of dead loads.
+
+Solutions are stationary points of it (saddle points, because of the pressure), not minima. Where the skin slips on
+the plate there is no potential, and the tangent is unsymmetric.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fem.model import axisymmetric_loops, element_integrals, element_loops, material, plate_contact
+from fem.model.assembled_state import Assembly, State
+from fem.model.axisymmetric_loops import AxisymmetricLoops
+from fem.model.element_loops import FACETS, MOTION, Loops
+from fem.model.elements import Elements, Surface
+from fem.model.overstress import Overstress
+from fem.model.plate_contact import Plate
+from fem.model.rigid_inclusion import RigidBody
+from fem.model.sparse_pattern import Pattern
+from geometry.arrays import Array, Ints
+
+NONE: Ints = np.empty(0, dtype=np.int64)
+ON_AXIS = 1e-9
+"""Radius over D below which a node lies on the axis."""
+
+
+class System:
+    """Elements, skin and constraints of one scene.
+
+    Parameters
+    ----------
+    elements, surface : interior and skin.
+    mu, inverse_K : shear modulus and inverse bulk modulus, numbers or one per element.
+    fixed : (nodes, fields) mask of the prescribed displacements, which are zero unless `prescribed` is given.
+    glued : nodes on the magnet's surface (empty without a rigid magnet).
+    rigid : motion of these nodes with the magnet.
+    dead : (nodes, fields) nodal forces that do not change with the deformation.
+    law : isochoric law of the silicone.
+    prescribed : (nodes, fields) values of the fixed displacements, and those of the nodes on the magnet before its
+        motion; other entries are ignored.
+    held : (nodes, pressures) prescribed pressures, nan where they are unknowns; or None.
+
+    Attributes
+    ----------
+    size, n_free, n_rigid, n_pressure : numbers of unknowns.
+    free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and of those that are fixed or
+        follow the magnet.
+    corner_nodes : nodes that carry pressures.
+    viscous : what a time step of a viscoelastic law adds to the law; None without one.
+    """
+
+    def __init__(
+        self,
+        elements: Elements,
+        surface: Surface | None,
+        mu: float | Array,
+        inverse_K: float | Array,
+        fixed: NDArray[np.bool_],
+        glued: Ints = NONE,
+        rigid: RigidBody | None = None,
+        dead: Array | None = None,
+        law: material.Law = material.neo_hookean,
+        prescribed: Array | None = None,
+        held: Array | None = None,
+    ) -> None:
+        self.law = law
+        self.viscous: Overstress | None = None
+        self.surface = surface
+        self.fixed = fixed
+        self.dead = np.zeros(fixed.shape) if dead is None else dead
+        self.prescribed = np.zeros(fixed.shape) if prescribed is None else prescribed
+        self.glued, self.rigid = glued, rigid
+        self._last: State | None = None
+        touches = np.zeros(len(elements.nodes), dtype=bool)
+        touches[glued] = True
+        at_magnet = touches[elements.cells].any(axis=1)
+        # elements at the magnet come last: only they have the unknowns of its motion
+        order = np.lexsort((element_loops.places_on_curve(elements), at_magnet))
+        m, self._free_cells = len(order), int(len(order) - at_magnet.sum())
+        self.elements = replace(
+            elements, cells=elements.cells[order], D=elements.D[order], weights=elements.weights[order]
+        )
+        self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[order, None]
+        self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[order, None]
+        self._number_unknowns(fixed, held)
+        self._build_pattern()
+
+    def _number_unknowns(self, fixed: NDArray[np.bool_], held: Array | None) -> None:
+        """Number the unknowns."""
+        e = self.elements
+        used = np.zeros(fixed.shape, dtype=bool)
+        used[e.cells] = True
+        free = used & ~fixed
+        free[self.glued] = False
+        self._reduced = np.full(fixed.shape, -1, dtype=np.int64)
+        self._reduced[free] = np.arange(int(free.sum()))
+        self._places = np.flatnonzero(free)
+        self.n_free = int(free.sum())
+        self.n_rigid = self.rigid.size if self.rigid else 0
+        self.corner_nodes, corners = np.unique(e.corners, return_inverse=True)
+        self._corners = corners.reshape(e.corners.shape)
+        carried = np.ones((len(self.corner_nodes), e.angles.pressures), dtype=bool)
+        carried[e.nodes[self.corner_nodes, 0] < ON_AXIS, 1:] = False
+        self._held = np.zeros(carried.shape)
+        if held is not None:
+            carried &= np.isnan(held[self.corner_nodes])
+            self._held = np.where(carried, 0.0, held[self.corner_nodes])
+        self.n_pressure = int(carried.sum())
+        first = self.n_free + self.n_rigid
+        self._pressures = np.full(carried.shape, -1, dtype=np.int64)
+        self._pressures[carried] = first + np.arange(self.n_pressure)
+        self.size = first + self.n_pressure
+        self.free, self.eliminated, self._carried = free, used & ~free, carried
+
+    def _build_pattern(self) -> None:
+        """Build the sparse pattern from the unknowns of each element, and the constant stiffness of the pressures."""
+        e, inner, nodes = self.elements, self._free_cells, len(self.elements.nodes)
+        cells, pressures = e.cells, nodes + 1 + self._corners
+        near = np.column_stack([cells[inner:], np.full(len(cells) - inner, nodes)])
+        magnet = np.array([[nodes]])
+        groups = [
+            (cells[:inner], cells[:inner]),
+            (cells[:inner], pressures[:inner]),
+            (near, near),
+            (near, pressures[inner:]),
+            (pressures, pressures),
+            (magnet, magnet),
+        ]
+        skin = None
+        if self.surface is not None:
+            facets = self.surface.nodes
+            groups.append((facets, facets))
+            numbers = np.swapaxes(self._reduced[facets], 1, 2)
+            skin = numbers.reshape(len(facets), numbers[0].size if len(facets) else 0)
+        sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
+        self.pattern = Pattern(groups, sizes, skin)
+        self._compliance = -element_integrals.pressure_stiffness(e, element_integrals.volumes(e) * self.inverse_K)
+
+    @property
+    def unknown_numbers(self) -> Ints:
+        """(nodes, fields) numbers of the displacements' unknowns; -1 for a displacement that is none."""
+        return self._reduced
+
+    def state(self, q: Array) -> State:
+        """Return displacements and pressures of unknowns q."""
+        # a state is read several times, and no array of unknowns is written to later
+        last = self._last
+        if last is not None and last.q is q:
+            return last
+        u = np.where(self.fixed, self.prescribed, 0.0)
+        u.ravel()[self._places] = q[: self.n_free]
+        if self.rigid:
+            u[self.glued] = self.prescribed[self.glued] + self.rigid.displacement(self.motion(q))
+        p = self._held.copy()
+        p[self._carried] = q[self.n_free + self.n_rigid :]
+        self._last = state = State(q, u, p)
+        return state
+
+    def with_prescribed(self, u: Array, p: Array) -> System:
+        """Return the system with other prescribed displacements (nodes, fields) and pressures (corners, n)."""
+        system = copy.copy(self)
+        system.prescribed, system._held, system._last = u, np.where(self._carried, 0.0, p), None
+        return system
+
+    def unknowns(self, u: Array, p: Array, motion: Array) -> Array:
+        """Return the unknowns of displacements, pressures and the magnet's motion: the inverse of `state`."""
+        return np.concatenate([u[self.free], motion, p[self._carried]])
+
+    def motion(self, q: Array) -> Array:
+        """Return the unknowns of the rigid magnet."""
+        return q[self.n_free : self.n_free + self.n_rigid]
+
+    def admissible(self, q: Array) -> State | None:
+        """Return the state of unknowns q, or None where any silicone is inverted (J <= 0)."""
+        if not np.isfinite(q).all():
+            return None
+        state = self.state(q)
+        if self.axisymmetric is not None:
+            least = self.axisymmetric.least_volume_change(state.u, state.p)
+        else:
+            least = self._loops.least_volume_change(state.u)
+        return replace(state, least_J=1 + least) if least > -1 else None
+
+    def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
+        """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
+        axisymmetric = self.axisymmetric
+        if axisymmetric is not None:
+            return self._assemble_axisymmetric(axisymmetric, state, plate, tangent=tangent)
+        T = self._motion_derivative(state)
+        energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
+        springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
+        forces += springs - self.dead
+        energy += spring_energy - float(np.vdot(self.dead, state.u))
+        residual = np.concatenate([forces[self.free], np.zeros(self.n_rigid), volumes[self._carried]])
+        if self.rigid:
+            residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
+        if not tangent:
+            return Assembly(residual, energy, forces, None)
+        # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
+        own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else None
+        self._add_small_groups(own, blocks, data)
+        matrix = self.pattern.with_data(data)
+        if not symmetric and blocks[0] is not None:
+            matrix = self.pattern.unfold(matrix, blocks[0])
+        return Assembly(residual, energy, forces, matrix, symmetric)
+
+    def _assemble_axisymmetric(
+        self, loops: AxisymmetricLoops, state: State, plate: Plate | None, *, tangent: bool
+    ) -> Assembly:
+        """Return `assemble` of a section without harmonics by compiled loops."""
+        symmetric, blocks, forces = True, list[Array | None](), -self.dead
+        energy, plain = -float(np.vdot(self.dead, state.u)), plate is None or plate.only_presses
+        if not plain:
+            springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
+            forces, energy = forces + springs, energy + spring_energy
+        own, residual, norms, data = loops.assemble(
+            state.u, state.p, forces, plate if plain else None, self.viscous, self.size, tangent=tangent
+        )
+        if not tangent:
+            return Assembly(residual, energy + own, forces, None, norms=norms)
+        if not plain:
+            self._add_small_groups(None, blocks, data)
+        matrix = self.pattern.with_data(data)
+        if not symmetric and blocks[0] is not None:
+            matrix = self.pattern.unfold(matrix, blocks[0])
+        return Assembly(residual, energy + own, forces, matrix, symmetric, norms)
+
+    @functools.cached_property
+    def _loops(self) -> Loops:
+        """The compiled loops over the elements."""
+        numbers = self._reduced, self._pressures
+        mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
+        return Loops(
+            self.elements, self.law, mu, inverse_K, self._corners, *numbers, self.pattern, self._free_cells,
+            self.n_free, self._compliance,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def axisymmetric(self) -> AxisymmetricLoops | None:
+        """The compiled loops over elements and skin of a section without harmonics; None for other models."""
+        if not axisymmetric_loops.knows(self.elements, self.surface):
+            return None
+        number, on_magnet = self._reduced.copy(), np.zeros(len(self.fixed), dtype=bool)
+        on_magnet[self.glued] = True
+        if self.rigid:
+            number[self.glued, 1] = self.n_free
+        mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
+        return AxisymmetricLoops(
+            self.elements, self.surface, self.law, mu, inverse_K, self._corners, number, self._pressures[:, 0],
+            on_magnet, self.eliminated, self.pattern, self._compliance,
+        )  # fmt: skip
+
+    def _add_small_groups(self, motion: Array | None, facets: list[Array | None], data: Array) -> None:
+        """Add matrices of the magnet's motion (r, r) and of the skin's facets (k, f a, f a) to entries (nnz,)."""
+        if motion is not None:
+            rows = np.arange(self.n_free, self.n_free + self.n_rigid)[None]
+            self._loops.add_matrices(motion[None], np.zeros((1, 1), dtype=np.int64), MOTION, rows, data)
+        if self.surface is not None and facets[0] is not None:
+            self._loops.add_matrices(facets[0], self.surface.nodes, FACETS, self._reduced, data)
+
+    def mass(self, density: float, magnet: Array, state: State | None = None) -> sp.csr_matrix:
+        """Return the consistent mass matrix (upper triangle); pressures have no mass.
+
+        Parameters
+        ----------
+        density : density of the silicone.
+        magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
+        state : its magnet's rotation is the only part that matters; default: the undeformed state.
+        """
+        matrices = element_integrals.mass(self.elements, density)
+        T = self._motion_derivative(state or self.state(np.zeros(self.size)))
+        data = self._loops.assemble_displacements(matrices, T)
+        self._add_small_groups(np.diag(magnet), [None], data)
+        return self.pattern.with_data(data)
+
+    def relaxing_stiffness(self, state: State) -> sp.csr_matrix:
+        """Return the part of the tangent (upper triangle) that relaxes in a viscoelastic silicone.
+
+        With the second Piola-Kirchhoff stress S of the isochoric law, dP_iJ/dF_kL = delta_ik S_JL + F_iM F_kN
+        dS_MJ/dE_NL. The first term turns a stress with the material (geometric stiffness); the second one is
+        returned. Pressures do not contribute.
+        """
+        return self.pattern.with_data(self._loops.assemble_relaxing(state.u, self._motion_derivative(state)))
+
+    def _spring_terms(
+        self, state: State, plate: Plate | None, tangent: bool
+    ) -> tuple[Array, list[Array | None], float, bool]:
+        """Return nodal forces, facet matrices and energy of the plate's springs, and whether these are symmetric."""
+        nodal = np.zeros(self.fixed.shape)
+        s = self.surface
+        if s is None:
+            return nodal, [], 0.0, True
+        if plate is None:
+            return nodal, [None], 0.0, True
+        forces, blocks, energy, symmetric = plate_contact.assemble_springs(s, state.u, plate, tangent=tangent)
+        np.add.at(nodal, s.nodes, forces)
+        return nodal, [blocks], energy, symmetric
+
+    def _motion_derivative(self, state: State) -> Array:
+        """Return the derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""
+        T = np.zeros((*self.fixed.shape, self.n_rigid))
+        if self.rigid:
+            T[self.glued] = self.rigid.derivative(self.motion(state.q))
+        return T

@@ -1,0 +1,379 @@
+"""Contact with a flat rigid plate, gluing and gripping, at the integration points of the skin.
+
+The plate's lower face passes through (0, 0, height). Its normal n points into the plate: z, unless the plate is
+tilted. A skin point at x overlaps the plate by g = n . x - n . (0, 0, height), and the plate pushes back with a
+pressure en <g> per reference area. This is a penalty method: the force is the derivative of the energy en <g>^2 / 2.
+A glued point keeps its normal spring for both signs of g and gains a tangential spring towards a target that moves
+with the plate. A gripped point has the tangential spring alone. All points within the contact radius are glued, not
+only those with g > 0, because on a coarse mesh some points inside the contact area are slightly off the plate.
+Coulomb friction is in `fem.model.coulomb_friction`. It has no energy, so the force is the derivative of an energy
+only while every point sticks.
+
+The stiffness is en = kappa E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate
+at depth d. In a Hertz contact the overlap is then about 0.57 d / kappa, and at any depth the force is too small by
+the share 0.85 / kappa.
+
+The springs must also be stiff compared with the elements of the skin. An element of edge length h resists with a
+stiffness of about E / h per area. Where en h / E is not large beside p / E (p the pressure), the pressure acts on the
+skin like a load of fixed direction, under which the skin wrinkles: single elements become unstable although the body
+is stable. On sections graded to smaller depths this began at en h / E = 0.3 (p = 0.3 E), 3 (0.5 E), 17 (0.9 E) and 60
+(1.3 E). SECTION_KAPPA keeps en h / E above 100 on the sections of all accuracy levels, up to a depth of 0.55 D.
+Tetrahedra are larger, so KAPPA is enough for them; with Coulomb friction stiffer springs would need more load steps.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import coulomb_friction
+from fem.model.coulomb_friction import Friction, FrictionTraction
+from fem.model.elements import Surface
+from geometry.arrays import Array
+
+KAPPA, SECTION_KAPPA = 3e3, 3e4
+"""Stiffness numbers kappa, see the module docstring: KAPPA for tetrahedra and for Coulomb friction, SECTION_KAPPA for
+all other sections."""
+GLUE_REACH = 0.0025
+"""Largest distance from a tilted plate at which a section is glued, over the depth. With 0 and with 0.005 the forces
+of glued shears at level quick differ from finer sections and from tetrahedra by up to 1.7 %, in opposite
+directions."""
+SAME_RADIUS = 1e-9
+"""Difference of radii over D below which two points of the skin count as one in the fit of the contact radius."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """Position of the plate, and the skin points tied to it.
+
+    Attributes
+    ----------
+    height : z at which the plate meets the axis, over D; None where there is no plate (grip).
+    stiffness : penalty stiffness en, force per area and length, in units of E / D.
+    shear : (2,) sideways displacement of the plate or grip since the points were tied, in the plate's plane, over D.
+    tilt : rotation of the plate about y that carries its normal from z towards x, rad.
+    tied : (k, q) mask of the tied points, or None.
+    targets : (k, q, 2) positions of the tied points along the plate at shear 0.
+    gap : (k, q) distance to the plate at which each tied point was glued; 0 where it was pressed.
+    pressed : (k, q) mask of the points that count as pressed, whatever their overlap; with friction these points also
+        keep slipping or sticking as they did last. Default: the points with g > 0.
+    friction : Coulomb friction and its history, or None.
+    """
+
+    height: float | None
+    stiffness: float
+    shear: Array
+    tilt: float = 0.0
+    tied: NDArray[np.bool_] | None = None
+    targets: Array | None = None
+    gap: Array | None = None
+    pressed: NDArray[np.bool_] | None = None
+    friction: Friction | None = None
+
+    @property
+    def only_presses(self) -> bool:
+        """Whether the plate is upright, without glue or friction."""
+        return self.height is not None and not self.tilt and self.tied is None and self.friction is None
+
+    @property
+    def frame(self) -> Array:
+        """(3, 3) directions as rows: the two along the plate, and its normal."""
+        return _frame(self.tilt)
+
+
+@functools.lru_cache
+def _frame(tilt: float) -> Array:
+    s, c = np.sin(tilt), np.cos(tilt)
+    frame = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+    frame.flags.writeable = False
+    return frame
+
+
+def positions_along_plate(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the deformed positions of the skin's points along the plate, shape (k, q, 2), for nodal fields u."""
+    x = surface.points + surface.displacement(u)
+    return np.asarray(x @ plate.frame[:2].T) if plate.tilt else x[..., :2]
+
+
+def displacements_along_plate(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the displacements of the skin's points along the plate relative to it, shape (k, q, 2)."""
+    return np.asarray(surface.displacement(u) @ plate.frame[:2].T - plate.shear)
+
+
+def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the signed overlap g of the skin's points with the plate, shape (k, q).
+
+    The height above the plate is subtracted before u is added: both are near L, and u may be a nanometre.
+    """
+    if plate.height is None:
+        return np.full(surface.weights.shape, -np.inf)
+    if not plate.tilt:
+        return surface.points[..., 2] - plate.height + surface.upward_displacement(u)
+    n = plate.frame[2]
+    rest = n[2] * (surface.points[..., 2] - plate.height) + n[0] * surface.points[..., 0]
+    return np.asarray(rest + surface.displacement(u) @ n)
+
+
+Stiffness = dict[tuple[int, int], NDArray[np.floating]]
+"""Entries (i, j) of the (3, 3) stiffness matrices of the skin's points, shape (k, q) each; absent entries are
+zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Springs:
+    """Tractions of the plate's springs at a trial state.
+
+    Attributes
+    ----------
+    traction : (k, q, 3) derivative of the springs' energy by the displacement, that is, minus the force on the skin
+        per reference area.
+    stiffness : its derivative in the plate's frame; unsymmetric where points slip.
+    energy : stored in the springs, integrated over the skin.
+    friction : tractions of Coulomb friction, or None.
+    """
+
+    traction: Array
+    stiffness: Stiffness
+    energy: float
+    friction: FrictionTraction | None = None
+
+
+def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
+    """Return the tractions of the plate's springs for nodal fields u."""
+    residual, stiffness = np.zeros(surface.points.shape), Stiffness()
+    en, energy = plate.stiffness, 0.0
+    if plate.height is not None:
+        g = overlap(surface, u, plate)
+        active = g > 0 if plate.pressed is None else plate.pressed
+        # a glued point keeps the distance that it had when it was glued, and can be pulled
+        if plate.tied is not None and plate.gap is not None:
+            active = active | plate.tied
+            g = np.where(plate.tied, g + plate.gap, g)
+        pressure = residual[..., 2] = en * g * active
+        stiffness[2, 2] = en * active
+        energy = float(np.vdot(surface.weights * pressure, pressure)) / (2 * en)
+    if plate.tied is not None and plate.targets is not None:
+        pull = en * (positions_along_plate(surface, u, plate) - plate.targets - plate.shear)
+        residual[..., :2] = np.where(plate.tied[..., None], pull, 0.0)
+        stiffness[0, 0] = stiffness[1, 1] = en * plate.tied
+        energy += float(np.sum(surface.weights[..., None] * residual[..., :2] ** 2) / (2 * en))
+    friction = None
+    if plate.friction is not None:
+        et, frozen = coulomb_friction.STICK * en, plate.pressed is not None
+        friction = coulomb_friction.apply_return_map(
+            plate.friction, displacements_along_plate(surface, u, plate), residual[..., 2], active, et, frozen=frozen
+        )
+        residual[..., :2] = friction.traction
+        for i, j in np.ndindex(2, 2):
+            stiffness[i, j] = friction.by_displacement[..., i, j]
+        for i in range(2):
+            stiffness[i, 2] = en * friction.by_pressure[..., i]
+        energy += float(np.sum(surface.weights[..., None] * friction.traction**2) / (2 * et))
+    return Springs(residual @ plate.frame if plate.tilt else residual, stiffness, energy, friction)
+
+
+def resultant(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the integral (3,) of the traction of the plate's springs."""
+    if plate.only_presses:
+        load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
+        return np.array([0.0, 0.0, plate.stiffness * float(load.sum())])
+    return np.asarray(np.einsum("kq,kqi->i", surface.weights, springs(surface, u, plate).traction))
+
+
+def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array] | None:
+    """Return the traction along z of the base z = 0 on skin that bulges below it, and its derivative by u_z.
+
+    Both have shape (k, q); None where no skin is below the base. The base is wider than the beam, and frictionless
+    there. Without this contact the skin would fold at the clamp in a deep press.
+    """
+    depth = surface.points[..., 2] + surface.upward_displacement(u)
+    below = depth < 0
+    return (np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)) if below.any() else None
+
+
+def advance_friction(surface: Surface, u: Array, plate: Plate) -> tuple[Friction, float]:
+    """Return the history of friction after a step that converged with this plate, and the energy dissipated in it."""
+    assert plate.friction is not None
+    en = plate.stiffness
+    pressure = en * overlap(surface, u, plate)
+    after, lost = coulomb_friction.advance(
+        plate.friction, displacements_along_plate(surface, u, plate), pressure, coulomb_friction.STICK * en
+    )
+    return after, float(np.sum(surface.weights * lost))
+
+
+def hold_reversing_points(surface: Surface | None, u: Array, plate: Plate | None) -> tuple[Plate | None, bool]:
+    """Return the plate for Newton's next iterate, and whether friction held any point at this one.
+
+    See `coulomb_friction.hold_reversing_points`.
+    """
+    if surface is None or plate is None or plate.friction is None:
+        return plate, False
+    now = springs(surface, u, replace(plate, pressed=None)).friction
+    assert now is not None
+    return replace(plate, friction=coulomb_friction.hold_reversing_points(plate.friction, now)), now.held
+
+
+def assemble_springs(
+    surface: Surface, u: Array, plate: Plate, *, tangent: bool = True
+) -> tuple[Array, Array, float, bool]:
+    """Return the nodal forces, stiffness and energy of the springs of plate and base.
+
+    Returns
+    -------
+    forces : (k, f, fields) forces on the nodes of each facet.
+    stiffness : (k, f fields, f fields) matrices, fields first; (k, 0, 0) without `tangent`.
+    energy : stored in the springs.
+    symmetric : whether the stiffness is symmetric.
+    """
+    plate_springs = springs(surface, u, plate)
+    residual, stiffness, energy = plate_springs.traction, plate_springs.stiffness, plate_springs.energy
+    base = base_traction(surface, u, plate.stiffness)
+    if base is not None:
+        residual[..., 2] += base[0]
+        energy += float(np.sum(surface.weights * base[0] ** 2) / (2 * plate.stiffness))
+    forces = surface.forces(residual)
+    if not tangent:
+        return forces, np.zeros((len(forces), 0, 0)), energy, True
+    blocks = surface.stiffness(stiffness, plate.frame)
+    if base is not None:
+        blocks += surface.stiffness({(2, 2): base[1]}, np.eye(3))
+    slips = plate.friction is not None and not all(
+        np.array_equal(C, stiffness.get((j, i), 0 * C)) for (i, j), C in stiffness.items()
+    )
+    return forces, blocks, energy, not slips
+
+
+def average_over_facets(surface: Surface, values: Array) -> Array:
+    """Return values (k, q) with each point's value replaced by the mean over its facet, at each angle of a section.
+
+    Facets must be tied as a whole. A facet tied at some points only would follow the plate almost as a whole, so the
+    tied area would be too large.
+    """
+    lines = values.reshape(len(values), -1, surface.angles)
+    return np.broadcast_to(lines.mean(axis=1, keepdims=True), lines.shape).reshape(values.shape)
+
+
+def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> Plate:
+    """Return the plate with the facets glued to it whose mean distance from the axis is below `radius`.
+
+    Under a tilted plate a section's facets are glued, at each angle, where their mean distance from the plate is
+    below GLUE_REACH times the depth. A few orders cannot follow the plate exactly: gluing the whole contact area
+    makes the tip too stiff, and gluing only what is pressed too soft.
+
+    Parameters
+    ----------
+    radius : undeformed radius over D; None: the contact radius, measured from the centre of pressure.
+    above : only points above this undeformed height, over D, are glued.
+    """
+    out = surface.radii
+    if plate.tilt and surface.angles > 1:
+        depth = float(overlap(surface, np.zeros_like(u), plate).max())
+        out, radius = -overlap(surface, u, plate), GLUE_REACH * depth
+    elif radius is None:
+        out, radius = distance_from_pressure_centre(surface, u, plate), contact_radius(surface, u, plate)
+    tied = (average_over_facets(surface, out) < radius) & (surface.points[..., 2] > above)
+    return replace(plate, tied=tied, targets=positions_along_plate(surface, u, plate), gap=gaps(surface, u, plate))
+
+
+def gaps(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the distances of the skin's points to the plate, shape (k, q); 0 where they are pressed."""
+    return np.maximum(-overlap(surface, u, plate), 0.0)
+
+
+def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the distance of the skin's points from the centre of pressure, along the plate, shape (k, q).
+
+    On half a skin the centre lies in the mirror plane, on a section it lies on the axis.
+    """
+    x, whole = positions_along_plate(surface, u, plate), surface.whole
+    if not any(whole):
+        return np.hypot(x[..., 0], x[..., 1])
+    load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
+    centre = [float(np.sum(load * x[..., i]) / np.sum(load)) if whole[i] else 0.0 for i in range(2)]
+    return np.hypot(x[..., 0] - centre[0], x[..., 1] - centre[1])
+
+
+def undeformed_radius(surface: Surface, u: Array, plate: Plate, radius: float) -> float:
+    """Return the undeformed radius of the skin's points that are now at a distance `radius` from a press's axis."""
+    out = surface.radii.ravel()
+    now = np.linalg.norm(positions_along_plate(surface, u, plate), axis=-1).ravel()
+    dome = np.flatnonzero(surface.points[..., 2].ravel() > surface.points[..., 2].max() - out.max())
+    order = dome[np.argsort(out[dome])]
+    # interpolation needs radii that increase outwards: skin that has folded back is left out
+    ahead = np.maximum.accumulate(now[order])
+    return float(np.interp(radius, ahead, out[order]))
+
+
+def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
+    """Return the radius of the contact area, extrapolated from the gap around it.
+
+    Outside a smooth contact of radius a the gap opens as (r - a)^(3/2), so gap^(2/3) is smooth in r. A quadratic in r
+    is fitted to the points of the dome between a + 0.05 w and a + 0.35 w, w = min(a, 0.6 R), and its zero is the new
+    a. That is far less sensitive to the mesh than the outermost point under pressure. r is the distance from the
+    centre of pressure; points in all directions count. For the contact area of a sheared tip see `equal_area_radius`.
+
+    Where fewer than four radii lie in that range, the result is the radius of a Hertz contact with the same second
+    moment of the pressure, a^2 = 5/2 int p r^2 dA / int p dA: within 1 % up to a = D/4, and 2 % too small at 0.43 D.
+    """
+    g = overlap(surface, u, plate)
+    pressed = g > 0
+    if not pressed.any():
+        return 0.0
+    r = distance_from_pressure_centre(surface, u, plate)
+    radius, reach, free = float(r[pressed].max()), surface.reach, surface.dome & ~pressed
+    outside = r[free]
+    order = np.argsort(outside)
+    outside, opening, range_before = outside[order], np.cbrt(g[free][order] ** 2), (-1, -1)
+    for _ in range(4):
+        width = min(radius, 0.6 * reach)
+        first, last = np.searchsorted(outside, (radius + 0.05 * width, radius + 0.35 * width)).tolist()
+        if (first, last) == range_before:
+            break  # the same points have the same fit
+        near, opened, range_before = outside[first:last], opening[first:last], (first, last)
+        if np.count_nonzero(np.diff(near) > SAME_RADIUS) < 3:
+            return hertz_radius(surface, u, plate)
+        x = near / radius - 1
+        powers = np.array([x * x, x, np.ones_like(x)])
+        # the normal equations of so few terms lose five digits at most
+        a2, a1, a0 = np.linalg.solve(powers @ powers.T, powers @ (opened / opened.max()))
+        # this form of the smaller root does not cancel when the quadratic is nearly a line
+        root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
+        if not abs(root) < 0.5:
+            return hertz_radius(surface, u, plate)
+        radius *= 1 + float(root)
+    return radius
+
+
+def hertz_radius(surface: Surface, u: Array, plate: Plate) -> float:
+    """Return the radius of a Hertz contact with the second moment of the pressure, see `contact_radius`.
+
+    It serves under a tilted plate, where the contact area lies off the axis and is not quite round: there the points
+    around it are too few in any one direction to extrapolate the gap.
+    """
+    load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
+    if not load.any():
+        return 0.0
+    r = distance_from_pressure_centre(surface, u, plate)
+    return math.sqrt(2.5 * float(np.vdot(load, r**2)) / float(load.sum()))
+
+
+def equal_area_radius(surface: Surface, u: Array, plate: Plate) -> float:
+    """Return the radius of the circle that has the area of the contact; the contact of a sheared tip is not round.
+
+    The area is that of the convex hull of the positions on the plate of all points under pressure. The points of half
+    a skin are mirrored first.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    x = positions_along_plate(surface, u, plate)[overlap(surface, u, plate) > 0]
+    if surface.points[..., 1].min() > -1e-9:
+        x = np.concatenate([x, x * [1, -1]])
+    try:
+        return float(np.sqrt(ConvexHull(x).volume / np.pi)) if len(x) > 2 else 0.0
+    except QhullError:  # all on one line
+        return 0.0

@@ -1,0 +1,173 @@
+"""Finite motion of the rigid magnet, and of the nodes on its surface.
+
+A node at X moves with the magnet by u = U + (Q - 1) (X - Xc), written as sum_j phi_j(q) B_j with constant fields B_j
+and functions phi_j of the few unknowns q:
+
+- axial: q = U_z; with torsion also the angle about z, which moves X by u_r = r (cos q2 - 1), u_theta = r sin q2;
+- sideways: q = U_x and the rotation about y, about an axisymmetric state with a given U_z (`single_order`);
+- planar (mirror plane y = 0; solids and cosine orders): q = U_x, U_z and the rotation about y that carries z towards
+  x, Q = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
+- spatial (solids and sine orders): q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4
+  carries z towards -y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.model.angular_fields import Angles, orders
+from geometry.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class RigidBody:
+    """Motion of the nodes on the magnet's surface.
+
+    Attributes
+    ----------
+    fields : (j, n, fields) the constant fields B_j.
+    size : number of unknowns: 1 or 2 axial, 2 sideways, 3 planar, 6 spatial.
+    """
+
+    fields: Array
+    size: int
+
+    def displacement(self, q: Array) -> Array:
+        """Return the fields at the nodes, shape (n, fields)."""
+        fields = self.fields
+        # the product that tensordot takes several times as long to find
+        return np.asarray((_functions(q)[0] @ fields.reshape(len(fields), -1)).reshape(fields.shape[1:]))
+
+    def derivative(self, q: Array) -> Array:
+        """Return du/dq, shape (n, fields, size)."""
+        return np.asarray(np.moveaxis(np.tensordot(_functions(q)[1].T, self.fields, axes=1), 0, -1))
+
+    def curvature(self, q: Array, force: Array) -> Array:
+        """Return the sum of force times d2u/dq2, shape (size, size), for nodal forces (n, fields)."""
+        if not force.any():  # as at rest
+            return np.zeros((self.size, self.size))
+        return np.asarray(np.tensordot(np.sum(self.fields * force, axis=(1, 2)), _functions(q)[2], axes=1))
+
+
+def solid(arms: Array, size: int) -> RigidBody:
+    """Return the motion of a solid's nodes at positions (n, 3) from the magnet's centre; planar (3) or spatial
+    (6)."""
+    one = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
+    if size == 3:
+        x, z = arms[:, 0, None], arms[:, 2, None]
+        ex, ez = np.eye(3)[[0, 2]]
+        return RigidBody(np.stack([one[0], one[2], z * ex - x * ez, x * ex + z * ez]), 3)
+    turned = np.zeros((3, 3, len(arms), 3))
+    for i in range(3):
+        for J in range(3):
+            turned[i, J, :, i] = arms[:, J]
+    return RigidBody(np.concatenate([one, turned.reshape(9, len(arms), 3)]), 6)
+
+
+def section(arms: Array, angles: Angles) -> RigidBody:
+    """Return the motion of a section's nodes at (r, z) (n, 2) from the magnet's centre; axial without harmonics."""
+    k = list(orders(angles.harmonics))
+    r, z = arms.T
+    rise = len(k)
+    if angles.harmonics == 0 and angles.fields == 3:
+        B = np.zeros((3, len(arms), 3))
+        B[0, :, 2], B[1, :, 1], B[2, :, 0] = 1, r, r
+        return RigidBody(B, 2)
+    if angles.harmonics == 0:
+        B = np.zeros((1, len(arms), angles.fields))
+        B[0, :, rise] = 1
+        return RigidBody(B, 1)
+    if angles.sines:
+        return _spatial_section(arms, angles)
+    B = np.zeros((4, len(arms), angles.fields))
+    along, out, double = k.index(-1), k.index(0), k.index(-2)
+    B[0, :, along], B[1, :, rise] = 1, 1
+    B[2, :, along], B[2, :, rise + 1] = z, -r
+    B[3, :, out], B[3, :, double], B[3, :, rise] = r / 2, r / 2, z
+    return RigidBody(B, 3)
+
+
+def sideways(arms: Array, angles: Angles) -> RigidBody:
+    """Return the motion of a section's nodes in a model of order 1, see `angular_fields.order_fields`."""
+    r, z = arms.T
+    B = np.zeros((3, len(arms), angles.fields))
+    B[0, :, 2] = 1
+    B[1, :, 2], B[1, :, 4] = z, -r
+    B[2, :, 0], B[2, :, 3] = r / 2, z
+    return RigidBody(B, 2)
+
+
+def _spatial_section(arms: Array, angles: Angles) -> RigidBody:
+    """Return the motion of a section's nodes with six unknowns, in the fields a_k, b_k, z_n, z'_n.
+
+    A displacement along x by a real function f(theta) is f = sum_m f_m exp(i m theta) with complex f_m = w_(m-1); one
+    along y is i f. Here f is 1, x = r cos theta, y = r sin theta or z.
+    """
+    k, N = list(orders(angles.harmonics)), angles.harmonics
+    r, z = arms.T
+    a = {m: k.index(m - 1) for m in (-1, 0, 1)}
+    b = {m: len(k) + i for m, i in a.items()}
+    rise = 2 * len(k)
+    B = np.zeros((3, 4, len(arms), angles.fields))
+    for i, (real, imaginary, sign) in enumerate(((a, b, 1.0), (b, a, -1.0))):
+        B[i, 0, :, real[0]] = 1
+        B[i, 1, :, real[1]], B[i, 1, :, real[-1]] = r / 2, r / 2
+        B[i, 2, :, imaginary[1]], B[i, 2, :, imaginary[-1]] = -sign * r / 2, sign * r / 2
+        B[i, 3, :, real[0]] = z
+    B[2, 0, :, rise], B[2, 3, :, rise] = 1, z
+    B[2, 1, :, rise + 1], B[2, 2, :, rise + N + 1] = r, r
+    return RigidBody(np.concatenate([B[:, 0], B[:, 1:].reshape(9, len(arms), angles.fields)]), 6)
+
+
+def _functions(q: Array) -> tuple[Array, Array, Array]:
+    """Return phi (j,) and its first (j, size) and second derivatives (j, size, size)."""
+    n = len(q)
+    if n == 1:
+        return q, np.eye(1), np.zeros((1, 1, 1))
+    if n < 6:  # translations, then one rotation
+        s, c = np.sin(q[-1]), np.cos(q[-1])
+        first, second = np.zeros((n + 1, n)), np.zeros((n + 1, n, n))
+        first[: n - 1, : n - 1] = np.eye(n - 1)
+        first[-2:, -1], second[-2:, -1, -1] = (c, -s), (-s, -c)
+        # cos q - 1 = -2 sin^2(q / 2) keeps its digits at small angles
+        return np.array([*q[:-1], s, -2 * np.sin(q[-1] / 2) ** 2]), first, second
+    turns = [_rotation(angle, axis) for angle, axis in zip(q[3:], (1, 0, 2), strict=True)]
+
+    def product(*orders: int) -> Array:
+        a, b, c = (turn[order] for turn, order in zip(turns, orders, strict=True))
+        return np.asarray(a @ b @ c).ravel()
+
+    first, second = np.zeros((12, 6)), np.zeros((12, 6, 6))
+    first[:3, :3] = np.eye(3)
+    unit = np.eye(3, dtype=int)
+    for i in range(3):
+        first[3:, 3 + i] = product(*unit[i])
+        for j in range(3):
+            second[3:, 3 + i, 3 + j] = product(*(unit[i] + unit[j]))
+    return np.concatenate([q[:3], product(0, 0, 0) - np.eye(3).ravel()]), first, second
+
+
+def _rotation(angle: float, axis: int) -> tuple[Array, Array, Array]:
+    """Return the rotation matrix about a coordinate axis, and its first and second derivative by the angle."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrices = []
+    for c, s, one in (
+        (np.cos(angle), np.sin(angle), 1.0),
+        (-np.sin(angle), np.cos(angle), 0.0),
+        (-np.cos(angle), -np.sin(angle), 0.0),
+    ):
+        Q = np.zeros((3, 3))
+        Q[axis, axis], Q[i, i], Q[j, j], Q[i, j], Q[j, i] = one, c, c, -s, s
+        matrices.append(Q)
+    return matrices[0], matrices[1], matrices[2]
+
+
+def axis(q: Array) -> Array:
+    """Return the direction (3,) of the magnet's axis after the motion q."""
+    if len(q) == 1:
+        return np.array([0.0, 0.0, 1.0])
+    if len(q) == 3:
+        return np.array([np.sin(q[2]), 0.0, np.cos(q[2])])
+    return np.asarray(_rotation(q[3], 1)[0] @ _rotation(q[4], 0)[0] @ np.array([0.0, 0.0, 1.0]))

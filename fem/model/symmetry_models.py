@@ -1,0 +1,245 @@
+"""The models of a scene: mesh, symmetries and unknowns of each. All lengths are over D.
+
+axisymmetric : press of a body of revolution; (r, z) section.
+harmonic : any load on a body of revolution; Fourier elements on the section. N = 0 is axisymmetric. A load in the
+    plane y = 0 needs cosine orders only, any other load sine orders too.
+half : load in the plane y = 0; tetrahedra in y >= 0.
+full : any load; tetrahedra.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+
+from fem.model import angular_fields, elements, rigid_inclusion
+from fem.model.elements import Elements, Surface
+from fem.model.gradient_recovery import Recovery, build_recovery
+from fem.model.material import Law, lame, neo_hookean
+from fem.model.nonlinear_system import NONE, System
+from geometry.arrays import Array
+from geometry.design import Shape
+from geometry.loads import Magnet
+from geometry.meshing.section_grading import FILLET
+from geometry.section import section as section_mesh
+
+Model = Literal["axisymmetric", "harmonic", "half", "full"]
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """A meshed model in units of D and E.
+
+    Attributes
+    ----------
+    model : name of the model.
+    mesh : scikit-fem's second-order mesh.
+    system : unknowns and equations.
+    symmetry : factor from forces on the modelled part to forces on the whole body (1 or 2).
+    shape : the beam's shape over D.
+    """
+
+    model: Model
+    mesh: skfem.Mesh
+    system: System
+    symmetry: float
+    shape: Shape
+
+    @property
+    def elements(self) -> Elements:
+        return self.system.elements
+
+    @functools.cached_property
+    def centre(self) -> Recovery:
+        """Recovery of displacement and gradient at the magnet's centre, for a beam that is all silicone."""
+        return build_recovery(self.elements, self.shape.H, mirrored=self.mirrored)
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the states are symmetric about the plane y = 0."""
+        return self.model != "full" and not self.elements.angles.sines
+
+    @property
+    def revolved(self) -> bool:
+        """Whether the mesh is a section of revolution."""
+        return self.elements.dim == 2
+
+
+def section(
+    shape: Shape,
+    nu: float,
+    magnet: Magnet,
+    size: float,
+    tip_size: float,
+    law: Law = neo_hookean,
+    *,
+    harmonics: int = 0,
+    sines: bool = False,
+    rim: tuple[float, float] | None = None,
+    push: float = 0.0,
+    around: int = 0,
+    fillet: float = FILLET,
+    glued: bool = False,
+) -> Discretisation:
+    """Build the model of a section of revolution with clamped base.
+
+    Parameters
+    ----------
+    size, tip_size : edge lengths of the mesh and at its tip, over D.
+    sines : whether the harmonics include sine orders.
+    rim : radius and edge length where the contact area will end, see `geometry.section.section`.
+    push : dead force along x, distributed over the dome, over E D^2; requires harmonics.
+    around : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
+    fillet, glued : see `geometry.section.section`.
+    """
+    rigid = magnet == "rigid"
+    mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if rigid else "none", glued)
+    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics, sines=sines)
+    fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
+    fixed[elements.boundary_nodes(mesh, "base")] = True
+    fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics, sines=sines))] = True
+    skin = elements.surface(
+        mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
+    )
+    held = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
+    body = rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles) if rigid else None
+    dead = distribute_push(skin, fixed.shape, shape.H, push) if push else None
+    if glued and rim is not None:
+        skin = _release_next_point(skin, shape, rim[0])
+    system = System(e, skin, *lame(1.0, nu), fixed, held, body, dead, law=law)
+    return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
+
+
+def solid(
+    shape: Shape,
+    nu: float,
+    magnet: Magnet,
+    size: float,
+    tip_size: float,
+    law: Law = neo_hookean,
+    *,
+    half: bool,
+    rim: tuple[float, float] | None = None,
+    push: float = 0.0,
+    mesh: skfem.MeshTet2 | None = None,
+) -> Discretisation:
+    """Build the model of a solid of tetrahedra with clamped base.
+
+    Parameters
+    ----------
+    size, tip_size : edge lengths of the mesh and at its tip, over D.
+    half : model only y >= 0.
+    rim : radius and edge length where the contact area will end, see `geometry.mesh.tetrahedra`.
+    push : dead force along x, distributed over the dome, over E D^2.
+    mesh : mesh in units of D to use instead of a new one (with a hole for a rigid magnet); sizes and rim are then
+        ignored.
+    """
+    rigid = magnet == "rigid"
+    mesh = mesh or _solid_mesh(shape, size, tip_size, rim, half, "hole" if rigid else "none")
+    e = elements.build(mesh, axisymmetric=False)
+    fixed = np.zeros(e.nodes.shape, dtype=bool)
+    fixed[elements.boundary_nodes(mesh, "base")] = True
+    if half:
+        fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
+    skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
+    glued = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
+    body = rigid_inclusion.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if rigid else None
+    symmetry = 2.0 if half else 1.0
+    dead = distribute_push(skin, fixed.shape, shape.H, push / symmetry) if push else None
+    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
+    return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
+
+
+def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
+    """Return the nodal forces of a uniform dead traction along x on the skin above a height."""
+    weights = np.where(skin.points[..., 2] > above, skin.weights, 0.0)
+    along = np.einsum("kq,qf,qn->knf", weights * (force / weights.sum()), skin.E[:, 0], skin.shape)
+    dead = np.zeros(fields)
+    np.add.at(dead, skin.nodes, along)
+    return dead
+
+
+def on_axis(harmonics: int, *, sines: bool = False) -> NDArray[np.bool_]:
+    """Return which fields of a section may differ from zero on the axis: w_-1, a sideways displacement, and z_0."""
+    across = [order == -1 for order in angular_fields.orders(harmonics)] * (2 if sines else 1)
+    along = [n == 0 for n in range(harmonics + 1)] + [False] * (harmonics if sines else 0)
+    return np.array(across + along)
+
+
+def raise_harmonics(low: System, high: System, q: Array) -> Array:
+    """Return the unknowns q of a section in a system with more harmonics, or sine orders too, on the same mesh."""
+    state, from_fields, to_fields = low.state(q), field_names(low.elements.angles), field_names(high.elements.angles)
+    u = np.zeros(high.fixed.shape)
+    u[:, [to_fields.index(name) for name in from_fields]] = state.u
+    from_p, to_p = ([name for name in names if name[0] in "zs"] for names in (from_fields, to_fields))
+    p = np.zeros((len(state.p), len(to_p)))
+    p[:, [to_p.index(name) for name in from_p]] = state.p
+    motion = np.zeros(high.n_rigid)
+    own = {1: (2,), 3: (0, 2, 3), 6: (0, 1, 2, 3, 4, 5)}
+    if high.n_rigid:
+        places = {place: i for i, place in enumerate(own[high.n_rigid])}
+        motion[[places[place] for place in own[low.n_rigid]]] = low.motion(q)
+    return high.unknowns(u, p, motion)
+
+
+def field_names(angles: angular_fields.Angles) -> list[tuple[str, int]]:
+    """Return kind and order of each field: a and b, real and imaginary part of w_k; z and s, cosine and sine of u_z.
+
+    The pressures have the kinds and orders of the fields z and s.
+    """
+    k, n, both = angular_fields.orders(angles.harmonics), range(angles.harmonics + 1), angles.sines
+    names = [("a", order) for order in k] + [("b", order) for order in k if both]
+    return names + [("z", order) for order in n] + [("s", order) for order in n[1:] if both]
+
+
+def _release_next_point(skin: Surface, shape: Shape, radius: float) -> Surface:
+    """Return the skin of a section without contact at that point outside a glued area that is next to its edge.
+
+    At the share 0.03 of the facet's length from the edge, the point would touch in the press, by the waves that
+    graded elements have there (see `geometry.meshing.edge_singularity`), and hold the skin that should open as soon
+    as the plate moves: a small shear of a long sensor would be 5 % too stiff.
+
+    radius : undeformed radius of the area's edge.
+    """
+    edge = shape.H + math.sqrt(max(shape.R**2 - radius**2, 0.0))
+    height = skin.points[:, :: skin.angles, 2]
+    outside = np.flatnonzero(height.max(axis=1) < edge)
+    if not len(outside):
+        return skin
+    facet = outside[height[outside].max(axis=1).argmax()]
+    weights = skin.weights.copy()
+    weights[facet].reshape(-1, skin.angles)[height[facet].argmax()] = 0
+    return replace(skin, weights=weights)
+
+
+@functools.lru_cache(maxsize=8)
+def _section_mesh(
+    shape: Shape,
+    size: float,
+    tip_size: float,
+    rim: tuple[float, float] | None,
+    fillet: float,
+    magnet: Literal["hole", "none"],
+    glued: bool,
+) -> skfem.MeshTri2:
+    return section_mesh(shape, size, tip_size=tip_size, rim=rim, fillet=fillet, magnet=magnet, glued=glued)
+
+
+@functools.lru_cache(maxsize=4)
+def _solid_mesh(
+    shape: Shape,
+    size: float,
+    tip_size: float,
+    rim: tuple[float, float] | None,
+    half: bool,
+    magnet: Literal["hole", "none"],
+) -> skfem.MeshTet2:
+    from geometry.mesh import tetrahedra
+
+    return tetrahedra(shape, size, tip_size=tip_size, rim=rim, half=half, magnet=magnet)

@@ -1,0 +1,185 @@
+"""Relative errors of a solution, estimated from its difference to a solution on a coarser mesh.
+
+The rules are those of `fem.results.error_estimate_rules`; `magtip accuracy` compares the estimates with the errors
+against much finer meshes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fem.results.error_estimate_rules import (
+    DEPTH_POWER,
+    FAR_SHEAR,
+    FRICTION_SHEAR,
+    LEAST_RADIUS,
+    ON_LIMIT,
+    ORDER_POWER,
+    RESPONSE_RULES,
+    STICK_SHEAR,
+    SURE_SHARE,
+    UNUSUAL,
+    VIBRATION_RULES,
+    ErrorRule,
+    LoadCase,
+    VibrationQuantity,
+    press_limits,
+)
+from fem.scene import Scene
+from fem.solution import Estimates
+from fem.solve.depth_ranges import harmonics_at, orders_needed
+from geometry.arrays import Array
+from geometry.loads import Load, Response
+
+NOTHING = 1e-12
+"""Tilts (rad) and numbers of a tangent below this are rounding errors, to which no error is relative. Forces and
+shifts have no such bound: they are small at small loads."""
+
+
+def estimate_response(one: Response, other: Response, load: Load, scene: Scene, model: str) -> Estimates:
+    """Return the estimated errors of the response to one load of a scene.
+
+    Parameters
+    ----------
+    one, other : the response, and the response on the coarser mesh.
+    load : load of the response; less than the scene's where the path stopped early.
+    scene : scene of the response.
+    model : model of the response; before a shear it may still be axisymmetric.
+    """
+    case, accuracy = load_case(load, scene), scene.accuracy
+    rules = RESPONSE_RULES[case, scene.magnet]
+    if load.imperfection and not load.shears_tip and one.shift[0] * other.shift[0] < 0:
+        other = _mirrored(other)
+    edge = accuracy.solid_size if scene.solid else accuracy.section_size
+    radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
+    growth = _growth_beyond_study(case, load, scene)
+    # the coarser solve of a model with one harmonic has two: the whole difference is an error of the model
+    sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
+
+    def estimate(
+        rule: ErrorRule, value: Sequence[float], coarse: Sequence[float], base: float, nothing: float = 0.0
+    ) -> float | None:
+        difference = _relative_difference(value, coarse, nothing)
+        return None if difference is None else _bounded_error(rule, difference, edge, base, growth, sure)
+
+    tilt = estimate(rules.tilt, (one.tilt, one.tilt_y), (other.tilt, other.tilt_y), radius, NOTHING)
+    upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
+    sideways, along = None, _force_along_shear(one, load)
+    if along:
+        own = load.coulomb is None or case == "tilted friction"
+        rule = RESPONSE_RULES[case if own else "friction", scene.magnet].sideways
+        assert rule is not None  # all cases with a shear have one
+        sideways = estimate(rule, (along,), (_force_along_shear(other, load),), abs(along) / math.hypot(*one.force))
+    return Estimates(
+        force=estimate(rules.force, one.force, other.force, radius),
+        shift=estimate(rules.shift, one.shift, other.shift, radius),
+        # the tilt of tetrahedra under an upright press is mesh noise
+        tilt=None if tilt is None or (upright and tilt > 1) else tilt,
+        sideways=sideways,
+    )
+
+
+def estimate_number(rule: ErrorRule, one: float, other: float | None, edge: float, base: float) -> float | None:
+    """Return the estimated error of a number; None where it is 0 or the coarser mesh has none.
+
+    Parameters
+    ----------
+    rule : one of `fem.results.error_estimate_rules.TANGENT_RULES`.
+    one, other : the number, and the number on the coarser mesh.
+    edge : edge length of the section over D.
+    base : base of the rule, see TANGENT_RULES.
+    """
+    difference = None if other is None else _relative_difference((one,), (other,), NOTHING)
+    return None if difference is None else _bounded_error(rule, difference, edge, base)
+
+
+def estimate_vibration(
+    quantity: VibrationQuantity, motion: str, difference: Array, amplification: Array, scene: Scene
+) -> Array:
+    """Return the estimated relative errors (f,) of a gain of a vibration.
+
+    Parameters
+    ----------
+    quantity : see `fem.results.error_estimate_rules.VIBRATION_RULES`.
+    motion : of the plate, or of the base: "z" or "x".
+    difference : (f,) relative differences to the coarser mesh.
+    amplification : (f,) factors by which resonances amplify an error and a difference.
+    scene : of the vibrating sensor.
+    """
+    load = scene.loads[0]
+    moved = load.shears_tip or bool(load.plate_tilt) or load.grip is not None or load.coulomb is not None
+    rule = VIBRATION_RULES[quantity, motion, "shear" if moved else "press"]
+    edge = scene.accuracy.section_size
+    each = [_bounded_error(rule, d, edge, 1.0) for d in (difference / amplification).tolist()]
+    return amplification * each
+
+
+def load_case(load: Load, scene: Scene) -> LoadCase:
+    """Return the load case of a scene's load by which its rules are selected, see RESPONSE_RULES.
+
+    >>> from geometry.design import paper
+    >>> load_case(Load(depth=0.5), Scene(paper(), (Load(depth=0.5),)))
+    'press'
+    """
+    if scene.solid:
+        return "solid" if load.plate_tilt or scene.sideways else "solid press"
+    if load.plate_tilt:
+        return (
+            "tilted friction" if load.coulomb is not None else "tilted stick" if load.shears_tip else "tilted press"
+        )
+    if load.coulomb is not None:
+        return "friction"
+    if not scene.sideways:
+        return "deep" if load.depth > ON_LIMIT * press_limits(scene.design, scene.magnet)[0] else "press"
+    if not load.shears_tip:
+        return "pressed"
+    if load.grip is not None:
+        return "grip"
+    return "far" if load.shear > ON_LIMIT * STICK_SHEAR * scene.design.D else "stick"
+
+
+def _growth_beyond_study(case: LoadCase, load: Load, scene: Scene) -> float:
+    """Return the factor on the expected error for a load beyond those of the study, see DEPTH_POWER."""
+    first, deepest = press_limits(scene.design, scene.magnet)
+    depth = load.depth / (deepest if case == "deep" else first)
+    farthest = FAR_SHEAR if case == "far" else STICK_SHEAR if load.coulomb is None else FRICTION_SHEAR
+    shear = load.shear / (farthest * scene.design.D) if load.shears_tip else 0.0
+    growth = math.pow(max(depth, 1.0), DEPTH_POWER) * max(shear, 1.0)
+    if case in ("tilted press", "tilted stick", "tilted friction") and load.depth:
+        depth = load.depth / scene.design.D
+        growth *= math.pow(orders_needed(scene, depth) / harmonics_at(scene, depth), ORDER_POWER)
+    return growth
+
+
+def _mirrored(response: Response) -> Response:
+    """Return the response that leans to the other side: an imperfect press may buckle to either."""
+    x, y, z = response.shift
+    return replace(response, shift=(-x, -y, z), tilt=-response.tilt, tilt_y=-response.tilt_y)
+
+
+def _force_along_shear(response: Response, load: Load) -> float:
+    """Return the component of the force along a load's shear, N; 0 where the load does not shear the tip."""
+    if not load.shears_tip:
+        return 0.0
+    return (response.force[0] * load.shear_x + response.force[1] * load.shear_y) / load.shear
+
+
+def _relative_difference(one: Sequence[float], other: Sequence[float], nothing: float) -> float | None:
+    """Return the distance of two vectors over the length of the first; None if that is at most `nothing`."""
+    size = math.hypot(*one)
+    return None if size <= nothing else math.dist(one, other) / size
+
+
+def _bounded_error(
+    rule: ErrorRule, difference: float, edge: float, base: float, growth: float = 1.0, sure: float = SURE_SHARE
+) -> float:
+    """Return the error that a rule expects, times a growth factor, at least `sure` times the difference.
+
+    Parameters
+    ----------
+    edge, base : edge length over D, and base of the rule.
+    """
+    usual = rule.usual(edge, base)
+    return max(growth * rule.expected(usual, difference), sure * difference, difference - UNUSUAL * usual)

@@ -1,0 +1,1 @@
+"""Equilibria: linear systems, the Newton loop, load increments and paths."""

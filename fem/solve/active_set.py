@@ -1,0 +1,209 @@
+"""Contact within one step of Newton's method: the set of touching points is solved for on the linearised body.
+
+A plain step treats the springs of the points that touch as given. Where other points touch after the step, or some of
+these have separated, their springs switch. Stiff springs keep switching: the edge of a sheared tip's contact took six
+or seven steps to settle. Here the linear complementarity problem of the step,
+
+    K dq + r + sum_i s_i <g_i> B_i = 0,    g = g(q) + B dq,
+
+is solved completely. K and r are the stiffness and residual of the body without the springs; s_i is the stiffness of
+a point's spring and g_i its overlap with the plate. Springs that switch act as forces on the factorised body. With K'
+the tangent including the springs of the points in contact so far, the compliance G = B K'^-1 B^T and the overlaps g0
+after the plain step, g = g0 + G e, where e = s g for a spring that is removed and e = -s g for one that is added. The
+set of pressed points is replaced by the set with g > 0 until the two agree (Hintermueller, Ito and Kunisch, SIAM J.
+Optim. 13, 2003: a primal-dual active set). Where that cycles, one point at a time is exchanged, which always ends
+(block principal pivoting: Judice and Pires, Comput. Oper. Res. 21, 1994).
+
+Many points may depend on few unknowns: those of a section's facet, at all angles, on the unknowns of its three nodes.
+The compliance S of these unknowns is then computed, and G = C S C^T with the derivatives C of the points' overlaps by
+them. All systems of equations have the size of S.
+
+With friction the tangential springs depend on the pressure; plain steps are then taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import plate_contact
+from fem.model.assembled_state import State
+from fem.model.nonlinear_system import System
+from fem.model.plate_contact import Plate
+from fem.solve.direct_solver import Solver
+from geometry.arrays import Array, Ints
+
+MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES, PATIENCE = 160, 50, 600, 4, 100, 3
+"""Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where solving for them
+costs as much as one or two plain steps; on sections under a tilted plate (MOST_TILTED), where the points at all
+angles switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round; and exchanges
+that do not reduce the number of wrong points before one point at a time is exchanged."""
+
+
+def settle_contact(
+    system: System,
+    solver: Solver,
+    state: State,
+    step: Array,
+    plate: Plate | None,
+    pressed: NDArray[np.bool_] | None = None,
+    known: Switches | None = None,
+) -> Array:
+    """Return a step (n,) from the state q to q - step with its contact settled.
+
+    The plain step is returned where the problem is too large to pay off, or has no solution.
+
+    Parameters
+    ----------
+    solver : holds the factorised tangent at the state, with springs at the points `pressed`.
+    step : the plain step.
+    pressed : (k, q) mask; default: the points with a positive overlap.
+    known : points whose compliance is known for this factorisation; those that are needed are added.
+    """
+    if plate is None or plate.height is None or plate.friction is not None:
+        return step
+    surface = system.surface
+    assert surface is not None
+    acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
+    loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
+    spring_stiffness = (plate.stiffness * surface.weights).ravel()
+    plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
+    known = known or Switches()
+    settled, now = step, plain
+    most = MOST_SOLID if system.elements.dim == 3 else MOST_TILTED if plate.tilt else MOST_POINTS
+    for turn in range(MOST_ROUNDS):
+        # tied points keep their springs; a point that switched before is already in the set
+        flips = loose & ((now > 0) != acting)
+        switched = turn == 0 and bool(flips[known.points].any())
+        flips[known.points] = False
+        new = np.flatnonzero(flips)
+        if not len(new) and not switched:
+            break
+        if len(known.points) + len(new) > most:
+            return step
+        if len(new):
+            known.points = np.append(known.points, new)
+            known.compliance = _extend(known.compliance, system, solver, known.points, plate)
+        assert known.compliance is not None
+        points, S, C = known.points, known.compliance.S, known.compliance.C
+        force = _exchange(S, C, plain[points], acting[points], spring_stiffness[points], now[points] > 0)
+        if force is None:
+            return step
+        settled = step - known.compliance.Z @ force
+        now = plate_contact.overlap(surface, system.state(state.q - settled).u, plate).ravel()
+    return settled
+
+
+@dataclass(frozen=True, slots=True)
+class _Compliance:
+    """Displacements by unit forces that span the pressures on all points that may switch.
+
+    Attributes
+    ----------
+    by_unknown : whether the forces act on single unknowns; otherwise each is the pressure on one point.
+    forces : (r,) numbers of these unknowns or points.
+    Z : (n, r) displacements by the forces.
+    S : (r, r) work of each force along the displacements by each.
+    C : (m, r) pressures on the points, in terms of the forces.
+    """
+
+    by_unknown: bool
+    forces: Ints
+    Z: Array
+    S: Array
+    C: Array
+
+
+@dataclass(slots=True)
+class Switches:
+    """Points (m,) of the skin that may switch, in the order in which they were added, and their compliance."""
+
+    points: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    compliance: _Compliance | None = None
+
+
+def _extend(before: _Compliance | None, system: System, solver: Solver, points: Ints, plate: Plate) -> _Compliance:
+    """Return the compliance of points (m,), which begin with those of `before`."""
+    unknowns, rows = normal_displacements(system, points, plate)
+    if before is None:
+        before = _Compliance(len(unknowns) < len(points), points[:0], np.empty((system.size, 0)), rows[:0], rows[:0])
+    forces, done = unknowns if before.by_unknown else points, len(before.forces)
+    if done:
+        forces = np.concatenate([before.forces, np.setdiff1d(forces, before.forces)])
+    count = len(forces)
+    right = np.zeros((system.size, count - done), order="F")
+    if before.by_unknown:
+        right[forces[done:], np.arange(count - done)] = 1
+    else:
+        right[unknowns] = rows[done:].T
+    # the unknowns of the new points may all be among those of earlier ones
+    Z = before.Z if count == done else np.hstack([before.Z, solver.solve(right)]) if done else solver.solve(right)
+    if before.by_unknown:
+        return _Compliance(True, forces, Z, Z[forces], rows[:, np.searchsorted(unknowns, forces)])
+    return _Compliance(False, forces, Z, rows @ Z[unknowns], np.eye(count))
+
+
+def _exchange(
+    S: Array,
+    C: Array,
+    plain: Array,
+    acting: NDArray[np.bool_],
+    spring_stiffness: Array,
+    pressed: NDArray[np.bool_],
+) -> Array | None:
+    """Return the unit forces (r,) that replace the springs that switch.
+
+    None if the set does not settle, or the body would be unstable without the springs that are removed.
+
+    Parameters
+    ----------
+    S, C : see `_Compliance`; the points' compliance is G = C S C^T.
+    plain : (m,) overlaps after the plain step.
+    acting : (m,) mask of the springs in the factorised tangent.
+    spring_stiffness : (m,) stiffness of the springs.
+    pressed : (m,) mask of the points that are pressed at first.
+    """
+    spring, least, patience = np.where(acting, spring_stiffness, -spring_stiffness), len(plain) + 1, PATIENCE
+    for _ in range(MOST_EXCHANGES):
+        flips = spring * (pressed != acting)
+        # the forces f = C^T e of e = flips g on the points, where g = plain + C S f
+        weighted = C.T * flips
+        try:
+            force = np.linalg.solve(np.eye(len(S)) - weighted @ C @ S, weighted @ plain)
+        except np.linalg.LinAlgError:
+            return None
+        after = plain + C @ (S @ force) > 0
+        wrong = np.flatnonzero(after != pressed)
+        if not len(wrong):
+            return np.asarray(force)
+        # all wrong points at once mostly settle in a few exchanges, but may cycle; one at a time never does
+        patience = PATIENCE if len(wrong) < least else patience - 1
+        least = min(least, len(wrong))
+        if patience >= 0:
+            pressed = after
+        else:
+            pressed = pressed.copy()
+            pressed[wrong[-1]] ^= True
+    return None
+
+
+def normal_displacements(system: System, points: Ints, plate: Plate) -> tuple[Ints, Array]:
+    """Return the unknowns of displacements (s,) on which skin points' displacements along the plate's normal depend,
+    in rising order, and the derivatives (m, s) by them.
+
+    points : (m,) numbers of the points.
+    """
+    s = system.surface
+    assert s is not None
+    facet, point = np.divmod(points, s.weights.shape[1])
+    along = s.shape[point][:, :, None] * (plate.frame[2] @ s.E[point])[:, None, :]
+    where, along = system.unknown_numbers[s.nodes[facet]].reshape(len(points), -1), along.reshape(len(points), -1)
+    row, column = np.nonzero((where >= 0) & (along != 0))
+    used = np.zeros(system.n_free, dtype=bool)
+    used[where[row, column]] = True
+    unknowns = np.flatnonzero(used)
+    derivatives = np.zeros((len(points), len(unknowns)))
+    derivatives[row, np.searchsorted(unknowns, where[row, column])] = along[row, column]
+    return unknowns, derivatives

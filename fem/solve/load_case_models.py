@@ -1,0 +1,194 @@
+"""The models for each kind of load case: press, glued plate, grip, Coulomb friction, and tetrahedra."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import skfem
+
+from fem.accuracy import QUICK
+from fem.model.mesh_specification import MeshSpecification, specification
+from fem.scene import Scene
+from fem.solve.contact_extent import find_press
+from fem.solve.depth_ranges import graded_depth, harmonics_at
+from fem.solve.path_state import FIRST_TOUCH, PathState
+
+TIP = 1.0
+"""Edge length at the tip over the section's edge length times a / D, where a is the radius at which the plate would
+cut the tip. At 1 the contact radius has as many elements as the diameter D."""
+RIM_SHARE = 0.25
+"""Edge length where an area glued to a tilted plate ends, over the distance of its centre from the axis or over its
+radius, whichever is less: the radius at which it ends changes around the axis by twice that distance."""
+SOLID_PREDICTOR_HARMONICS = 2
+"""Harmonics of the section that predicts the states of tetrahedra: with one, a correction takes an iteration more,
+which costs more than the second harmonic."""
+PRESS_FILLET = 0.5
+"""Edge length at the magnet's fillet, over the fillet's radius, for a press. Presses go deeper than shears do, and
+larger elements would be inverted there; a shear would gain nothing from smaller ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathModels:
+    """The models of one path of loads.
+
+    Attributes
+    ----------
+    first : model at the start of the path.
+    raised : model with harmonics on the same mesh that replaces `first` when the shear begins; the sideways stability
+        of an axisymmetric press is also computed in it.
+    predictor : model that predicts the states of the model with harmonics, or of tetrahedra: one harmonic on the same
+        mesh, or a section with harmonics.
+    glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
+        radius.
+    rough : press on another mesh, from which that on this one starts.
+    """
+
+    first: MeshSpecification
+    raised: MeshSpecification | None = None
+    predictor: MeshSpecification | None = None
+    glued_radius: float | None = None
+    rough: PathState | None = None
+
+
+def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
+    """Return the models for the loads of a scene; `mesh` holds tetrahedra in units of D to use instead."""
+    if scene.solid:
+        return tetrahedra(scene, mesh)
+    if scene.plate_tilt:
+        return tilted_plate(scene)
+    if not scene.sideways:
+        return press(scene)
+    if scene.grip is not None:
+        return grip(scene)
+    return glued_plate(scene) if scene.coulomb is None else friction_plate(scene)
+
+
+def press(scene: Scene) -> PathModels:
+    """Return the models of a press: axisymmetric, or with harmonics for an imperfection or on request."""
+    section = replace(_section(scene, scene.accuracy.section_size), fillet=PRESS_FILLET)
+    if scene.model == "axisymmetric":
+        return PathModels(section, raised=replace(section, harmonics=1))
+    high = _harmonic(scene, section)
+    return PathModels(high, predictor=_predictor(high) if scene.coulomb is None else None)
+
+
+def tilted_plate(scene: Scene) -> PathModels:
+    """Return the models of a tilted plate, which touches the tip off the axis: all harmonics from the start.
+
+    The edge of a glued area lies at several radii, between |off - a| and off + a. The section is refined at the one
+    that it has across the tilt.
+    """
+    section, sheared = _section(scene, scene.accuracy.section_size), scene.sheared
+    if sheared is not None and scene.coulomb is None:
+        R, depth = scene.shape.R, sheared.depth / scene.design.D
+        off, a = R * math.sin(abs(scene.plate_tilt)), math.sqrt(R * depth)
+        edge = max(scene.accuracy.section_patch, RIM_SHARE * min(off, a))
+        section = replace(section, rim=(min(math.hypot(off, a), 0.95 * R), min(edge, section.size)))
+    high = _harmonic(scene, section)
+    return PathModels(high, predictor=_predictor(high) if scene.coulomb is None else None)
+
+
+def glued_plate(scene: Scene) -> PathModels:
+    """Return the models of a plate that is glued after the press: a section refined at the edge of the contact."""
+    radius, rough = _glued_press(scene)
+    section = _fine_at(scene, radius)
+    high = _harmonic(scene, section)
+    if scene.push:  # the contact is not a circle then: the points that touch are glued
+        return PathModels(high, predictor=_predictor(high))
+    return PathModels(section, raised=high, predictor=_predictor(high), glued_radius=radius, rough=rough)
+
+
+def grip(scene: Scene) -> PathModels:
+    """Return the models of a grip that shears the tip: a section refined at the edge of the gripped skin."""
+    high = _harmonic(scene, _fine_at(scene, _gripped_radius(scene)))
+    return PathModels(high, predictor=_predictor(high))
+
+
+def friction_plate(scene: Scene) -> PathModels:
+    """Return the models of a plate with Coulomb friction: axisymmetric first, then with all harmonics."""
+    section = _section(scene, scene.accuracy.section_size)
+    return PathModels(section, raised=_harmonic(scene, section))
+
+
+def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
+    """Return the models of any load on a solid, refined where the tied area ends, or else at the tip."""
+    size, patch = scene.accuracy.solid_size, scene.accuracy.solid_patch
+    body: Literal["half", "full"] = "half" if scene.model == "half" else "full"
+    solid = replace(specification(scene, size, size / 2), body=body, push=scene.push, mesh=mesh)
+    radius = None if mesh is not None else _sheared_radius(scene)
+    if radius is None:
+        fine = scene.sideways or scene.plate_tilt
+        predictor = None if mesh is not None else _section_predictor(scene, None)
+        return PathModels(replace(solid, tip_size=patch) if fine else solid, predictor=predictor)
+    rim = radius, min(patch, radius / 3)
+    return PathModels(
+        replace(solid, rim=rim),
+        predictor=_section_predictor(scene, rim),
+        glued_radius=None if scene.push else radius,
+    )
+
+
+def _section_predictor(scene: Scene, rim: tuple[float, float] | None) -> MeshSpecification | None:
+    """Return the section that predicts the states of half a solid; None for loads whose states are not near enough.
+
+    A grip covers other points of the skin of a section, the branch of an imperfect press depends on the mesh, and
+    Coulomb friction on the increments.
+    """
+    if scene.model != "half" or scene.grip is not None or scene.push or scene.plate_tilt or scene.coulomb is not None:
+        return None
+    section = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))
+    return replace(section, rim=rim, glued=True, harmonics=SOLID_PREDICTOR_HARMONICS)
+
+
+def _section(scene: Scene, size: float) -> MeshSpecification:
+    """Return a section whose tip is fine enough for the lightest touch of the path."""
+    D = scene.design.D
+    depths = [graded_depth(load.depth / D) for load in scene.loads if load.depth > FIRST_TOUCH * D]
+    tip = TIP * math.sqrt(scene.shape.R * min(depths, default=1.0))
+    return specification(scene, size, min(tip, 1.0) * size)
+
+
+def _fine_at(scene: Scene, radius: float) -> MeshSpecification:
+    """Return the section of a shear, refined at a radius over D."""
+    accuracy = scene.accuracy
+    rim = radius, min(accuracy.section_patch, radius / 4)
+    return replace(_section(scene, accuracy.section_size), rim=rim, glued=True)
+
+
+def _harmonic(scene: Scene, section: MeshSpecification) -> MeshSpecification:
+    """Return the section with the harmonics of the scene's accuracy and loads."""
+    depths = [load.depth / scene.design.D for load in scene.loads]
+    harmonics = max(harmonics_at(scene, depth) for depth in depths)
+    return replace(section, harmonics=harmonics, push=scene.push, sines=scene.turns)
+
+
+def _predictor(high: MeshSpecification) -> MeshSpecification | None:
+    """Return the predictor of a model with several harmonics, on the same skin points; None for one harmonic."""
+    return replace(high, harmonics=1, skin_harmonics=high.harmonics) if high.harmonics > 1 else None
+
+
+def _sheared_radius(scene: Scene) -> float | None:
+    """Return the undeformed radius over D of the tied area; None where it is unknown or covers the whole dome."""
+    if not scene.sideways:
+        return None
+    if scene.grip is not None:
+        radius = _gripped_radius(scene)
+        return None if radius == scene.shape.R else radius
+    return None if scene.plate_tilt or scene.coulomb is not None else _glued_press(scene)[0]
+
+
+def _gripped_radius(scene: Scene) -> float:
+    """Return the radius over D at which the gripped skin ends: on the dome, or R if the grip reaches the cylinder."""
+    height, R = scene.grip, scene.shape.R
+    assert height is not None
+    return math.sqrt(height * (2 * R - height)) if height < R else R
+
+
+def _glued_press(scene: Scene) -> tuple[float, PathState]:
+    """Return the undeformed radius over D at which the contact ends when the plate is glued, and a coarse press."""
+    sheared = scene.sheared
+    assert sheared is not None
+    rough = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))
+    return find_press(rough, scene.accuracy.section_patch, sheared.depth / scene.design.D)

@@ -1,0 +1,221 @@
+"""The state of a path of loads: one frozen value in units of D and E, which each increment replaces by the next.
+
+The position of plate or grip is v = (depth, shear along x, shear along y). A state holds everything that the next
+increment depends on, so equal increments from equal states give equal results.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import coulomb_friction, elements, plate_contact, single_order
+from fem.model.coulomb_friction import Friction
+from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Plate
+from fem.model.section_interpolation import interpolate_section
+from fem.model.symmetry_models import Discretisation, raise_harmonics
+from fem.solve.inertia import STABLE, UNKNOWN, Stability
+from geometry.arrays import Array
+
+FIRST_TOUCH = 1e-14
+"""Depth over D up to which there is no contact: smaller depths are lost in the rounding of the beam's length. The
+plate's stiffness grows like depth^(-1/2); below this depth it is constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bond:
+    """Points of the skin that a grip holds or that are glued to the plate.
+
+    Attributes
+    ----------
+    tied : (k, q) mask of these points.
+    targets : (k, q, 2) their positions along the plate at shear 0.
+    gap : (k, q) distance to the plate at which each was glued; None for a grip.
+    """
+
+    tied: NDArray[np.bool_]
+    targets: Array
+    gap: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PastState:
+    """An earlier state for extrapolation: position (3,), unknowns, and overlap of the skin's points."""
+
+    position: Array
+    q: Array
+    overlap: Array
+
+
+@dataclass(frozen=True, slots=True)
+class PathState:
+    """One state of a path.
+
+    Attributes
+    ----------
+    d : the present model; it changes where a shear begins and the section gains harmonics.
+    grip : whether part of the skin is gripped; otherwise there is a plate.
+    tilt : tilt of the plate, rad.
+    kappa : stiffness number of the plate, see `fem.model.plate_contact`.
+    position : (3,) position of plate or grip, over D.
+    q, energy : unknowns, and energy stored in the modelled part.
+    least_J : least volume ratio J at the integration points.
+    stability : stable, unstable with a number of directions, or unknown.
+    onset : positions (before, after) between which the first unstable direction appeared, or None.
+    sheared : whether plate or grip have ever moved sideways.
+    bond : the tied points, or None.
+    friction : history of the points in contact; None without Coulomb friction.
+    dissipated : energy dissipated by slip in the modelled part.
+    direction : (3,) unit vector of the last motion under Coulomb friction; zeros before the first.
+    past : up to two earlier states, oldest first, on the smooth path to this one.
+    reduced : present state of the predictor; None without a predictor.
+    raise_unknowns : returns the unknowns of this model for those of the predictor; None without a predictor.
+    """
+
+    d: Discretisation
+    grip: bool
+    tilt: float
+    kappa: float
+    position: Array
+    q: Array
+    energy: float = 0.0
+    least_J: float = 1.0
+    stability: Stability = UNKNOWN
+    onset: tuple[Array, Array] | None = None
+    sheared: bool = False
+    bond: Bond | None = None
+    friction: Friction | None = None
+    dissipated: float = 0.0
+    direction: Array = field(default_factory=lambda: np.zeros(3))
+    past: tuple[PastState, ...] = ()
+    reduced: PathState | None = None
+    raise_unknowns: Callable[[Array], Array] | None = None
+
+    def starts_from_rest(self, depth: float) -> bool:
+        """Whether a press to another depth over D is solved from rest, not from this state.
+
+        A press without friction has no history, but beyond an instability it has several equilibria: from rest it
+        reaches one that no other depth of its list decides. (With an imperfection it has one branch, and follows it.)
+        """
+        elastic = self.d.model == "axisymmetric" and self.friction is None and not self.sheared
+        return elastic and float(self.position[0]) != depth
+
+    @property
+    def skin(self) -> elements.Surface:
+        assert self.d.system.surface is not None
+        return self.d.system.surface
+
+    @property
+    def u(self) -> Array:
+        """(nodes, fields) nodal displacements."""
+        return self.d.system.state(self.q).u
+
+    @property
+    def plate(self) -> Plate:
+        """The plate (or grip) at the present position, with its tied points."""
+        return self.plate_at(self.position)
+
+    def plate_at(self, position: Array) -> Plate:
+        """Return the plate (or grip) at another position (3,), with the present tied points."""
+        depth, *shear = position
+        shape = self.d.shape
+        radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
+        # a tilted plate touches the dome off the axis first, while the plate is higher on the axis
+        height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
+        tied, targets, gap = (
+            (None, None, None) if self.bond is None else (self.bond.tied, self.bond.targets, self.bond.gap)
+        )
+        stiffness = self.kappa / radius
+        return Plate(height, stiffness, np.array(shear), self.tilt, tied, targets, gap, friction=self.friction)
+
+    @property
+    def overlap(self) -> Array:
+        """(k, q) overlap of the skin's points with the plate."""
+        return plate_contact.overlap(self.skin, self.u, self.plate)
+
+
+def at_rest(
+    d: Discretisation,
+    grip: float | None = None,
+    tilt: float = 0.0,
+    mu: float | None = None,
+    kappa: float | None = None,
+) -> PathState:
+    """Return the undeformed, untouched state; for the parameters see `fem.solve.load_stepping.Path`."""
+    skin, bond, friction = d.system.surface, None, None
+    assert skin is not None
+    if grip is not None:
+        tied = plate_contact.average_over_facets(skin, skin.points[..., 2]) >= d.shape.L - grip
+        bond = Bond(tied, skin.points[..., :2])
+    if mu is not None:
+        friction = coulomb_friction.at_rest(mu, skin.weights.shape)
+    # the stiffer springs suit only sections under an upright plate: tetrahedra are too large, friction would need too
+    # many increments, and off the axis many points of the skin touch and separate in every iteration
+    if not d.revolved or mu is not None or tilt:
+        kappa = KAPPA
+    elif kappa is None:
+        kappa = SECTION_KAPPA
+    rest = np.zeros(d.system.size)
+    return PathState(
+        d, grip is not None, tilt, kappa, np.zeros(3), rest, stability=STABLE, bond=bond, friction=friction
+    )
+
+
+def with_harmonics(state: PathState, d: Discretisation) -> PathState:
+    """Return the state of an axisymmetric section in a model with harmonics on the same mesh."""
+    q, friction = raise_harmonics(state.d.system, d.system, state.q), state.friction
+    if friction is not None:
+        assert d.system.surface is not None
+        friction = coulomb_friction.revolve(friction, d.system.surface.points)
+    # past states have other unknowns and cannot be extrapolated
+    return replace(state, d=d, q=q, friction=friction, past=())
+
+
+def about(state: PathState, d: Discretisation) -> PathState:
+    """Return the state of an axisymmetric section in a model of one order (`single_order`) on the same mesh."""
+    d, friction = single_order.linearise(d, state.d.system.state(state.q)), state.friction
+    if friction is not None:
+        assert d.system.surface is not None
+        friction = coulomb_friction.revolve(friction, d.system.surface.points)
+    return replace(state, d=d, q=np.zeros(d.system.size), friction=friction, past=())
+
+
+def with_predictor(state: PathState, d: Discretisation, low: PathState | None = None) -> PathState:
+    """Return the state with a predictor at the same position.
+
+    Parameters
+    ----------
+    d : model of the predictor: fewer harmonics on the same mesh, or the section with harmonics for tetrahedra.
+    low : the same state with at most the predictor's harmonics; None at rest.
+    """
+    q = np.zeros(d.system.size) if low is None else raise_harmonics(low.d.system, d.system, low.q)
+    # its energy and stability follow with its first increment
+    reduced = PathState(d, state.grip, state.tilt, state.kappa, state.position, q)
+    if state.d.revolved:
+        return replace(
+            state, reduced=reduced, raise_unknowns=functools.partial(raise_harmonics, d.system, state.d.system)
+        )
+    return replace(state, reduced=reduced, raise_unknowns=interpolate_section(d.system, state.d.system))
+
+
+def glue(state: PathState, radius: float | None) -> PathState:
+    """Return the state with the area within an undeformed radius glued to the plate; None: the contact radius."""
+    plate = plate_contact.glue(state.skin, state.u, state.plate, radius, state.d.shape.H)
+    assert plate.tied is not None
+    reduced = state.reduced
+    if reduced is not None:
+        # a section has other points on its skin than tetrahedra
+        same = reduced.d.revolved == state.d.revolved
+        reduced = replace(reduced, bond=_bond(reduced, plate.tied)) if same else glue(reduced, radius)
+    return replace(state, bond=_bond(state, plate.tied), reduced=reduced)
+
+
+def _bond(state: PathState, tied: NDArray[np.bool_]) -> Bond:
+    """Return the points tied where they are now; a predictor has its own displacements, and so its own targets."""
+    targets = plate_contact.positions_along_plate(state.skin, state.u, state.plate)
+    return Bond(tied, targets - state.position[1:], plate_contact.gaps(state.skin, state.u, state.plate))

@@ -1,0 +1,286 @@
+"""Solutions of a linear system at many frequencies, by a reduced basis.
+
+The system is A(c, lambda) x = b with A = K + c R - lambda M: K the stiffness at rest, R its part that relaxes,
+c = (g - rest) / rest complex, and lambda real and proportional to the frequency squared. All three matrices are real
+and symmetric, so A is complex symmetric. A basis V of a few real vectors carries the solutions of all frequencies:
+
+    x = V y,        (V^T A V) y = V^T b.
+
+V grows until the error is small at every frequency. In each round, Re A is factorised at the frequency with the
+largest error. V gains the answers to the residual there (its real and imaginary parts) and their derivatives by c and
+by lambda, which are solutions with the same factor. The pressures' equations have no damping, no mass and no load:
+every vector satisfies them, so V needs no pressures of its own, and the small system is as stable as the large one.
+For the same reason a vector of pressures alone, by which solutions of an incompressible solid may differ, would have
+a row of zeros in the small system: vectors are independent only if their displacements are. The small system does not
+depend on errors of the pressures to first order, since the energy is stationary in them.
+
+The error is measured by K^-1 r, the static answer to the residual r = b - A x, over x: unlike r itself it does not
+grow with the stiffness of the plate's springs. It is exact for a slow load and of the size of the error elsewhere; at
+a resonance the error is larger by the amplification.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fem.solve.direct_solver import Solver
+from fem.solve.inertia import Stability
+from geometry.arrays import Array, Ints
+from geometry.bad_input import SolveFailed
+
+TOLERANCE, ACCEPTED = 1e-9, 1e-6
+"""Largest error at any frequency, see the module docstring, and largest one where rounding errors end its fall."""
+MOST_ROUNDS = 40
+"""Most rounds, each with one factorisation; a sensor under a plate needs some ten."""
+PATIENCE = 3
+"""Rounds without a smaller error after which it is one of rounding."""
+DEPENDENT = 1e-9
+"""Length of a vector's displacements beyond those of the basis, over the length of the vector with its pressures,
+below which it adds only rounding errors."""
+
+SAMPLED = 300
+"""Number of displacements, spread over all, from which the error's norm is computed: all would take as much time as
+the solutions."""
+
+BATCH = 1 << 17
+"""Entries of projected matrices that are solved at a time, in 2 MB."""
+
+Complex = NDArray[np.complex128]
+
+
+class NotReachedError(SolveFailed):
+    """The basis did not reach the tolerance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """One system.
+
+    Attributes
+    ----------
+    K, R, M : upper triangles (n, n).
+    b : (n, k) right-hand sides.
+    moving : number of unknowns that are displacements; the pressures come after them.
+    """
+
+    K: sp.csr_matrix
+    R: sp.csr_matrix
+    M: sp.csr_matrix
+    b: Array
+    moving: int
+
+    def at(self, c: float, eigenvalue: float) -> sp.csr_matrix:
+        """Return the upper triangle of K + c R - lambda M; the three have one pattern, see `_with_one_pattern`."""
+        data = self.K.data + c * self.R.data - eigenvalue * self.M.data
+        return sp.csr_matrix((data, self.K.indices, self.K.indptr), shape=self.K.shape)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedSystem:
+    """The system on the span of a basis.
+
+    Attributes
+    ----------
+    V : (n, m) basis, whose displacements are orthonormal.
+    K, R, M, b : projected matrices (m, m), and right-hand sides (m, k).
+    factorisations : number of factorisations with which the basis was built.
+    stability : that of the body at rest.
+    error : largest error at the frequencies for which it was built.
+    """
+
+    V: Array
+    K: Array
+    R: Array
+    M: Array
+    b: Array
+    factorisations: int
+    stability: Stability
+    error: float = np.inf
+
+    def solve(self, c: Complex, eigenvalues: Array) -> Complex:
+        """Return y (f, m, k) at frequencies with c (f,) and lambda (f,)."""
+        y = np.empty((len(c), *self.b.shape), dtype=np.complex128)
+        step = max(BATCH // self.K.size, 1)
+        for first in range(0, len(c), step):
+            own = slice(first, first + step)
+            A = self.K + c[own, None, None] * self.R - eigenvalues[own, None, None] * self.M
+            y[own] = np.linalg.solve(A, self.b.astype(np.complex128))
+        return y
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Basis:
+    """Vectors, the system on their span, and what its error is measured with.
+
+    Attributes
+    ----------
+    V : (n, m) vectors with orthonormal displacements.
+    K, R, M : (m, m) projected matrices.
+    W : (s, 2 m) sampled rows of the columns of K^-1 R V and -K^-1 M V in turn.
+    """
+
+    V: Array
+    K: Array
+    R: Array
+    M: Array
+    W: Array
+
+    def extend(self, vectors: Array, problem: Problem, at_rest: Solver, sample: Ints) -> _Basis:
+        """Return the basis with vectors (n, j) of `_independent` added; `at_rest` has factorised K."""
+        V = np.hstack([self.V, vectors])
+        K, R, M = (_times(matrix, vectors) for matrix in (problem.K, problem.R, problem.M))
+        loads = np.stack([R, -M], axis=2).reshape(len(V), -1)
+        return _Basis(
+            V,
+            _bordered(self.K, V.T @ K),
+            _bordered(self.R, V.T @ R),
+            _bordered(self.M, V.T @ M),
+            np.hstack([self.W, _refined(at_rest, problem.K, loads)[sample]]),
+        )
+
+    def system(self, b: Array, rounds: int, stability: Stability) -> ReducedSystem:
+        """Return the system for right-hand sides b (n, k) on the span of the basis."""
+        return ReducedSystem(self.V, self.K, self.R, self.M, self.V.T @ b, rounds + 1, stability)
+
+
+def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = TOLERANCE) -> ReducedSystem:
+    """Return the reduced system whose error is below a tolerance at frequencies with c (f,) and lambda (f,).
+
+    Raises
+    ------
+    NotReachedError
+        The basis did not reach the tolerance.
+    SingularMatrixError
+        K is singular.
+    """
+    problem = _with_one_pattern(problem)
+    n, moving_part, residual, worst = len(problem.b), problem.moving, problem.b, 0
+    best: ReducedSystem | None = None
+    sample = np.unique(np.linspace(0, moving_part - 1, SAMPLED).astype(np.int64))
+    none = np.empty((0, 0))
+    basis = _Basis(np.empty((n, 0)), none, none, none, np.empty((len(sample), 0)))
+    at_rest, moving = Solver(), Solver()
+    try:
+        at_rest.factorise(problem.K)
+        static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - moving_part)
+        # with the static solutions the slow limit is exact
+        basis = basis.extend(_independent(static, basis.V, moving_part), problem, at_rest, sample)
+        for rounds in range(1, MOST_ROUNDS + 1):
+            shifted = problem.at(float(c[worst].real), float(eigenvalues[worst]))
+            moving.factorise(shifted)
+            vectors = _independent(_local_vectors(moving, shifted, problem, residual), basis.V, moving_part)
+            if vectors.size:
+                basis = basis.extend(vectors, problem, at_rest, sample)
+            system = basis.system(problem.b, rounds, stability)
+            y = system.solve(c, eigenvalues)
+            errors = _errors(static[sample], basis.V[sample], basis.W, y, c, eigenvalues)
+            worst = int(np.argmax(errors))
+            if best is None or errors[worst] < best.error:
+                best = replace(system, error=float(errors[worst]))
+            if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + PATIENCE:
+                break
+            residual = _residual(problem, basis.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
+    finally:
+        at_rest.close()
+        moving.close()
+    assert best is not None
+    if best.error > max(tolerance, ACCEPTED):
+        raise NotReachedError(f"the reduced basis has an error of {best.error:.2g}, above {tolerance:g}")
+    return best
+
+
+def _with_one_pattern(problem: Problem) -> Problem:
+    """Return the problem with matrices of one pattern, which a solver keeps from its first matrix.
+
+    (A sum of sparse matrices drops the entries that cancel, which may be others at each frequency.)
+    """
+    matrices, n = (problem.K, problem.R, problem.M), len(problem.b)
+    first = problem.K
+    if all(np.array_equal(m.indptr, first.indptr) and np.array_equal(m.indices, first.indices) for m in matrices):
+        return problem
+    keys = [np.repeat(np.arange(n), np.diff(m.indptr)) * n + m.indices for m in matrices]
+    union = np.unique(np.concatenate(keys))
+    indptr = np.searchsorted(union, np.arange(n + 1) * n).astype(np.int32)
+    indices = (union % n).astype(np.int32)
+    K, R, M = (
+        sp.csr_matrix((np.bincount(np.searchsorted(union, key), m.data, len(union)), indices, indptr), shape=(n, n))
+        for m, key in zip(matrices, keys, strict=True)
+    )
+    return Problem(K, R, M, problem.b, problem.moving)
+
+
+def _times(upper: sp.csr_matrix, x: Array) -> Array:
+    """Return the product of a symmetric matrix, given as its upper triangle (n, n), and x (n, k)."""
+    return np.asarray(upper @ x + upper.T @ x - upper.diagonal()[:, None] * x)
+
+
+def _residual(problem: Problem, x: Complex, c: complex, eigenvalue: float) -> Array:
+    """Return real and imaginary parts (n, 2 k) of b - A x."""
+    parts, k = np.hstack([x.real, x.imag]), x.shape[1]
+    K, R, M = (_times(matrix, parts) for matrix in (problem.K, problem.R, problem.M))
+    r = -K - c.real * R + eigenvalue * M
+    r[:, :k] += problem.b + c.imag * R[:, k:]
+    r[:, k:] -= c.imag * R[:, :k]
+    return r
+
+
+def _bordered(old: Array, columns: Array) -> Array:
+    """Return a symmetric matrix (m + j, m + j) from its first part (m, m) and its last columns (m + j, j)."""
+    m = len(old)
+    return np.block([[old, columns[:m]], [columns[:m].T, columns[m:]]])
+
+
+def _refined(solver: Solver, A: sp.csr_matrix, b: Array) -> Array:
+    """Return the solution of A x = b by the factors of A, its upper triangle, with one step of iterative refinement.
+
+    Without it the pressures' equations have rounding errors that an almost incompressible solid amplifies.
+    """
+    x = solver.solve(b)
+    return np.asarray(x + solver.solve(b - _times(A, x)))
+
+
+def _local_vectors(solver: Solver, A: sp.csr_matrix, problem: Problem, b: Array) -> Array:
+    """Return the solutions for b (n, k) at the factorised frequency, and their derivatives by c and lambda."""
+    first = _refined(solver, A, b[:, b.any(axis=0)])  # without damping there is no imaginary part
+    second = _refined(solver, A, np.hstack([_times(matrix, first) for matrix in (problem.R, problem.M)]))
+    return np.hstack([first, second])
+
+
+def _independent(vectors: Array, V: Array, moving: int) -> Array:
+    """Return vectors (n, j) that extend V (n, m) by the span of `vectors`, with orthonormal displacements.
+
+    Vectors with the same displacements, the first `moving` rows, are one vector here: the projected system says
+    nothing about a pressure without displacements, which an incompressible solid has, and would be singular.
+    """
+    sizes = np.linalg.norm(vectors, axis=0)
+    vectors = vectors[:, sizes > 0] / sizes[sizes > 0]
+    for _ in range(2):  # the first pass leaves rounding errors, the second one does not
+        vectors = vectors - V @ (V[:moving].T @ vectors[:moving])
+    for _ in range(2):
+        factor, order = scipy.linalg.qr(vectors[:moving], mode="r", pivoting=True, check_finite=False)
+        count = np.count_nonzero(np.abs(np.diag(factor)) > DEPENDENT)
+        vectors = scipy.linalg.solve_triangular(factor[:count, :count], vectors[:, order[:count]].T, trans="T").T
+        vectors = vectors - V @ (V[:moving].T @ vectors[:moving])
+    return np.asarray(vectors)
+
+
+def _errors(static: Array, V: Array, W: Array, y: Complex, c: Complex, eigenvalues: Array) -> Array:
+    """Return the error at each frequency (f,): the norm of K^-1 r over that of x, the larger one of all columns.
+
+    K^-1 r = K^-1 b - (V + c K^-1 R V - lambda K^-1 M V) y.
+
+    Parameters
+    ----------
+    static, V, W : rows of K^-1 b (n, k), of the basis (n, m), and of `_Basis.W`, over which the norms are taken.
+    y : (f, m, k) solutions.
+    """
+    (f, m, k), rows = y.shape, len(static)
+    columns = np.ascontiguousarray(y.transpose(1, 0, 2).reshape(m, f * k))
+    x, relaxing, moving = ((matrix @ columns).reshape(rows, f, k) for matrix in (V, W[:, ::2], W[:, 1::2]))
+    rest = static[:, None] - x - c[:, None] * relaxing - eigenvalues[:, None] * moving
+    return np.asarray((np.linalg.norm(rest, axis=0) / np.linalg.norm(x, axis=0)).max(axis=1))
