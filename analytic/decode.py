@@ -28,7 +28,9 @@ from analytic.parts import Element
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
-Status = Literal["ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent", "tension"]
+Status = Literal[
+    "ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent", "tension", "uncalibrated"
+]
 
 CELLS = (24, 24, 12)
 """Number of the table's cells along x, y and z: half as many along z, because the workspace is half as high."""
@@ -37,7 +39,7 @@ EDGE = 1e-6
 PAD = 0.01
 """Margin of the table around the workspace, over its size, so that poses on its faces lie inside a cell."""
 DOUBT = 5.0
-"""Largest misfit of each of more than three readings over its noise: five standard deviations."""
+"""Largest misfit of each of more than three readings over its standard deviation, from noise and tolerances."""
 SHARE = 0.02
 """Largest misfit of a reading without noise, over its span in the workspace, if there are more than three."""
 
@@ -85,7 +87,8 @@ class Decoded:
     status : "ok" (one pose); "ambiguous" (several poses; the result is the one nearest to the pose before, or to
         rest); "out_of_workspace" (no pose in the workspace has these readings); "saturated" (a reading at a rail);
         "not_finite" (a reading is NaN or infinite); "inconsistent" (more than three readings, which no pose has
-        together); "tension" (one pose, but by the mechanics the plate would have to pull there: no load).
+        together); "tension" (one pose, but by the mechanics the plate would have to pull there: no load). Only
+        `magtip decode` gives "uncalibrated" (one pose, but tolerances of a sensor at rest explain its force).
     shift : shape (n, 3), mm.
     tilt : rotation vector (rx, ry), shape (n, 2), rad.
     force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (n, 3); NaN without mechanics
@@ -118,6 +121,7 @@ def decoder(
     mode: Mode = "component",
     workspace: tuple[ArrayLike, ArrayLike] | None = None,
     cells: tuple[int, int, int] = CELLS,
+    deviation: ArrayLike = 0.0,
 ) -> Decoder:
     """Build a decoder, which takes some tenths of a second.
 
@@ -129,6 +133,8 @@ def decoder(
     elements, mode : as in `analytic.hall.readings`.
     workspace : low and high shift, shape (3,), mm; default: `analytic.inverse.response_surface.workspace`.
     cells : number of cells of the table along x, y and z.
+    deviation : standard deviation of each reading over built sensors within their tolerances, shape (k,), T; default:
+        the sensor is the design, exactly. Only more than three readings leave a residual that is compared with it.
 
     Raises
     ------
@@ -144,7 +150,8 @@ def decoder(
     pad = PAD * (high - low)
     table = start_table_construction.build(forward, low - pad, high + pad, cells)
     sigma = np.array([element.noise_T for element in forward.elements])
-    tolerance = np.where(sigma > 0, DOUBT * sigma, SHARE * table.span)
+    explained = np.hypot(sigma, deviation)
+    tolerance = np.where(explained > 0, DOUBT * explained, SHARE * table.span)
     weights = sigma.min() / sigma if sigma.all() else np.ones(len(sigma))
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     search = Search(forward, table, low - EDGE, high + EDGE, weights, tolerance)

@@ -230,18 +230,26 @@ def test_condition_is_that_of_differences(coder):
     assert found.condition[0] == pytest.approx(np.linalg.cond(np.array(slopes).T), rel=1e-6)
 
 
+PLACES = [
+    ((0, 0, -2.2), (0, 0, -1)),
+    ((5, 0, -0.2), (1, 0, 0)),
+    ((0, 5, -0.2), (0, 1, 0)),
+    ((-5, 0, -0.2), (1, 0, 0)),
+]
+FOUR = [
+    Element(f"E{k}", position, direction, 31.25, 2.5, 0.2, 4.8, noise=1e-3)
+    for k, (position, direction) in enumerate(PLACES)
+]
+AXES = ((0, 0, -1), (1, 0, 0), (0, 1, 0))
+TWO_DIES = [
+    Element(f"die {k} axis {j}", (2.5 * k, 0, -2.2), axis, 1.0, 0.0, -0.16, 0.16, noise=1e-4, average=100)
+    for k in (-1, 1)
+    for j, axis in enumerate(AXES)
+]
+
+
 def test_more_elements_than_three():
-    places = [
-        ((0, 0, -2.2), (0, 0, -1)),
-        ((5, 0, -0.2), (1, 0, 0)),
-        ((0, 5, -0.2), (0, 1, 0)),
-        ((-5, 0, -0.2), (1, 0, 0)),
-    ]
-    four = [
-        Element(f"E{k}", position, direction, 31.25, 2.5, 0.2, 4.8, noise=1e-3)
-        for k, (position, direction) in enumerate(places)
-    ]
-    coder = decode.decoder(paper(), elements=four)
+    coder = decode.decoder(paper(), elements=FOUR)
     shift, field = poses(coder, 500)
     found = decode.decode(coder, field.T)
     seen = np.array([status != "saturated" for status in found.status])
@@ -252,6 +260,30 @@ def test_more_elements_than_three():
     swapped = decode.decode(coder, field[[0, 3, 2, 1]].T)
     assert set(swapped.status) <= {"inconsistent", "out_of_workspace", "saturated"}
     assert np.isnan(swapped.shift).all()
+
+
+@pytest.mark.parametrize("elements", [FOUR, TWO_DIES], ids=["four elements", "two dies"])
+def test_the_residual_tells_a_built_sensor_from_the_nominal_one_and_a_wrong_reading_from_both(elements):
+    """Gains that differ by some percent are no noise; with their deviation stated, they are what the sensor is."""
+    nominal = decode.decoder(paper(), elements=elements)
+    shift, field = poses(nominal, 300)
+    rng = np.random.default_rng(4)
+    deviation = 0.04 / np.sqrt(3) * np.abs(field).mean(axis=1)
+    built = decode.decoder(paper(), elements=elements, deviation=deviation)
+    read = field * (1 + rng.uniform(-0.04, 0.04, len(elements)))[:, None]
+    inside = (np.abs(shift) < 0.7 * nominal.high.max()).all(axis=0) & (shift[2] < -0.3) & (shift[2] > -1.5)
+    inside &= np.array([status == "ok" for status in decode.decode(nominal, field.T).status])
+    assert inside.sum() > 50
+
+    def statuses(coder, rows):
+        return np.array(decode.decode(coder, rows[:, inside].T).status)
+
+    assert (statuses(nominal, read) == "inconsistent").mean() > 0.9
+    assert (statuses(built, read) == "ok").mean() > 0.95
+    # a reading that is wrong by far more than parts differ
+    wrong = read.copy()
+    wrong[3] += 30 * deviation[3]
+    assert not (statuses(built, wrong) == "ok").any()
 
 
 def test_readings_that_no_pose_gives(coder):

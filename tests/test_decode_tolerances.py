@@ -1,5 +1,7 @@
 """Decoded readings of built sensors: what their tolerances explain."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -12,6 +14,7 @@ from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
 from studies.sensitivity.made_readings import made_readings
 from studies.sensitivity.made_sensors import made_sensors, nominal_sensor
+from studies.sensitivity.tolerances import Tolerances
 
 
 def field_of(sensors, shift, tilt):
@@ -34,7 +37,12 @@ def test_nineteen_of_twenty_built_sensors_at_rest_are_told_to_be_so(coder):
     field = field_of(made_sensors(paper(), count=400, seed=9), np.zeros(3), np.zeros(2))
     found = checked(coder, field)
     assert 0.9 < (found.rest_probability >= decode_tolerances.LEAST).mean() < 0.98
-    (sentence,) = found.warnings(decode.decode(coder, field).force)
+    told = [status == "uncalibrated" for status in found.status]
+    nominal = decode.decode(coder, field)
+    with_force = (np.linalg.norm(nominal.force, axis=1) > 0) & (np.array(nominal.status) == "ok")
+    assert with_force.sum() > 100
+    assert told == (with_force & (found.rest_probability >= decode_tolerances.LEAST)).tolist()
+    (sentence,) = found.warnings(nominal.force)
     assert "of 400 rows may be those of a sensor at rest" in sentence
 
 
@@ -43,7 +51,7 @@ def test_a_deep_press_is_not_a_sensor_at_rest_and_its_force_has_the_spread_of_bu
     pose = response.shift, np.zeros(2)
     nominal = field_of(nominal_sensor(paper()), *pose)
     found = checked(coder, nominal)
-    assert found.rest_probability[0] == 0
+    assert (found.rest_probability[0], found.status) == (0, ["ok"])
     assert found.warnings(decode.decode(coder, nominal).force) == []
     # independent sensors scatter as much as the check says, where they have a force
     force = decode.decode(coder, field_of(made_sensors(paper(), count=400, seed=9), *pose)).force
@@ -56,3 +64,25 @@ def test_rows_without_readings_are_of_no_sensor(coder):
     found = checked(coder, np.array([[np.nan, 0.0, 0.0]]))
     assert np.isnan(found.rest_probability).all()
     assert (found.row, found.tolerance_N, found.warnings(np.full((1, 3), np.nan))) == (None, [], [])
+
+
+def test_the_verb_tells_forces_that_tolerances_explain(run, strict, tmp_path):
+    """A press of 0.3 mm may be a built sensor at rest; with parts as good as a calibration makes them it is not."""
+    (load,) = strict(run("analytic", "paper", "--depth", 0.3, "--level", "finite", "--json")[1])
+    text = ",".join(map(repr, load["readings_V"]))
+    command = ("decode", "paper", "--level", "finite", "--json")
+    status, out, _ = run(*command, "--readings", text)
+    (record,) = strict(out)
+    assert (status, record["status"]) == (0, "uncalibrated")
+    assert record["message"].endswith("calibrate the sensor")
+    assert_allclose(record["tolerance_N_per_N"], np.array(record["tolerance_N"]) / np.linalg.norm(record["force_N"]))
+    assert record["tolerance_N_per_N"][2] > 1
+    exact = [word for spec in dataclasses.fields(Tolerances) for word in ("--tolerance", f"{spec.name}=1e-5")]
+    (record,) = strict(run(*command, "--readings", text, *exact)[1])
+    assert (record["status"], record["message"], record["warnings"], record["rest_probability"]) == ("ok", "", [], 0)
+    assert record["tolerance_N_per_N"][2] < 1e-3
+    (tmp_path / "r.csv").write_text(f"S1_V,S2_V,S3_V\n{text}\n2.973987,2.903726,2.853713\n")
+    status, out, err = run(*command, "--file", "r.csv")
+    assert (status, [row["status"] for row in strict(out)]) == (0, ["uncalibrated", "ok"])
+    assert "magtip: 1 of 2 rows uncalibrated: the force may be one of the tolerances" in err
+    assert run(*command, "--readings", text, "--tolerance", "hall_gain=-1")[0] == 2

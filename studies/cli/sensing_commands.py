@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -16,6 +16,10 @@ from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import LEVEL, Basis, FieldLevel, Pose, Whole
 from studies.output import atomic_files, console
+
+if TYPE_CHECKING:
+    from analytic.decode import Decoded, Status
+    from geometry.arrays import Array
 
 
 def field(
@@ -101,6 +105,7 @@ def decode(
     level: str | None = None,
     responses: Path | None = None,
     ignore_tilt: bool = False,
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
     out: Path | None = None,
     sets: Sets = None,
     as_json: AsJson = False,
@@ -125,39 +130,44 @@ def decode(
         instead of formulas.
     ignore_tilt
         Assume that the magnet does not tilt.
+    tolerances
+        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
+        that these tolerances may cause at rest has the status uncalibrated.
     out
         CSV file for the rows of --file with the results added; default: standard output.
     """
     from studies.sensing import decode_readings, decode_tables
     from studies.sensitivity import decode_tolerances
+    from studies.sensitivity.tolerances import parse
 
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
         raise BadInput("--out works with --file only: leave it out")
     atomic_files.check_apart([out], [source, file, responses])
+    made = parse(tolerances or [])
     coder = decode_readings.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     name = decode_readings.level_name(level, responses)
     if readings is not None:
         answer, field, found = decode_readings.decode_text(coder, readings, units, name)
-        tolerances = decode_tolerances.check(coder, field, found)
-        record = answer.row()
-        record["rest_probability"] = float(tolerances.rest_probability[0])
-        record["tolerance_N"] = tolerances.tolerance_N or None
-        record["warnings"] += tolerances.warnings(found.force)
+        checked = decode_tolerances.check(coder, field, found, made)
+        record = checked.of_one(answer.row(), found.force)
         console.report([record], as_json=as_json, title="Decoded", brief=["warnings"])
         for warning in record["warnings"]:
             console.warn(warning)
         if record["status"] == "ambiguous":
             console.warn(record["message"])
-            return GOOD
-        return report_failures([record])
+        return GOOD if record["status"] in decode_readings.WITH_POSE else report_failures([record])
     assert file is not None
+
+    def check(field: Array, found: Decoded) -> tuple[list[Status], list[str]]:
+        checked = decode_tolerances.check(coder, field, found, made)
+        return checked.status, checked.warnings(found.force)
+
     with atomic_files.sole_writer(out):
-        decoded = decode_tables.decode_file(coder, file, units, out, name, as_json=as_json)
+        decoded = decode_tables.decode_file(coder, file, units, out, name, check, as_json=as_json)
     counts = decoded.counts
-    tolerances = decode_tolerances.check(coder, decoded.field, decoded.decoded)
-    for warning in [*decoded.warnings, *tolerances.warnings(decoded.decoded.force)]:
+    for warning in decoded.warnings:
         console.warn(warning)
     if as_json and out is not None:
         console.report([counts], as_json=True)
@@ -175,7 +185,7 @@ def decode(
                     for limit, n in decoded.limits.items()
                 ]
             console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {'; '.join(why)}")
-    return GOOD if not counts or {"ok", "ambiguous"} & set(counts) else FAILED
+    return GOOD if not counts or decode_readings.WITH_POSE & set(counts) else FAILED
 
 
 def table(

@@ -35,8 +35,11 @@ WHY = {
     "not_finite": "a reading is missing or not a finite number",
     "tension": "the pose is known but its load is not, because the plate would have to pull on the tip there:"
     " give states over more depths and shears",
+    "uncalibrated": "the force may be one of the tolerances of a built sensor at rest: calibrate the sensor",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
+WITH_POSE = {"ok", "ambiguous", "uncalibrated"}
+"""Statuses with a pose and a load."""
 NO_CONTACT = (
     "the plate does not touch the tip at this pose (depth 0), so the load is 0: the shift of {:.2g} mm sideways "
     "comes from rounding or noise of the readings, an ambient field, or something other than the plate"

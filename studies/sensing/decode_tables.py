@@ -7,6 +7,7 @@ import csv
 import io
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from studies.sensing.decode_readings import WHY, force_gap, in_tesla
 from studies.sensing.field_tables import read_rows
 
 if TYPE_CHECKING:
-    from analytic.decode import Decoded, Decoder
+    from analytic.decode import Decoded, Decoder, Status
     from analytic.inverse.workspace_limits import Limit
     from geometry.arrays import Array
 
@@ -40,26 +41,31 @@ class Summary:
     ----------
     counts : number of rows of each status.
     limits : number of rows that exceed each limit, among the first `MOST_SEARCHED` rows out of the workspace.
-    warnings : sentences about the level's forces.
-    field, decoded : the readings, shape (n, k), T, and what was decoded from them.
+    warnings : sentences about the level's forces, and about tolerances.
     """
 
     counts: dict[str, int]
     limits: dict[Limit | None, int]
     warnings: list[str]
-    field: Array
-    decoded: Decoded
 
 
 def decode_file(
-    coder: Decoder, path: Path, units: str | None, out: Path | None, level: str, *, as_json: bool = False
+    coder: Decoder,
+    path: Path,
+    units: str | None,
+    out: Path | None,
+    level: str,
+    check: Callable[[Array, Decoded], tuple[list[Status], list[str]]],
+    *,
+    as_json: bool = False,
 ) -> Summary:
     """Decode a table of readings as a stream, add the columns `COLUMNS` and count the rows of each status.
 
     Without `out` the table is printed; as JSON, one object for each row with its number and its readings.
 
     The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities).
-    Further columns are copied. A row with an empty or NaN reading gets the status not_finite.
+    Further columns are copied. A row with an empty or NaN reading gets the status not_finite. `check` returns the
+    status of each row, which may differ from the decoder's, and warnings.
 
     Raises
     ------
@@ -91,10 +97,11 @@ def decode_file(
         if progress is not None:
             progress(0.0, f"poses of {len(rows)} rows")
         decoded = decode(coder, field, follow=True)
+    statuses, said = check(field, decoded)
     tilt, tilt_y = tilts_of(*decoded.tilt.T)
     numbers = np.column_stack([decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition])
     if as_json and target is None:
-        lines = zip(field.tolist(), decoded.status, numbers.tolist(), decoded.multiplicity.tolist(), strict=True)
+        lines = zip(field.tolist(), statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True)
         console.report(
             [
                 {"row": k, "readings_T": b} | dict(zip(COLUMNS, (status, *line, many, level), strict=True))
@@ -102,26 +109,28 @@ def decode_file(
             ],
             as_json=True,
         )
-        return _summary(coder, decoded, field, level)
+        return _summary(coder, decoded, field, level, statuses, said)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, *COLUMNS])
-    for row, status, line, many in zip(rows, decoded.status, numbers.tolist(), decoded.multiplicity, strict=True):
+    for row, status, line, many in zip(rows, statuses, numbers.tolist(), decoded.multiplicity, strict=True):
         writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many, level])
     if target is None:
         print(text.getvalue(), end="", flush=True)
     else:
         atomic_files.write_text(target, text.getvalue())
-    return _summary(coder, decoded, field, level)
+    return _summary(coder, decoded, field, level, statuses, said)
 
 
-def _summary(coder: Decoder, decoded: Decoded, field: Array, level: str) -> Summary:
+def _summary(
+    coder: Decoder, decoded: Decoded, field: Array, level: str, statuses: list[Status], said: list[str]
+) -> Summary:
     from studies.sensing import force_level_check
 
     gap = force_gap(coder, level, decoded)
-    counts: dict[str, int] = {name: decoded.status.count(name) for name in WHY if name in decoded.status}
+    counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
     warnings = [] if gap is None else force_level_check.warnings(level, gap)
-    return Summary(counts, _count_limits(coder, decoded, field), warnings, field, decoded)
+    return Summary(counts, _count_limits(coder, decoded, field), warnings + said)
 
 
 def _count_limits(coder: Decoder, decoded: Decoded, field: Array) -> dict[Limit | None, int]:

@@ -2,28 +2,32 @@
 
 Three readings determine the three numbers of a pose: nearly every row has a pose without any residual, whichever made
 sensor it comes from. So the decoder cannot tell that its nominal sensor is not the one that was read. It is
-tested instead whether the row may be that of a made sensor at rest. With d its difference from the nominal sensor's
+tested instead whether the row may be that of a made sensor at rest; a force decoded from such a row has the status
+"uncalibrated" in place of "ok". With d its difference from the nominal sensor's
 readings at rest and C the covariance of made sensors' readings there, noise included,
 
     chi^2 = d' C^-1 d,
 
 the probability of a row is the share of made sensors at rest whose chi^2 is larger. (That of chi^2 with three
 degrees of freedom would be wrong, since parts beyond their tolerances are sorted out.) The spread of a decoded force
-is that of made sensors in the decoded pose, whose readings are decoded as if they were the nominal sensor's.
+is that of made sensors in the decoded pose, whose readings are decoded as if they were the nominal sensor's. More
+than three readings leave a residual, which the decoder tests (`deviation` of `analytic.decode.decoder`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analytic.decode import decode
+from analytic.decode import Status, decode
 from analytic.parts import common_values
+from studies.sensing.decode_readings import WHY
 from studies.sensitivity.made_readings import made_readings
 from studies.sensitivity.made_sensors import MadeSensors, made_sensors, nominal_sensor
+from studies.sensitivity.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder
@@ -41,6 +45,7 @@ class ToleranceCheck:
 
     Attributes
     ----------
+    status : status of each row, that of the decoder or "uncalibrated".
     rest_probability : share of made sensors at rest that differ more from the nominal one than each row, shape (n,);
         NaN for a row without readings.
     row : number of the row with the largest force; None without a force.
@@ -48,6 +53,7 @@ class ToleranceCheck:
     lost : made sensors whose readings in its pose have no pose, or no force.
     """
 
+    status: list[Status]
     rest_probability: Array
     row: int | None
     tolerance_N: list[float]
@@ -59,7 +65,7 @@ class ToleranceCheck:
         if not alike:
             return []
         rows = "these readings" if count == 1 else f"{alike} of {count} rows"
-        text = f"{rows} may be those of a sensor at rest whose parts lie within usual tolerances"
+        text = f"{rows} may be those of a sensor at rest whose parts lie within tolerances"
         if self.row is not None:
             size, sigma = float(np.linalg.norm(force[self.row])), ", ".join(f"{v:.2g}" for v in self.tolerance_N)
             place = "" if count == 1 else f" in row {self.row + 1}"
@@ -68,10 +74,23 @@ class ToleranceCheck:
                 f", which change the force of {size:.3g} N{place} by {sigma} N along x, y and z (standard deviations"
                 f"{lost})"
             )
-        return [f"{text}: calibrate the sensor, the status does not tell"]
+        return [f"{text}: calibrate the sensor"]
+
+    def of_one(self, row: Mapping[str, Any], force: Array) -> dict[str, Any]:
+        """Return the row of one decoded set of readings with this check added; `force` has shape (1, 3), N."""
+        size = float(np.linalg.norm(force[0]))
+        return {
+            **row,
+            "status": self.status[0],
+            "message": row["message"] or WHY[self.status[0]],
+            "rest_probability": float(self.rest_probability[0]),
+            "tolerance_N": self.tolerance_N or None,
+            "tolerance_N_per_N": [value / size for value in self.tolerance_N] or None,
+            "warnings": row["warnings"] + self.warnings(force),
+        }
 
 
-def check(coder: Decoder, field: Array, decoded: Decoded) -> ToleranceCheck:
+def check(coder: Decoder, field: Array, decoded: Decoded, tolerances: Tolerances = Tolerances()) -> ToleranceCheck:
     """Compare decoded rows of a design's own three elements with made sensors of the design.
 
     Parameters
@@ -79,7 +98,7 @@ def check(coder: Decoder, field: Array, decoded: Decoded) -> ToleranceCheck:
     field : the readings B.n, shape (n, 3), T.
     """
     design = coder.forward.design
-    made, nominal = made_sensors(design, count=SENSORS), nominal_sensor(design)
+    made, nominal = made_sensors(design, tolerances, SENSORS), nominal_sensor(design)
     rest, rest_deviations = _read(nominal, made, np.zeros(3), np.zeros(2))
     rest_deviations = rest_deviations + np.random.default_rng(0).normal(0.0, coder.sigma, rest_deviations.shape)
     inverse = np.linalg.inv(rest_deviations.T @ rest_deviations / len(rest_deviations))
@@ -87,15 +106,20 @@ def check(coder: Decoder, field: Array, decoded: Decoded) -> ToleranceCheck:
     probability = (of_made > of_rows[:, None]).mean(axis=1)
     probability[np.isnan(of_rows)] = np.nan
     size = np.linalg.norm(decoded.force, axis=1)
+    doubtful = (size > 0) & (probability >= LEAST)
+    status: list[Status] = [
+        "uncalibrated" if name == "ok" and doubt else name
+        for name, doubt in zip(decoded.status, doubtful, strict=True)
+    ]
     if not (size > 0).any():
-        return ToleranceCheck(probability, None, [], 0)
+        return ToleranceCheck(status, probability, None, [], 0)
     row = int(np.nanargmax(size))
     deviations = _read(nominal, made, decoded.shift[row], decoded.tilt[row])[1]
     found = decode(coder, field[row] + deviations, near=decoded.shift[row])
     has_force = np.isfinite(found.force[:, 2])
     spread = (found.force[has_force] - decoded.force[row]).T
     tolerance = np.sqrt((spread**2).mean(axis=1)) if has_force.any() else np.full(3, np.nan)
-    return ToleranceCheck(probability, row, tolerance.tolist(), int((~has_force).sum()))
+    return ToleranceCheck(status, probability, row, tolerance.tolist(), int((~has_force).sum()))
 
 
 def _read(
