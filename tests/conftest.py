@@ -69,7 +69,7 @@ LONGEST = (
     "test_symmetry_models",
     "test_kept_paths",
     "test_design_range_steps",
-    "test_field_benchmark",
+    "test_field_regions",
     "test_preparation",
 )
 """Files with the longest tests, the longest first."""

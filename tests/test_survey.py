@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from decode_oracle import exhaustive
 from numpy.testing import assert_allclose
 
 from analytic import clearance, decode, parts, survey
 from analytic.inverse import forward_model
 from geometry.design import BadInput, Design, paper
-from studies.benchmarks import decoder_benchmark
 from studies.sensing import decode_readings
 
 FOLDED = Design(magnet_height=4.0, l0=6.0, c=2.5, hall_low=0, hall_null=50, hall_high=100)
@@ -49,7 +49,7 @@ def test_multiplicity_is_that_of_an_exhaustive_search():
     single = np.flatnonzero(seen.multiplicity == 1)
     assert min(len(several), len(single)) > 10
     for k in (*several[::2], *single[::8]):
-        every = decoder_benchmark.exhaustive(coder, seen.readings[:, k])
+        every = exhaustive(coder, seen.readings[:, k])
         assert len(every) == seen.multiplicity[k]
         assert np.linalg.norm(every - seen.shift[:, k], axis=1).max() == pytest.approx(seen.alike_mm[k], abs=1e-5)
 

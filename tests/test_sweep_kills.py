@@ -1,8 +1,7 @@
 """A sweep killed at random moments: nothing that was reported is lost, little is solved again, no process is left."""
 
 import pytest
-
-from studies.benchmarks import sweep_kills
+import sweep_kills
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,7 @@ LOG = "MAGTIP_SWEEP_KILLS_LOG"
 """Environment variable with the file in which solves note that they begin."""
 SWEEP = """\
 import sys
-from studies.benchmarks import sweep_kills
+import sweep_kills
 sweep_kills.note_solves()
 from studies.cli.entry_point import main
 sys.exit(main())
@@ -182,7 +182,7 @@ class KilledStudy:
         axes = [word for axis in self.axes for word in ("--axis", axis)]
         options = ["--magnet", "ignored", "--accuracy", "quick", "--workers", str(WORKERS), "--json"]
         words = ["sweep", "paper", *axes, *options, "--store", str(base.with_suffix(".sqlite"))]
-        env = {**os.environ, LOG: str(base.with_suffix(".log")), "PYTHONPATH": str(ROOT)}
+        env = {**os.environ, LOG: str(base.with_suffix(".log")), "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
         with base.with_suffix(".jsonl").open("wb") as rows, base.with_suffix(".err").open("ab") as errors:
             return subprocess.Popen([sys.executable, "-c", SWEEP, *words], env=env, stdout=rows, stderr=errors)
 
