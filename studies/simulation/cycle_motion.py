@@ -86,8 +86,8 @@ def frequency_of(speed: float | None, frequency: float | None, stroke: float) ->
     0.25
     """
     if (speed is None) == (frequency is None):
-        both = "only one of them: leave out --speed or --frequency" if speed is not None else "one: add --speed, mm/s"
-        raise BadInput(f"a cycle needs either --speed or --frequency, and {both}")
+        given = "neither" if speed is None else "both"
+        raise BadInput(f"a cycle needs --speed, mm/s, or --frequency, Hz; got {given}: give one of them")
     if speed is None:
         assert frequency is not None
         return frequency
