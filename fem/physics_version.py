@@ -10,7 +10,8 @@ agree.
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 from fem.scene import Model
 
@@ -25,3 +26,14 @@ PHYSICS: dict[Model | Literal["critical depth", "modes", "response", "cycle"], i
     "cycle": 3,
 }
 """Version of each model, and of the critical depth, natural frequencies, vibrations and cycles, counted from 1."""
+
+
+def outdated(made: Mapping[str, Any], today: Mapping[Any, Any]) -> list[str]:
+    """Return the names of today's versions that are other ones than those with which something was made.
+
+    Rules, the surrogate and the choice of models by a tolerance are checked by this function before they answer.
+
+    >>> outdated({"modes": 2, "half": 2}, {"modes": 2, "half": 3, "full": 3})
+    ['half', 'full']
+    """
+    return [name for name, version in today.items() if made.get(name) != version]

@@ -143,14 +143,20 @@ class Field:
 class Estimates:
     """Estimated relative errors from the mesh and the harmonics, see `fem.results.error_estimates`.
 
-    Those of force, shift and tilt are relative errors of the vectors; that of `sideways` is of the force along the
-    shear. None where they were not estimated, or where the quantity is zero.
+    Those of force, shift and tilt are relative errors of the vectors, or of the numbers of a small shear; that of
+    `sideways` is of the force along the shear, `depth` of a critical depth (and `force` then of the critical force),
+    `stiffness` of a small shear. None where they were not estimated, or where the quantity is zero.
     """
 
     force: float | None = None
     shift: float | None = None
     tilt: float | None = None
     sideways: float | None = None
+    depth: float | None = None
+    stiffness: float | None = None
+
+
+NOT_ESTIMATED = Estimates()
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,4 +192,4 @@ class Solution:
     message: str = ""
     dissipated: float = 0.0
     slip_share: float | None = None
-    estimates: Estimates = Estimates()
+    estimates: Estimates = NOT_ESTIMATED

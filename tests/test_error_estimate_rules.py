@@ -4,34 +4,66 @@ from typing import get_args
 
 import pytest
 
+from fem.physics_version import PHYSICS
 from fem.results.error_estimate_rules import (
     LEAST_SHARE,
-    RESPONSE_RULES,
-    TANGENT_RULES,
     ErrorRule,
     LoadCase,
-    TangentQuantity,
+    VibrationQuantity,
+    error_rules,
     press_limits,
+    table_rows,
 )
 from geometry.loads import Magnet
 from studies.validation import error_study_cases
 
+PRESSES = ("press", "deep", "pressed", "solid press", "tilted press")
+NUMBERS = {
+    "critical": ("depth", "force"),
+    "small shear": ("stiffness", "shift", "tilt"),
+    "modes": ("frequency", "pressed frequency"),
+}
+
 
 def test_every_kind_of_load_and_every_number_has_a_rule_with_and_without_magnet():
-    magnets = get_args(Magnet)
-    assert set(RESPONSE_RULES) == {(case, magnet) for case in get_args(LoadCase) for magnet in magnets}
-    assert set(TANGENT_RULES) == {(name, magnet) for name in get_args(TangentQuantity) for magnet in magnets}
+    """Loads that shear have a rule for the force along the shear too, and presses have none."""
+    quantities = {
+        case: ("force", "shift", "tilt", *(["sideways"] * (case not in PRESSES))) for case in get_args(LoadCase)
+    }
+    static = {
+        (scene, m, name)
+        for scene, names in (quantities | NUMBERS).items()
+        for m in get_args(Magnet)
+        for name in names
+    }
+    shears = {("vibrating shear", way, name) for way in "xz" for name in ("force", "shift", "reading")}
+    presses = {("vibrating press", way, name) for way in "xz" for name in get_args(VibrationQuantity)}
+    assert set(error_rules()) == static | shears | presses
+    assert len(table_rows()) == len(error_rules())
 
 
-def test_loads_that_shear_have_a_rule_for_the_force_along_the_shear_and_presses_have_none():
-    for (case, _), rules in RESPONSE_RULES.items():
-        assert (rules.sideways is None) is (case in ("press", "deep", "pressed", "solid press", "tilted press"))
+def test_rules_rest_on_the_answers_of_today():
+    assert {row["model"] for row in table_rows()} == set(PHYSICS) - {"full", "cycle"}
+    assert all(error_rules().values())
+
+
+@pytest.fixture
+def changed_modes(monkeypatch):
+    """A version of the natural frequencies on which no rule rests."""
+    error_rules.cache_clear()
+    monkeypatch.setitem(PHYSICS, "modes", PHYSICS["modes"] + 1)
+    yield
+    error_rules.cache_clear()
+
+
+def test_rules_of_another_version_of_the_answers_are_none(changed_modes):
+    unknown = {key for key, rule in error_rules().items() if rule is None}
+    assert unknown == {key for key in error_rules() if key[0] == "modes"}
 
 
 def test_errors_fall_with_the_edge_length():
     """A rule whose error grew on a finer mesh would be a slip of the pen."""
-    responses = [rule for r in RESPONSE_RULES.values() for rule in (r.force, r.shift, r.tilt, r.sideways) if rule]
-    for rule in [*responses, *TANGENT_RULES.values()]:
+    for rule in error_rules().values():
         assert rule.usual(0.045, 0.2) < rule.usual(0.09, 0.2)
         assert min(rule.m, rule.p, rule.c) > 0
         assert 0 <= rule.s <= 1

@@ -82,7 +82,7 @@ def test_the_error_estimate_grows_with_the_difference_to_the_companion():
         )
         return estimate_response(r, other, load, Scene(paper(), (load,), STANDARD, "rigid", "harmonic"), "harmonic")
 
-    large, middle, small = (astuple(found(difference)) for difference in (0.1, 0.01, 1e-3))
+    large, middle, small = (astuple(found(difference))[:4] for difference in (0.1, 0.01, 1e-3))
     assert all(more > less for more, less in zip(large, middle, strict=True))
     assert max(small) < 0.01
 

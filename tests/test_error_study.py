@@ -8,12 +8,20 @@ import pytest
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK
+from fem.physics_version import PHYSICS
+from fem.results.error_estimate_rules import table_rows
 from geometry.design import paper
 from studies.cli import entry_point
 from studies.inputs.exit_status import FAILED
 from studies.output import checkpoint
 from studies.output.atomic_files import json_line
-from studies.validation import error_statistics, error_study, error_study_cases, error_study_tangents
+from studies.validation import (
+    error_statistics,
+    error_study,
+    error_study_cases,
+    error_study_report,
+    error_study_tangents,
+)
 from studies.validation.error_study import QUANTITIES, Task
 from studies.validation.error_study_records import ROLES, ErrorState, Judged, SolvedState, error_state, restored
 
@@ -189,6 +197,24 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     assert "unstable; !" in report
     assert (tmp_path / "errors.png").stat().st_size > 10_000
     assert (tmp_path / "accuracy.csv").read_text("utf-8").count("\n") == 3
+
+
+def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions():
+    found, before = (
+        {(row["scene"], row["variant"], row["quantity"]): row for row in rows}
+        for rows in (error_study_report.rules([state(0.03, 0.02, commit="abc")]), table_rows())
+    )
+    assert found.keys() == before.keys()
+    wider = found["press", "rigid", "force"]
+    assert float(wider["c"]) == pytest.approx(1.5 * float(before["press", "rigid", "force"]["c"]), rel=5e-3)
+    assert (wider["version"], wider["commit"]) == (str(PHYSICS["axisymmetric"]), "abc")
+    assert found["deep", "rigid", "force"] == before["deep", "rigid", "force"]
+    kept = {
+        (row["quantity"], row["c"])
+        for row in error_study_report.rules([state(0.01, 0.02)])
+        if row["scene"] == "press"
+    }
+    assert kept == {(row["quantity"], row["c"]) for row in table_rows() if row["scene"] == "press"}
 
 
 def test_no_comparison_is_no_success(tmp_path, capsys):

@@ -14,7 +14,7 @@ from fem.model import angular_fields, elements
 from fem.model.material import lame
 from fem.model.nonlinear_system import System
 from fem.model.symmetry_models import on_axis
-from fem.results.error_estimate_rules import TANGENT_RULES
+from fem.results.error_estimate_rules import error_rule
 from fem.results.error_estimates import estimate_number
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
@@ -136,7 +136,7 @@ def test_companions_are_paired_by_shape():
     one = modes.Modes((1.0, 2.0, 3.0, 4.0), ("bending", "torsion", "bending", "axial"), (None,) * 4)
     other = modes.Modes((1.1, 2.2, 3.3, 5.0), ("bending", "bending", "torsion", "ovalling"), (None,) * 4)
     found = modes.estimate_frequencies(one, other, unpressed)
-    rule = TANGENT_RULES["frequency", "rigid"]
+    rule = error_rule("modes", "rigid", "frequency")
     pairs = [(1.0, 1.1), (2.0, 3.3), (3.0, 2.2)]
     assert found[:3] == tuple(estimate_number(rule, a, b, STANDARD.section_size, 1.0) for a, b in pairs)
     assert found[3] is None

@@ -58,10 +58,11 @@ def test_only_modes_that_were_computed_are_claimed(run, strict):
 
 def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     from fem.analyses import small_shear, stability
+    from fem.solution import Estimates
     from geometry.design import paper
     from studies.simulation import stability_report
 
-    estimates = stability.CriticalEstimates(0.01, 0.02)
+    estimates = Estimates(depth=0.01, force=0.02)
     found = {
         False: stability.Critical(0.9, 1.0, 0.9, "", estimates),
         True: stability.Critical(None, None, 3.5, ""),

@@ -9,6 +9,7 @@ from fem.accuracy import QUICK, STANDARD
 from fem.analyses import stability
 from fem.equilibrium import solve
 from fem.scene import Scene
+from fem.solution import Estimates
 from fem.solve import direct_solver
 from fem.solve.direct_solver import Solver
 from fem.solve.inertia import UNKNOWN, Stability
@@ -103,13 +104,13 @@ def test_estimates_hold_against_a_finer_mesh():
 
 def test_estimates_can_be_left_out():
     found = stability.critical(Design(L=24.0), "ignored", accuracy=QUICK, estimate=False)
-    assert found.estimates == stability.CriticalEstimates()
+    assert found.estimates == Estimates()
 
 
 def test_a_companion_without_an_instability_estimates_nothing():
     one, other = stability.Critical(1.0, 2.0, 1.0, ""), stability.Critical(None, None, 3.0, "")
     scene = Scene(paper(), (Load(depth=1.0),))
-    assert stability.estimate_critical(one, other, scene) == stability.CriticalEstimates()
+    assert stability.estimate_critical(one, other, scene) == Estimates()
     assert stability.estimate_critical(one, replace(one, depth=1.01), scene).depth > 0
 
 

@@ -14,6 +14,7 @@ Lengths are over D and stresses over E: omega = sqrt(lambda E / rho) / D, with t
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from dataclasses import dataclass, replace
@@ -21,13 +22,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from fem.accuracy import STANDARD, Accuracy, coarser
+from fem.accuracy import STANDARD, Accuracy
 from fem.model import angular_fields, rigid_inclusion, single_order
 from fem.model.mesh_specification import specification
 from fem.model.nonlinear_system import ON_AXIS, System
 from fem.model.plate_contact import Plate
-from fem.results.error_estimate_rules import TANGENT_RULES
-from fem.results.error_estimates import estimate_number
+from fem.results.error_estimate_rules import error_rule
+from fem.results.error_estimates import estimate_number, estimated
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
@@ -92,14 +93,8 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    lowest = _solve_modes(scene, count)
-    if not estimate:
-        return lowest
-    try:
-        coarse = _solve_modes(replace(scene, accuracy=coarser(accuracy)), count)
-    except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
-        return lowest
-    return replace(lowest, estimates=estimate_frequencies(lowest, coarse, scene))
+    find = functools.partial(_solve_modes, count=count)
+    return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
 
 
 def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float | None, ...]:
@@ -110,7 +105,7 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
     left = {
         name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
     }
-    rule = TANGENT_RULES["pressed frequency" if scene.loads[0].depth else "frequency", scene.magnet]
+    rule = error_rule("modes", scene.magnet, "pressed frequency" if scene.loads[0].depth else "frequency")
     edge, unit = scene.accuracy.section_size, frequency_unit(scene.design)
     errors = []
     for frequency, name in zip(one.frequency, one.shape, strict=True):

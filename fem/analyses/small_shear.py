@@ -11,16 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
+from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.model import angular_fields, plate_contact, single_order
 from fem.model.assembled_state import Assembly
 from fem.model.gradient_recovery import build_recovery
 from fem.model.mesh_specification import MeshSpecification, specification
-from fem.results.error_estimate_rules import LEAST_RADIUS, TANGENT_RULES
-from fem.results.error_estimates import estimate_number
+from fem.results.error_estimate_rules import LEAST_RADIUS
+from fem.results.error_estimates import estimate_numbers, estimated
 from fem.results.lateral_stiffness import integrate_normal_force
 from fem.results.postprocess import recover_pose
 from fem.scene import Scene
+from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.contact_extent import find_press
 from fem.solve.direct_solver import Solver
 from fem.solve.load_stepping import Path
@@ -37,15 +38,6 @@ EDGE = 0.5
 on where exactly the press ends. At 1 the stiffness of one design of `magtip accuracy` was 4.7 % off at quick."""
 ROUGH = 0.3
 """Edge length over D of the mesh on which the edge of the contact is located; it is refined there."""
-
-
-@dataclass(frozen=True, slots=True)
-class SmallShearEstimates:
-    """Estimated relative errors of a small shear from the mesh; None where they were not estimated."""
-
-    stiffness: float | None = None
-    shift: float | None = None
-    tilt: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +58,7 @@ class SmallShear:
     tilt: float
     force: float
     contact_radius: float
-    estimates: SmallShearEstimates = SmallShearEstimates()
+    estimates: Estimates = NOT_ESTIMATED
 
 
 def small_shear(
@@ -91,25 +83,13 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    shear = _solve_small_shear(scene)
-    if not estimate:
-        return shear
-    try:
-        coarse = _solve_small_shear(replace(scene, accuracy=coarser(accuracy)))
-    except BadInput:  # the press may stop earlier on the coarser mesh
-        return shear
-    return replace(shear, estimates=estimate_small_shear(shear, coarse, scene))
+    return estimated(scene, _solve_small_shear, estimate_small_shear) if estimate else _solve_small_shear(scene)
 
 
-def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> SmallShearEstimates:
+def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> Estimates:
     """Return the estimated errors of a small shear, from that on a mesh coarser by COARSER."""
-    magnet, edge = scene.magnet, scene.accuracy.section_size
-    radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
-    return SmallShearEstimates(
-        stiffness=estimate_number(TANGENT_RULES["stiffness", magnet], one.stiffness, other.stiffness, edge, radius),
-        shift=estimate_number(TANGENT_RULES["shift", magnet], one.shift, other.shift, edge, radius),
-        tilt=estimate_number(TANGENT_RULES["tilt", magnet], one.tilt, other.tilt, edge, radius),
-    )
+    numbers = {name: (getattr(one, name), getattr(other, name)) for name in ("stiffness", "shift", "tilt")}
+    return estimate_numbers("small shear", numbers, scene, max(one.contact_radius / scene.design.D, LEAST_RADIUS))
 
 
 def _solve_small_shear(scene: Scene) -> SmallShear:

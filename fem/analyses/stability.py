@@ -9,17 +9,19 @@ glued (a guided tip).
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
-from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
+from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.model.mesh_specification import MeshSpecification, specification
-from fem.results.error_estimate_rules import LEAST_DEPTH, TANGENT_RULES
-from fem.results.error_estimates import estimate_number
+from fem.results.error_estimate_rules import LEAST_DEPTH
+from fem.results.error_estimates import estimate_numbers, estimated
 from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
 from fem.scene import Scene
+from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.contact_extent import EDGE_SHARE, find_contact_edge, measure_contact_edge
 from fem.solve.load_case_models import PRESS_FILLET
 from fem.solve.load_stepping import Path
@@ -55,14 +57,6 @@ UNCOUNTED = (
 
 
 @dataclass(frozen=True, slots=True)
-class CriticalEstimates:
-    """Estimated relative errors of a critical depth and force from the mesh; None where they were not estimated."""
-
-    depth: float | None = None
-    force: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class Critical:
     """Depth at which a press becomes unstable sideways.
 
@@ -78,7 +72,7 @@ class Critical:
     force: float | None
     stable_to: float
     message: str
-    estimates: CriticalEstimates = CriticalEstimates()
+    estimates: Estimates = NOT_ESTIMATED
 
 
 def critical(
@@ -108,22 +102,17 @@ def critical(
     silicone = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
     deepest = DEEPEST * silicone if deepest is None else deepest
     scene = Scene(design, (Load(depth=deepest),), accuracy, magnet)
-    state = _find_critical(scene, guided)
-    if not estimate or state.depth is None:
-        return state
-    coarse = _find_critical(replace(scene, accuracy=coarser(accuracy)), guided)
-    return replace(state, estimates=estimate_critical(state, coarse, scene))
+    find = functools.partial(_find_critical, guided=guided)
+    if not estimate:
+        return find(scene)
+    return estimated(scene, find, estimate_critical, lambda state: state.depth is not None)
 
 
-def estimate_critical(one: Critical, other: Critical, scene: Scene) -> CriticalEstimates:
+def estimate_critical(one: Critical, other: Critical, scene: Scene) -> Estimates:
     """Return the estimated errors of a critical state, from that on a mesh coarser by COARSER."""
-    if one.depth is None or one.force is None:
-        return CriticalEstimates()
-    magnet, edge, base = scene.magnet, scene.accuracy.section_size, max(one.depth / scene.design.D, LEAST_DEPTH)
-    return CriticalEstimates(
-        depth=estimate_number(TANGENT_RULES["critical depth", magnet], one.depth, other.depth, edge, base),
-        force=estimate_number(TANGENT_RULES["critical force", magnet], one.force, other.force, edge, base),
-    )
+    numbers = {"depth": (one.depth, other.depth), "force": (one.force, other.force)}
+    base = max((one.depth or 0.0) / scene.design.D, LEAST_DEPTH)
+    return estimate_numbers("critical", numbers, scene, base)
 
 
 def _find_critical(scene: Scene, guided: bool) -> Critical:

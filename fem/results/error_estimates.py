@@ -1,14 +1,17 @@
-"""Relative errors of a solution, estimated from its difference to a solution on a coarser mesh.
+"""Relative errors of an answer, estimated from its difference to the answer on a coarser mesh.
 
-The rules are those of `fem.results.error_estimate_rules`; `magtip accuracy` compares the estimates with the errors
-against much finer meshes.
+`estimated` solves again on the coarser mesh. The rules are those of `fem.results.error_estimate_rules`; `magtip
+accuracy` compares the estimates with the errors against much finer meshes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
 
 from fem.results.error_estimate_rules import (
     DEPTH_POWER,
@@ -17,25 +20,55 @@ from fem.results.error_estimate_rules import (
     LEAST_RADIUS,
     ON_LIMIT,
     ORDER_POWER,
-    RESPONSE_RULES,
     STICK_SHEAR,
     SURE_SHARE,
     UNUSUAL,
-    VIBRATION_RULES,
     ErrorRule,
     LoadCase,
     VibrationQuantity,
+    error_rule,
     press_limits,
 )
 from fem.scene import Scene
 from fem.solution import Estimates
 from fem.solve.depth_ranges import harmonics_at, orders_needed
 from geometry.arrays import Array
+from geometry.bad_input import BadInput
 from geometry.loads import Load, Response
 
 NOTHING = 1e-12
 """Tilts (rad) and numbers of a tangent below this are rounding errors, to which no error is relative. Forces and
 shifts have no such bound: they are small at small loads."""
+
+
+class WithEstimates(Protocol):
+    """A dataclass with a field `estimates`."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
+Answer = TypeVar("Answer", bound=WithEstimates)
+
+
+def estimated(
+    scene: Scene,
+    solve: Callable[[Scene], Answer],
+    estimate: Callable[[Answer, Answer, Scene], object],
+    found: Callable[[Answer], bool] = lambda _: True,
+) -> Answer:
+    """Return the answer for a scene with its estimates from a second solve on a mesh coarser by COARSER.
+
+    Parameters
+    ----------
+    estimate : returns the estimates of an answer from the one on the coarser mesh.
+    found : whether an answer has something to estimate.
+    """
+    answer, coarser = solve(scene), scene.coarser()
+    try:
+        coarse = solve(coarser) if coarser is not None and found(answer) else None
+    except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
+        coarse = None
+    return answer if coarse is None else replace(answer, estimates=estimate(answer, coarse, scene))
 
 
 def estimate_response(one: Response, other: Response, load: Load, scene: Scene, model: str) -> Estimates:
@@ -49,7 +82,6 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     model : model of the response; before a shear it may still be axisymmetric.
     """
     case, accuracy = load_case(load, scene), scene.accuracy
-    rules = RESPONSE_RULES[case, scene.magnet]
     if load.imperfection and not load.shears_tip and one.shift[0] * other.shift[0] < 0:
         other = _mirrored(other)
     edge = accuracy.solid_size if scene.solid else accuracy.section_size
@@ -59,40 +91,71 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
 
     def estimate(
-        rule: ErrorRule, value: Sequence[float], coarse: Sequence[float], base: float, nothing: float = 0.0
+        name: str,
+        value: Sequence[float],
+        coarse: Sequence[float],
+        base: float = radius,
+        case: LoadCase = case,
+        nothing: float = 0.0,
     ) -> float | None:
         difference = _relative_difference(value, coarse, nothing)
-        return None if difference is None else _bounded_error(rule, difference, edge, base, growth, sure)
+        rule = error_rule(case, scene.magnet, name)
+        return (
+            None if difference is None or rule is None else _bounded_error(rule, difference, edge, base, growth, sure)
+        )
 
-    tilt = estimate(rules.tilt, (one.tilt, one.tilt_y), (other.tilt, other.tilt_y), radius, NOTHING)
+    tilt = estimate("tilt", (one.tilt, one.tilt_y), (other.tilt, other.tilt_y), nothing=NOTHING)
     upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
     sideways, along = None, _force_along_shear(one, load)
     if along:
         own = load.coulomb is None or case == "tilted friction"
-        rule = RESPONSE_RULES[case if own else "friction", scene.magnet].sideways
-        assert rule is not None  # all cases with a shear have one
-        sideways = estimate(rule, (along,), (_force_along_shear(other, load),), abs(along) / math.hypot(*one.force))
+        share = abs(along) / math.hypot(*one.force)
+        sideways = estimate(
+            "sideways", (along,), (_force_along_shear(other, load),), share, case if own else "friction"
+        )
     return Estimates(
-        force=estimate(rules.force, one.force, other.force, radius),
-        shift=estimate(rules.shift, one.shift, other.shift, radius),
+        force=estimate("force", one.force, other.force),
+        shift=estimate("shift", one.shift, other.shift),
         # the tilt of tetrahedra under an upright press is mesh noise
         tilt=None if tilt is None or (upright and tilt > 1) else tilt,
         sideways=sideways,
     )
 
 
-def estimate_number(rule: ErrorRule, one: float, other: float | None, edge: float, base: float) -> float | None:
-    """Return the estimated error of a number; None where it is 0 or the coarser mesh has none.
+def estimate_number(
+    rule: ErrorRule | None, one: float | None, other: float | None, edge: float, base: float
+) -> float | None:
+    """Return the estimated error of a number; None where it is 0, or one of both meshes has none.
 
     Parameters
     ----------
-    rule : one of `fem.results.error_estimate_rules.TANGENT_RULES`.
     one, other : the number, and the number on the coarser mesh.
     edge : edge length of the section over D.
-    base : base of the rule, see TANGENT_RULES.
+    base : base of the rule.
     """
-    difference = None if other is None else _relative_difference((one,), (other,), NOTHING)
+    if rule is None or one is None or other is None:
+        return None
+    difference = _relative_difference((one,), (other,), NOTHING)
     return None if difference is None else _bounded_error(rule, difference, edge, base)
+
+
+def estimate_numbers(
+    kind: str, numbers: Mapping[str, tuple[float | None, float | None]], scene: Scene, base: float
+) -> Estimates:
+    """Return the estimated errors of numbers of a critical state or a small shear.
+
+    Parameters
+    ----------
+    kind : scene of the rules.
+    numbers : by quantity, the number and that on the coarser mesh.
+    """
+    edge, magnet = scene.accuracy.section_size, scene.magnet
+    return Estimates(
+        **{
+            name: estimate_number(error_rule(kind, magnet, name), one, other, edge, base)
+            for name, (one, other) in numbers.items()
+        }
+    )
 
 
 def estimate_vibration(
@@ -102,7 +165,7 @@ def estimate_vibration(
 
     Parameters
     ----------
-    quantity : see `fem.results.error_estimate_rules.VIBRATION_RULES`.
+    quantity : see `fem.results.error_estimate_rules`.
     motion : of the plate, or of the base: "z" or "x".
     difference : (f,) relative differences to the coarser mesh.
     amplification : (f,) factors by which resonances amplify an error and a difference.
@@ -110,14 +173,16 @@ def estimate_vibration(
     """
     load = scene.loads[0]
     moved = load.shears_tip or bool(load.plate_tilt) or load.grip is not None or load.coulomb is not None
-    rule = VIBRATION_RULES[quantity, motion, "shear" if moved else "press"]
+    rule = error_rule("vibrating shear" if moved else "vibrating press", motion, quantity)
+    if rule is None:
+        return np.full(len(difference), np.nan)
     edge = scene.accuracy.section_size
     each = [_bounded_error(rule, d, edge, 1.0) for d in (difference / amplification).tolist()]
     return amplification * each
 
 
 def load_case(load: Load, scene: Scene) -> LoadCase:
-    """Return the load case of a scene's load by which its rules are selected, see RESPONSE_RULES.
+    """Return the load case of a scene's load by which its rules are selected.
 
     >>> from geometry.design import paper
     >>> load_case(Load(depth=0.5), Scene(paper(), (Load(depth=0.5),)))

@@ -120,7 +120,8 @@ def accuracy(
     quick
         Use two designs, accuracy quick and a coarser reference: half a minute instead of an hour.
     out
-        Folder for accuracy.csv, ACCURACY.md, a plot and all solves; a run that was stopped continues from there.
+        Folder for accuracy.csv, ACCURACY.md, a plot, error_rules.csv and all solves; a run that was stopped continues
+        from there.
     minutes
         Start no further solve after this time, min, and report the finished ones.
     """
@@ -132,7 +133,7 @@ def accuracy(
     from studies.validation import error_study as study
 
     origin = versions()
-    own_files.check(out, ("ACCURACY.md", "accuracy.csv", "errors.png"))
+    own_files.check(out, ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         states = study.run(
             quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress

@@ -238,7 +238,8 @@ def _state(scene: Scene, load: Load, outcome: Any) -> State:
     }
     if outcome.solution is not None:
         facts = outcome.solution.facts
-        values["estimates"] = dataclasses.asdict(outcome.solution.estimates)
+        estimates = outcome.solution.estimates
+        values["estimates"] = {name: getattr(estimates, name) for name in ("force", "shift", "tilt", "sideways")}
         values["values"] = {
             "largest_strain": facts.largest_strain,
             "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,

@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from analytic import beam, buckling
+from fem import physics_version
 from fem.physics_version import PHYSICS
 from fem.results.error_estimate_rules import press_limits
 from fem.scene import Model, choose_model
@@ -160,8 +161,7 @@ def statements() -> tuple[Statement, ...]:
 @functools.cache
 def outdated() -> tuple[str, ...]:
     """Return the models whose version is another one today than that on which the rule rests."""
-    made = _shipped().get("versions", {})
-    return tuple(model for model, version in versions().items() if made.get(model) != version)
+    return tuple(physics_version.outdated(_shipped().get("versions", {}), versions()))
 
 
 @functools.cache

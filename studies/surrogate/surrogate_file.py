@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fem.accuracy import STANDARD
-from fem.physics_version import PHYSICS
+from fem.physics_version import PHYSICS, outdated
 from geometry.arrays import Array
 from geometry.design import BadInput
 from studies.surrogate.gaussian_process import GaussianProcess
@@ -98,12 +98,12 @@ def read(file: Path) -> Surrogate:
         about = json.loads(str(arrays["about"]))
         if about["format"] != FORMAT:
             raise BadInput(f"{file.name} has format {about['format']}, and this version reads {FORMAT}: {REMEDY}")
-        for name in ANSWERS:
-            if about["physics"].get(name) != PHYSICS[name]:
-                raise BadInput(
-                    f"{file.name} was trained on version {about['physics'].get(name)} of the finite elements "
-                    f"({name}), and this magtip has version {PHYSICS[name]}: {REMEDY}"
-                )
+        today: dict[str, int] = {name: PHYSICS[name] for name in ANSWERS}
+        for name in outdated(about["physics"], today):
+            raise BadInput(
+                f"{file.name} was trained on version {about['physics'].get(name)} of the finite elements "
+                f"({name}), and this magtip has version {today[name]}: {REMEDY}"
+            )
         names = {name.split(".")[0] for name in arrays if "." in name}
         return Surrogate({name: _group(name, arrays) for name in sorted(names)}, about)
     except (OSError, EOFError, zipfile.BadZipFile, ValueError, KeyError) as error:

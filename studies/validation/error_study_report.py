@@ -1,13 +1,15 @@
-"""Files of the study of error estimates: accuracy.csv, ACCURACY.md and errors.png."""
+"""Files of the study of error estimates: accuracy.csv, ACCURACY.md, errors.png and error_rules.csv."""
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from fem.physics_version import PHYSICS
+from fem.results.error_estimate_rules import table_rows
 from studies.output.atomic_files import write_text
 from studies.output.checkpoint import solved_at
 from studies.output.csv_tables import write_table
@@ -15,7 +17,7 @@ from studies.output.goals import page_lines
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 from studies.validation import error_statistics, error_study, error_study_cases
-from studies.validation.error_study import QUANTITIES, SHARP
+from studies.validation.error_study import COVERAGE, QUANTITIES, SHARP
 from studies.validation.error_study_records import ErrorState
 
 COLOURS = {
@@ -39,8 +41,9 @@ LEAST = 1e-3
 
 
 def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str, *, quick: bool) -> None:
-    """Write accuracy.csv with all states, the report ACCURACY.md, and errors.png."""
+    """Write accuracy.csv with all states, the report ACCURACY.md, errors.png, and the rules that hold in them."""
     write_table(folder / "accuracy.csv", [state.row() for state in states], digits=9)
+    write_table(folder / "error_rules.csv", rules(states))
     picture(folder / "errors.png", states)
     good, (verdict, *missed) = sum(s.status == "ok" for s in states), page_lines(error_statistics.goals(states))
     estimates = [one.row() for one in error_statistics.shares(states)]
@@ -106,6 +109,37 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}" if math.isfinite(value) else ""
     return str(value)
+
+
+def rules(states: Sequence[ErrorState]) -> list[FlatRow]:
+    """Return the rows of fem/results/error_rules.csv, with c so wide that each covers COVERAGE of its states.
+
+    Rows with states in the study get today's versions and the commits of their solves; the others stay.
+    """
+    shares: dict[tuple[str, str, str], list[float]] = defaultdict(list)
+    commits: dict[tuple[str, str, str], set[str]] = defaultdict(set)
+    for state in error_statistics.ended_well(states):
+        for judged in state.judged:
+            if math.isfinite(judged.error):
+                key = _rule_of(state, judged.quantity)
+                shares[key].append(judged.error / judged.estimate)
+                commits[key].add(state.commit)
+    rows = []
+    for row in table_rows():
+        key = row["scene"], row["variant"], row["quantity"]
+        if key in shares:
+            needed = sorted(shares[key])[math.ceil(COVERAGE * len(shares[key])) - 1]
+            c, today = float(row["c"]) * max(needed, 1.0), {str(name): version for name, version in PHYSICS.items()}
+            row |= {"c": f"{c:.3g}", "version": str(today[row["model"]]), "commit": " - ".join(sorted(commits[key]))}
+        rows.append(row)
+    return rows
+
+
+def _rule_of(state: ErrorState, quantity: str) -> tuple[str, str, str]:
+    """Return scene, magnet and quantity by which a state's rule is found, see `fem.results.error_estimate_rules`."""
+    if state.model == "half":
+        return "solid press" if state.scene == "press" else "solid", state.magnet, quantity
+    return state.scene, state.magnet, "pressed frequency" if quantity == "frequency" and state.depth_mm else quantity
 
 
 def picture(path: Path, states: Sequence[ErrorState]) -> None:
