@@ -1,4 +1,4 @@
-"""Accuracy levels of the finite elements; `magtip accuracy` compares them with much finer meshes."""
+"""Accuracy levels of the finite elements; `magtip validate accuracy` compares them with much finer meshes."""
 
 from __future__ import annotations
 

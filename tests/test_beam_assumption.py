@@ -29,13 +29,13 @@ shear = [0, 0, 0.4]
 
 def test_the_verb(run, tmp_path):
     (tmp_path / "small.toml").write_text(SMALL)
-    status, out, err = run("assumption", "small.toml", "--out", "out", "--workers", "0")
+    status, out, err = run("validate", "assumption", "small.toml", "--out", "out", "--workers", "0")
     assert status == 0, err
     assert "formula (5) is within 10 %" in out
     assert {path.name for path in (tmp_path / "out").glob("[!.]*")} == set(assumption_report.FILES)
     text = (tmp_path / "out" / "ASSUMPTION.md").read_text("utf-8")
     assert "No magnet, press force: formula (5) is within 10 % for L/D 1.12 to 2, d/D 0.3" in text
-    assert "Made with `magtip assumption small.toml" in text
+    assert "Made with `magtip validate assumption small.toml" in text
     assert all(f"]({name})" in text for name in assumption_report.FILES if name.endswith(".png"))
 
 
@@ -46,7 +46,7 @@ def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(run, tmp
         "magnet_edge_radius = [0, 0.1]\n", ""
     )
     (tmp_path / "own.toml").write_text(text + design + "\n")
-    status, _, err = run("assumption", "own.toml", "--out", "out", "--workers", "0")
+    status, _, err = run("validate", "assumption", "own.toml", "--out", "out", "--workers", "0")
     assert status == 0, err
     assert "D is 10 mm and E is 0.6 MPa" in (tmp_path / "out" / "ASSUMPTION.md").read_text("utf-8")
 
@@ -63,7 +63,7 @@ def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(run, tmp
 )
 def test_studies_that_lack_something_are_refused(run, tmp_path, old, new, reason):
     (tmp_path / "small.toml").write_text(SMALL.replace(old, new))
-    status, _, err = run("assumption", "small.toml")
+    status, _, err = run("validate", "assumption", "small.toml")
     assert status == 2
     assert reason in err
 

@@ -7,7 +7,7 @@ ORDER = """
     Simulation: solve analytic compare stability modes response cycle fit demo
     Sensing: field readings decode table layout
     Exploration: explore sweep sensitivity report store
-    Validation: verify friction extremes accuracy crosscheck ladder range claims assumption bench trade surrogate
+    Validation: validate
     Options: --help --version
 """
 
@@ -16,3 +16,15 @@ def test_help_lists_the_verbs_in_groups_from_a_design_to_its_validation(run):
     text = run("--help")[1]
     listed = re.findall(r"^╭─ (\w+) |^│ ([-\w]+)", text, re.MULTILINE)
     assert [title + ":" if title else verb for title, verb in listed] == ORDER.split()
+
+
+def test_validate_lists_its_studies(run):
+    listed = re.findall(r"^│ ([-\w]+)", run("validate")[1], re.MULTILINE)
+    studies = "verify friction extremes accuracy crosscheck ladder range claims assumption bench trade surrogate"
+    assert listed == studies.split()
+
+
+def test_a_study_that_was_a_verb_is_found(run):
+    status, out, err = run("verify", "--quick")
+    assert (status, out) == (2, "")
+    assert err == "magtip: verify is a study of validation: type magtip validate verify\n"

@@ -34,11 +34,11 @@ def test_a_way_there_is_no_closed_loop(states):
 
 def test_files_of_the_study(tmp_path, curve, states):
     coulomb_study.write(
-        tmp_path, [coulomb_study.full_slip(curve)], [curve], states, "here", "magtip friction --quick"
+        tmp_path, [coulomb_study.full_slip(curve)], [curve], states, "here", "magtip validate friction --quick"
     )
     report = (tmp_path / "FRICTION.md").read_text()
     assert "1 of 1 checks pass" in report
-    assert "`magtip friction --quick`" in report
+    assert "`magtip validate friction --quick`" in report
     assert (tmp_path / "friction.png").stat().st_size > 10_000
     assert (tmp_path / "friction.csv").read_text().startswith("check,quantity")
 
@@ -46,7 +46,7 @@ def test_files_of_the_study(tmp_path, curve, states):
 def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
     check = coulomb_study._check("onset", "force", 1.1, 1.0, 0.01)
     monkeypatch.setattr(coulomb_study, "run", lambda **_: [check])
-    status, out, err = run("friction", "--json")
+    status, out, err = run("validate", "friction", "--json")
     assert status == 3
     assert strict(out) == [check.row()]
     assert "1 of 1 checks fail" in err

@@ -51,8 +51,8 @@ def quick(monkeypatch):
 
 
 def test_a_stopped_run_goes_on(quick, run, tmp_path, strict):
-    assert run("range", "--count", 2, "--out", "out")[0] == 0
-    status, out, err = run("range", "--count", 4, "--out", "out", "--json")
+    assert run("validate", "range", "--count", 2, "--out", "out")[0] == 0
+    status, out, err = run("validate", "range", "--count", 4, "--out", "out", "--json")
     assert quick == [0, 1, 2, 3]
     assert [row["design"] for row in strict(out)] == [0, 1, 2, 3]
     assert status == 3
@@ -60,7 +60,7 @@ def test_a_stopped_run_goes_on(quick, run, tmp_path, strict):
     store = tmp_path / "out" / "rows.jsonl"
     lines = store.read_text().splitlines()
     store.write_text("\n".join([lines[0], json.dumps(json.loads(lines[1]) | {"code": "old"}), lines[2][:-9]]))
-    run("range", "--count", 3, "--out", "out")
+    run("validate", "range", "--count", 3, "--out", "out")
     assert quick == [0, 1, 2, 3, 1, 2]
     text = (tmp_path / "out" / "RANGE.md").read_text()
     assert "Of 3 designs, 2 are good, 0 are impossible and 1 failed" in text
@@ -70,7 +70,7 @@ def test_a_stopped_run_goes_on(quick, run, tmp_path, strict):
 
 def test_bad_counts(run):
     for count in (0, -1, 5000):
-        status, out, err = run("range", "--count", count)
+        status, out, err = run("validate", "range", "--count", count)
         assert (status, out, err.count("\n")) == (2, "", 1)
 
 

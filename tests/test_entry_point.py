@@ -21,7 +21,7 @@ QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 BAD = [
     ("solve", "paper"),
     ("solve", "papre", "--depth", 1),
-    ("verify", "--quick", "--out", ""),
+    ("validate", "verify", "--quick", "--out", ""),
     ("explore", "paper", "--export", "page.html", "--port", 8000),
     ("solve", "missing.toml", "--depth", 1),
     ("solve", ".", "--depth", 1),
@@ -102,8 +102,8 @@ BAD = [
     ("sweep", "paper", "--axis", "D=6,8", "--depth", "nan"),
     ("sweep", "paper", "--design", "paper", "--axis", "D=6,8", "--depth", 1),
     ("sweep", "paper", "--axis", "D=8", "--depth", 1, "--set", "D=9"),
-    ("accuracy", "--quick", "--minutes", -1),
-    ("accuracy", "--quick", "--minutes", "nan"),
+    ("validate", "accuracy", "--quick", "--minutes", -1),
+    ("validate", "accuracy", "--quick", "--minutes", "nan"),
     ("stability", "paper", "--slenderness", 1e9),
     ("stability", "paper", "--slenderness", 1e6),
     ("stability", "paper", "--slenderness", 0),
@@ -336,11 +336,12 @@ def test_a_value_too_many_is_a_sentence(run, tmp_path):
         "size": ("--out", "a"),
         "sensitivity": ("--depth", 1),
     }
-    # the word after store is one of its actions
-    for verb in (name for name in app if not name.startswith("-") and name != "store"):
+    # the word after store or validate is one of its actions
+    verbs = [(name,) for name in app if not name.startswith("-") and name not in ("store", "validate")]
+    for verb, *study in (*verbs, ("validate", "verify"), ("validate", "assumption")):
         # the word after catalogue is one of its kinds
         word = "magnets" if verb == "catalogue" else "first"
-        status, out, err = run(verb, word, "t2.csv", "my", *needed.get(verb, ()))
+        status, out, err = run(verb, *study, word, "t2.csv", "my", *needed.get(verb, ()))
         assert (status, out) == (2, "")
         taken, _, surplus = err.partition(": leave out ")
         first = "" if "takes one" in taken else f"{word!r}, "
@@ -349,7 +350,7 @@ def test_a_value_too_many_is_a_sentence(run, tmp_path):
             "options only",
             *(f"one {name} and options" for name in ("DESIGN", "FILE", "STUDY", "DIR", "REQUIREMENTS", "KIND")),
         )
-        assert taken in {f"magtip: {verb} takes {what}" for what in takes}
+        assert taken in {f"magtip: {' '.join((verb, *study))} takes {what}" for what in takes}
     assert not list(tmp_path.iterdir())
 
 
@@ -361,7 +362,7 @@ def test_help_says_which_columns_a_table_has(run):
 
 @pytest.mark.parametrize("count", ["2.5", "1e1", "two"])
 def test_a_count_is_not_rounded(run, count):
-    status, out, err = run("range", "--count", count)
+    status, out, err = run("validate", "range", "--count", count)
     assert (status, out) == (2, "")
     assert err.endswith(f"--count must be a whole number; got {count}\n")
 

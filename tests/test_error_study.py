@@ -188,7 +188,7 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     monkeypatch.setattr(
         error_study, "run", lambda **options: [state(0.031, 0.04), state(0, 0, status="unstable", message="!")]
     )
-    assert entry_point.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
+    assert entry_point.main(["validate", "accuracy", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
     assert "largest error: 3.1 %, goal at most 3 %" in said.err
     assert all(json.loads(line)["quantity"] for line in said.out.splitlines())
@@ -218,7 +218,7 @@ def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions()
 
 
 def test_no_comparison_is_no_success(tmp_path, capsys):
-    assert entry_point.main(["accuracy", "--quick", "--minutes", "0", "--out", str(tmp_path)]) == FAILED
+    assert entry_point.main(["validate", "accuracy", "--quick", "--minutes", "0", "--out", str(tmp_path)]) == FAILED
     assert "states without a comparison: 17, goal at most 0" in capsys.readouterr().err
     assert "All goals are met" not in (tmp_path / "ACCURACY.md").read_text("utf-8")
 

@@ -61,7 +61,7 @@ def test_a_state_without_a_comparison_misses_a_goal(comparisons):
 
 
 def test_report(comparisons, tmp_path):
-    formula_level_report.write(tmp_path, comparisons, "here", "magtip ladder")
+    formula_level_report.write(tmp_path, comparisons, "here", "magtip validate ladder")
     text = (tmp_path / "LADDER.md").read_text("utf-8")
     for level in beam.LEVELS:
         assert f"| {level} | press to 0.06 D | 1 | 4 | 3 |" in text

@@ -53,7 +53,7 @@ def test_similar_shapes_are_enlarged_alike():
 
 
 def test_a_magnet_near_the_base_is_enlarged_until_cells_double():
-    """The design of `magtip range` whose magnet of D/100 lies D/15 over the base."""
+    """The design of `magtip validate range` whose magnet of D/100 lies D/15 over the base."""
     zoom = Zoom.of(Shape(50, 28.337, 0.5046, 1.122, 0.006252))
     assert zoom.factor == pytest.approx(zoom.room / zoom.core)
     assert zoom.factor == pytest.approx(1.96, abs=0.01)

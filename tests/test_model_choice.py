@@ -132,7 +132,7 @@ def test_the_shipped_rule_is_that_of_the_committed_results():
 
 
 def test_the_shipped_rule_is_of_the_versions_of_today():
-    """Fails when a model's answers have changed: then `magtip trade --confirm` must be made again."""
+    """Fails when a model's answers have changed: then `magtip validate trade --confirm` must be made again."""
     assert model_choice.outdated() == ()
     assert len(statements()) == len(json.loads(model_choice.DATA.read_text("utf-8"))["statements"])
 

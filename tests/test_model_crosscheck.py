@@ -38,7 +38,7 @@ def test_answers_of_other_loads_do_not_agree(solutions):
 def test_designs_that_disagree_are_told(monkeypatch, run, tmp_path):
     stopped = model_crosscheck.Crosscheck(0, "rigid", 1.0, 1.0, "not_converged", "half: stopped")
     monkeypatch.setattr(model_crosscheck, "crosscheck", lambda *_: stopped)
-    status, _, err = run("crosscheck", "--count", 2, "--out", tmp_path)
+    status, _, err = run("validate", "crosscheck", "--count", 2, "--out", tmp_path)
     assert status == 3
     assert "2 of 2 designs disagree: design 0, design 0" in err
     assert "0 of 2 designs agree" in (tmp_path / "CROSSCHECK.md").read_text()
@@ -50,7 +50,7 @@ def test_a_tilted_plate_is_compared_with_tetrahedra(tmp_path):
     result = model_crosscheck.compare(1, "ignored", coarse, Load(depth=1.0, plate_tilt=0.15))
     assert (result.status, result.sideways) == ("ok", None)
     assert result.agree
-    model_crosscheck.write(tmp_path, [result], "here", "magtip crosscheck")
+    model_crosscheck.write(tmp_path, [result], "here", "magtip validate crosscheck")
     report = (tmp_path / "CROSSCHECK.md").read_text()
     assert "1 of 1 loads agree" in report
     assert report.count("| 1 | ignored | 1.0 | 0.0 | 0 | 8.594 | none |") == 3
@@ -68,13 +68,13 @@ def test_tilted_plates_are_solved_on_request(monkeypatch, run):
     stopped = model_crosscheck.Crosscheck(0, "rigid", 1.0, 1.0, "not_converged", "half: stopped")
     monkeypatch.setattr(model_crosscheck, "crosscheck", lambda *_: stopped)
     monkeypatch.setattr(model_crosscheck, "compare", lambda *_: replace(stopped, tilt_deg=5.0))
-    status, _, err = run("crosscheck", "--count", 1, "--tilted")
+    status, _, err = run("validate", "crosscheck", "--count", 1, "--tilted")
     assert status == 3
     assert "3 of 3 loads disagree" in err
 
 
 @pytest.mark.parametrize("count", [0, 13])
 def test_a_count_out_of_range_is_a_sentence(run, count):
-    status, out, err = run("crosscheck", "--count", count)
+    status, out, err = run("validate", "crosscheck", "--count", count)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert "between 1 and 12" in err

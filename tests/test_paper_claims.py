@@ -26,7 +26,7 @@ VERDICTS = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("claims")
-    assert entry_point.main(["claims", "--quick", "--out", str(out), "--json"]) == 0
+    assert entry_point.main(["validate", "claims", "--quick", "--out", str(out), "--json"]) == 0
     return out
 
 
@@ -50,7 +50,7 @@ def test_the_modulus_that_makes_the_claim_true(folder):
 
 def test_report_names_its_command_and_every_picture(folder):
     text = (folder / "CLAIMS.md").read_text("utf-8")
-    assert "Made with `magtip claims --quick" in text
+    assert "Made with `magtip validate claims --quick" in text
     assert all(f"]({name})" in text for name in claims_report.FILES if name.endswith(".png"))
 
 

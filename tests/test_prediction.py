@@ -184,7 +184,7 @@ def test_other_verbs_run_beside_an_older_surrogate(monkeypatch):
     surrogate_file.shipped.cache_clear()
     try:
         sentence = surrogate_response.refusal(paper(), Load(depth=1.0), "rigid")
-        assert sentence.endswith("build it again with `magtip surrogate`, or take finite elements")
+        assert sentence.endswith("build it again with `magtip validate surrogate`, or take finite elements")
         assert model_choice.choose(paper(), [Load(depth=1.0)], 0.05).model_kind != "surrogate"
         with pytest.raises(BadInput, match="was trained on version"):
             prediction.beams(*PAPER)

@@ -1,4 +1,5 @@
-"""Scenes at the edge, at quick accuracy, and whether their judges tell wrong from right. All: `magtip extremes`."""
+"""Scenes at the edge, at quick accuracy, and whether their judges tell wrong from right. All: `magtip validate
+extremes`."""
 
 import math
 from dataclasses import replace
@@ -150,7 +151,7 @@ def test_wrong_ends_are_rows_that_fail():
 def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, monkeypatch, tmp_path):
     small = [SMALL, replace(SMALL, name="refused", changes={"L": 3.0}, ends=("bad_input",))]
     monkeypatch.setattr(robustness, "cases", lambda quick: small)
-    status, out, err = run("extremes", "--quick", "--json", "--out", tmp_path)
+    status, out, err = run("validate", "extremes", "--quick", "--json", "--out", tmp_path)
     rows = strict(out)
     assert (status, err) == (GOOD, "")
     assert [row["scene"] for row in rows] == ["small", "refused"]
@@ -158,12 +159,12 @@ def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, mo
     assert (tmp_path / "extremes.csv").read_text("utf-8").count("\n") == 3
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")
     assert "2 of 2 cases pass, 0 fail, 0 are not judged" in report
-    assert f"Made with `magtip extremes --quick --out {tmp_path}`" in report
+    assert f"Made with `magtip validate extremes --quick --out {tmp_path}`" in report
 
 
 def test_a_failed_scene_is_status_three(run, monkeypatch):
     monkeypatch.setattr(robustness, "cases", lambda quick: [replace(SMALL, bound=1e-12)])
-    status, out, err = run("extremes")
+    status, out, err = run("validate", "extremes")
     assert status == FAILED
     assert out.startswith("FAIL  small")
     assert "1 of 1 cases fail: small" in err
@@ -175,7 +176,7 @@ def test_a_scene_that_is_not_judged_is_counted_apart_and_is_no_success(run, monk
 
     both = [SMALL, replace(SMALL, name="open", measure=unmeasured)]
     monkeypatch.setattr(robustness, "cases", lambda quick: both)
-    status, out, err = run("extremes", "--out", tmp_path)
+    status, out, err = run("validate", "extremes", "--out", tmp_path)
     assert status == FAILED
     assert "not judged  open" in out
     assert "1 of 2 cases yield no measurement: open" in err

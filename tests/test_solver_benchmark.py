@@ -288,7 +288,9 @@ def alone(monkeypatch):
 
 
 def test_missing_peers_are_rows_that_say_how_to_install_them(alone, run, strict, tmp_path):
-    status, out, err = run("bench", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json", "--out", "found")
+    status, out, err = run(
+        "validate", "bench", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json", "--out", "found"
+    )
     assert status == 3
     rows = strict(out)
     assert [(row["program"], row["status"]) for row in rows] == [
@@ -308,9 +310,9 @@ def test_missing_peers_are_rows_that_say_how_to_install_them(alone, run, strict,
 
 def test_only_the_chosen_cases_run(alone, monkeypatch, run, strict):
     monkeypatch.setattr(solver_benchmark, "field_points", lambda bench: bench.rows.append(FIELD))
-    status, out, _ = run("bench", "--cases", "field, modes", "--json")
+    status, out, _ = run("validate", "bench", "--cases", "field, modes", "--json")
     assert (status, [row["case"] for row in strict(out)]) == (0, ["field"])
-    status, _, err = run("bench", "--cases", "fields")
+    status, _, err = run("validate", "bench", "--cases", "fields")
     assert (status, "--cases takes compiled, press-curve" in err, "got fields" in err) == (2, True, True)
 
 
@@ -318,7 +320,7 @@ FIELD = solver_benchmark.row("field", "magtip", "one thread", {"cpu_s": 0.1})
 
 
 def test_the_help_names_all_cases(run):
-    _, out, _ = run("bench", "--help")
+    _, out, _ = run("validate", "bench", "--help")
     assert all(name in out for name in solver_benchmark.names())
 
 
@@ -330,7 +332,7 @@ def test_goals_are_judged_and_misses_said(alone, monkeypatch, run, strict):
     for found, met in ((fast, True), (slow, False)):
         monkeypatch.setattr(solver_benchmark, "CASES", (case,))
         monkeypatch.setattr(peers, "magtip", lambda spec, found=found, **_: dict(found))
-        status, out, err = run("bench", "--quick", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json")
+        status, out, err = run("validate", "bench", "--quick", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json")
         assert status == 3  # the peers are not installed
         assert strict(out)[0]["met"] is met
         assert ("one (at most 0.3 s, within 0.5 %), promises missed: 1" in err) is not met
@@ -374,7 +376,7 @@ def test_a_lost_reference_meets_no_goal(alone, monkeypatch, run, strict):
     )
     monkeypatch.setattr(solver_benchmark, "CASES", (case,))
     monkeypatch.setattr(peers, "magtip", lambda spec, **_: {"status": "failed", "message": "lost"})
-    _, out, _ = run("bench", "--quick", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json")
+    _, out, _ = run("validate", "bench", "--quick", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json")
     row = strict(out)[0]
     assert (row["status"], row["met"]) == ("no reference", False)
 

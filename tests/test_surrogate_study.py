@@ -52,7 +52,7 @@ def test_every_state_of_the_test_has_its_errors(result):
 
 
 def test_the_report_says_what_is_missed(result, tmp_path):
-    lost = missed(surrogate_report.write(tmp_path, result, 13, "made for a test", "magtip surrogate"))
+    lost = missed(surrogate_report.write(tmp_path, result, 13, "made for a test", "magtip validate surrogate"))
     text = (tmp_path / "SURROGATE.md").read_text("utf-8")
     # few beams on rough meshes cannot reach 2 %
     assert lost

@@ -50,9 +50,9 @@ def test_the_surrogate_counts_inside_its_range_only_in_errors_and_cost():
 
 def test_the_report_names_model_errors_confirmation_and_command(tmp_path):
     results = [Confirmation("press", 0, 0.4, 0.0, 0.01, "axisymmetric quick", "exceeded", 0.01, 0.012)]
-    trade_report.write(tmp_path, STATES, [], results, "on Python", "magtip trade --out out/trade")
+    trade_report.write(tmp_path, STATES, [], results, "on Python", "magtip validate trade --out out/trade")
     page = (tmp_path / "TRADE.md").read_text("utf-8")
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(trade_report.FILES)
     assert "| axisymmetric | quick | 3 | 3 of 3 | 0.5 / 1 |" in page
     assert "error 1.2 %" in page
-    assert page.endswith("Made with `magtip trade --out out/trade`, on Python.\n")
+    assert page.endswith("Made with `magtip validate trade --out out/trade`, on Python.\n")

@@ -44,7 +44,7 @@ def test_the_confirming_runs_are_on_other_designs():
 
 @pytest.fixture(scope="module")
 def reduced(tmp_path_factory):
-    """Folder and rows of `magtip trade --quick` on two designs."""
+    """Folder and rows of `magtip validate trade --quick` on two designs."""
     folder = tmp_path_factory.mktemp("trade")
     with contextlib.redirect_stdout(io.StringIO()) as out:
         assert entry_point.main([*COMMAND, "--out", str(folder)]) == 0
@@ -82,6 +82,6 @@ def test_a_run_names_the_commits_of_its_solves(reduced, monkeypatch):
 
 
 def test_the_number_of_designs_is_checked(run):
-    status, _, err = run("trade", "--designs", "1")
+    status, _, err = run("validate", "trade", "--designs", "1")
     assert status == 2
     assert "between 2 and 24; got 1" in err

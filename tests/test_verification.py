@@ -1,4 +1,4 @@
-"""Published problems at a reduced size, and how `verify` judges them. Full size: `magtip verify`."""
+"""Published problems at a reduced size, and how `verify` judges them. Full size: `magtip validate verify`."""
 
 import math
 from dataclasses import replace
@@ -155,7 +155,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
     monkeypatch.setattr(
         verify, "targets", lambda quick: [good, missed, replace(good, name="unsolved", solve=unsolved)]
     )
-    assert entry_point.main(["verify", "--out", str(tmp_path), "--json"]) == exit_status.FAILED
+    assert entry_point.main(["validate", "verify", "--out", str(tmp_path), "--json"]) == exit_status.FAILED
     said = capsys.readouterr()
     assert "2 of 3 targets are missed: missed (q), unsolved (q)" in said.err
     assert said.out.count("\n") == 3
@@ -169,5 +169,5 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
 def test_all_met_is_status_zero(monkeypatch, capsys):
     good = verify.Target("good", "me", lambda n: (1 + n**-2.0,), (verify.Quantity("q", 1.0, 0.1),), meshes=(4, 8, 16))
     monkeypatch.setattr(verify, "targets", lambda quick: [good])
-    assert entry_point.main(["verify"]) == exit_status.GOOD
+    assert entry_point.main(["validate", "verify"]) == exit_status.GOOD
     assert "good" in capsys.readouterr().out

@@ -11,11 +11,11 @@ often a better measure of the error than d, and s is small.
 The constants are in error_rules.csv beside this module (all numbers are of dimension 1), by scene, by magnet (rigid,
 ignored) or motion of a vibration (z, x), and by quantity. Each row has the version of the answers that its evidence
 is of (`fem.physics_version`), the study, and the commit whose solves it used. A row of another version than today's
-is no rule: the estimate is then unknown. `magtip accuracy` compares solutions of twelve designs at levels quick,
-standard and fine with much finer meshes, and writes the table with wider c where an estimate covers less than 95 % of
-the true errors. m, p and q are chosen so that half of the differences in the study exceed the usual one; c and s are
-about the least that cover 95 % of the true errors. For glued and gripped shears, the presses before them and small
-shears, p, q and s are those of some round values with which most estimates are sharp, and c covers 97 %.
+is no rule: the estimate is then unknown. `magtip validate accuracy` compares solutions of twelve designs at levels
+quick, standard and fine with much finer meshes, and writes the table with wider c where an estimate covers less than
+95 % of the true errors. m, p and q are chosen so that half of the differences in the study exceed the usual one; c
+and s are about the least that cover 95 % of the true errors. For glued and gripped shears, the presses before them
+and small shears, p, q and s are those of some round values with which most estimates are sharp, and c covers 97 %.
 
 Scenes and their bases:
 
@@ -29,7 +29,7 @@ Scenes and their bases:
 - tilted press, tilted stick, tilted friction: a tilted plate, on sections. They are not in the study: their constants
   come from solves of the twelve designs, alternately with a rigid magnet and without, under tilts of 2 to 20 degrees
   at depths of about D/10. Presses at quick and standard were compared with two to three orders more on a mesh with
-  edges of 0.065 D, and all three at quick with tetrahedra (`magtip crosscheck --tilted`).
+  edges of 0.065 D, and all three at quick with tetrahedra (`magtip validate crosscheck --tilted`).
 - solid, solid press: tetrahedra refined where the contact ends, and those that are not, as in an upright press. Two
   meshes of tetrahedra agree by chance more often than others, so s is small, and c is such that the estimate holds
   for each mesh with each coarser one. The rules of solid come from all nine pairs of three meshes and three coarser

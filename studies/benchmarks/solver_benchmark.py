@@ -72,7 +72,8 @@ commit, unpacked from git. Both have the same mesh sizes; where the earlier comm
 them, it has the cheapest of the series on which it is in all turns. They run in new processes on one thread, after
 the imports and after a small solve of another design, which loads the functions that numba has compiled. The wait for
 compiling them once after an installation, and for loading them, has its own table; it counts as imports. The sample
-of the section's meshes is that of `magtip range`, without impossible designs; the ratio is that of each design.
+of the section's meshes is that of `magtip validate range`, without impossible designs; the ratio is that of each
+design.
 """
 
 LEAST, MORE_S, MODES_S, TIMES = {"FElupe": 12.0, "CalculiX": 4.0}, 0.2, 0.5, 10.0

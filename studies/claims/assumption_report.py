@@ -1,4 +1,4 @@
-"""ASSUMPTION.md, the tables and the maps of `magtip assumption`."""
+"""ASSUMPTION.md, the tables and the maps of `magtip validate assumption`."""
 
 from __future__ import annotations
 

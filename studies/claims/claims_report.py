@@ -1,4 +1,4 @@
-"""CLAIMS.md and the tables of `magtip claims`."""
+"""CLAIMS.md and the tables of `magtip validate claims`."""
 
 from __future__ import annotations
 

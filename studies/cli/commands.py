@@ -68,21 +68,27 @@ VERBS = {
         "sensitivity_commands": "sensitivity",
         "report_commands": "report",
     },
-    "Validation": {
-        "validation_commands": "verify friction extremes accuracy crosscheck ladder range_",
-        "claims_commands": "claims assumption",
-        "benchmark_commands": "bench trade",
-        "training_commands": "surrogate",
-    },
+    "Validation": {},
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
 
 ACTIONS = {
     "Exploration": {
-        "store": ("List, export, check and prune the stored states of all studies.", "list_ export check prune")
+        "store": (
+            "List, export, check and prune the stored states of all studies.",
+            "store_commands",
+            "list_ export check prune",
+        ),
+    },
+    "Validation": {
+        "validate": (
+            "Run a study of how far the answers can be trusted, and what they cost.",
+            "validation_commands",
+            "verify friction extremes accuracy crosscheck ladder range_ claims assumption bench trade surrogate",
+        ),
     },
 }
-"""Verbs with actions, in their groups: help, and the functions of the module `VERB_commands` that are the actions."""
+"""Verbs with actions, in their groups: help, module of this package, and its functions that are the actions."""
 
 for title, modules in VERBS.items():
     group = Group.create_ordered(title)
@@ -90,11 +96,11 @@ for title, modules in VERBS.items():
     for place, path in enumerate(paths):
         # a path instead of a function: a command line then imports only the module of its own verb
         app.command(path, group=group, sort_key=place, help_format="markdown")
-    for verb, (text, actions) in ACTIONS.get(title, {}).items():
+    for verb, (text, module, actions) in ACTIONS.get(title, {}).items():
         parts = App(name=verb, help=text, group=group, sort_key=len(paths), default_parameter=app.default_parameter)
         parts.help_format = "plaintext"
         for place, action in enumerate(actions.split()):
-            parts.command(f"studies.cli.{verb}_commands:{action}", sort_key=place, help_format="markdown")
+            parts.command(f"studies.cli.{module}:{action}", sort_key=place, help_format="markdown")
         app.command(parts)
 options = Group.create_ordered("Options")
 for name in ("--help", "--version"):
@@ -125,6 +131,12 @@ def _unknown(error: UnknownOptionError) -> str:
     close = difflib.get_close_matches(option.strip("-"), [name.strip("-") for name in known], n=1)
     remedy = f"did you mean --{close[0]}?" if close else f"choose one of {', '.join(known)}"
     return f"there is no option {option}{f': {remedy}' if known else ''}"
+
+
+def _moved(words: list[str]) -> str:
+    """Return a sentence for a study that was a verb of its own before; empty for other command lines."""
+    moved = words[:1] and words[0] not in app and words[0] in app["validate"]
+    return f"{words[0]} is a study of validation: type magtip validate {words[0]}" if moved else ""
 
 
 def _missing(error: MissingArgumentError) -> str:
@@ -176,7 +188,7 @@ def run(tokens: list[str] | None = None) -> int:
         console.say(f"magtip: {_unused(error)}")
         return BAD
     except (BadInput, CycloptsError) as error:
-        console.say(f"magtip: {error}")
+        console.say(f"magtip: {_moved(words) or error}")
         return FAILED if isinstance(error, OutOfReach) else BAD
     except SolveFailed as error:
         console.say(f"magtip: {error}")

@@ -12,6 +12,8 @@ from cyclopts import App, Parameter
 
 LEFT_OUT = ("as_json", "wide")
 """Arguments that change the output on the screen but not the results."""
+VALIDATION = "studies.cli.validation_commands"
+"""Module whose functions are studies of the verb validate."""
 
 
 def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
@@ -25,7 +27,7 @@ def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
     app.command(verb)
     (name,) = (name for name in app if app[name].default_command is verb)
     options = {each.field_info.name: each.name for each in app[name].assemble_argument_collection()}
-    words = ["magtip", name]
+    words = ["magtip", *(["validate"] if verb.__module__ == VALIDATION else []), name]
     for key, value, default, positional in _arguments(verb, arguments):
         if value == default:
             continue

@@ -1,9 +1,12 @@
-"""The verbs of validation: verify, friction, extremes, accuracy, crosscheck, ladder, range."""
+"""The studies of `magtip validate`, each with its page in a folder: do the answers hold, and what do they cost?"""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.command_output import report_goals
@@ -12,7 +15,7 @@ from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console, own_files
+from studies.output import atomic_files, console, own_files, records
 
 
 def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -280,3 +283,261 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
         table = [spread.row() for spread in study.summary(results)]
         console.report(table, as_json=False, title="Range of designs", wide=wide)
     return report_goals(study.goals(results))
+
+
+def claims(
+    *,
+    quick: bool = False,
+    out: Path | None = None,
+    store: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Test each claim of the paper: reproduced, refuted or not decidable, with figures and the paper's plots redrawn.
+
+    Parameters
+    ----------
+    quick
+        Use few loads and coarser meshes: some seconds instead of some minutes.
+    out
+        Folder for CLAIMS.md, tables and plots.
+    store
+        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
+    """
+    command_line = command(claims, locals())
+    from studies.claims import claim_states, claims_report, paper_claims
+    from studies.exploration import store as stores
+    from studies.output.provenance import versions
+
+    origin = versions(("matplotlib",))
+    extent = claim_states.QUICK_EXTENT if quick else claim_states.Extent()
+    atomic_files.check_apart(atomic_files.inside(out, claims_report.FILES), [store])
+    with (
+        stores.opened(store or stores.default()) as states,
+        atomic_files.results(out) as folder,
+        console.progress(as_json=as_json) as progress,
+    ):
+        results = paper_claims.run(extent, states, progress)
+        if folder is not None:
+            claims_report.write(folder, results, origin, command_line)
+    rows = [answer.row() if as_json else answer.printed() for answer in results.answers]
+    console.report(rows, as_json=as_json, title="The paper's claims", first=("claim", "verdict"), wide=wide)
+    return GOOD
+
+
+def assumption(
+    study: Annotated[
+        Path | None, Parameter(name="STUDY", help="TOML file of a study; default: the shipped one.")
+    ] = None,
+    /,
+    *,
+    out: Path | None = None,
+    store: Path | None = None,
+    workers: Whole | None = None,
+    scheduler: str | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Map where the paper's formulas, and every level above them, are within 5 and 10 % of finite elements.
+
+    Parameters
+    ----------
+    out
+        Folder for ASSUMPTION.md, tables and maps.
+    store
+        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
+    workers
+        Number of processes that solve; default: one for each core.
+    scheduler
+        Address of a Dask scheduler whose workers solve.
+    """
+    command_line = command(assumption, locals())
+    from studies.claims import assumption_report, beam_assumption
+    from studies.exploration.needed_paths import Processes
+    from studies.output.provenance import versions
+
+    origin = versions(("matplotlib",))
+    source = study or beam_assumption.STUDY
+    plan = beam_assumption.plan_of(source)
+    atomic_files.check_apart([*atomic_files.inside(out, assumption_report.FILES), store], [source])
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        result = beam_assumption.run(plan, progress, Processes(workers, scheduler), store)
+        if folder is not None:
+            assumption_report.write(folder, result, origin, command_line)
+    rows = [records.flat(row) for row in result.shares]
+    console.report(
+        rows,
+        as_json=as_json,
+        title="Share of the cells within 5 and 10 %",
+        first=("quantity", "level", "magnet_height_over_D", "within_10_percent"),
+        wide=wide,
+    )
+    if not as_json:
+        for line in result.sentences:
+            print(line)
+    return GOOD
+
+
+def trade(
+    *,
+    designs: Whole = 24,
+    confirm: bool = False,
+    quick: bool = False,
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Measure cost and true error of every model over the range of designs; the rule of --tolerance follows.
+
+    Parameters
+    ----------
+    designs
+        Number of designs, 2 to 24.
+    confirm
+        Check the rule on 78 random designs; exit status 3 if a goal is missed.
+    quick
+        Use the section models at accuracy quick in presses and glued shears only: seconds instead of an hour.
+    out
+        Folder for trade.csv, TRADE.md, trade.png, model_choice.json and all solves; a run that was stopped continues
+        from there.
+    """
+    command_line = command(trade, locals())
+    from studies.benchmarks import trade_cases, trade_report, trade_rule
+    from studies.benchmarks import trade_study as study
+    from studies.output.provenance import versions
+
+    if not 2 <= designs <= trade_cases.STUDIED:
+        raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
+    origin = versions()
+    own_files.check(out, trade_report.FILES)
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        states = study.run(study.plan(designs, quick=quick), folder, progress)
+        rule = trade_rule.statements(states)
+        results = []
+        if confirm:
+            states += study.run(study.confirming_plan(quick=quick), folder, progress)
+            results = list(trade_rule.confirm(states, rule))
+        if folder is not None:
+            trade_report.write(folder, states, rule, results, origin, command_line)
+    first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")
+    table = [cell.row() for cell in trade_report.cells(states)]
+    console.report(table, as_json=as_json, title="Cost and error", first=first, wide=wide)
+    if not confirm:
+        return GOOD
+    confirmed = trade_rule.summary(results)
+    console.report([row.row() for row in confirmed], as_json=as_json, title="Confirmation", wide=wide)
+    return report_goals(trade_rule.goals(results, study.QUICK_KINDS if quick else trade_cases.KINDS))
+
+
+def bench(
+    *,
+    quick: bool = False,
+    cases: str | None = None,
+    peers: Path = Path("out/peers"),
+    ccx: str = "ccx",
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Measure time and memory at a given error beside FElupe, CalculiX and an earlier commit, and how cost grows.
+
+    A program that is not installed gets a row with its install command. Missed goals are listed; the exit status is
+    then 3, also where a program is not installed.
+
+    Parameters
+    ----------
+    quick
+        Use medians of 3 runs instead of 5, and at most 50 000 unknowns.
+    cases
+        Run only some cases, with commas between their names: compiled, press-curve, section, half-press,
+        half-press-magnet, half-shear, shear, friction, tilted-plate, small-shear, modes, field, first-call, growth;
+        default: all.
+    peers
+        Folder of a Python environment with FElupe: python3 -m venv DIR && DIR/bin/pip install felupe.
+    ccx
+        Command that runs CalculiX.
+    out
+        Folder for bench.csv, BENCH.md and size.png.
+    """
+    command_line = command(bench, locals())
+    from studies.benchmarks import benchmark_tables
+    from studies.benchmarks import solver_benchmark as study
+
+    own_files.check(out, ("BENCH.md", "bench.csv", "size.png"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = study.run(
+            quick=quick,
+            cases=[] if cases is None else [name.strip() for name in cases.split(",")],
+            folder=folder,
+            command=command_line,
+            peers_folder=peers,
+            ccx=ccx,
+            progress=progress,
+        )
+    console.report(
+        [row.row() for row in rows], as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide
+    )
+    for row in rows:
+        if row.message:
+            console.say(f"magtip: {row.case}: {row.message}")
+    return report_goals(benchmark_tables.goals(rows))
+
+
+def surrogate(
+    *,
+    quick: bool = False,
+    out: Path | None = None,
+    store: Path | None = None,
+    workers: Whole | None = None,
+    scheduler: str | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Build the surrogate from finite elements, and test it on beams that it has not seen.
+
+    From an empty store it took some 70 minutes on two busy cores; what is solved is kept, so that an interrupted
+    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate,
+    and summary.csv as surrogate_errors.csv.
+
+    Parameters
+    ----------
+    quick
+        Use few beams and coarser meshes: some minutes, and errors of 10 %.
+    out
+        Folder for surrogate.npz, SURROGATE.md, tables and the picture.
+    store
+        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
+    workers
+        Number of processes that solve; default: one for each core.
+    scheduler
+        Address of a Dask scheduler whose workers solve.
+    """
+    command_line = command(surrogate, locals())
+    from studies.exploration import store as stores
+    from studies.exploration.needed_paths import Processes
+    from studies.output.goals import missed
+    from studies.output.provenance import versions
+    from studies.training import surrogate_report, surrogate_study, surrogate_test
+
+    extent = surrogate_study.FEW if quick else surrogate_study.Extent()
+    atomic_files.check_apart(atomic_files.inside(out, surrogate_report.FILES), [store])
+    with (
+        stores.opened(store or stores.default()) as states,
+        atomic_files.results(out) as folder,
+        console.progress(as_json=as_json) as progress,
+    ):
+        result = surrogate_study.run(extent, states, Processes(workers, scheduler), progress)
+        rows = surrogate_test.summaries(result.errors)
+        if folder is not None:
+            surrogate_report.write(folder, result, extent.first, versions(("matplotlib",)), command_line)
+    console.report(
+        [records.flat(row) for row in rows],
+        as_json=as_json,
+        title="Errors on unseen beams",
+        first=("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent"),
+        wide=wide,
+    )
+    lost = missed(surrogate_test.goals(rows))
+    for goal in lost:
+        console.warn(str(goal))
+    return FAILED if lost or not rows else GOOD

@@ -38,8 +38,8 @@ LEVEL = Parameter(
 ACCURACY = Parameter(help="Accuracy of mesh and harmonics.")
 STANDARD = Parameter(help="Accuracy of mesh and harmonics; default: standard.")
 TOLERANCE = Parameter(
-    help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in `magtip trade` meet "
-    "it, instead of --accuracy."
+    help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in "
+    "`magtip validate trade` meet it, instead of --accuracy."
 )
 
 

@@ -34,8 +34,8 @@ def made(command: str, origin: str) -> str:
     command : command line from `studies.cli.printed_command.command`; empty if a Python function was called.
     origin : text from `versions`, obtained before the results change a file of the repository.
 
-    >>> made("magtip verify --quick", "on Python 3.12"), made("", "on Python 3.12")
-    ('Made with `magtip verify --quick`, on Python 3.12.', 'Made on Python 3.12.')
+    >>> made("magtip validate verify --quick", "on Python 3.12"), made("", "on Python 3.12")
+    ('Made with `magtip validate verify --quick`, on Python 3.12.', 'Made on Python 3.12.')
     """
     return f"Made with `{command}`, {origin}." if command else f"Made {origin}."
 
@@ -43,8 +43,8 @@ def made(command: str, origin: str) -> str:
 def origin_in(page: str) -> str:
     """Return the last paragraph of a page of results if it is the sentence of `made`, else an empty text.
 
-    >>> origin_in("# Title\\n\\n" + made("magtip verify", "on Python 3.12") + "\\n")
-    'Made with `magtip verify`, on Python 3.12.'
+    >>> origin_in("# Title\\n\\n" + made("magtip validate verify", "on Python 3.12") + "\\n")
+    'Made with `magtip validate verify`, on Python 3.12.'
     """
     last = page.rstrip().rpartition("\n\n")[2]
     return " ".join(last.split()) if last.startswith(("Made with `", "Made on Python ")) else ""

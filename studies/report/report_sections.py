@@ -79,7 +79,7 @@ KNOWN = (
 """Tables by file name. A sweep's table is recognised by its columns, see `_figures_of`."""
 
 ASSUMPTION = ("magnet_height_mm", "nu", "depth_mm", "shear_mm", "fem_force_N", "analytic_paper_force_N")
-"""Columns of the sweep of `magtip assumption`, whose figures need them all."""
+"""Columns of the sweep of `magtip validate assumption`, whose figures need them all."""
 
 
 @dataclass(frozen=True, slots=True)

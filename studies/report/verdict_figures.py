@@ -53,7 +53,7 @@ def shares(
 
 
 def verification(table: Table) -> list[Figure]:
-    """Return the errors of `magtip verify` as shares of their tolerances."""
+    """Return the errors of `magtip validate verify` as shares of their tolerances."""
     names = [f"{one}: {two}" for one, two in zip(table.texts("target"), table.texts("quantity"), strict=True)]
     measured, bound = table.floats("error_percent"), table.floats("tolerance_percent")
     # a goal such as an order of convergence has a verdict and no error
@@ -65,7 +65,7 @@ def verification(table: Table) -> list[Figure]:
 
 
 def robustness(table: Table) -> list[Figure]:
-    """Return what `magtip extremes` measured as shares of the bounds."""
+    """Return what `magtip validate extremes` measured as shares of the bounds."""
     passed = [text == "pass" for text in table.texts("verdict")]
     names = table.texts("scene")
     title = "Robustness: measured value over bound"
@@ -73,7 +73,7 @@ def robustness(table: Table) -> list[Figure]:
 
 
 def friction(table: Table) -> list[Figure]:
-    """Return the deviations of `magtip friction` as shares of their bounds."""
+    """Return the deviations of `magtip validate friction` as shares of their bounds."""
     names = [f"{one}: {two}" for one, two in zip(table.texts("check"), table.texts("quantity"), strict=True)]
     passed = [text == "True" for text in table.texts("passed")]
     title = "Coulomb friction: deviation over bound"

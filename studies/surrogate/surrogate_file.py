@@ -24,7 +24,7 @@ from geometry.design import BadInput
 from studies.surrogate.gaussian_process import GaussianProcess
 
 FILE = Path(__file__).with_name("surrogate.npz")
-"""The shipped surrogate, written by `magtip surrogate`."""
+"""The shipped surrogate, written by `magtip validate surrogate`."""
 FORMAT = 2
 """Version of the file's format, and of what its numbers mean (`studies.surrogate.prediction`)."""
 ANSWERS: tuple[Literal["axisymmetric", "harmonic", "critical depth", "modes"], ...] = (
@@ -112,7 +112,7 @@ def read(file: Path) -> Surrogate:
         raise BadInput(f"{str(file)!r} is no surrogate: {error}") from None
 
 
-REMEDY = "build it again with `magtip surrogate`, or take finite elements"
+REMEDY = "build it again with `magtip validate surrogate`, or take finite elements"
 
 
 def _group(name: str, arrays: Mapping[str, Any]) -> Group:

@@ -35,10 +35,11 @@ from studies.simulation.response_curves import Complex, Curves
 from studies.validation.error_study_cases import designs, rounded
 
 ABOUT = """\
-Twelve designs (those of `magtip accuracy`) vibrate with a rigid magnet: about two presses each, frictionless and
-glued, about a glued shear after one of these, and free, with the base shaken. At each accuracy level, gains at 40
-frequencies from 0.02 to 3 times the lowest natural frequency are compared with those on a much finer mesh: force over
-motion, the magnet's shift and the largest reading over force; the shift over that of the base of the free sensor.
+Twelve designs (those of `magtip validate accuracy`) vibrate with a rigid magnet: about two presses each,
+frictionless and glued, about a glued shear after one of these, and free, with the base shaken. At each accuracy
+level, gains at 40 frequencies from 0.02 to 3 times the lowest natural frequency are compared with those on a much
+finer mesh: force over motion, the magnet's shift and the largest reading over force; the shift over that of the base
+of the free sensor.
 
 The error is that of the complex gain, so that of the phase in radians too. `holds` is the share of frequencies at
 which the estimate is at least the true error (goal 95 %), and `sharp` the share at which it is at most three times
