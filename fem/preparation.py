@@ -8,7 +8,7 @@ import skfem
 from fem.model import elements, rigid_inclusion, symmetry_models, viscous_history
 from fem.model.material import Law, lame, law
 from fem.model.nonlinear_system import System
-from fem.solve.contact_extent import solve_press
+from fem.solve.press import solve_press
 from geometry.design import paper
 
 EXAMPLES = {"neo-hookean": (), "mooney-rivlin": (0.5,), "yeoh": (0.1, 0.1), "ogden": (2.0, -2.0, 0.5)}

@@ -26,18 +26,16 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.model import angular_fields, rigid_inclusion, single_order
 from fem.model.mesh_specification import specification
 from fem.model.nonlinear_system import ON_AXIS, System
-from fem.model.plate_contact import Plate
 from fem.results.error_estimate_rules import error_rule
 from fem.results.error_estimates import estimate_number, estimated
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Status
-from fem.solve.contact_extent import find_press
 from fem.solve.direct_solver import Solver
-from fem.solve.load_stepping import Path
-from fem.solve.newton import STOPPED, NoStateError
-from fem.solve.path_state import PathState, about, glue
+from fem.solve.newton import NoStateError
+from fem.solve.path_state import about
+from fem.solve.press import Press, reach_press
 from geometry.arrays import Array
 from geometry.cad import beam_volume, magnet_inertia, magnet_volume
 from geometry.design import BadInput, Design
@@ -116,7 +114,7 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
 
 def _solve_modes(scene: Scene, count: int) -> Modes:
     """Return the lowest modes of a scene, without error estimates."""
-    press, depth = solve_press(scene), scene.loads[0].depth
+    press, depth = pressed_sensor(scene), scene.loads[0].depth
     blocks = {name: _order_matrices(press, scene, order) for order, name in enumerate(SHAPES)}
     blocks["torsion"] = _torsion_matrices(press, scene)
     values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
@@ -154,42 +152,11 @@ def spring_mass(design: Design) -> tuple[float, float]:
     return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
 
 
-@dataclass(frozen=True, slots=True)
-class Press:
-    """An axisymmetric press about which the sensor vibrates.
-
-    Attributes
-    ----------
-    state : its state.
-    edge : undeformed radius at which the contact ends, over D; None for the free sensor.
-    """
-
-    state: PathState
-    edge: float | None
-
-    def glue(self, state: PathState) -> Plate | None:
-        """Return the plate with the contact area glued to it, in a model of the press; None for the free sensor."""
-        return None if self.edge is None else glue(state, self.edge).plate
-
-
-def solve_press(scene: Scene) -> Press:
-    """Solve for the press, on a mesh refined where the contact ends."""
+def pressed_sensor(scene: Scene) -> Press:
+    """Return the press of a scene, on a mesh refined where the contact ends."""
     size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
-    depth, edge, rough = scene.loads[0].depth / D, None, None
     section = specification(scene, size, size / 2)
-    if depth:
-        edge, rough = find_press(section, patch, depth)
-        section = replace(section, rim=(edge, min(patch, edge / 4)))
-    path = Path(section.build(), rough=rough)
-    try:
-        reason, state = path.go(depth, np.zeros(2)), path.state
-    finally:
-        path.close()
-    if reason:
-        raise NoStateError(
-            f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
-        )
-    return Press(state, edge)
+    return reach_press(section, section, patch, scene.loads[0].depth / D, D)
 
 
 def inertia_of_magnet(scene: Scene) -> tuple[float, float, float]:

@@ -7,27 +7,22 @@ response.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from fem.accuracy import QUICK, STANDARD, Accuracy
-from fem.model import angular_fields, plate_contact, single_order
-from fem.model.assembled_state import Assembly
-from fem.model.gradient_recovery import build_recovery
+from fem.analyses.vibration import plate_loads
+from fem.model import plate_contact, single_order
 from fem.model.mesh_specification import MeshSpecification, specification
 from fem.results.error_estimate_rules import LEAST_RADIUS
 from fem.results.error_estimates import estimate_numbers, estimated
 from fem.results.lateral_stiffness import integrate_normal_force
-from fem.results.postprocess import recover_pose
+from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
 from fem.solution import NOT_ESTIMATED, Estimates
-from fem.solve.contact_extent import find_press
 from fem.solve.direct_solver import Solver
-from fem.solve.load_stepping import Path
-from fem.solve.newton import STOPPED, NoStateError
-from fem.solve.path_state import PathState, about, glue
-from geometry.arrays import Array
+from fem.solve.path_state import about
+from fem.solve.press import reach_press
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -95,33 +90,31 @@ def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> Es
 
 def _solve_small_shear(scene: Scene) -> SmallShear:
     """Return the small shear of a scene, without error estimates."""
-    D, accuracy = scene.design.D, scene.accuracy
-    depth = scene.loads[0].depth / D
+    D, E, accuracy = scene.design.D, scene.design.E, scene.accuracy
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge, press = find_press(_section(replace(scene, accuracy=rough)), EDGE * accuracy.section_patch, depth)
-    rim = edge, min(EDGE * accuracy.section_patch, edge / 4)
-    section = replace(_section(scene), rim=rim, glued=True)
-    path = Path(section.build(), rough=press)
-    try:
-        reason, pressed = path.go(depth, np.zeros(2)), path.state
-    finally:
-        path.close()
-    if reason:
-        raise NoStateError(
-            f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
-        )
-    glued = glue(about(pressed, single_order.build(pressed.d, 1)), edge)
-    system, plate = glued.d.system, glued.plate
-    at_press = system.assemble(system.state(glued.q), plate)
-    # the springs are linear: moving the plate with the body fixed changes their forces by the load of a unit shear
-    moved = replace(plate, shear=np.array([1.0, 0.0]))
-    before, after = (
-        plate_contact.assemble_springs(glued.skin, glued.u, one, tangent=False)[0] for one in (plate, moved)
+    press = reach_press(
+        replace(_section(scene), glued=True),
+        _section(replace(scene, accuracy=rough)),
+        EDGE * accuracy.section_patch,
+        scene.loads[0].depth / D,
+        D,
     )
-    forces, load = np.zeros(system.fixed.shape), np.zeros(system.size)
-    np.add.at(forces, glued.skin.nodes, before - after)
-    load[: system.n_free] = forces[system.free]
-    return _read_small_shear(scene.design, pressed, glued, _solve_linear(at_press, load))
+    pressed = press.state
+    turned = about(pressed, single_order.build(pressed.d, 1))
+    plate = press.glue(turned)
+    assert plate is not None
+    here, b, held = plate_loads(turned, plate, ("x",))
+    with contextlib.closing(Solver()) as solver:
+        solver.factorise(here.tangent)
+        q = solver.solve(b[:, 0])
+    shift, _, tilt = pose_slopes(turned, q[:, None])[:, 0]
+    return SmallShear(
+        stiffness=float(held[0, 0] - b[:, 0] @ q) * E * D,
+        shift=float(shift),
+        tilt=float(tilt) / D,
+        force=integrate_normal_force(pressed) * E * D**2,
+        contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
+    )
 
 
 def _section(scene: Scene) -> MeshSpecification:
@@ -134,44 +127,3 @@ def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
     check_load(design, Load(depth=depth), magnet)
     if not depth > 0:
         raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")
-
-
-def _solve_linear(assembly: Assembly, right: Array) -> Array:
-    """Solve a tangent's linear system for one right-hand side (n,)."""
-    solver = Solver()
-    try:
-        solver.factorise(assembly.tangent)
-        return solver.solve(right)
-    finally:
-        solver.close()
-
-
-def _read_small_shear(design: Design, pressed: PathState, glued: PathState, step: Array) -> SmallShear:
-    """Return the response from the linear solution `step` per unit of shear, about a press that is glued."""
-    skin, plate, D = glued.skin, glued.plate, design.D
-    assert plate.tied is not None
-    # the displacement of the skin is linear in the unknowns, that of the magnet's surface is not
-    du = glued.d.system.state(step).u - glued.u
-    along = skin.displacement(du)[..., 0]
-    stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - along))[plate.tied]))
-    shift, tilt = _read_pose(glued, step)
-    return SmallShear(
-        stiffness=stiffness * design.E * D,
-        shift=shift,
-        tilt=tilt / D,
-        force=integrate_normal_force(pressed) * design.E * D**2,
-        contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
-    )
-
-
-def _read_pose(glued: PathState, step: Array) -> tuple[float, float]:
-    """Return shift and tilt of the magnet per unit of shear, over D and in rad, from the linear solution `step`."""
-    system, small = glued.d.system, 1e-6
-    if system.rigid:
-        shift, tilt = system.motion(step)
-        return float(shift), float(tilt)
-    fields = replace(system.elements, angles=angular_fields.fourier_fields(1))
-    recovery = build_recovery(fields, glued.d.shape.H, mirrored=True)
-    states = (system.state(way * step) for way in (small, -small))
-    (ahead, tilt2), (behind, tilt1) = (recover_pose(recovery, single_order.raise_fields(s.u)) for s in states)
-    return float(ahead[0] - behind[0]) / (2 * small), float(tilt2[0] - tilt1[0]) / (2 * small)

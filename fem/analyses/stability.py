@@ -22,9 +22,9 @@ from fem.results.error_estimates import estimate_numbers, estimated
 from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
 from fem.scene import Scene
 from fem.solution import NOT_ESTIMATED, Estimates
-from fem.solve.contact_extent import EDGE_SHARE, find_contact_edge, measure_contact_edge
 from fem.solve.load_case_models import PRESS_FILLET
 from fem.solve.load_stepping import Path
+from fem.solve.press import EDGE_SHARE, find_press, measure_contact_edge
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 
@@ -123,7 +123,7 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     coarse = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
     if not isinstance(coarse, _CriticalState):
         return _report_none(coarse or _NotFound(0.0, UNREACHED), D)
-    edge = find_contact_edge(rough, RIM * scene.accuracy.section_patch, coarse.depth)
+    edge, _ = find_press(rough, RIM * scene.accuracy.section_patch, coarse.depth)
     state = _find_near(_fine_section(scene, edge), guided, coarse.depth, end)
     if isinstance(state, _CriticalState) and abs(state.edge / edge - 1) > MOVED:
         state = _find_near(_fine_section(scene, state.edge), guided, state.depth, end)

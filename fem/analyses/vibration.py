@@ -8,11 +8,26 @@ With g = G* / G0 the complex modulus over the instantaneous one, and rest = G(in
 where K is the full tangent of the state at rest (silicone, springs of the contact, magnet), K_iso its part from the
 tangent of the isochoric law without geometric stiffness, and M the consistent mass of silicone and magnet. The stress
 of the state at rest does not vibrate, so its geometric stiffness stays real. The bulk does not relax, and the springs
-of the plate do not either. `fem.analyses.vibration_blocks` has b and the force, `fem.solve.reduced_basis` the
-solutions.
+of the plate do not either. `fem.solve.reduced_basis` has the solutions. The state at rest has the long-term modulus;
+where the design's E is the instantaneous one, the state is that of `relaxed`.
 
-The state at rest has the long-term modulus. Where the design's E is the instantaneous one, the state is that of
-`relaxed`.
+About an axisymmetric press the orders of the angle are not coupled (`fem.model.single_order`): a motion of
+the plate along z has order 0, one along x has order 1. About all other states (sheared, under a tilted plate,
+gripped, with Coulomb friction) all harmonics form one system, with both motions as its loads; x is the direction of
+the shear.
+
+Contact is frozen: points in touch keep their normal springs, whatever the sign of their motion, and glued points
+their tangential ones too. With Coulomb friction all points in touch stick: a point that has slipped carries the
+largest traction, so it slips on in one half of a small cycle and sticks in the other; after the first cycles its
+traction has fallen far enough for it to stick in both. A grip moves along x only, and its skin is free along z. With
+q the unknowns and s the motion of the plate, the energy's second derivatives are
+
+    Pi_qq = K,    Pi_qs = -b,    Pi_ss = k_held,        so    K q = b s,    F = k_held s - b . q
+
+is the force on the tip, with the signs of `geometry.loads.Response`: positive in compression and along x.
+
+The free sensor has no plate: its base is shaken instead, and q is the motion relative to the base. A unit motion r
+of the base loads it by lambda M r (`fem.solve.reduced_basis` has lambda).
 
 Limits: contact and gluing stay as they are in the state; the plate is rigid and has no mass; amplitudes are small.
 The mesh must carry the shortest shear wave, of length c / f with the wave speed c = (G / rho)^(1/2) at rest.
@@ -20,30 +35,31 @@ The mesh must carry the shortest shear wave, of length c / f with the wave speed
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
-from fem.analyses.modes import eigen, frequency_unit
-from fem.analyses.vibration_blocks import (
-    Block,
-    ContactPressure,
-    Motion,
-    build_blocks,
-    read_pose,
-    read_pressure,
-)
+from fem.analyses.modes import eigen, frequency_unit, inertia_of_magnet, pressed_sensor
+from fem.equilibrium import start_path
+from fem.model import coulomb_friction, element_integrals, plate_contact, single_order
+from fem.model.assembled_state import Assembly, State
+from fem.model.elements import Surface
 from fem.model.material import lame
+from fem.model.nonlinear_system import System
+from fem.model.plate_contact import Plate
 from fem.results.lateral_stiffness import SidewaysModel
-from fem.results.postprocess import read
+from fem.results.postprocess import ORDER_FIELDS, pose_slopes, read
 from fem.scene import Model, Scene, choose_model, turns
 from fem.solution import Solution
-from fem.solve.newton import NoStateError
-from fem.solve.path_state import PathState
-from fem.solve.reduced_basis import Complex, ReducedSystem, reduce
+from fem.solve.newton import STOPPED, NoStateError
+from fem.solve.path_state import PathState, about
+from fem.solve.press import Press
+from fem.solve.reduced_basis import Complex, Problem, ReducedSystem, reduce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
@@ -52,6 +68,10 @@ from geometry.relaxation import relaxation_of
 
 __all__ = ["VibratingSensor", "Vibration", "vibrating_sensor"]
 
+Motion = Literal["z", "x"]
+"""Direction in which the plate, or the base of the free sensor, moves: z along its depth, x along the shear."""
+ANGLES = 8
+"""Angles in a quarter turn at which the pressure of order 1 is compared with that of the press."""
 FEWEST = 5.0
 """Fewest elements to the length of a shear wave: quadratic elements of length h then have waves that are wrong by
 (2 pi h / length)^4 / 1440 = 0.2 % in speed (Ainsworth 2004)."""
@@ -62,6 +82,194 @@ LOST_AREA = 0.25
 rest falls to 0 and its change with frozen contact is largest, so every amplitude opens some of the area. In Hertz's
 contact p_0 ~ (1 - r^2/a^2)^(1/2) and dp ~ (1 - r^2/a^2)^(-1/2): the open share is amplitude / (2 depth), and any
 other share follows in proportion. The first element opens at an amplitude that falls to 0 with its size."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """One linear system, driven by motions of the plate or of the base.
+
+    Attributes
+    ----------
+    state, plate : state about which the sensor vibrates, in the model of this block, and the plate with its contact
+        frozen; None for the free sensor.
+    problem : matrices, and a column b for each of the `motions`; over E D, lengths over D.
+    held : (k, k) force of the plate by its motion with the body held, over E D.
+    """
+
+    state: PathState
+    plate: Plate | None
+    motions: tuple[Motion, ...]
+    problem: Problem
+    held: Array
+
+
+def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
+    """Solve for the state under the scene's load, and return it with the systems of all motions of the plate.
+
+    Raises
+    ------
+    NoStateError
+        The path stops before the load.
+    """
+    (load,) = scene.loads
+    if scene.model == "harmonic":
+        state = _solve_path(scene)
+        motions: tuple[Motion, ...] = ("x",) if load.grip is not None else ("z", "x")
+        return state, [build_block(scene, state, _sticking(state.plate), motions)]
+    press = pressed_sensor(scene)
+    glued = press.edge is not None and scene.loads[0].friction == "stick"
+    free = press.edge is None
+    blocks = [_press_block(scene, press, 0, glued=glued)]
+    if glued or free:  # a frictionless plate transmits no motion along x
+        blocks.append(_press_block(scene, press, 1, glued=glued))
+    return press.state, blocks
+
+
+def _sticking(plate: Plate) -> Plate:
+    """Return the plate whose points in touch all stick."""
+    if plate.friction is None:
+        return plate
+    return replace(plate, friction=coulomb_friction.expect_sticking(plate.friction))
+
+
+def _solve_path(scene: Scene) -> PathState:
+    """Return the state of a load in the harmonic model, whose x axis is the direction of the shear."""
+    load, D, (x, y) = scene.loads[0], scene.design.D, scene.direction
+    with contextlib.closing(start_path(scene)) as path:
+        shear = np.array([[x, y], [-y, x]]) @ load.imposed_shear
+        reason, state = path.go(load.depth / D, shear / D), path.state
+    if reason:
+        depth, shear = state.position[0] * D, state.position[1] * D
+        raise NoStateError(
+            f"the path stops at depth {depth:.4g} mm, shear {shear:.4g} mm ({STOPPED[reason]}): take a smaller load"
+        )
+    return state
+
+
+def _press_block(scene: Scene, press: Press, order: int, *, glued: bool) -> Block:
+    """Return the system of order 0 or 1 about a press, or about the free sensor."""
+    state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
+    plate = press.glue(state) if glued else state.plate
+    return build_block(scene, state, None if press.edge is None else plate, ("x",) if order else ("z",))
+
+
+def build_block(scene: Scene, state: PathState, plate: Plate | None, motions: tuple[Motion, ...]) -> Block:
+    """Return the system about a state for some motions."""
+    system, (m, across, _) = state.d.system, inertia_of_magnet(scene)
+    at_state = system.state(state.q)
+    inertia = np.array({0: [], 1: [m], 2: [m, across], 3: [m, m, across]}[system.n_rigid])
+    M = system.mass(1.0, inertia, at_state)
+    if plate is None:
+        here, held = system.assemble(at_state, None), np.zeros((len(motions), len(motions)))
+        b = np.stack([_inertial_load(system, at_state, inertia, motion) for motion in motions], axis=1)
+    else:
+        plate = replace(plate, pressed=plate_contact.overlap(state.skin, at_state.u, plate) > 0)
+        here, b, held = plate_loads(state, plate, motions)
+    R = system.relaxing_stiffness(at_state)
+    return Block(state, plate, motions, Problem(here.tangent, R, M, b, system.size - system.n_pressure), held)
+
+
+def plate_loads(state: PathState, plate: Plate, motions: tuple[Motion, ...]) -> tuple[Assembly, Array, Array]:
+    """Return the assembly at a state, the loads b (n, k) of unit motions of its plate, and k_held (k, k)."""
+    system = state.d.system
+    at_state = system.state(state.q)
+    here, moved = system.assemble(at_state, plate), [_moved(plate, motion) for motion in motions]
+    # the springs are linear: moving the plate with the body held changes the residual by the load
+    loads = [here.residual - system.assemble(at_state, one, tangent=False).residual for one in moved]
+    before = _plate_force(state, at_state, plate)
+    held = np.stack([_plate_force(state, at_state, one) - before for one in moved], axis=1)
+    return here, np.stack(loads, axis=1), held[[("x", "z").index(motion) for motion in motions]]
+
+
+def _motion_vector(motion: Motion) -> Array:
+    """Return the displacement (3,) of a unit motion: deeper, or along x."""
+    return np.array([0.0, 0.0, -1.0]) if motion == "z" else np.array([1.0, 0.0, 0.0])
+
+
+def _moved(plate: Plate, motion: Motion) -> Plate:
+    """Return the plate or grip moved by D along z (deeper) or x."""
+    along, normal = plate.frame @ _motion_vector(motion), plate.frame[2]
+    shear = plate.shear + along[:2]
+    # where the moved plane meets the axis
+    height = None if plate.height is None else plate.height + along[2] / normal[2]
+    return replace(plate, shear=shear, height=height)
+
+
+def _plate_force(state: PathState, nodal: State, plate: Plate) -> Array:
+    """Return the force (2,) along x and z on the tip, over E D^2."""
+    traction = plate_contact.springs(state.skin, nodal.u, plate).traction
+    x, _, z = np.einsum("kq,kqi->i", state.skin.weights, traction)
+    return np.array([-x, z])
+
+
+def _inertial_load(system: System, state: State, inertia: Array, motion: Motion) -> Array:
+    """Return M r (n,) for the unit motion r of the whole sensor along x or z, in a model of order 0 or 1."""
+    e = system.elements
+    moved = np.zeros(system.fixed.shape)
+    # u_z = z_0 in the axisymmetric model, u_x = w_-1 in that of order 1
+    moved[:, 1 if motion == "z" else 2] = 1.0
+    forces = np.zeros(system.fixed.shape)
+    np.add.at(forces, e.cells, np.einsum("mfagb,mbg->maf", element_integrals.mass(e, 1.0), moved[e.cells]))
+    load = np.concatenate([forces[system.free], np.zeros(system.n_rigid + system.n_pressure)])
+    if system.rigid:
+        by_motion = system.rigid.derivative(system.motion(state.q))
+        load[system.n_free : system.n_free + system.n_rigid] = np.einsum("nf,nfr->r", forces[system.glued], by_motion)
+        load[system.n_free] += inertia[0]  # the magnet's first unknown is its displacement along the motion
+    return load
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContactPressure:
+    """Pressure between tip and plate: at rest, and its change with small motions; means over the lines of facets.
+
+    Attributes
+    ----------
+    area : (k,) areas that touch, over D^2; about an axisymmetric press up to a common factor.
+    at_rest : (k,) pressures at rest, over E.
+    by_unknowns, by_motion : changes (k, m) for motions V of the body, and (k, j) for the plate's motions, over E.
+    """
+
+    area: Array
+    at_rest: Array
+    by_unknowns: Array
+    by_motion: Array
+
+
+def _rise(skin: Surface, u: Array, normal: Array) -> Array:
+    """Return the displacement (k, q) of the skin along the normal of the plate, for nodal fields u."""
+    return np.asarray(skin.displacement(u) @ normal) if normal[0] else skin.upward_displacement(u)
+
+
+def read_pressure(block: Block, V: Array) -> ContactPressure:
+    """Return the pressure of the contact area for small motions V (n, m) of a body under a plate."""
+    state, plate, skin = block.state, block.plate, block.state.skin
+    assert plate is not None
+    system, en = state.d.system, plate.stiffness
+    at_state = system.state(state.q)
+    t = max(skin.angles, len(system.elements.angles.theta))
+    overlap = plate_contact.overlap(skin, at_state.u, plate)
+    weights = skin.weights * (overlap > 0)
+
+    def over_lines(values: Array) -> Array:
+        """Return the integrals of values (k, q) over the touching points of each facet's line, at every angle."""
+        return np.asarray((weights * values).reshape(len(values), -1, t).sum(axis=1).ravel())
+
+    area = over_lines(np.ones(weights.shape))
+    own = np.where(area > 0, area, 1.0)
+    at_rest = en * over_lines(overlap) / own
+    # the skin's displacement is linear in the unknowns, that of the magnet's surface is not
+    normal = plate.frame[2]
+    moves = [over_lines(_rise(skin, system.state(state.q + v).u - at_state.u, normal)) for v in V.T]
+    changes = en * np.stack(moves, axis=1) / own[:, None]
+    plate_moves = en * np.array([[-normal @ _motion_vector(motion) for motion in block.motions]] * len(area))
+    if system.elements.angles.fields == ORDER_FIELDS:  # the first of its two angles is 0, where the cosine is 1
+        cosines = np.cos((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES))
+        at_rest, area, plate_moves = (
+            np.repeat(values[::t], ANGLES, axis=0) for values in (at_rest, area, plate_moves)
+        )
+        changes = (changes[::t, None] * cosines[:, None]).reshape(len(area), -1)
+    touching = area > 0
+    return ContactPressure(area[touching], at_rest[touching], changes[touching], plate_moves[touching])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,7 +467,7 @@ def vibrating_sensor(
             raise NoStateError(f"the state at depth {load.depth:g} mm {how}: take a smaller depth")
         presses = block.plate is not None and block.plate.height is not None
         pressure = read_pressure(block, system.V) if presses else None
-        parts.append(_Part(block, system, read_pose(block, system.V), pressure))
+        parts.append(_Part(block, system, pose_slopes(block.state, system.V), pressure))
     return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, tuple(parts))
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.model import coulomb_friction, plate_contact, rigid_inclusion
-from fem.model.gradient_recovery import Recovery
+from fem.model import angular_fields, coulomb_friction, plate_contact, rigid_inclusion, single_order
+from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.symmetry_models import Discretisation
 from fem.results import diagnostics
 from fem.results.lateral_stiffness import SidewaysModel, estimate_margin
@@ -18,6 +18,12 @@ from fem.solve.newton import Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.loads import Load, Response
+
+ORDER_FIELDS = 5
+"""Number of fields of a model of one order."""
+DIFFERENCE = 1e-6
+"""Motion over D of the central difference for the pose of a beam without magnet: its square and the rounding of the
+pose over it are both far below a mesh's error."""
 
 
 def read(
@@ -130,6 +136,36 @@ def recover_pose(centre: Recovery, u: Array) -> tuple[Array, Array]:
     """Return displacement (3,) and rotation (2,) of the material point at the magnet's centre, see `read_pose`."""
     shift, G = centre(u)
     return shift, _tilt_angles(_polar_rotation(G)[:, 2])
+
+
+def pose_slopes(state: PathState, V: Array) -> Array:
+    """Return shift along x and z over D, and tilt, rad, of the magnet for small motions V (n, m), shape (3, m).
+
+    The state may be axisymmetric, of order 1 (`fem.model.single_order`), or have all harmonics.
+    """
+    system, pose = state.d.system, np.zeros((3, V.shape[1]))
+    if system.rigid:
+        places = {1: [1], 2: [0, 2], 3: [0, 1, 2]}[system.n_rigid]
+        pose[places] = V[system.n_free : system.n_free + system.n_rigid]
+        return pose
+    for i, v in enumerate(V.T):
+        step = DIFFERENCE / float(np.abs(v).max())
+        ahead, behind = (_point_pose(state, state.q + way * step * v) for way in (1.0, -1.0))
+        pose[:, i] = (ahead - behind) / (2 * step)
+    return pose
+
+
+def _point_pose(state: PathState, q: Array) -> Array:
+    """Return shift along x and z and tilt (3,) of the material point at the magnet's centre, without a magnet."""
+    d, u = state.d, state.d.system.state(q).u
+    if d.model == "axisymmetric":
+        return np.array([0.0, d.centre(u)[0][2], 0.0])
+    if d.elements.angles.fields == ORDER_FIELDS:
+        fields = replace(d.elements, angles=angular_fields.fourier_fields(1))
+        shift, tilt = recover_pose(build_recovery(fields, d.shape.H, mirrored=True), single_order.raise_fields(u))
+    else:
+        shift, tilt = recover_pose(d.centre, u)
+    return np.array([shift[0], shift[2], tilt[0]])
 
 
 def _polar_rotation(G: Array) -> Array:

@@ -11,9 +11,9 @@ import skfem
 from fem.accuracy import QUICK
 from fem.model.mesh_specification import MeshSpecification, specification
 from fem.scene import Scene
-from fem.solve.contact_extent import find_press
 from fem.solve.depth_ranges import graded_depth, harmonics_at
 from fem.solve.path_state import FIRST_TOUCH, PathState
+from fem.solve.press import find_press
 
 TIP = 1.0
 """Edge length at the tip over the section's edge length times a / D, where a is the radius at which the plate would

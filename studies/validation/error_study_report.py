@@ -16,6 +16,7 @@ from studies.output.csv_tables import write_table
 from studies.output.goals import page_lines
 from studies.output.provenance import made
 from studies.output.records import FlatRow
+from studies.simulation.model_choice import rounded_up
 from studies.validation import error_statistics, error_study, error_study_cases
 from studies.validation.error_study import COVERAGE, QUANTITIES, SHARP
 from studies.validation.error_study_records import ErrorState
@@ -129,8 +130,9 @@ def rules(states: Sequence[ErrorState]) -> list[FlatRow]:
         key = row["scene"], row["variant"], row["quantity"]
         if key in shares:
             needed = sorted(shares[key])[math.ceil(COVERAGE * len(shares[key])) - 1]
-            c, today = float(row["c"]) * max(needed, 1.0), {str(name): version for name, version in PHYSICS.items()}
-            row |= {"c": f"{c:.3g}", "version": str(today[row["model"]]), "commit": " - ".join(sorted(commits[key]))}
+            c = float(row["c"]) if needed <= 1 else rounded_up(needed * float(row["c"]), 3)
+            today: dict[str, int] = dict(PHYSICS.items())
+            row |= {"c": f"{c:g}", "version": str(today[row["model"]]), "commit": " - ".join(sorted(commits[key]))}
         rows.append(row)
     return rows
 

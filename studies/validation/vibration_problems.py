@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, Accuracy
 from fem.analyses.modes import frequency_unit, modes
-from fem.analyses.vibration import VibratingSensor, vibrating_sensor
-from fem.analyses.vibration_blocks import Block, build_block, build_blocks, read_pose
+from fem.analyses.vibration import Block, VibratingSensor, build_block, build_blocks, vibrating_sensor
 from fem.model import plate_contact
+from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import newton
@@ -144,7 +144,7 @@ def full_solutions(accuracy: Accuracy = QUICK) -> tuple[float, ...]:
             y = part.system.solve(np.array([c]), np.array([eigenvalue]))[0]
             full = part.block.held - part.block.problem.b.T @ x
             reduced = part.block.held - part.system.b.T @ y
-            pose = read_pose(part.block, x.real) + 1j * read_pose(part.block, x.imag)
+            pose = pose_slopes(part.block.state, x.real) + 1j * pose_slopes(part.block.state, x.imag)
             worst_force = max(worst_force, float(np.abs(reduced - full).max() / np.abs(full).max()))
             worst_pose = max(worst_pose, float(np.abs(part.pose @ y - pose).max() / np.abs(pose).max()))
     return 1 + worst_force, 1 + worst_pose

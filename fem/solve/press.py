@@ -1,0 +1,110 @@
+"""The press that precedes an analysis, on a section that is refined where its contact ends."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem.model import plate_contact
+from fem.model.mesh_specification import MeshSpecification
+from fem.model.plate_contact import Plate
+from fem.model.symmetry_models import Discretisation
+from fem.solve.load_stepping import Path
+from fem.solve.newton import STOPPED, NoStateError, Stop
+from fem.solve.path_state import PathState, glue
+
+EDGE_SHARE, SETTLED_RADIUS, MOST_PRESSES = 0.05, 0.05, 3
+"""EDGE_SHARE: largest edge length at the edge of the contact, over the contact radius. SETTLED_RADIUS: relative
+change of the radius at which the search ends. MOST_PRESSES: largest number of presses in a search."""
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """A solved press.
+
+    Attributes
+    ----------
+    state : its state.
+    edge : undeformed radius at which the contact ends, over D; None for the free sensor.
+    """
+
+    state: PathState
+    edge: float | None
+
+    def glue(self, state: PathState) -> Plate | None:
+        """Return the plate with the contact area glued to it, in a model of the press; None for the free sensor."""
+        return None if self.edge is None else glue(state, self.edge).plate
+
+
+def find_press(section: MeshSpecification, edge_length: float, depth: float) -> tuple[float, PathState]:
+    """Return the undeformed radius at which the contact of a press ends, over D, and the press it results from.
+
+    Each mesh is refined at the radius that the mesh before gave. The first estimate is the circle in which the plate
+    cuts the undeformed dome.
+
+    Parameters
+    ----------
+    section : mesh of the press; its own refinement (`rim`, `glued`) is replaced.
+    edge_length : edge length at the edge of the contact, over D; at most EDGE_SHARE of the radius.
+    depth : depth of the press, over D.
+    """
+    radius = min(math.sqrt(depth / 2), 0.475)
+    for _ in range(MOST_PRESSES):
+        rim = radius, min(edge_length, EDGE_SHARE * radius)
+        state, _ = solve_press(replace(section, rim=rim, glued=False).build(), depth)
+        end = measure_contact_edge(state)
+        if not end:  # the press did not reach first touch: the press on the final mesh reports why
+            break
+        change, radius = end / radius - 1, end
+        if abs(change) < SETTLED_RADIUS:
+            break
+    return radius, state
+
+
+def reach_press(
+    section: MeshSpecification, rough: MeshSpecification, edge_length: float, depth: float, D: float
+) -> Press:
+    """Return a press on a section refined where the contact ends, as the section `rough` tells.
+
+    Parameters
+    ----------
+    edge_length : edge length where the contact ends, over D.
+    depth : over D; 0 is the free sensor.
+    D : mm, for the message.
+
+    Raises
+    ------
+    NoStateError
+        The press stops before the depth.
+    """
+    edge, first = None, None
+    if depth:
+        edge, first = find_press(rough, edge_length, depth)
+        section = replace(section, rim=(edge, min(edge_length, edge / 4)))
+    state, stop = solve_press(section.build(), depth, first)
+    if stop:
+        raise NoStateError(
+            f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[stop]}): take a smaller depth"
+        )
+    return Press(state, edge)
+
+
+def solve_press(d: Discretisation, depth: float, rough: PathState | None = None) -> tuple[PathState, Stop]:
+    """Return the last state of a press to a depth over D, and why it stopped before; "" if it did not.
+
+    Parameters
+    ----------
+    rough : the press on another mesh, from which this one starts.
+    """
+    with contextlib.closing(Path(d, rough=rough)) as path:
+        stop = path.go(depth, np.zeros(2))
+        return path.state, stop
+
+
+def measure_contact_edge(state: PathState) -> float:
+    """Return the undeformed radius at which the contact of a solved press ends, over D."""
+    radius = plate_contact.contact_radius(state.skin, state.u, state.plate)
+    return plate_contact.undeformed_radius(state.skin, state.u, state.plate, radius)
