@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from studies.claims import assumption_report, beam_assumption
 from studies.inputs import study_input
+from studies.validation import assumption_report, beam_assumption
 
 SMALL = """
 version = 2

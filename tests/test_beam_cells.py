@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from analytic import beam
-from studies.claims import beam_cells, beam_regions, beam_sentences
-from studies.claims.beam_cells import Body
-from studies.claims.beam_regions import Block
+from studies.simulation import beam_cells
+from studies.simulation.beam_cells import Body
+from studies.validation import beam_regions, beam_sentences
+from studies.validation.beam_regions import Block
 
 approx = pytest.approx
 LENGTHS, DEPTHS, D = (0.6, 2.0, 4.0), (0.05, 0.1, 0.3), 8.0

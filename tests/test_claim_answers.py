@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
-from studies.claims import claim_states, other_answers, press_answers
-from studies.claims.claim_answers import verdict
-from studies.claims.claim_states import Press, States
-from studies.claims.press_errors import HeightRow, formula, height_row
-from studies.claims.sensor_figures import (
+from studies.validation import claim_states, other_answers, press_answers
+from studies.validation.claim_answers import verdict
+from studies.validation.claim_states import Press, States
+from studies.validation.press_errors import HeightRow, formula, height_row
+from studies.validation.sensor_figures import (
     CostRow,
     FactorFigures,
     LayoutRow,
@@ -20,7 +20,7 @@ from studies.claims.sensor_figures import (
     ResponseFigures,
     response_figures,
 )
-from studies.claims.shear_errors import SplitRow, TipRow
+from studies.validation.shear_errors import SplitRow, TipRow
 
 DEPTH = np.linspace(0.25, 3.0, 12)
 NAN = math.nan

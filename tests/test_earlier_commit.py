@@ -6,8 +6,8 @@ import subprocess
 import pytest
 
 from geometry.design import BadInput
-from studies.benchmarks import earlier_commit
 from studies.output.provenance import ROOT
+from studies.validation import earlier_commit
 
 
 def test_the_packages_of_a_commit_are_unpacked():

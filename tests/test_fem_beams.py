@@ -8,10 +8,9 @@ from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
 from studies.exploration import store
-from studies.exploration.needed_paths import Processes
+from studies.exploration.needed_paths import Processes, Solver
 from studies.exploration.solved_paths import Answer
 from studies.sizing.fem_beams import FemBeams
-from studies.training.training_states import Solver
 
 
 class Stability:

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 from studies.surrogate.gaussian_process import GaussianProcess, correlation, with_constant
-from studies.training import length_scales
+from studies.validation import length_scales
 
 RNG = np.random.default_rng(0)
 X = RNG.random((40, 2))

@@ -8,7 +8,7 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.benchmarks import operation_counts
+from studies.validation import operation_counts
 
 
 def test_a_chain_has_two_entries_a_column():

@@ -5,10 +5,10 @@ import json
 
 import pytest
 
-from studies.claims import claims_report
-from studies.claims.other_answers import hall_factor, hysteresis
-from studies.claims.sensor_figures import factor_figures, loop_figures
 from studies.cli import entry_point
+from studies.validation import claims_report
+from studies.validation.other_answers import hall_factor, hysteresis
+from studies.validation.sensor_figures import factor_figures, loop_figures
 
 VERDICTS = {
     "the same, relative to the largest force": "not decidable",

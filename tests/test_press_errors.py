@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from studies.claims import claim_states, press_errors
-from studies.claims.claim_states import Press
-from studies.claims.press_errors import Voltages
+from studies.validation import claim_states, press_errors
+from studies.validation.claim_states import Press
+from studies.validation.press_errors import Voltages
 
 approx = pytest.approx
 DEPTH = np.linspace(0.25, 3.0, 12)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from geometry.design import paper
-from studies.claims import beam_cells, reading_split
+from studies.simulation import beam_cells
+from studies.validation import reading_split
 
 approx = pytest.approx
 

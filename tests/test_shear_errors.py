@@ -7,8 +7,8 @@ import pytest
 from analytic import beam
 from geometry.design import paper
 from geometry.loads import Response
-from studies.claims import shear_errors
-from studies.claims.claim_states import Sheared
+from studies.validation import shear_errors
+from studies.validation.claim_states import Sheared
 
 approx = pytest.approx
 STIFFNESS, LEVER = beam.shear_stiffness(paper()), paper().H / paper().L

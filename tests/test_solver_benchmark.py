@@ -14,7 +14,7 @@ from fem.accuracy import STANDARD
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.benchmarks import (
+from studies.validation import (
     benchmark_cases,
     benchmark_state,
     benchmark_statistics,
@@ -227,7 +227,7 @@ def test_scripts_of_peers_and_magtip_do_not_import_each_other():
         names = [n.module if isinstance(n, ast.ImportFrom) else a.name for n in nodes for a in n.names]
         return {name.split(".")[0] for name in names}
 
-    script = ROOT / "studies" / "benchmarks" / "peer_felupe.py"
+    script = ROOT / "studies" / "validation" / "peer_felupe.py"
     assert not imports(script) & {"geometry", "fem", "analytic", "studies"}
     others = [
         path for package in ("geometry", "fem", "analytic", "studies") for path in (ROOT / package).rglob("*.py")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from studies.benchmarks import benchmark_tables, peers, speed_comparison
-from studies.benchmarks.benchmark_state import Bench, row
+from studies.validation import benchmark_tables, peers, speed_comparison
+from studies.validation.benchmark_state import Bench, row
 
 EARLIER = Path("earlier")
 TASK = {"task": "trace"}

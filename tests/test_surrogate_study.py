@@ -12,11 +12,11 @@ from studies.exploration.needed_paths import Processes
 from studies.output.goals import missed
 from studies.surrogate.gaussian_process import GaussianProcess
 from studies.surrogate.prediction import Beams, first_zero
-from studies.training import surrogate_report, surrogate_study, surrogate_test
-from studies.training.calibration import conformal_quantile
-from studies.training.state_errors import StateError, recalibrated
-from studies.training.surrogate_fit import press_outputs, shear_outputs
-from studies.training.surrogate_study import Extent, widest_points
+from studies.validation import surrogate_report, surrogate_study, surrogate_test
+from studies.validation.calibration import conformal_quantile
+from studies.validation.state_errors import StateError, recalibrated
+from studies.validation.surrogate_fit import press_outputs, shear_outputs
+from studies.validation.surrogate_study import Extent, widest_points
 
 ROUGH = replace(QUICK, name="rough", section_size=0.5, section_patch=0.12, harmonics=1)
 EXTENT = Extent(first=13, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH)

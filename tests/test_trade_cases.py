@@ -5,8 +5,8 @@ import itertools
 import pytest
 
 from fem.scene import Scene
-from studies.benchmarks import trade_cases
-from studies.benchmarks.trade_cases import KINDS, MODELS, confirming_designs, designs, references, runs_on, trial
+from studies.validation import trade_cases
+from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, references, runs_on, trial
 
 
 def test_the_chosen_designs_span_the_range():

@@ -4,7 +4,7 @@ import pytest
 
 from geometry.design import paper
 from geometry.loads import Load, Response
-from studies.benchmarks.trade_reference import (
+from studies.validation.trade_reference import (
     Reference,
     TrueError,
     components,

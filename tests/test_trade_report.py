@@ -6,10 +6,10 @@ import math
 import pytest
 
 from geometry.loads import Load
-from studies.benchmarks import trade_report
-from studies.benchmarks.trade_reference import TrueError
-from studies.benchmarks.trade_rule import Confirmation
-from studies.benchmarks.trade_study import TradeState
+from studies.validation import trade_report
+from studies.validation.trade_reference import TrueError
+from studies.validation.trade_rule import Confirmation
+from studies.validation.trade_study import TradeState
 
 
 def state(percent, model, level, *, design=0, outside="", cpu=1.0, bar=0.1):

@@ -8,13 +8,13 @@ import pytest
 from analytic import buckling
 from fem.physics_version import PHYSICS
 from geometry.loads import Load
-from studies.benchmarks import trade_cases, trade_rule
-from studies.benchmarks.trade_reference import TrueError
-from studies.benchmarks.trade_rule import Confirmation, confirm, statements, summary
-from studies.benchmarks.trade_study import TradeState
 from studies.output import goals
 from studies.simulation import model_choice
 from studies.simulation.model_choice import Statement
+from studies.validation import trade_cases, trade_rule
+from studies.validation.trade_reference import TrueError
+from studies.validation.trade_rule import Confirmation, confirm, statements, summary
+from studies.validation.trade_study import TradeState
 
 
 def state(percent, *, design=0, confirming=False, model="axisymmetric", level="quick", outside="", bar=0.0, cost=0.5):

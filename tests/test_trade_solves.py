@@ -6,12 +6,11 @@ import pytest
 
 from fem.accuracy import QUICK
 from geometry.loads import Load
-from studies.benchmarks import trade_cases, trade_solves
-from studies.benchmarks.trade_solves import Run, measure, solved
 from studies.surrogate import surrogate_response
-from studies.validation import error_study
+from studies.validation import error_study, trade_cases, trade_solves
 from studies.validation.error_study_cases import Trial
 from studies.validation.error_study_records import SolvedState
+from studies.validation.trade_solves import Run, measure, solved
 
 TRIAL = trade_cases.trial(0, "press", "axisymmetric")
 

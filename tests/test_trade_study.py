@@ -7,12 +7,12 @@ import json
 
 import pytest
 
-from studies.benchmarks import trade_cases, trade_solves, trade_study
-from studies.benchmarks.trade_report import FILES
 from studies.cli import entry_point
 from studies.output import checkpoint
+from studies.validation import trade_cases, trade_solves, trade_study
+from studies.validation.trade_report import FILES
 
-COMMAND = ("trade", "--quick", "--designs", "2", "--json")
+COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
 
 
 def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():

@@ -305,9 +305,9 @@ def claims(
         File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
     """
     command_line = command(claims, locals())
-    from studies.claims import claim_states, claims_report, paper_claims
     from studies.exploration import store as stores
     from studies.output.provenance import versions
+    from studies.validation import claim_states, claims_report, paper_claims
 
     origin = versions(("matplotlib",))
     extent = claim_states.QUICK_EXTENT if quick else claim_states.Extent()
@@ -352,9 +352,9 @@ def assumption(
         Address of a Dask scheduler whose workers solve.
     """
     command_line = command(assumption, locals())
-    from studies.claims import assumption_report, beam_assumption
     from studies.exploration.needed_paths import Processes
     from studies.output.provenance import versions
+    from studies.validation import assumption_report, beam_assumption
 
     origin = versions(("matplotlib",))
     source = study or beam_assumption.STUDY
@@ -402,9 +402,9 @@ def trade(
         from there.
     """
     command_line = command(trade, locals())
-    from studies.benchmarks import trade_cases, trade_report, trade_rule
-    from studies.benchmarks import trade_study as study
     from studies.output.provenance import versions
+    from studies.validation import trade_cases, trade_report, trade_rule
+    from studies.validation import trade_study as study
 
     if not 2 <= designs <= trade_cases.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
@@ -460,8 +460,8 @@ def bench(
         Folder for bench.csv, BENCH.md and size.png.
     """
     command_line = command(bench, locals())
-    from studies.benchmarks import benchmark_tables
-    from studies.benchmarks import solver_benchmark as study
+    from studies.validation import benchmark_tables
+    from studies.validation import solver_benchmark as study
 
     own_files.check(out, ("BENCH.md", "bench.csv", "size.png"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
@@ -517,7 +517,7 @@ def surrogate(
     from studies.exploration.needed_paths import Processes
     from studies.output.goals import missed
     from studies.output.provenance import versions
-    from studies.training import surrogate_report, surrogate_study, surrogate_test
+    from studies.validation import surrogate_report, surrogate_study, surrogate_test
 
     extent = surrogate_study.FEW if quick else surrogate_study.Extent()
     atomic_files.check_apart(atomic_files.inside(out, surrogate_report.FILES), [store])

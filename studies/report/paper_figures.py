@@ -7,8 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from analytic import beam
-from studies.claims import beam_cells
-from studies.claims.beam_cells import Body, Cells, Columns, Kind
 from studies.report.folder_contents import Table
 from studies.report.report_figures import (
     ERROR_EDGES,
@@ -20,6 +18,8 @@ from studies.report.report_figures import (
     numbers,
     series,
 )
+from studies.simulation import beam_cells
+from studies.simulation.beam_cells import Body, Cells, Columns, Kind
 
 SHOWN_LEVELS = ("paper", "finite")
 """Levels of the formulas whose errors are mapped: the paper's and the best one; the table has all."""

@@ -17,8 +17,8 @@ from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load
+from studies.exploration.needed_paths import Solver
 from studies.exploration.solved_paths import Answer
-from studies.training.training_states import Solver
 
 RATIO_DIGITS = 6
 """Digits of the ratio of densities: equal ratios share a stored solve."""

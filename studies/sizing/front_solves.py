@@ -22,9 +22,9 @@ from studies.sizing.requirement_margins import LEAST, Performance
 from studies.sizing.variant_search import beams_of, objectives
 
 if TYPE_CHECKING:
+    from studies.exploration.needed_paths import Solver
     from studies.sizing.candidate_variables import Variant
     from studies.sizing.requirements import Requirements
-    from studies.training.training_states import Solver
 
 MOST_POINTS = 16
 """Points of a front that are solved: their finite elements take two to three minutes on two cores."""

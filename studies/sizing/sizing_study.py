@@ -98,10 +98,10 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
         A catalogue or the store cannot be used, or a limit of the program rejects every candidate.
     """
     from studies.exploration import store as stores
+    from studies.exploration.needed_paths import Solver
     from studies.sizing import conflict_search, front_solves, front_yield
     from studies.sizing.catalogues import catalogues_of
     from studies.sizing.variant_search import check_rated, islands, searched
-    from studies.training.training_states import Solver
 
     catalogues = catalogues_of(requirements)
     groups = islands(requirements, catalogues)

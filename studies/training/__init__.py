@@ -1,1 +1,0 @@
-"""The study that builds the surrogate from finite elements and tests it on beams that it has not seen."""

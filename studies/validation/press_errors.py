@@ -1,0 +1,218 @@
+"""Errors of the paper's press formula and of its voltage of S1, over E and the magnet's height.
+
+The forces of the finite elements are proportional to E, so one path of presses per height answers for every E. The
+formula keeps the paper's E = 1 MPa; E here is the modulus of the silicone that is pressed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic import beam
+from geometry.arrays import Array
+from geometry.design import paper
+from geometry.loads import Load
+from studies.validation.claim_states import NAN, Press, s1_output
+
+BOUND = 0.05
+"""Largest error that the paper claims."""
+MODULI = (0.3, 3.0)
+"""Moduli of the silicone that are searched, MPa."""
+PUBLISHED = (0.55, 1.02)
+"""Published moduli of Dragon Skin 30, MPa: fits of tensile tests begin at 0.55; the 0.593 MPa of its data sheet at an
+elongation of 100 % are 1.02 by neo-Hooke's law, E = 3 s / (2 - 1/4)."""
+GAINS = (0.2, 5.0)
+"""Factors on the gain of S1 that are searched."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class HeightRow:
+    """What holds for one height of the magnet; errors in %, of the largest force or voltage where the name says so.
+
+    Attributes
+    ----------
+    E_from_MPa, E_to_MPa : moduli for which the force formula is within 5 % of the largest force at every depth; NaN
+        where there is none.
+    best_E_MPa, best_error_percent_of_largest : the modulus of least error, and that error.
+    error_percent_of_largest : the error for E = 1 MPa.
+    worst_error_percent, worst_at_mm : largest error relative to the force of the same depth, for E = 1 MPa.
+    each_depth_from_mm : least depth from which on one modulus keeps the error of every depth within 5 % of its force.
+    S1_error_percent : largest error of the voltage of S1 at equal force for E = 1 MPa, in % of its largest change;
+        `best_E` for the modulus that fits the forces best, `least` for the one that fits the voltage best. `any_gain`
+        fits the gain of S1 too, as a calibration would.
+    """
+
+    magnet_height_mm: float
+    l0_mm: float
+    reached_mm: float
+    E_from_MPa: float
+    E_to_MPa: float
+    best_E_MPa: float
+    best_error_percent_of_largest: float
+    error_percent_of_largest: float
+    worst_error_percent: float
+    worst_at_mm: float
+    each_depth_from_mm: float
+    S1_error_percent: float
+    best_E_S1_error_percent: float
+    best_E_S1_error_any_gain_percent: float
+    least_S1_error_percent: float
+    least_S1_error_any_gain_percent: float
+
+
+def formula(depths: Array) -> Array:
+    """Return the press force of the paper's sensor by (5) and (7) at depths in mm, shape (n,), N."""
+    return np.array([beam.solve(paper(), Load(float(depth))).force[2] for depth in depths])
+
+
+def modulus_interval(predicted: Array, force: Array, slack: Array) -> Interval | None:
+    """Return the moduli E for which |predicted - E force| <= E slack at every depth; None if there is none.
+
+    Parameters
+    ----------
+    predicted : forces of the formula, shape (n,), N.
+    force, slack : forces for E = 1 MPa and the errors that are allowed for it, shape (n,), N.
+
+    >>> modulus_interval(np.array([2.0, 4.0]), np.array([1.0, 2.0]), np.array([0.0, 0.0]))
+    (2.0, 2.0)
+    """
+    low = float(np.max(predicted / (force + slack)))
+    bounded = force > slack
+    high = float(np.min(predicted[bounded] / (force - slack)[bounded])) if bounded.any() else math.inf
+    return (low, high) if low <= high else None
+
+
+def error_of_largest(predicted: Array, force: Array, E: float) -> float:
+    """Return the largest error of a prediction in % of the largest force, for forces `force` at E = 1 MPa."""
+    return 100 * float(np.abs(predicted - E * force).max() / (E * force.max()))
+
+
+def moduli(count: int = 97) -> Array:
+    """Return the searched moduli, MPa, evenly spaced in the logarithm."""
+    return np.geomspace(*MODULI, count)
+
+
+def best_modulus(predicted: Array, force: Array) -> float:
+    """Return the searched modulus of least error in % of the largest force, MPa."""
+    from scipy.optimize import minimize_scalar
+
+    # the error is a maximum of |a / E - b|, which falls and then rises with 1 / E: it has one minimum
+    least = minimize_scalar(
+        lambda x: error_of_largest(predicted, force, 1 / x),
+        bounds=(1 / MODULI[1], 1 / MODULI[0]),
+        method="bounded",
+        options={"xatol": 1e-9},
+    )
+    return float(1 / least.x)
+
+
+def each_depth_from(depth: Array, predicted: Array, force: Array) -> float:
+    """Return the least depth from which on some E keeps the error of every depth within 5 % of its force, mm."""
+    for k in range(len(depth)):
+        if modulus_interval(predicted[k:], force[k:], BOUND * force[k:]) is not None:
+            return float(depth[k])
+    return NAN
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Voltages:
+    """Voltage of S1 over the press force, by the formulas and by the finite elements, for E = 1 MPa of the latter.
+
+    Attributes
+    ----------
+    predicted, modelled : forces by (5), N, and changes of the voltage by the formulas, V, shape (m,), to depth D/2.
+    force, measured : the same by the finite elements, shape (n,).
+    formula_largest : force by (5) at the deepest press, N.
+    """
+
+    predicted: Array
+    modelled: Array
+    force: Array
+    measured: Array
+    formula_largest: float
+
+    @property
+    def largest(self) -> float:
+        """Largest force that is compared, N: that of the formula at the deepest press, and 5 % more."""
+        return (1 + BOUND) * self.formula_largest
+
+    def reaches(self, E: float) -> bool:
+        """Whether all presses are compared for a modulus."""
+        return bool(E * self.force[-1] <= self.largest)
+
+    def error(self, E: float, *, any_gain: bool = False) -> float:
+        """Return the largest error of the voltage at equal force, in % of its largest change; NaN without a force.
+
+        Parameters
+        ----------
+        any_gain : choose the gain of the formula's voltage that gives the least error, as a calibration would.
+        """
+        shared = E * self.force <= self.largest
+        if not shared.any():
+            return NAN
+        at_equal_force = np.interp(E * self.force[shared], self.predicted, self.modelled)
+        # neighbouring gains differ by less than a thousandth
+        gains = np.geomspace(*GAINS, 4001) if any_gain else np.ones(1)
+        errors = np.abs(np.outer(gains, at_equal_force) - self.measured[shared]).max(axis=1)
+        return 100 * float(errors.min() / self.measured.max())
+
+
+def voltages(press: Press) -> Voltages:
+    """Return the voltages of S1 in the presses of a sensor with a magnet.
+
+    The formulas give the depth of a force by (5), and the voltage at this depth by (3) and the sinking d H/L.
+    """
+    design = press.design
+    depth = np.linspace(0.0, design.R, 81)
+    rest = s1_output(design, np.zeros(1))[0]
+    modelled = s1_output(design, depth * design.H / design.L, field="paper") - rest
+    measured = s1_output(design, press.sinking) - rest
+    return Voltages(formula(depth), modelled, press.force, measured, float(formula(press.depth)[-1]))
+
+
+def height_row(press: Press) -> HeightRow:
+    """Return what holds for one height of the magnet, as far as the presses reach every depth."""
+    reached = np.isfinite(press.force)
+    l0 = press.design.l0 if press.height else NAN
+    if not press.complete:
+        deepest = float(press.depth[reached].max(initial=0.0))
+        return HeightRow(press.height, l0, deepest, *[NAN] * 13)
+    predicted = formula(press.depth)
+    interval = modulus_interval(predicted, press.force, np.full_like(predicted, BOUND * press.force.max()))
+    best = best_modulus(predicted, press.force)
+    relative = relative_errors(press)
+    worst = int(np.abs(relative).argmax())
+    voltages = _voltage_figures(press, best) if press.height else (NAN,) * 5
+    return HeightRow(
+        press.height,
+        l0,
+        float(press.depth[-1]),
+        *(interval or (NAN, NAN)),
+        best,
+        error_of_largest(predicted, press.force, best),
+        error_of_largest(predicted, press.force, 1.0),
+        float(relative[worst]),
+        float(press.depth[worst]),
+        each_depth_from(press.depth, predicted, press.force),
+        *voltages,
+    )
+
+
+def _voltage_figures(press: Press, best: float) -> tuple[float, float, float, float, float]:
+    """Return the errors of the voltage of S1 in the order of `HeightRow`."""
+    readings = voltages(press)
+    searched = [float(E) for E in moduli() if readings.reaches(float(E))]
+    least, any_gain = (
+        min((readings.error(E, any_gain=free) for E in searched), default=NAN) for free in (False, True)
+    )
+    return readings.error(1.0), readings.error(best), readings.error(best, any_gain=True), least, any_gain
+
+
+def relative_errors(press: Press) -> Array:
+    """Return the errors of the formula relative to the force of each depth, for E = 1 MPa, shape (n,), %."""
+    return np.asarray(100 * (formula(press.depth) / press.force - 1))

@@ -1,0 +1,174 @@
+"""Errors of the paper's readings, split into mechanics, tilt and field.
+
+The paper's reading is that of an upright magnet at the position by its formulas, in the field by equation (3). The
+true one is that of the finite elements' pose in the exact field. The difference is the sum of three parts:
+
+    field       the paper's field less the exact one, at the paper's pose
+    mechanics   the exact reading at the paper's position less that at the finite elements' position, both upright
+    tilt        the exact reading of the upright magnet less that of the tilted one, at the finite elements' position
+
+All are in % of full scale: the largest change from rest that the finite elements give a sensor in the table, for S2
+and S3 together. `dipole` is what a dipole in place of (3) would add to the field part. The elements stay where they
+are in the base of the sensor; L changes the distance to the magnet. A state whose pose is unknown has no parts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic import hall
+from analytic.parts import of_design
+from geometry.arrays import Array
+from geometry.design import Design
+from studies.exploration.study_cases import varied
+from studies.inputs.user_input import Value
+from studies.simulation.beam_cells import Body, Cells, Columns
+
+PARTS = ("total", "mechanics", "tilt", "field", "dipole")
+
+
+@dataclass(frozen=True, slots=True)
+class SplitCell:
+    """Parts of the error of one element in one state, % of full scale."""
+
+    magnet_height_over_D: float
+    L_over_D: float
+    depth_over_D: float
+    shear_over_D: float
+    element: str
+    total_percent_FS: float
+    mechanics_percent_FS: float
+    tilt_percent_FS: float
+    field_percent_FS: float
+    dipole_percent_FS: float
+
+
+@dataclass(frozen=True, slots=True)
+class SplitMean:
+    """Root mean squares of the parts over the states of one kind and one range of L/D, % of full scale."""
+
+    load: str
+    magnet_height_over_D: float
+    slenderness: str
+    states: int
+    total_percent_FS: float
+    mechanics_percent_FS: float
+    tilt_percent_FS: float
+    field_percent_FS: float
+    dipole_percent_FS: float
+
+
+def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> list[SplitCell]:
+    """Return the parts in every judged state of the bodies with a magnet; `design` is that of the sweep."""
+    rows: list[SplitCell] = []
+    for body in dict.fromkeys(grid.body for grid in grids if grid.body.height):
+        own = [grid for grid in grids if grid.body == body]
+        for column, slenderness in enumerate(own[0].slenderness.tolist()):
+            states = np.concatenate([grid.row[grid.judged[:, column], column] for grid in own])
+            if len(states):
+                rows += _sensor(table, sensor(table, int(states[0]), design), body, slenderness, states)
+    return rows
+
+
+def _sensor(table: Columns, design: Design, body: Body, slenderness: float, states: Array) -> list[SplitCell]:
+    """Return the parts in the states of one sensor; NaN where a pose is unknown.
+
+    Parameters
+    ----------
+    states : rows of the table, shape (n,).
+    """
+    (fem, tilt), (formula, _) = (_poses(table, model, states) for model in ("fem", "analytic_paper"))
+    known = np.isfinite(np.column_stack([fem, tilt, formula])).all(axis=1)
+    layout = of_design(design)
+    percent = np.full((len(PARTS), len(states), len(layout)), np.nan)
+    if known.any():
+        percent[:, known] = _parts(design, fem[known], tilt[known], formula[known])
+    D = design.D
+    return [
+        SplitCell(
+            body.height,
+            slenderness,
+            float(table["depth_mm"][row] / D),
+            float(table["shear_mm"][row] / D),
+            element.name,
+            *percent[:, k, number].tolist(),
+        )
+        for k, row in enumerate(states.tolist())
+        for number, element in enumerate(layout)
+    ]
+
+
+def _parts(design: Design, fem: Array, tilt: Array, formula: Array) -> Array:
+    """Return the parts of each state and element in % of full scale, shape (PARTS, n, elements)."""
+    upright = np.zeros_like(tilt)
+    true = readings(design, fem, tilt)
+    rest = readings(design, np.zeros((1, 3)), np.zeros((1, 2)))
+    straight, at_formula = readings(design, fem, upright), readings(design, formula, upright)
+    by_paper, by_dipole = (readings(design, formula, upright, field) for field in ("paper", "dipole"))
+    change = np.abs(true - rest).max(axis=0)
+    # elements that look sideways share their full scale
+    sideways = np.abs(hall.elements(design)[1][:, 2]) < 0.5
+    scale = np.where(sideways, change[sideways].max(initial=0.0), change)
+    parts = (by_paper - true, at_formula - straight, straight - true, by_paper - at_formula, by_dipole - by_paper)
+    return np.array([100 * part / scale for part in parts])
+
+
+def sensor(table: Columns, row: int, design: Design) -> Design:
+    """Return the sensor of a row of a table that was swept over a design."""
+    names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+    sizes: dict[str, Value] = {name: float(table[f"{name}_mm"][row]) for name in names if f"{name}_mm" in table}
+    return varied(design, sizes | {"nu": float(table["nu"][row])})
+
+
+def _poses(table: Columns, prefix: str, states: Array) -> tuple[Array, Array]:
+    """Return shifts (n, 3), mm, and rotation vectors (n, 2), rad, of a model; NaN where it has none.
+
+    A press moves the magnet along the axis only, and its columns across may be empty.
+    """
+    shift = np.column_stack([table[f"{prefix}_shift_{axis}_mm"][states] for axis in "xyz"]).astype(float)
+    lean = np.column_stack([-table[f"{prefix}_tilt_y_rad"][states], table[f"{prefix}_tilt_rad"][states]]).astype(
+        float
+    )
+    press = (table["shear_mm"][states] == 0) & np.isfinite(shift[:, 2])
+    shift[press, :2], lean[press] = np.nan_to_num(shift[press, :2]), np.nan_to_num(lean[press])
+    return shift, lean
+
+
+def readings(design: Design, shift: Array, tilt: Array, field: hall.Field = "exact") -> Array:
+    """Return B.n of the elements for poses, shape (n, elements), T."""
+    points, directions = hall.elements(design)
+    values = [
+        hall.field_at(np.tile(point, (len(shift), 1)), design, shift, tilt, field=field) @ direction
+        for point, direction in zip(points, directions, strict=True)
+    ]
+    return np.column_stack(values)
+
+
+def split_means(rows: Sequence[SplitCell], slender: dict[str, Callable[[float], bool]]) -> list[SplitMean]:
+    """Return root mean squares by kind of load, height of the magnet and range of L/D."""
+    means = []
+    kinds: dict[str, Callable[[SplitCell], bool]] = {
+        "press": lambda row: not row.shear_over_D,
+        "shear": lambda row: bool(row.shear_over_D),
+    }
+    for load, of_kind in kinds.items():
+        for height in sorted({row.magnet_height_over_D for row in rows}):
+            for name, inside in slender.items():
+                own = [
+                    row
+                    for row in rows
+                    if of_kind(row) and row.magnet_height_over_D == height and inside(row.L_over_D)
+                ]
+                own = [row for row in own if math.isfinite(row.total_percent_FS)]
+                if own:
+                    states = len({(row.L_over_D, row.depth_over_D, row.shear_over_D) for row in own})
+                    means.append(SplitMean(load, height, name, states, *(_rms(own, part) for part in PARTS)))
+    return means
+
+
+def _rms(rows: Sequence[SplitCell], part: str) -> float:
+    return float(np.sqrt(np.mean([getattr(row, f"{part}_percent_FS") ** 2 for row in rows])))

@@ -1,0 +1,197 @@
+"""From finite-element states of beams to a surrogate: outputs, length scales, calibrated errors.
+
+The forms of the outputs are those of `studies.surrogate.prediction`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.arrays import Array
+from studies.surrogate import prediction, surrogate_range
+from studies.surrogate.gaussian_process import GaussianProcess
+from studies.surrogate.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
+from studies.surrogate.surrogate_file import Group, Surrogate
+from studies.validation.calibration import quantiles_by_region
+from studies.validation.length_scales import fitted
+from studies.validation.training_beams import Beams, joined
+from studies.validation.training_states import States
+
+LEAST_LOSS = 1e-4
+"""Least loss 1 - k/k_0 of the sideways stiffness whose logarithm is taken: below it lies the error of the mesh."""
+
+
+LEAST_DROP = 1e-4
+"""Least decrease of the normal force over E D^2, divided by the square of the shear over D."""
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """Beams with all their states."""
+
+    beams: Beams
+    press: States
+    mode: States
+    shear: States
+
+    def kept(self, rows: NDArray[Any]) -> TrainingSet:
+        """Return the beams of these rows."""
+        return TrainingSet(self.beams[rows], self.press.kept(rows), self.mode.kept(rows), self.shear.kept(rows))
+
+    def complete(self) -> TrainingSet:
+        """Return the beams of which no state has failed."""
+        ratio = np.isnan(self.press.quantities["sideways_ratio"]).any(axis=1)
+        return self.kept(self.press.complete & self.shear.complete & self.mode.complete & ~ratio)
+
+    def joined(self, other: TrainingSet) -> TrainingSet:
+        """Return the beams of both."""
+        return TrainingSet(
+            joined(self.beams, other.beams),
+            self.press.joined(other.press),
+            self.mode.joined(other.mode),
+            self.shear.joined(other.shear),
+        )
+
+    @property
+    def features(self) -> Array:
+        b = self.beams
+        return prediction.features(b.L, b.diameter, b.height, b.nu, b.edge)
+
+
+def press_outputs(press: States) -> dict[str, Array]:
+    """Return the logarithms of the press's forms, (n, PRESS_NODES) each, by quantity."""
+    q, depth = press.quantities, press.depth
+    return {
+        "force": np.log(q["force_z"] / depth**1.5),
+        "shift": np.log(-q["shift_z"] / depth),
+        "contact_radius": np.log(q["contact_radius"] / np.sqrt(depth / 2)),
+        "strain": np.log(q["strain"]),
+        "sideways_ratio": np.log(np.maximum(1 - q["sideways_ratio"], LEAST_LOSS)),
+    }
+
+
+def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the shear's forms, (n, nodes) each, by quantity.
+
+    Parameters
+    ----------
+    L : lengths of the beams, shape (n, 1).
+    pressed : force and shift (down) of the press at the depth of each shear, shape (n, 1).
+    """
+    q, s = shear.quantities, shear.shear
+    return {
+        "force_x": q["force_x"] / s * prediction.compliance(L),
+        # the plate is pushed back less in a shear; a rise would be an error of the mesh
+        "force_z": np.log(np.maximum(pressed["force"] - q["force_z"], LEAST_DROP * s**2) / s**2),
+        "shift_x": q["shift_x"] / s,
+        "shift_z": (-q["shift_z"] - pressed["shift"]) / s**2,
+        "tilt": q["tilt"] / s,
+        "contact_radius": np.log(q["contact_radius"] / np.sqrt(shear.depth / 2)),
+        "strain": np.log(q["strain"]),
+    }
+
+
+def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
+    """Return the surrogate of training beams."""
+    x, b = states.features, states.beams
+    region, regions = prediction.beam_region(b.L, b.diameter, b.height), prediction.REGIONS
+    outputs = press_outputs(states.press)
+    groups: dict[str, Group] = {}
+    left_out: dict[str, Array] = {}
+    for name, quantities in (("press", PRESS), ("strain", STRAIN)):
+        y = np.hstack([outputs[quantity] for quantity in quantities])
+        process = fitted(x, y)
+        predicted, g = process.left_out()
+        own = dict(zip(quantities, np.split(predicted, len(quantities), axis=1), strict=True))
+        quantiles = {
+            quantity: quantiles_by_region(np.abs(1 - np.exp(outputs[quantity] - logs)) / g[:, None], region, regions)
+            for quantity, logs in own.items()
+        }
+        left_out |= own
+        if name == "strain":
+            widths = (g[:, None] * quantiles["sideways_ratio"][region]).mean(axis=1)
+            quantiles[prediction.CRITICAL] = _critical_quantiles(
+                states.press.depth, outputs["sideways_ratio"], left_out["sideways_ratio"], widths, region
+            )
+        groups[name] = Group(process, quantities, surrogate_range.PRESS_NODES, quantiles)
+    groups["mode"] = _mode_group(x, b, states.mode.quantities["frequency"], region)
+    groups |= _shear_groups(states, x, left_out, region)
+    return Surrogate(groups, about)
+
+
+def _critical_quantiles(
+    depth: Array, true: Array, predicted: Array, widths: Array, region: NDArray[np.int64]
+) -> Array:
+    """Return the quantiles of the critical depth's errors, over the depth and the mean width of the stiffness."""
+    share = np.linspace(0, 1, prediction.CRITICAL_GRID)
+    low, high = np.sqrt(depth[:, :1]), np.sqrt(depth[:, -1:])
+    grid = (low + (high - low) * share) ** 2
+
+    def zero(logs: Array) -> Array:
+        values = prediction.through_roots(logs, np.broadcast_to(share, grid.shape))
+        return np.minimum(prediction.first_zero(grid, -values), depth[:, -1])
+
+    one, other = zero(predicted), zero(true)
+    # a beam without a critical depth by both has no error
+    exists = (one < depth[:, -1]) | (other < depth[:, -1])
+    scores = np.abs(one - other) / (one * widths)
+    return quantiles_by_region(scores[exists, None], region[exists], prediction.REGIONS)
+
+
+def _mode_group(x: Array, beams: Beams, mode: Array, region: NDArray[np.int64]) -> Group:
+    features, y = prediction.mode_features(x, beams.density_ratio), np.log(mode)
+    process = fitted(features, y)
+    predicted, g = process.left_out()
+    scores = np.abs(1 - np.exp(y - predicted)) / g[:, None]
+    return Group(process, ("frequency",), 1, {"frequency": quantiles_by_region(scores, region, prediction.REGIONS)})
+
+
+def _shear_groups(
+    states: TrainingSet, x: Array, left_out: Mapping[str, Array], region: NDArray[np.int64]
+) -> dict[str, Group]:
+    """Return the groups of shears; their errors include those of the press that a shear begins from."""
+    shear, L = states.shear, states.beams.L[:, None]
+    depth, s = shear.depth[:, :1], shear.shear
+    outputs = shear_outputs(shear, L, press_at(states.beams, press_outputs(states.press), depth))
+    points = prediction.shear_features(x, depth[:, 0])
+    forms: dict[str, Array] = {}
+    spreads: dict[str, Array] = {}
+    processes: dict[str, GaussianProcess] = {}
+    for name, quantities in (("shear", POSE), ("shear_skin", SKIN)):
+        processes[name] = fitted(points, np.hstack([outputs[quantity] for quantity in quantities]))
+        predicted, g = processes[name].left_out()
+        forms |= dict(zip(quantities, np.split(predicted, len(quantities), axis=1), strict=True))
+        spreads |= dict.fromkeys(quantities, g)
+    values = prediction.shear_values(forms, L, depth, s, press_at(states.beams, left_out, depth))
+    rods = prediction.yardsticks(values)
+    truth = {name: -q if name == "shift_z" else q for name, q in shear.quantities.items()}
+    where = prediction.shear_region(region, depth[:, 0])
+    quantiles = {
+        name: quantiles_by_region(
+            np.abs(values[name] - truth[name]) / (rods[name] * spreads[name][:, None]), where, 2 * prediction.REGIONS
+        )
+        for name in SHEAR
+    }
+    nodes = len(surrogate_range.SHEAR_NODES)
+    return {
+        name: Group(processes[name], quantities, nodes, {quantity: quantiles[quantity] for quantity in quantities})
+        for name, quantities in (("shear", POSE), ("shear_skin", SKIN))
+    }
+
+
+def press_at(beams: Beams, logs: Mapping[str, Array], depth: Array) -> dict[str, Array]:
+    """Return force and shift (down) of presses at depths (n, 1) from the logarithms of their forms at the nodes."""
+    low, high = (
+        np.sqrt(surrogate_range.SHALLOWEST),
+        np.sqrt(surrogate_range.deepest(beams.L, beams.diameter, beams.height))[:, None],
+    )
+    share = (np.sqrt(depth) - low) / (high - low)
+    return {
+        "force": depth**1.5 * np.exp(prediction.through_roots(logs["force"], share)),
+        "shift": depth * np.exp(prediction.through_roots(logs["shift"], share)),
+    }

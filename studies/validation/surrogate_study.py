@@ -1,0 +1,216 @@
+"""The study that builds the surrogate: training beams, some of them where it is least sure, and a test on new beams.
+
+The first training beams fill the range evenly. Each round then adds the beams, of a large random pool, whose shears
+have the widest intervals, one after the other: every one narrows the intervals around it before the next is chosen.
+Random beams at random depths and shears scale the intervals, and other such beams are the test, and serve for nothing
+else. Both have the same number of beams in each region, so that none is judged by the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from fem.accuracy import QUICK, STANDARD, Accuracy
+from geometry.arrays import Array
+from geometry.messages import Progress
+from studies.exploration.needed_paths import Processes, Solver
+from studies.exploration.store import Store
+from studies.output.provenance import versions
+from studies.surrogate import prediction, surrogate_range
+from studies.surrogate.gaussian_process import GaussianProcess, correlation
+from studies.surrogate.surrogate_file import Surrogate
+from studies.validation.state_errors import StateError, critical_errors, errors, recalibrated
+from studies.validation.surrogate_fit import TrainingSet, surrogate_of
+from studies.validation.training_beams import Beams, random_beams, regional_beams, training_beams
+from studies.validation.training_states import States, critical_depths, first_modes, presses, shear_depth, shears
+
+POOL = 1500
+"""Random beams among which the next training beams are chosen."""
+RANDOM_DEPTHS, RANDOM_SHEARS = 5, 2
+"""Random depths of each press, and random shears, for calibration and test."""
+CALIBRATION = 1000
+"""Added to the seed for the beams of the calibration."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Size of the study.
+
+    Attributes
+    ----------
+    first : number of training beams in the corners and evenly spread.
+    rounds : number of beams that each round adds where intervals are widest.
+    calibration, test : number of random beams of each region that scale the intervals, and that test them.
+    critical : number of beams of each region, of both, with their critical depth by `fem.analyses.stability`.
+    """
+
+    first: int = 200
+    rounds: tuple[int, ...] = (80, 80, 80)
+    calibration: int = 24
+    test: int = 20
+    critical: int = 10
+    accuracy: Accuracy = STANDARD
+    seed: int = 1
+
+
+FEW = Extent(first=48, rounds=(8,), calibration=2, test=2, critical=1, accuracy=QUICK)
+"""A study of some minutes, whose surrogate has errors of 10 %."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Beams that training has not seen, with their states.
+
+    Attributes
+    ----------
+    critical : critical depths of the first beams.
+    failed : number of beams that are left out because a state failed.
+    """
+
+    set: TrainingSet
+    critical: States
+    failed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The surrogate, its training set, and the test.
+
+    Attributes
+    ----------
+    failed : number of beams of training and of test that are left out because a state failed.
+    """
+
+    surrogate: Surrogate
+    training: TrainingSet
+    test: Unseen
+    failed: tuple[int, int]
+
+    @property
+    def errors(self) -> list[StateError]:
+        """Errors in all states of the test."""
+        unseen = self.test.set, self.test.critical
+        return errors(self.surrogate, unseen[0]) + critical_errors(self.surrogate, *unseen)
+
+
+def run(extent: Extent, store: Store, processes: Processes, progress: Progress | None = None) -> Result:
+    """Build and test the surrogate; states that the store has are not solved again."""
+    solver = Solver(store, processes, progress, extent.accuracy)
+    states = training_states(solver, training_beams(extent.first, extent.seed))
+    for k, count in enumerate(extent.rounds):
+        surrogate = surrogate_of(states.complete(), {})
+        more = widest(surrogate, random_beams(POOL, extent.seed + 2 + k), count)
+        states = states.joined(training_states(solver, more))
+    complete = states.complete()
+    calibration = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
+    test = unseen(solver, extent.test, extent.critical, extent.seed + 1)
+    about = {
+        "accuracy": solver.accuracy.name,
+        "beams": len(complete.beams),
+        "calibration_beams": len(calibration.set.beams),
+        "test_beams": len(test.set.beams),
+        "versions": versions(),
+    }
+    surrogate = surrogate_of(complete, about)
+    surrogate = recalibrated(surrogate, errors(surrogate, calibration.set))
+    # the half widths of critical depths follow those of the sideways stiffness
+    surrogate = recalibrated(surrogate, critical_errors(surrogate, calibration.set, calibration.critical))
+    failed = len(states.beams) - len(complete.beams), test.failed
+    return Result(surrogate, complete, test, failed)
+
+
+def training_states(solver: Solver, beams: Beams) -> TrainingSet:
+    """Return the states of training beams: at the nodes of the surrogate."""
+    press = presses(solver, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
+    mode = first_modes(solver, beams)
+    shear = shears(solver, beams, shear_depth(beams, press), surrogate_range.shears(beams.L))
+    return TrainingSet(beams, press, mode, shear)
+
+
+def unseen(solver: Solver, count: int, critical: int, seed: int) -> Unseen:
+    """Return `count` random beams of each region with their states, and critical depths of the first ones."""
+    states = random_states(solver, regional_beams(count, seed), seed)
+    complete = states.complete()
+    first = complete.beams[: critical * prediction.REGIONS]
+    depths = critical_depths(solver, first).compared(critical_depths(solver.coarser(), first))
+    return Unseen(complete, depths, len(states.beams) - len(complete.beams))
+
+
+def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
+    """Return the states of beams at random depths and shears; those of the first do not depend on the others.
+
+    All have an estimate of the finite elements' own error, which the coarser mesh gives where answers have none.
+    """
+    depths = random_depths(beams, np.random.default_rng((seed, 1)))
+    sideways = random_shears(beams, np.random.default_rng((seed, 2)))
+    press = presses(solver, beams, depths)
+    sheared = shear_depth(beams, press)
+    other = solver.coarser()
+    return TrainingSet(
+        beams,
+        press.compared(presses(other, beams, depths)),
+        first_modes(solver, beams).compared(first_modes(other, beams)),
+        shears(solver, beams, sheared, sideways).compared(shears(other, beams, sheared, sideways)),
+    )
+
+
+def random_shears(beams: Beams, rng: np.random.Generator) -> Array:
+    """Return random shears of beams over D, shape (n, RANDOM_SHEARS), rising."""
+    least = surrogate_range.SHEAR_NODES[0] / 2
+    part = np.sort(least + (1 - least) * rng.random((len(beams), RANDOM_SHEARS)), axis=1)
+    return np.asarray(np.round(part * surrogate_range.farthest(beams.L)[:, None], 6))
+
+
+def random_depths(beams: Beams, rng: np.random.Generator) -> Array:
+    """Return random depths of beams over D, spread in their root, shape (n, RANDOM_DEPTHS), rising."""
+    low, high = (
+        np.sqrt(surrogate_range.SHALLOWEST),
+        np.sqrt(surrogate_range.deepest(beams.L, beams.diameter, beams.height)),
+    )
+    share = np.sort(rng.random((len(beams), RANDOM_DEPTHS)), axis=1)
+    return np.asarray(np.round((low + (high[:, None] - low) * share) ** 2, 6))
+
+
+def widest(surrogate: Surrogate, pool: Beams, count: int) -> Beams:
+    """Return the beams of a pool at which the next finite elements narrow the widest intervals.
+
+    The width at a point is the spread of the shear's process, at a depth in the middle of the beam's range, times the
+    mean quantile of its region.
+    """
+    group = surrogate.groups["shear"]
+    x = prediction.features(pool.L, pool.diameter, pool.height, pool.nu, pool.edge)
+    low, high = (
+        np.sqrt(surrogate_range.SHALLOWEST_SHEAR),
+        np.sqrt(surrogate_range.deepest(pool.L, pool.diameter, pool.height)),
+    )
+    depth = (low + (high - low) * pool.share) ** 2
+    region = prediction.shear_region(prediction.beam_region(pool.L, pool.diameter, pool.height), depth)
+    quantile = np.mean([values.mean(axis=1) for values in group.quantiles.values()], axis=0)
+    points = prediction.shear_features(x, depth)
+    return pool[widest_points(group.process, points, quantile[region], count)]
+
+
+def widest_points(process: GaussianProcess, points: Array, weight: Array, count: int) -> NDArray[np.int64]:
+    """Return the indices of points (m, p) with the widest intervals, each after all before it have been added.
+
+    Parameters
+    ----------
+    weight : factor on the spread at each point, shape (m,).
+    """
+    k = correlation(points / process.lengths, process.x / process.lengths)
+    v = linalg.solve_triangular(process.factor, k.T, lower=True)
+    covariance = correlation(points / process.lengths, points / process.lengths) - v.T @ v
+    chosen: list[int] = []
+    for _ in range(min(count, len(points))):
+        width = weight * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        width[chosen] = -1.0
+        best = int(np.argmax(width))
+        chosen.append(best)
+        # condition on the new point: one step of a pivoted Cholesky factorisation
+        column = covariance[:, best] / np.sqrt(covariance[best, best] + process.nugget)
+        covariance -= np.outer(column, column)
+    return np.array(chosen, dtype=np.int64)
