@@ -1,9 +1,8 @@
 """Readings of the Hall elements for many rows at once: designs and poses of the magnet in arrays.
 
-The values are those of `analytic.hall.readings`, row by row, to a relative error of 1e-13: that of the field, whose
-implementation depends on the number of points (see `analytic.magnet`), and the rounding of a product with the
-remanence. Each pose of each magnet beside each set of elements is evaluated once, so that rows which differ in E, in
-the remanence or in gains cost no field.
+The values are those of `analytic.hall.readings`, row by row, up to the rounding of a product with the remanence. Each
+pose of each magnet beside each set of elements is evaluated once, so that rows which differ in E, in the remanence or
+in gains cost no field.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.hall import FLIP, converted, half_sides, rotated
-from analytic.magnet import cylinder_field, on_rim
+from analytic.magnet import field_or_nan
 from analytic.parts import AXES, common_values, positions
 from geometry.arrays import Array
 from geometry.design import Design
@@ -163,11 +162,7 @@ def _block(radius: float, height: float, points: Array, shift: Array, tilt: Arra
     """Return B.n of the elements at a remanence of 1 T, shape (n, 3), at points (n, 3, 4 or 1, 3)."""
     move, turn = shift[:, None, None, :], tilt[:, None, None, :]
     local = np.ascontiguousarray(FLIP * rotated(points - move, -turn)).reshape(-1, 3)
-    rim = on_rim(local, radius, height)
-    # any place off the rim: the row becomes NaN
-    local[rim] = 0.0
-    field = cylinder_field(local, radius, height, 1.0)
-    field[rim] = np.nan
+    field = field_or_nan(local, radius, height, 1.0)
     normals = np.array(AXES)[:, None, :]
     measured = (rotated(FLIP * field.reshape(points.shape), turn) * normals).sum(axis=-1).mean(axis=-1)
     measured[np.isnan(measured).any(axis=1)] = np.nan

@@ -4,11 +4,9 @@ Lengths in mm (the field depends on their ratios only, so any one unit works), J
 polarisation. The cylinder has sharp edges; an edge radius is ignored. Points and fields are in the magnet's frame:
 origin at its centre, z along the magnetisation.
 
-The exact field is computed in NumPy (`analytic.field.cylinder_numpy`) for fewer than `MIN_COMPILED_POINTS` points in
-a call. Larger calls, and `meridian_field` for loops over single points, use the same formulas compiled by numba
-(`analytic.field.cylinder_compiled`). Both agree to 1e-13 of |B|. The
-number of points in a call alone selects the implementation, so that a repeated call returns identical digits. Calls
-with 40 000 points or more use all cores (`geometry.compiled.threads`).
+The exact field has one implementation, `analytic.cylinder`. Plain Python runs it for fewer than `MIN_COMPILED_POINTS`
+points in a call, numba compiles it for more; both have the same digits. Once a process has the compiled functions, it
+takes them for all calls. Calls with 40 000 points or more use all cores (`geometry.compiled.threads`).
 
 Sources: Derby & Olbert, Am. J. Phys. 78 (2010) 229; Bulirsch, Numer. Math. 13 (1969) 305; Chathuranga et al.,
 IEEE Sensors Journal 2016, equations (1) to (3).
@@ -17,32 +15,30 @@ IEEE Sensors Journal 2016, equations (1) to (3).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from types import ModuleType
+import sys
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from analytic.field import cylinder_pointwise
-from analytic.field.cylinder_numpy import cylinder_moments, distance_to_hull, face_moments, unit_field
+from analytic import cylinder
 from geometry import compiled as compilation
 from geometry.arrays import Array
 from geometry.cad import magnet_volume
 from geometry.design import BadInput, Design
 
-__all__ = ["cylinder_field", "cylinder_field_jacobian", "dipole_field", "meridian_field", "paper_field"]
+__all__ = ["cylinder_field", "cylinder_field_jacobian", "dipole_field", "paper_field"]
 
 Pair = tuple[Array, Array]
 
 MIN_COMPILED_POINTS = 2000
-"""Smallest number of points in a call for which the compiled kernel is used, in a tenth of NumPy's time. Loading it
-takes about a second, once in a process: a single decoding, with fewer points in a call, does not wait for that."""
+"""Number of points in a call from which the compiled functions are loaded: that takes some tenths of a second, once
+in a process, and plain Python less than 0.1 s for fewer points."""
 MU_0 = 4e-7 * math.pi
 """Vacuum permeability, T m/A."""
 GRAVITY, GRIP = 9.81, 0.3
 """Acceleration, m/s^2, and friction of a magnet on the floor of its pocket over its weight, a common value."""
-FACE_RADII, FACE_ANGLES = 16, 48
-"""Points of the integrals over a face: the force of magnets that nearly touch is exact to 1e-4, else to 1e-7."""
+FACE_RADII, FACE_ANGLES = 16, 24
+"""Points of the integrals over half a face: the force of magnets that nearly touch is exact to 1e-4, else to 1e-7."""
 THREAD_POINTS = 20_000
 """Number of points for each thread: they take 1 ms, ten times the time to start a thread."""
 
@@ -90,50 +86,9 @@ def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: 
     return _exact(points, radius, height, J, slope=True)
 
 
-def compiled() -> ModuleType | None:
-    """Return the compiled kernel; None if numba is not installed or not usable.
-
-    The first call after an installation compiles the kernel in several seconds and stores it in a file; later
-    processes load it in about a second. Call this function to choose when that happens; no result depends on it.
-    """
-    return compilation.load("analytic.field.cylinder_compiled") if compilation.available() else None
-
-
-def prepare() -> bool:
-    """Load the compiled kernels, or compile them once after an installation; return whether they are usable."""
-    if compiled() is None:
-        return False
-    cylinder_field(np.zeros((MIN_COMPILED_POINTS, 3)), 1.0, 1.0, 1.0)
-    meridian_field(1.0, 1.0, 1.0)(0.0, 0.0)
-    return True
-
-
-def meridian_field(radius: float, height: float, J: float) -> Callable[[float, float], tuple[float, ...]]:
-    """Return a function that computes the field of one magnet at one point (rho, z), mm.
-
-    It returns B_r and B_z, T, and dB_r/dr, B_r/r, dB_r/dz and dB_z/dz, T/mm, in a tenth of the time that
-    `cylinder_field_jacobian` needs for a single point. It is compiled if numba is installed, else plain Python.
-
-    Raises
-    ------
-    BadInput
-        As `cylinder_field`; for a point when the returned function is called.
-    """
-    check_magnet(radius, height, J)
-    half = height / 2
-    moments, faces = cylinder_moments(half / radius), face_moments()
-    kernel = compiled()
-    meridian = cylinder_pointwise.meridian if kernel is None else kernel.meridian
-    # plain Python indexes lists faster than arrays; compiled code needs arrays
-    series = (moments.tolist(), faces.tolist()) if kernel is None else (moments, faces)
-
-    def field(rho: float, z: float) -> tuple[float, ...]:
-        defined, *values = meridian(rho, z, radius, half, J, *series)
-        if not defined:
-            raise _undefined(np.array([rho, 0.0, z]))
-        return tuple(values)
-
-    return field
+def field_or_nan(points: Array, radius: float, height: float, J: float) -> Array:
+    """Return B as `cylinder_field` does, but NaN for a point on a rim or a point that is not finite."""
+    return _computed(points, radius, height, J, slope=False)[0]
 
 
 def dipole_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
@@ -227,24 +182,42 @@ def check_magnet(radius: float, height: float, J: float) -> None:
         raise BadInput(f"J must be a finite number of T; got {J:g}")
 
 
-def on_rim(points: Array, radius: float, height: float) -> NDArray[np.bool_]:
-    """Return whether each point (n, 3), mm, lies on a rim, where `cylinder_field` is not defined; shape (n,)."""
-    rim = np.abs(points[:, 2]) == height / 2
-    if rim.any():
-        x = points[rim]
-        rim[rim] = distance_to_hull(x, np.hypot(x[:, 0], x[:, 1]), radius) == 0
-    return np.asarray(rim)
-
-
 def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool) -> Pair:
-    """Return B and, with `slope`, its Jacobian (else shape (0, 3, 3)), by NumPy or the compiled kernel."""
+    """Return B and, with `slope`, its Jacobian (else shape (0, 3, 3)); refuse points without a field."""
     check_magnet(radius, height, J)
     x = _points(points)
-    kernel = compiled() if len(x) >= MIN_COMPILED_POINTS else None
-    if kernel is None:
-        return numpy_field(x, float(radius), height / 2, float(J), slope=slope)
-    threads = compilation.threads()
-    return compiled_field(kernel, x, float(radius), height / 2, float(J), slope=slope, threads=threads)
+    B, jacobian, bad = _computed(x, float(radius), float(height), float(J), slope=slope)
+    if bad >= 0:
+        raise _undefined(x[bad])
+    return B, jacobian
+
+
+def _computed(x: Array, radius: float, height: float, J: float, *, slope: bool) -> tuple[Array, Array, int]:
+    """Return B, its Jacobian and the index of the first point without a field, -1 for none, by `analytic.cylinder`.
+
+    Threads share many points. The digits do not depend on their number: each computes whole batches.
+    """
+    B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
+    if len(x) < MIN_COMPILED_POINTS and "analytic.cylinder_compiled" not in sys.modules:
+        return B, jacobian, cylinder.fill_plain(x, radius, height / 2, J, B, jacobian)
+    from analytic.cylinder_compiled import fill_compiled
+
+    count = max(min(compilation.threads(), len(x) // THREAD_POINTS), 1)
+    share = math.ceil(len(x) / count / cylinder.POINTS) * cylinder.POINTS
+
+    def fill(start: int) -> int:
+        part = slice(start, start + share)
+        bad = fill_compiled(x[part], radius, height / 2, J, B[part], jacobian[part])
+        return start + bad if bad >= 0 else len(x)
+
+    if count == 1:
+        bad = fill(0)
+    else:
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(count) as pool:
+            bad = min(pool.map(fill, range(0, len(x), share)))
+    return B, jacobian, bad if bad < len(x) else -1
 
 
 def _points(points: ArrayLike) -> Array:
@@ -264,66 +237,6 @@ def _undefined(point: Array) -> BadInput:
             "magnet's frame: move the point off it"
         )
     return BadInput("points must be finite; got a NaN or an infinity")
-
-
-def compiled_field(
-    kernel: ModuleType, x: Array, radius: float, half: float, J: float, *, slope: bool, threads: int = 1
-) -> Pair:
-    """Return what `_exact` returns, by the compiled kernel; x are the points, `half` is half the height.
-
-    At most `threads` threads share the points, one for every `THREAD_POINTS`. The digits do not depend on their
-    number: each thread computes whole batches.
-    """
-    B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
-    series = cylinder_moments(half / radius), face_moments()
-    count = min(threads, len(x) // THREAD_POINTS)
-    share = math.ceil(len(x) / max(count, 1) / kernel.POINTS) * kernel.POINTS
-
-    def fill(start: int) -> int:
-        part = slice(start, start + share)
-        bad = kernel.fill(x[part], radius, half, J, *series, B[part], jacobian[part])
-        return start + int(bad) if bad >= 0 else len(x)
-
-    if count < 2:
-        bad = fill(0)
-    else:
-        from concurrent.futures import ThreadPoolExecutor
-
-        with ThreadPoolExecutor(count) as pool:
-            bad = min(pool.map(fill, range(0, len(x), share)))
-    if bad < len(x):
-        raise _undefined(x[bad])
-    return B, jacobian
-
-
-def numpy_field(x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
-    """Return what `_exact` returns, by NumPy; x are the points, `half` is half the height."""
-    if not np.isfinite(x).all():
-        raise _undefined(x[~np.isfinite(x).all(axis=1)][0])
-    # all lengths in radii; the gaps to hull and faces come from mm, because rounding of r and z would spoil them
-    across, z = x[:, :2] / radius, x[:, 2] / radius
-    rho = np.hypot(x[:, 0], x[:, 1])
-    r, gap = rho / radius, distance_to_hull(x, rho, radius)
-    up, down = (x[:, 2] - half) / radius, (x[:, 2] + half) / radius
-    on_rim = (gap == 0) & ((up == 0) | (down == 0))
-    if on_rim.any():
-        raise _undefined(x[on_rim][0])
-    lean, along, *slopes = unit_field(r, gap, z, up, down, half / radius, slope=slope)
-    B = np.empty_like(x)
-    B[:, :2] = (J * lean)[:, None] * across
-    B[:, 2] = J * along
-    if not slope:
-        return B, np.empty((0, 3, 3))
-    lean_z, along_z = slopes
-    jacobian = np.empty((len(x), 3, 3))
-    # div B = 0 gives d(B_r/r)/dr = -(dB_z/dz + 2 B_r/r)/r, which goes to 0 on the axis
-    bend = -np.divide(along_z + 2 * lean, r * r, out=np.zeros_like(r), where=r > 1e-150)
-    jacobian[:, :2, :2] = bend[:, None, None] * (across[:, :, None] * across[:, None, :])
-    jacobian[:, 0, 0] += lean
-    jacobian[:, 1, 1] += lean
-    jacobian[:, :2, 2] = jacobian[:, 2, :2] = lean_z[:, None] * across
-    jacobian[:, 2, 2] = along_z
-    return B, jacobian * (J / radius)
 
 
 def repulsion(radius: float, height: float, J: float, distance: float) -> float:
@@ -353,14 +266,12 @@ def repulsion(radius: float, height: float, J: float, distance: float) -> float:
     if not distance > 2 * radius:
         raise BadInput(f"distance must exceed the magnets' diameter = {2 * radius:g} mm; got {distance:g} mm")
     nodes, weights = np.polynomial.legendre.leggauss(FACE_RADII)
-    r, turn = radius * (nodes + 1) / 2, 2 * math.pi * np.arange(FACE_ANGLES) / FACE_ANGLES
-    area = np.repeat(r * weights * radius / 2, FACE_ANGLES) * 2 * math.pi / FACE_ANGLES
+    # half of the face: B_x is the same at y and -y, and on the lower face it has the opposite sign
+    r, turn = radius * (nodes + 1) / 2, math.pi * (np.arange(FACE_ANGLES) + 0.5) / FACE_ANGLES
+    area = np.repeat(r * weights * radius / 2, FACE_ANGLES) * math.pi / FACE_ANGLES
     x, y = distance + np.outer(r, np.cos(turn)).ravel(), np.outer(r, np.sin(turn)).ravel()
-    upper, lower = (
-        cylinder_field(np.column_stack([x, y, np.full(len(x), z)]), radius, height, J)[:, 0]
-        for z in (height / 2, -height / 2)
-    )
-    return float(1e-6 * J / MU_0 * area @ (upper - lower))
+    upper = cylinder_field(np.column_stack([x, y, np.full(len(x), height / 2)]), radius, height, J)[:, 0]
+    return float(4e-6 * J / MU_0 * area @ upper)
 
 
 def weight(design: Design) -> float:
@@ -379,8 +290,11 @@ def resting_distance(design: Design) -> float | None:
         return None
     radius, height = design.magnet_diameter / 2, design.magnet_height
 
-    def excess(distance: float) -> float:
-        return repulsion(radius, height, design.remanence, distance) - GRIP * weight(design)
+    def excess(log_distance: float) -> float:
+        """Return the logarithm of the repulsion over its limit: nearly linear, so that few steps find its root."""
+        return math.log(repulsion(radius, height, design.remanence, math.exp(log_distance)) / (GRIP * weight(design)))
 
-    near = 2 * radius * (1 + 1e-6)
-    return near if excess(near) <= 0 else float(brentq(excess, near, 1e3 * (radius + height), rtol=1e-6))
+    near = math.log(2 * radius * (1 + 1e-6))
+    if excess(near) <= 0:
+        return math.exp(near)
+    return math.exp(brentq(excess, near, math.log(1e3 * (radius + height)), xtol=1e-9))

@@ -18,8 +18,7 @@ EXAMPLES = {"neo-hookean": (), "mooney-rivlin": (0.5,), "yeoh": (0.1, 0.1), "ogd
 def prepare() -> None:
     """Load the compiled loops of all models and laws, or compile them once after an installation.
 
-    Otherwise a process loads or compiles each loop at its first use. `analytic.magnet.prepare` does the same for the
-    magnet's field.
+    Otherwise a process loads or compiles each loop at its first use.
     """
     shape = paper().shape
     for name, constants in EXAMPLES.items():

@@ -6,18 +6,11 @@ can be written, each process compiles what it needs.
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import importlib
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextvars import ContextVar
-from types import ModuleType
+from collections.abc import Callable
 from typing import Any
-
-_uncompiled: ContextVar[bool] = ContextVar("uncompiled", default=False)
-"""Whether `uncompiled` is in effect."""
 
 
 def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -55,29 +48,6 @@ def _announce_compilation() -> None:
             pass
 
     event.register("numba:compile", Announcement())
-
-
-def available() -> bool:
-    """Return whether functions that have another way run compiled: unless `uncompiled` is in effect."""
-    return not _uncompiled.get()
-
-
-@contextlib.contextmanager
-def uncompiled() -> Iterator[None]:
-    """Within this context, `available` is False: few points of the magnet's field are computed by NumPy."""
-    token = _uncompiled.set(True)
-    try:
-        yield
-    finally:
-        _uncompiled.reset(token)
-
-
-@functools.cache
-def load(module: str) -> ModuleType:
-    """Import a module of compiled functions, once in a process."""
-    functions = importlib.import_module(module)
-    _announce_compilation()
-    return functions
 
 
 def cores() -> int:

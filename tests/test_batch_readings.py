@@ -82,13 +82,13 @@ def test_magnets_of_several_sizes_and_rows_in_several_blocks(monkeypatch):
 
 def test_equal_poses_are_evaluated_once(monkeypatch):
     counts = []
-    field = magnet.cylinder_field
+    field = magnet.field_or_nan
 
     def counted(points, *magnet_numbers):
         counts.append(len(points))
         return field(points, *magnet_numbers)
 
-    monkeypatch.setattr(module, "cylinder_field", counted)
+    monkeypatch.setattr(module, "field_or_nan", counted)
     changes = [{}, {"E": 3.0}, {"hall_gain": 20.0, "hall_null": 2.0}, {"remanence": 1.0}, {"hall_step": 0.01}]
     designs = [dataclasses.replace(paper(), **change) for change in changes]
     shift, tilt = poses(4)

@@ -40,10 +40,3 @@ def test_without_a_writable_folder_functions_are_compiled_by_each_process(tmp_pa
     }
     run = subprocess.run([sys.executable, script], capture_output=True, text=True, env=environment, check=True)
     assert run.stdout.split() == ["0.0", "None"]
-
-
-def test_uncompiled_switches_compiled_functions_off():
-    assert compiled.available()
-    with compiled.uncompiled():
-        assert not compiled.available()
-    assert compiled.available()

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analytic.field.cylinder_compiled import meridian
-from analytic.field.cylinder_numpy import cylinder_moments, face_moments
+from analytic.cylinder import ALONG, ALONG_Z, LEAN, LEAN_Z, cylinder_series, disc_series
+from analytic.cylinder_compiled import compute, correct_gap, set_point, workspace
 from analytic.inverse.damped_newton import GOAL, LONGEST, STEPS, STUCK
 from analytic.inverse.start_table import APART, BINS, CORRECTIONS, MARGIN, PARTS, STEEP
 from geometry.compiled import compiled
@@ -65,7 +65,7 @@ class Search:
                     1 / np.bincount(forward.owners),
                 ),
                 *(forward.tau, forward.mode == "magnitude", radius, half, -design.polarisation),
-                *(cylinder_moments(half / radius), face_moments()),
+                *(cylinder_series(half / radius), disc_series(), workspace()),
             ),
             (
                 *(table.basis, table.bin_edges, table.first, table.members, table.maps, table.low, table.high),
@@ -341,7 +341,7 @@ def evaluated(x, y, z, field, model, weights, f, A):
 
     The formulas are those of `analytic.inverse.forward_model`. The sum is infinite where the field is not defined.
     """
-    points, normals, owners, share, tau, magnitude, radius, half, J, moments, faces = model
+    points, normals, owners, share, tau, magnitude, radius, half, J, series, disc, work = model
     # the magnet's axis, and its slopes along x, y and z
     square = x * x + y * y
     t, t_u, t_z = polynomial(tau, square, z)
@@ -365,7 +365,7 @@ def evaluated(x, y, z, field, model, weights, f, A):
     for i in range(len(field)):
         f[i] = -field[i]
         A[i][0], A[i][1], A[i][2] = 0.0, 0.0, 0.0
-    defined, b_r, b_z, rr, ring, rz, zz = True, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    b_r, b_z, rr, ring, rz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     dx, dy, dz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(points)):
         point, n, owner = points[i], normals[i], owners[i]
@@ -377,8 +377,8 @@ def evaluated(x, y, z, field, model, weights, f, A):
             rho = math.sqrt(ux * ux + uy * uy + uz * uz)
             if rho > 0:
                 ux, uy, uz = ux / rho, uy / rho, uz / rho
-            defined, b_r, b_z, rr, ring, rz, zz = meridian(rho, zeta, radius, half, J, moments, faces)
-            if not defined:
+            b_r, b_z, rr, ring, rz, zz = meridian(rho, zeta, radius, half, J, series, disc, work)
+            if math.isnan(b_z):
                 return math.inf
         Bx, By, Bz = b_r * ux + b_z * mx, b_r * uy + b_z * my, b_r * uz + b_z * mz
         nx, ny, nz = n[0], n[1], n[2]
@@ -406,6 +406,21 @@ def evaluated(x, y, z, field, model, weights, f, A):
     for i in range(len(field)):
         total += (weights[i] * f[i]) ** 2
     return total
+
+
+@compiled
+def meridian(rho, z, radius, half, J, series, disc, work):
+    """Return the field at a distance rho from the axis and a height z above the magnet's centre, mm.
+
+    The result is B_r and B_z, T, and dB_r/dr, B_r/r, dB_r/dz and dB_z/dz, T/mm; NaN where the field is not defined.
+    """
+    w = work[0]
+    set_point(0, rho, 0.0, z, radius, half, w)
+    correct_gap(0, rho, 0.0, radius, w)
+    compute(1, half / radius, series, disc, True, work)
+    r, scale, lean, along_z = rho / radius, J / radius, w[LEAN], w[ALONG_Z]
+    # div B = 0: dB_r/dr = -(dB_z/dz + B_r/r)
+    return J * lean * r, J * w[ALONG], -scale * (along_z + lean), scale * lean, scale * w[LEAN_Z] * r, scale * along_z
 
 
 @compiled

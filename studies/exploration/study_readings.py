@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.batch_readings import batch_readings
-from geometry import compiled
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.exploration.model_results import NAN, Results, error_prefix, percents, prefixes, ratio
@@ -20,9 +19,6 @@ from studies.sensing.field_readings import columns as element_columns
 
 MOST_DECODERS = 16
 """Number of decoders that are kept, some MB each."""
-COMPILED = 300_000
-"""Number of rows from which on the compiled field is used: it takes 0.5 s to load, and then 1 us less than NumPy for
-each field, of which a row may need six."""
 
 
 class StudyReadings:
@@ -91,8 +87,7 @@ class StudyReadings:
         possible = np.array([design is not None for design in batch.sensors])
         designs = [design or self.plan.design for design in batch.sensors]
         shift = np.where(possible[batch.sensor][:, None], shift, NAN)
-        with compiled.uncompiled() if self.plan.count < COMPILED else contextlib.nullcontext():
-            readings = batch_readings(designs, batch.sensor, shift, rotation)
+        readings = batch_readings(designs, batch.sensor, shift, rotation)
         return readings.field_T, readings.output
 
     def decoded(self, batch: Batch, results: Mapping[str, Results]) -> Columns:

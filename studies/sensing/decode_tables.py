@@ -30,7 +30,7 @@ COLUMNS = [*POSE_COLUMNS, *LOAD_COLUMNS, "condition", "multiplicity", "level"]
 MOST_SEARCHED = 2000
 """Number of rows out of the workspace whose poses are searched outside it: a limit of the time, not of the result."""
 MANY = 500
-"""Number of rows from which loading the compiled field takes less time than it saves."""
+"""Number of rows from which a terminal shows the progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,6 @@ def decode_file(
     """
     import numpy as np
 
-    from analytic import magnet
     from analytic.decode import decode
     from analytic.parts import columns
 
@@ -90,8 +89,6 @@ def decode_file(
         holes=True,
         instead={f"--units {other}": heads[other]} if elements[0].unit == "V" else {},
     )
-    if len(rows) >= MANY:
-        magnet.compiled()
     field = in_tesla(elements, values, unit)
     with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
         if progress is not None:

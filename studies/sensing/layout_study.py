@@ -42,7 +42,7 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answ
     BadInput
         The design has no magnet, a layout or range is impossible, or `layout_metrics.mechanics_of` refuses.
     """
-    from analytic import magnet, survey
+    from analytic import survey
     from studies.sensing import force_range, layout_metrics, layout_report, layout_search, layout_uniqueness
 
     design, basis = job.design, job.basis
@@ -58,7 +58,6 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answ
         layout_uniqueness.check(design)
     coder, noise = layout_metrics.prepare(design, law, basis)
     progress(0.0, "map of the workspace")
-    magnet.compiled()
     poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
     name = decode_readings.level_name(basis.level, basis.responses)
     row = layout_metrics.layout_row(coder, poses, noise, name)

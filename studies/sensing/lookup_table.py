@@ -110,7 +110,7 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
     """
     import numpy as np
 
-    from analytic import lookup, magnet
+    from analytic import lookup
 
     shape = (*grid.shape, len(model.elements))
     about = _about(model, grid, shape)
@@ -129,8 +129,6 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
         raise BadInput(
             f"the table needs {size / 1e6:.0f} MB, but the disk has only {room / 1e6:.0f} MB free: raise --step"
         )
-    # loading the kernel halfway would change the last bits, so a continued table would differ from one made at once
-    magnet.compiled()
     with _keep_part(part, note, key, shape[0], size // shape[0]), part.open("r+b" if done else "w+b") as stream:
         if not done:
             header = {"descr": "<f8", "fortran_order": False, "shape": shape}

@@ -200,7 +200,6 @@ def field(spec: Answer) -> Answer:
     from analytic import magnet
     from geometry.design import paper
 
-    magnet.compiled()
     design = paper()
     values = design.magnet_diameter / 2, design.magnet_height, design.remanence
     return _field(spec["points"], lambda x: magnet.cylinder_field(x, *values))
