@@ -439,7 +439,7 @@ def bench(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Measure time and memory at a given error beside FElupe, CalculiX and an earlier commit, and how cost grows.
+    """Measure time and memory at a given error beside FElupe, CalculiX and magpylib.
 
     A program that is not installed gets a row with its install command. Missed goals are listed; the exit status is
     then 3, also where a program is not installed.
@@ -447,40 +447,29 @@ def bench(
     Parameters
     ----------
     quick
-        Use medians of 3 runs instead of 5, and at most 50 000 unknowns.
+        Use medians of 3 runs instead of 5, and no references of shears.
     cases
-        Run only some cases, with commas between their names: compiled, press-curve, section, half-press,
-        half-press-magnet, half-shear, shear, friction, tilted-plate, small-shear, modes, field, first-call, growth;
-        default: all.
+        Run only some cases, with commas between their names: press-curve, half-press, half-press-magnet, half-shear,
+        shear, friction, tilted-plate, small-shear, modes, field; default: all.
     peers
         Folder of a Python environment with FElupe: python3 -m venv DIR && DIR/bin/pip install felupe.
     ccx
         Command that runs CalculiX.
     out
-        Folder for bench.csv, BENCH.md and size.png.
+        Folder for bench.csv and BENCH.md.
     """
     command_line = command(bench, locals())
-    from studies.validation import benchmark_tables
-    from studies.validation import solver_benchmark as study
+    from studies.validation import bench as study
 
-    own_files.check(out, ("BENCH.md", "bench.csv", "size.png"))
+    own_files.check(out, ("BENCH.md", "bench.csv"))
+    chosen = [] if cases is None else [name.strip() for name in cases.split(",")]
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = study.run(
-            quick=quick,
-            cases=[] if cases is None else [name.strip() for name in cases.split(",")],
-            folder=folder,
-            command=command_line,
-            peers_folder=peers,
-            ccx=ccx,
-            progress=progress,
-        )
-    console.report(
-        [row.row() for row in rows], as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide
-    )
+        rows = study.run(study.Bench(quick, peers, ccx), chosen, folder, command_line, progress)
+    console.report(rows, as_json=as_json, title="Speed", brief=study.BRIEF, wide=wide)
     for row in rows:
-        if row.message:
-            console.say(f"magtip: {row.case}: {row.message}")
-    return report_goals(benchmark_tables.goals(rows))
+        if row["message"]:
+            console.say(f"magtip: {row['case']}: {row['message']}")
+    return report_goals(study.goals(rows))
 
 
 def surrogate(

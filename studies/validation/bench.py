@@ -1,0 +1,677 @@
+"""Speed: what the finite elements cost at a given error, beside FElupe and CalculiX, and the field beside magpylib.
+
+ABOUT, which the report prints, describes the measurements; CASES and GOALS say what is measured and what is promised.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import os
+import platform
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from fem.accuracy import QUICK, STANDARD
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Magnet
+from geometry.messages import Progress
+from studies.output import provenance
+from studies.output.goals import Goal, page_lines
+from studies.output.provenance import ROOT
+from studies.validation import pages, peer_calculix
+from studies.validation.pages import Row
+from studies.validation.peer_calculix import Press
+
+ABOUT = """\
+Every solve runs in a separate process on one thread. Figures are medians of several runs: CPU seconds without
+imports, and peak memory of the process and its children. The imports are timed separately (`import_s`). Each
+program has a series of meshes. Of these, the cheapest counts whose force is within the tolerance at every load and
+in every run, compared with a fine reference; for a shear the tilt must be within the tolerance as well. The error is
+the largest over all loads.
+
+The time of magtip includes its mesher; the other programs get a finished mesh from the same mesher. Meshing with
+tetrahedra costs as much as the solve, so that the comparison with CalculiX leaves out the mesher's time (`mesh_s`).
+`faster` is the CPU time of the other program over that of magtip. Solves longer than 20 s are measured once. The
+speed of a machine changes within minutes. Therefore two programs that are compared run by turns if a solve takes
+less than a second. The median over the turns counts: of the ratio for FElupe and magpylib, and of the difference for
+a small shear."""
+
+Fields = Mapping[str, float | str]
+"""Fields of a load or of an accuracy that differ from the defaults."""
+Answer = dict[str, Any]
+"""The JSON object that a measured process prints, with what was counted of it."""
+
+DEPTHS_MM = tuple(0.25 * k for k in range(1, 13))
+DEPTH_MM = 1.0
+PRESS: tuple[Fields, ...] = ({"depth": DEPTH_MM, "friction": "stick"},)
+SHEAR: tuple[Fields, ...] = (*PRESS, {"depth": DEPTH_MM, "shear_x": 3.0, "friction": "stick"})
+RUB: tuple[Fields, ...] = ({"depth": DEPTH_MM, "friction": 0.5}, {"depth": DEPTH_MM, "shear_x": 5.0, "friction": 0.5})
+SECTIONS = (0.25, 0.22, 0.2, 0.19, 0.18, 0.16, 0.14, 0.12, 0.1, 0.08, 0.06)
+FINE: tuple[str, Fields] = ("axisymmetric", {"section_size": 0.018})
+FINE_SHEAR: tuple[str, Fields] = ("harmonic", {"section_size": 0.05, "section_patch": 0.0015, "harmonics": 5})
+CURVE, HALF, SHEARED = "press curve to 3 mm", "half model, press 1 mm", "press 1 mm, shear 3 mm, rigid magnet"
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A scene that magtip solves.
+
+    Attributes
+    ----------
+    key : name of the case for `--cases`.
+    name, model, magnet, loads : the scene; a load holds the fields of `geometry.loads.Load`.
+    ladder : accuracies to choose from, fields of `fem.accuracy.Accuracy`; the cheapest within tolerance counts.
+    tolerance_percent : of the force at every load; infinite where it is only reported.
+    reference : model and accuracy of the fine solution, or None.
+    goal_s, goal_MB : limits of CPU seconds and peak memory, infinite if there is none.
+    """
+
+    key: str
+    name: str
+    model: str
+    magnet: Magnet
+    loads: tuple[Fields, ...]
+    ladder: tuple[Fields, ...]
+    tolerance_percent: float
+    reference: tuple[str, Fields] | None
+    goal_s: float = math.inf
+    goal_MB: float = math.inf
+
+
+def _ladder(*names: str, rungs: Iterable[Sequence[float]]) -> tuple[Fields, ...]:
+    return tuple(dict(zip(names, rung, strict=True)) for rung in rungs)
+
+
+SOLIDS = _ladder("solid_size", rungs=zip((0.25, 0.2, 0.16, 0.14, 0.12)))
+SOLID_SHEARS = _ladder("solid_size", "solid_patch", rungs=((0.16, 0.04), (0.14, 0.03), (0.16, 0.02), (0.14, 0.015)))
+SECTION_SHEARS = _ladder(
+    *("section_size", "section_patch", "harmonics"),
+    rungs=(
+        *((0.18, 0.032, 3), (0.16, 0.032, 3), (0.16, 0.016, 3), (0.16, 0.008, 3), (0.14, 0.007, 3)),
+        *((0.2, 0.008, 4), (0.12, 0.006, 4)),
+    ),
+)
+LEVEL_QUICK = _ladder("section_size", "harmonics", rungs=[(QUICK.section_size, QUICK.harmonics)])
+PRESS_CURVE: tuple[Fields, ...] = tuple({"depth": depth} for depth in DEPTHS_MM)
+CASES = (
+    Case(
+        "press-curve", CURVE, "axisymmetric", "ignored", PRESS_CURVE, _ladder("section_size", rungs=zip(SECTIONS)),
+        0.5, FINE, goal_s=0.3,
+    ),
+    Case("half-press", HALF, "half", "ignored", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000),
+    Case(
+        "half-press-magnet", f"{HALF}, rigid magnet", "half", "rigid", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000
+    ),
+    Case("half-shear", SHEARED, "half", "rigid", SHEAR, SOLID_SHEARS, 1.0, FINE_SHEAR, goal_s=30),
+    Case("shear", SHEARED, "harmonic", "rigid", SHEAR, SECTION_SHEARS, 0.5, FINE_SHEAR, goal_s=1.5),
+    Case(
+        "friction", "press 1 mm, shear 5 mm, friction 0.5 to full slip", "harmonic", "rigid", RUB, LEVEL_QUICK,
+        math.inf, None, goal_s=10,
+    ),
+)  # fmt: skip
+"""What is measured of magtip; a line more is a case more."""
+TRIANGLES = tuple((size, tip) for size in SECTIONS for tip in (1.0, 0.6))
+"""Meshes for FElupe: edge length in units of D, and that at the tip over magtip's."""
+CCX_LADDERS = {0.49: (0.3, 0.25, 0.2, 0.16), 0.4998: (0.2, 0.16, 0.14)}
+"""Meshes for CalculiX, in units of D, for each Poisson's ratio that it is given; the second is the sensor's."""
+
+LEAST, MORE_S, MODES_S, TIMES, FIELD_TIMES, TILTED = {"FElupe": 12.0, "CalculiX": 4.0}, 0.2, 0.5, 10.0, 4.0, 3.0
+"""Goals: peers' CPU seconds over magtip's; CPU seconds of a small shear beyond the press, and of the modes; half over
+harmonic model under shear; magpylib's CPU seconds over magtip's; a tilted plate's over those of a shear."""
+POINTS = 1_000_000
+TILT_DEG, TILTED_DEPTH_MM, SHEAR_MM = 8.0, 0.8, 1.0
+LONG_S = 20.0
+"""CPU seconds beyond which a solve is measured once."""
+COLUMNS = (
+    *("case", "program", "setting", "dofs", "iterations", "runs", "import_s", "cpu_s", "mesh_s", "wall_s", "peak_MB"),
+    *("force_N", "error_percent", "faster", "goal", "met", "status", "message"),
+)
+"""Columns of bench.csv; None where a number is not known. force_N is of the last load, error_percent of the worst."""
+BRIEF = ("iterations", "runs", "import_s", "mesh_s", "wall_s", "force_N", "message")
+"""Left out of the printed table."""
+HEADS = {
+    "program": "program",
+    "setting": "setting",
+    "dofs": "unknowns",
+    "iterations": "iterations",
+    "error_percent": "error %",
+    "runs": "runs",
+    "import_s": "imports s",
+    "cpu_s": "CPU s",
+    "mesh_s": "mesher CPU s",
+    "wall_s": "wall s",
+    "peak_MB": "peak MB",
+    "faster": "magtip faster by a factor of",
+    "goal": "goal",
+    "met": "met",
+    "status": "status",
+    "message": "message",
+}
+
+
+# A run
+
+
+@dataclass(slots=True)
+class Bench:
+    """Options of a run, its rows so far, and the references and chosen accuracies of its cases."""
+
+    quick: bool
+    peers: Path
+    ccx: str
+    say: Callable[[str], None] = lambda text: None
+    design: Design = field(default_factory=paper)
+    rows: list[Row] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+    references: dict[str, list[Sequence[float]]] = field(default_factory=dict)
+    chosen: dict[str, Answer] = field(default_factory=dict)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs of which the median counts."""
+        return 3 if self.quick else 5
+
+    def add(self, case: str, program: str, setting: str, answer: Answer | None = None, **more: Any) -> Row:
+        """Add a row of the table from the answer of a process and return it."""
+        answer = answer or {}
+        forces = answer.get("forces_N")
+        row = dict.fromkeys(COLUMNS) | {name: answer[name] for name in COLUMNS if name in answer}
+        row |= {"case": case, "program": program, "setting": setting, "force_N": forces[-1] if forces else None}
+        row |= {"goal": "", "status": answer.get("status", "ok"), "message": answer.get("message", "")} | more
+        self.rows.append(row)
+        return row
+
+
+def run(
+    bench: Bench, cases: Sequence[str] = (), folder: Path | None = None, command: str = "",
+    progress: Progress | None = None,
+) -> list[Row]:  # fmt: skip
+    """Return all rows; with a folder also write bench.csv and BENCH.md, anew after each case.
+
+    Parameters
+    ----------
+    cases : names of the parts to run, see `PARTS`; none for all.
+    command : that this is run by.
+
+    Raises
+    ------
+    BadInput
+        A case has another name.
+    """
+    if unknown := [name for name in cases if name not in names()]:
+        raise BadInput(f"--cases takes {', '.join(names())}; got {unknown[0]}")
+    about, origin = machine(), provenance.versions()
+    chosen = [part for name, part in PARTS if name in cases or not cases]
+    for k, part in enumerate(chosen):
+        if progress is not None:
+            bench.say = functools.partial(progress, k / len(chosen))
+        part(bench)
+        if folder is not None:
+            write(folder, bench.rows, about | bench.versions, command, origin)
+    return bench.rows
+
+
+def names() -> list[str]:
+    """Return the names of the parts of the bench."""
+    return list(dict.fromkeys(name for name, _ in PARTS))
+
+
+def spec(model: str, magnet: str, loads: Sequence[Fields], accuracy: Fields) -> Answer:
+    """Return what `studies.validation.bench_worker` is to solve."""
+    return {"task": "trace", "model": model, "magnet": magnet, "loads": list(loads), "accuracy": accuracy}
+
+
+def measure_case(bench: Bench, case: Case) -> None:
+    """Add magtip's row of one case; its reference also judges the peers."""
+    # two models of one scene share its reference; that of a shear takes minutes
+    truth = bench.references.get(case.name)
+    if truth is None and case.reference is not None and not (bench.quick and case.reference is FINE_SHEAR):
+        bench.say(f"{case.name}: reference")
+        found = magtip(spec(case.reference[0], case.magnet, case.loads, case.reference[1]))
+        if found["status"] != "ok":
+            lost = {"status": "no reference", "message": f"the reference failed: {found['message']}"}
+            bench.add(case.name, "magtip", "", lost, goal=f"within {case.tolerance_percent:g} %", met=False)
+            return
+        truth = bench.references[case.name] = compared(found)
+    bench.say(f"{case.name}: magtip")
+
+    def solve(accuracy: Fields) -> Answer:
+        return magtip(spec(case.model, case.magnet, case.loads, accuracy))
+
+    rung, answer = measured(solve, case.ladder, truth, case.tolerance_percent, bench.runs)
+    bench.chosen[case.name] = spec(case.model, case.magnet, case.loads, rung)
+    limits = ((case.goal_s, "cpu_s", "s"), (case.goal_MB, "peak_MB", "MB"))
+    goals = [
+        (f"at most {limit:g} {unit}", answer.get(key, math.inf) <= limit)
+        for limit, key, unit in limits
+        if math.isfinite(limit)
+    ]
+    faster = over_half(bench, case, answer)
+    if faster is not None:
+        goals.append((f"{TIMES:g} times faster than the half model", faster >= TIMES))
+    met = answer["status"] == "ok" and all(good for _, good in goals)
+    goal = ", ".join([text for text, _ in goals] + ([f"within {case.tolerance_percent:g} %"] if truth else []))
+    setting = ", ".join(f"{name} {value:g}{'' if name == 'harmonics' else ' D'}" for name, value in rung.items())
+    bench.add(case.name, "magtip", setting, answer, goal=goal, met=met, faster=faster)
+
+
+def over_half(bench: Bench, case: Case, answer: Answer) -> float | None:
+    """Return how many times faster than the half model a section answers the same scene; None if not measured."""
+    half = next((row for row in bench.rows if row["case"] == case.name and "solid_size" in row["setting"]), None)
+    if half is None or not half["cpu_s"] or half["status"] != "ok" or answer["status"] != "ok":
+        return None
+    return float(half["cpu_s"] / answer["cpu_s"])
+
+
+def press_by_felupe(bench: Bench) -> None:
+    """Add FElupe's row of the press curve; magtip and FElupe run by turns."""
+    python = felupe_python(bench.peers)
+    goal = f"magtip at least {LEAST['FElupe']:g} times faster"
+    if python is None:
+        install = f"python3 -m venv {bench.peers} && {bench.peers}/bin/pip install felupe==11.3.0"
+        missing = {"status": "not installed", "message": f"FElupe is not installed: {install}"}
+        bench.add(CURVE, "FElupe", "", missing, goal=goal)
+        return
+    bench.say(f"{CURVE}: FElupe")
+    solve = functools.partial(felupe, python, bench.design, DEPTHS_MM)
+    truth = bench.references.get(CURVE)
+    (size, tip), answer = measured(lambda rung: solve(*rung), TRIANGLES, truth, 0.5, bench.runs)
+    bench.versions["FElupe"] = answer.get("version", "")
+    setting = f"second-order triangles (u, p, J), size {size:g} D, tip x {tip:g}"
+    row = beside(bench, bench.add(CURVE, "FElupe", setting, answer, goal=goal))
+    if row["met"] is not None:
+        bench.say(f"{CURVE}: magtip and FElupe by turns")
+        turns = [(magtip(bench.chosen[CURVE]), solve(size, tip)) for _ in range(bench.runs)]
+        # a run that fails counts as the slowest
+        row["faster"] = statistics.median(b.get("cpu_s", 0.0) / a.get("cpu_s", math.inf) for a, b in turns)
+        row["met"] = row["faster"] >= LEAST["FElupe"]
+
+
+def press_by_calculix(bench: Bench) -> None:
+    """Add CalculiX' rows of the half model's press, one for each Poisson's ratio."""
+    goal, command = f"magtip at least {LEAST['CalculiX']:g} times faster", shutil.which(bench.ccx)
+    if command is None:
+        message = "CalculiX is not installed: apt-get install calculix-ccx"
+        bench.add(HALF, "CalculiX", "", {"status": "not installed", "message": message}, goal=goal)
+        return
+    said = measure([command, "-v"]).out.splitlines()
+    bench.versions["CalculiX"] = next((f"ccx {line.split()[-1]}" for line in said if "Version" in line), "")
+    design = bench.design
+    press = Press(design.E, design.nu, design.L, design.R, DEPTH_MM)
+    for nu, ladder in CCX_LADDERS.items():
+        setting = f"C3D10, nu {nu:g}"
+        if bench.quick and nu == design.nu:
+            left_out = {"status": "left out", "message": "not part of the quick run"}
+            bench.add(HALF, "CalculiX", setting, left_out)
+            continue
+        bench.say(f"{HALF}: CalculiX with nu {nu:g}")
+        given = replace(press, nu=nu)
+        if nu == design.nu:
+            given = replace(given, contact="NODE TO SURFACE", stiffness=100.0)
+        meshes = {size: half_mesh(design, size) for size in ladder}
+        solve = functools.partial(_by_calculix, command, meshes, given)
+        size, answer = measured(solve, ladder, bench.references.get(HALF), 1.0, bench.runs)
+        beside(bench, bench.add(HALF, "CalculiX", f"{setting}, size {size:g} D", answer, goal=goal))
+
+
+def _by_calculix(command: str, meshes: Mapping[float, Any], press: Press, size: float) -> Answer:
+    return calculix(command, meshes[size], press)
+
+
+def beside(bench: Bench, peer: Row) -> Row:
+    """Add to a peer's row how many times faster magtip is; the mesher's time counts on neither side."""
+    own = next((row for row in bench.rows if row["case"] == peer["case"] and row["program"] == "magtip"), None)
+    if own is not None and own["status"] == peer["status"] == "ok" and own["cpu_s"] and peer["cpu_s"]:
+        peer["faster"] = peer["cpu_s"] / (own["cpu_s"] - (own["mesh_s"] or 0.0))
+        peer["met"] = peer["faster"] >= LEAST[peer["program"]]
+    return peer
+
+
+def small_shear(bench: Bench) -> None:
+    """Add a small shear about a press beside the press alone, by turns, at level standard."""
+    tasks = [spec("axisymmetric", "rigid", ({"depth": DEPTH_MM},), {}), {"task": "small shear", "depth": DEPTH_MM}]
+    case = "small shear about a press of 1 mm"
+    bench.say(case)
+    turns = [[magtip(task) for task in tasks] for _ in range(bench.runs)]
+    for setting, answers in zip(
+        ("the press alone", "with stiffness and tilt"), zip(*turns, strict=True), strict=True
+    ):
+        row = bench.add(case, "magtip", setting, median(answers))
+    more = statistics.median(b.get("cpu_s", math.inf) - a.get("cpu_s", 0.0) for a, b in turns)
+    row |= {"goal": f"at most {MORE_S:g} s more", "met": more <= MORE_S}
+
+
+def natural_frequencies(bench: Bench) -> None:
+    """Add the natural frequencies at level standard."""
+    case = "first eight modes, rigid magnet"
+    bench.say(case)
+    answer = median([magtip({"task": "modes", "count": 8}) for _ in range(bench.runs)])
+    met = bool(answer.get("cpu_s", math.inf) <= MODES_S)
+    bench.add(case, "magtip", f"level {STANDARD.name}", answer, goal=f"at most {MODES_S:g} s", met=met)
+
+
+def tilted_plate(bench: Bench) -> None:
+    """Add a tilted plate beside a shear, by turns, both at level standard and with the model of `auto`."""
+    case = f"plate tilted by {TILT_DEG:g} deg, press {TILTED_DEPTH_MM:g} mm"
+    tilt: Fields = {"depth": TILTED_DEPTH_MM, "plate_tilt": math.radians(TILT_DEG)}
+    shear: Fields = {"depth": TILTED_DEPTH_MM, "shear_x": SHEAR_MM, "friction": "stick"}
+    tasks = [spec("auto", "rigid", (load,), {}) for load in (shear, tilt)]
+    bench.say(case)
+    turns = [[magtip(task) for task in tasks] for _ in range(bench.runs)]
+    sheared, tilted = (median(answers) for answers in zip(*turns, strict=True))
+    bench.add(case, "magtip", f"the same press with a shear of {SHEAR_MM:g} mm instead", sheared)
+    goal = f"at most {TILTED:g} times the CPU s of the shear"
+    row = bench.add(case, "magtip", "tilted, level standard", tilted, goal=goal)
+    if sheared["status"] == tilted["status"] == "ok":
+        times = statistics.median(b["cpu_s"] / a["cpu_s"] for a, b in turns)
+        row |= {"met": times <= TILTED, "message": f"{times:.2f} times the CPU s of the shear"}
+
+
+def field_points(bench: Bench) -> None:
+    """Add the magnet's field on one thread beside magpylib, by turns."""
+    count = POINTS // 10 if bench.quick else POINTS
+    case = f"field of {count:,} points".replace(",", " ")
+    bench.say(case)
+    turns = [[magtip({"task": task, "points": count}) for task in ("field", "magpylib")] for _ in range(bench.runs)]
+    own, other = (median(answers) for answers in zip(*turns, strict=True))
+    bench.add(case, "magtip", "one thread", own)
+    goal = f"magtip at least {FIELD_TIMES:g} times faster"
+    if other["status"] != "ok":
+        missing = {"status": "not installed", "message": "magpylib does not run: pip install 'magpylib>=5.1'"}
+        bench.add(case, "magpylib", "", missing, goal=goal)
+        return
+    bench.versions["magpylib"] = other["version"]
+    faster = statistics.median(b["cpu_s"] / a["cpu_s"] for a, b in turns) if own["status"] == "ok" else None
+    met = faster is not None and faster >= FIELD_TIMES
+    bench.add(case, "magpylib", "one thread", other, goal=goal, faster=faster, met=met)
+
+
+PARTS: list[tuple[str, Callable[[Bench], None]]] = [
+    (case.key, functools.partial(measure_case, case=case)) for case in CASES
+]
+"""The parts of the bench by name; a peer has the name of its case and follows it."""
+PARTS[2:2] = [("half-press", press_by_calculix)]
+PARTS[1:1] = [("press-curve", press_by_felupe)]
+PARTS += [("tilted-plate", tilted_plate), ("small-shear", small_shear), ("modes", natural_frequencies)]
+PARTS += [("field", field_points)]
+
+
+# Statistics
+
+
+def compared(answer: Answer) -> list[Sequence[float]]:
+    """Return what counts for the error of an answer: forces, and tilts under shear where they are known."""
+    return [*answer["forces_N"], *answer.get("tilts_rad", ())]
+
+
+def errors_percent(forces: Sequence[Sequence[float]], truth: Sequence[Sequence[float]]) -> float:
+    """Return the largest relative error of the forces (or tilts) of all loads, in %.
+
+    >>> round(errors_percent([(0, 0, 1.0), (0, 0, 2.02)], [(0, 0, 1.0), (0, 0, 2.0)]), 9)
+    1.0
+    """
+    return 100 * max(math.dist(f, t) / math.hypot(*t) for f, t in zip(forces, truth, strict=True))
+
+
+def median(answers: Sequence[Answer]) -> Answer:
+    """Return medians of the numbers of several runs; all else is of the first that failed, or of the first."""
+    worst = next((answer for answer in answers if answer["status"] != "ok"), answers[0])
+    found = dict(worst)
+    for key, value in worst.items():
+        if isinstance(value, float) and all(key in answer for answer in answers):
+            found[key] = statistics.median(answer[key] for answer in answers)
+    known = [a["error_percent"] for a in answers if a.get("error_percent") is not None]
+    return found | {"error_percent": max(known, default=None), "runs": len(answers)}
+
+
+def measured(
+    solve: Callable[[Any], Answer],
+    ladder: Iterable[Any],
+    truth: Sequence[Sequence[float]] | None,
+    tolerance: float,
+    runs: int,
+) -> tuple[Any, Answer]:
+    """Return the cheapest rung that is within tolerance (%) in all of several runs, and their medians.
+
+    Each rung is solved once; those within tolerance are repeated, the cheapest first. Where none is, the most
+    accurate one counts, and where nothing was solved the last one.
+    """
+
+    def judged(rung: Any) -> Answer:
+        answer = solve(rung)
+        if answer["status"] == "ok" and truth is not None:
+            answer["error_percent"] = errors_percent(compared(answer), truth)
+        return answer
+
+    tried = [(rung, judged(rung)) for rung in ladder]
+    solved = [pair for pair in tried if pair[1]["status"] == "ok"]
+    good = [pair for pair in solved if truth is not None and pair[1]["error_percent"] <= tolerance]
+    good.sort(key=lambda pair: pair[1]["cpu_s"])
+    if truth is None or not solved:
+        good = [(solved or tried)[-1]]
+    elif not good:
+        good = [min(solved, key=lambda pair: pair[1]["error_percent"])]
+    for rung, first in good:
+        once = first["status"] != "ok" or first["cpu_s"] > LONG_S
+        found = median([first] if once else [judged(rung) for _ in range(runs)])
+        error = found["error_percent"]
+        if found["status"] != "ok" or error is None or error <= tolerance:
+            break
+        found |= {"status": "inaccurate", "message": f"the error of {error:.2g} % exceeds {tolerance:g} %"}
+    return rung, found
+
+
+# Page
+
+
+def goals(rows: Sequence[Row]) -> list[Goal]:
+    """Return the goals of the bench: answers of all programs, and each promise."""
+    lost = sum(row["status"] not in ("ok", "left out") for row in rows)
+    return [Goal("rows without an answer", lost, 0, len(rows))] + [
+        Goal(f"{row['case']} ({row['goal']}), promises missed", None if row["met"] is None else not row["met"], 0, 1)
+        for row in rows
+        if row["goal"]
+    ]
+
+
+def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], command: str, origin: str) -> None:
+    """Write bench.csv and BENCH.md: goals met, a table for each case, how and where it was measured."""
+    from studies.output.csv_tables import write_table
+
+    write_table(folder / "bench.csv", rows, digits=6)
+    blocks = ["# Speed", "\n".join(page_lines(goals(rows)))]
+    for case in dict.fromkeys(row["case"] for row in rows):
+        own = [row for row in rows if row["case"] == case]
+        heads = {key: head for key, head in HEADS.items() if any(row[key] not in (None, "") for row in own)}
+        blocks += [f"## {case.capitalize()}", pages.markdown(own, heads)]
+    where = pages.listed(f"{name}: {value}" for name, value in about.items() if value)
+    pages.write(folder / "BENCH.md", [*blocks, "## How it was measured", ABOUT, where], command, origin)
+
+
+def machine() -> dict[str, str]:
+    """Return the machine of the measurements: processor, system and load."""
+    found = {"machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
+    if hasattr(os, "getloadavg"):
+        found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
+    return found | {"mkl": provenance.installed("mkl") or "not installed"}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    found = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return found[0] if found else platform.machine()
+
+
+# Processes
+
+THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "CCX_NPROC_EQUATION_SOLVER")
+LIMIT_S = 1800.0
+_LAUNCHER = """
+import json, os, resource, subprocess, sys
+ended = subprocess.run(sys.argv[3:], cwd=sys.argv[2], stdin=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+with open(sys.argv[1], "w") as file:
+    json.dump({"exit": ended.returncode, "cpu_s": used.ru_utime + used.ru_stime,
+               "peak_MB": used.ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)}, file)
+"""
+"""Starts a program and notes what it used: Linux counts the memory of whoever starts a process as its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A process that has ended: its exit status, what it used and what it said."""
+
+    exit: int
+    cpu_s: float
+    peak_MB: float
+    out: str
+    err: str
+
+    @property
+    def last_words(self) -> str:
+        """The last line that is not empty, of standard error or else of standard output."""
+        return next((line.strip() for line in reversed(f"{self.out}\n{self.err}".splitlines()) if line.strip()), "")
+
+
+def measure(
+    command: Sequence[str], folder: Path | None = None, env: Mapping[str, str] | None = None, limit: float = LIMIT_S
+) -> Ended:
+    """Run a command on one thread and return what it used; beyond the limit in seconds it is stopped.
+
+    Raises
+    ------
+    BadInput
+        This system does not count what processes use.
+    """
+    if os.name != "posix":
+        raise BadInput("bench needs Linux or macOS, which count what processes use: run it there")
+    with tempfile.TemporaryDirectory() as own:
+        report = Path(own, "used.json")
+        start = [sys.executable, "-I", "-S", "-c", _LAUNCHER, str(report), str(folder or own), *command]
+        given = {**os.environ, **dict.fromkeys(THREADS, "1"), **(env or {})}
+        process = subprocess.Popen(
+            start, env=given, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", errors="replace",
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            out, err = process.communicate(timeout=limit)
+        except subprocess.TimeoutExpired:
+            _stop(process)
+            return Ended(-1, math.nan, math.nan, "", f"stopped after {limit:g} s")
+        except BaseException:
+            _stop(process)
+            raise
+        used = json.loads(report.read_text())
+    return Ended(out=out, err=err, **used)
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    """End the process and all it has started, which are a session of their own."""
+    import signal
+
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+def magtip(task: Answer) -> Answer:
+    """Return the answer of one task of `studies.validation.bench_worker` in a fresh process."""
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
+    # -P: the worker's own folder is no folder of packages
+    command = [sys.executable, "-P", str(ROOT / "studies/validation/bench_worker.py"), json.dumps(task)]
+    return _answer(measure(command, env={"PYTHONPATH": path}))
+
+
+def _answer(ended: Ended) -> Answer:
+    """Return the JSON object that a process printed, with its peak memory; its last words if it failed."""
+    if ended.exit or not ended.out.strip():
+        return {"status": "failed", "message": ended.last_words or f"exit status {ended.exit}"}
+    found: Answer = json.loads(ended.out.strip().splitlines()[-1])
+    return found | {"peak_MB": ended.peak_MB}
+
+
+def felupe_python(peers: Path) -> Path | None:
+    """Return the interpreter of a folder that holds FElupe's environment, if it can import it."""
+    python = (peers / "bin" / "python").absolute()
+    return python if python.exists() and not measure([str(python), "-c", "import felupe"]).exit else None
+
+
+def felupe(python: Path, design: Design, depths: Sequence[float], size: float, tip: float) -> Answer:
+    """Return the press curve by FElupe on a mesh of edge length `size` over D, at the tip `tip` times magtip's."""
+    import numpy as np
+
+    numbers = {"E_MPa": design.E, "nu": design.nu, "L_mm": design.L, "R_mm": design.R, "depths_mm": depths}
+    with tempfile.TemporaryDirectory() as folder:
+        given = Path(folder, "given.npz")
+        np.savez(given, **section_arrays(design, size, tip, min(depths)), **numbers)  # type: ignore[arg-type]
+        script = str(ROOT / "studies/validation/peer_felupe.py")
+        return _answer(measure([str(python), "-W", "ignore", script, str(given)]))
+
+
+def section_arrays(design: Design, size: float, tip: float, least_depth: float) -> Answer:
+    """Return the all-silicone section mesh as arrays for FElupe.
+
+    points (n, 2) r, z in mm; cells (m, 6); nodes of base, axis and edges. Its edge length at the tip is `tip` times
+    magtip's, which follows from the contact at the least depth.
+    """
+    import numpy as np
+
+    from geometry.section import section
+
+    tip *= size / 0.72 * math.sqrt(design.R * least_depth) / design.D
+    mesh = section(design.shape, size * design.D, tip_size=min(tip, size) * design.D, magnet="none")
+    edges = {
+        name: np.column_stack([mesh.facets[:, facets].T, mesh.nvertices + facets])
+        for name, facets in mesh.boundaries.items()
+    }
+    return {
+        "points": mesh.doflocs.T,
+        "cells": np.asarray(mesh.dofs.element_dofs).T,
+        "base": np.unique(edges["base"]),
+        "axis": np.unique(edges["axis"]),
+        "edges": edges["skin"],
+    }
+
+
+def calculix(ccx: str, mesh: Any, press: Press, limit: float = LIMIT_S) -> Answer:
+    """Return the half model's press by CalculiX on a tetrahedral mesh in mm."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "press.inp").write_text(peer_calculix.deck(mesh, press))
+        ended = measure([ccx, "-i", "press"], folder=Path(folder), limit=limit)
+        printed = Path(folder, "press.dat")
+        text = printed.read_text() if printed.exists() else ""
+    answer = {
+        "dofs": 3 * mesh.doflocs.shape[1],
+        "iterations": peer_calculix.iterations(ended.out),
+        "import_s": 0.0,
+        "cpu_s": ended.cpu_s,
+        "peak_MB": ended.peak_MB,
+    }
+    try:
+        time, normal = peer_calculix.force(text)
+    except ValueError as error:
+        return answer | {"status": "failed", "message": f"{error}: {ended.last_words}"}
+    if ended.exit or time < 1:
+        at = f"stopped at {time:.2g} of the depth: {ended.last_words}"
+        return answer | {"status": "not_converged", "message": at}
+    return answer | {"status": "ok", "message": "", "forces_N": [[0.0, 0.0, normal]]}
+
+
+def half_mesh(design: Design, size: float) -> Any:
+    """Return a new all-silicone half mesh in mm, of an edge length in units of D."""
+    from geometry.mesh import tetrahedra
+    from geometry.meshing import mesh_cache
+
+    with mesh_cache.bypassed():
+        return tetrahedra(design.shape, size * design.D, tip_size=size * design.D / 2, half=True, magnet="none")

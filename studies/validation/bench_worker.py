@@ -1,0 +1,137 @@
+"""One measured task, in a process of its own.
+
+`python studies/validation/bench_worker.py SPEC` prints one JSON object. The clock starts after the imports and after
+a small task of the same kind, which loads the solver's library and the functions that numba has compiled. CPU seconds
+count this process and its children; those of the children alone are the tetrahedral mesher's. `SPEC` is one of:
+
+    {"task": "trace", "model", "magnet", "loads": [{"depth", ...}], "accuracy": {"section_size", ...}}
+    {"task": "small shear", "depth"}         stiffness and tilt about a press, with the magnet, at level standard
+    {"task": "modes", "count"}               natural frequencies with the magnet, at level standard
+    {"task": "field", "points"}              the field of the paper's magnet
+    {"task": "magpylib", "points"}           the same by magpylib
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from geometry.design import paper
+
+Answer = dict[str, Any]
+
+OTHER: Answer = {"D": 8.2}
+"""Fields of the design that is solved before the clock starts: nothing of it is used again."""
+WARM = {"section_size": 0.25, "section_patch": 0.03, "harmonics": 2}
+"""Accuracy of that solve."""
+
+
+def main(text: str) -> None:
+    """Do what a specification says and print the answer."""
+    spec = json.loads(text)
+    tasks = {"trace": trace, "small shear": tangent, "modes": tangent, "field": field, "magpylib": field}
+    print(json.dumps(tasks[spec["task"]](spec)))
+
+
+def trace(spec: Answer) -> Answer:
+    """Follow a path of loads with the finite elements and tell forces, iterations and cost."""
+    from fem import equilibrium
+    from fem.accuracy import STANDARD
+    from geometry.loads import Load
+    from geometry.meshing import mesh_cache
+
+    def states(given: Answer) -> list[Any]:
+        loads = [Load(**load) for load in given["loads"]]
+        accuracy = replace(STANDARD, name="bench", **given["accuracy"])
+        design = replace(paper(), **given.get("design", {}))
+        with mesh_cache.bypassed():
+            model, magnet = given["model"], given["magnet"]
+            return equilibrium.trace(design, loads, accuracy, magnet=magnet, model=model, estimate=False)
+
+    # that of a solid is of a section with harmonics, because its mesher would take seconds
+    model = "harmonic" if spec["model"] in ("half", "full") else spec["model"]
+    own = spec["loads"] if spec["loads"][-1].get("shear_x") else spec["loads"][:1]
+    tenth = [{k: v / 10 if k in ("depth", "shear_x") else v for k, v in load.items()} for load in own]
+    small = {**spec, "model": model, "loads": tenth, "accuracy": WARM, "design": OTHER}
+    found, cost = timed(lambda: states(small), lambda: states(spec))
+    bad = [s for s in found if s.status != "ok"]
+    return cost | {
+        "status": bad[0].status if bad else "ok",
+        "message": bad[0].message if bad else "",
+        "forces_N": [s.response.force for s in found],
+        "tilts_rad": [(s.response.tilt,) for s in found if s.load.shear_x],
+        "dofs": found[-1].dofs,
+        "iterations": sum(s.newton_iterations for s in found),
+    }
+
+
+def tangent(spec: Answer) -> Answer:
+    """Compute what follows from one tangent: a small shear, or vibrations."""
+    from fem.analyses.modes import modes
+    from fem.analyses.small_shear import small_shear
+    from geometry.meshing import mesh_cache
+
+    def solve(design: Any) -> None:
+        with mesh_cache.bypassed():
+            if spec["task"] == "modes":
+                modes(design, count=spec["count"], estimate=False)
+            else:
+                small_shear(design, spec["depth"], estimate=False)
+
+    return timed(lambda: solve(replace(paper(), **OTHER)), lambda: solve(paper()))[1]
+
+
+def field(spec: Answer) -> Answer:
+    """Compute the field of the paper's magnet at normally distributed points, standard deviation 6 mm."""
+    design = paper()
+    points = np.random.default_rng(1).normal(size=(spec["points"], 3)) * 6
+    version = ""
+    if spec["task"] == "magpylib":
+        import magpylib
+
+        size = 1e-3 * design.magnet_diameter, 1e-3 * design.magnet_height
+        source = magpylib.magnet.Cylinder(polarization=(0, 0, design.remanence), dimension=size)
+        version = str(magpylib.__version__)
+
+        def solve(x: Any) -> Any:
+            return source.getB(1e-3 * x)
+    else:
+        from analytic.magnet import cylinder_field
+
+        def solve(x: Any) -> Any:
+            return cylinder_field(x, design.magnet_diameter / 2, design.magnet_height, design.remanence)
+
+    return timed(lambda: solve(points[:2000].copy()), lambda: solve(points))[1] | {"version": version}
+
+
+def timed(small: Callable[[], object], solve: Callable[[], Any]) -> tuple[Any, Answer]:
+    """Return the result of a solve after a small one, and what it cost."""
+    imported, base = cpu()[0], peak()
+    small()
+    before, wall = cpu(), time.perf_counter()
+    found = solve()
+    own, children = (now - then for now, then in zip(cpu(), before, strict=True))
+    cost = {"import_s": imported, "cpu_s": own + children, "mesh_s": children, "base_MB": base}
+    return found, cost | {"status": "ok", "message": "", "wall_s": time.perf_counter() - wall}
+
+
+def cpu() -> tuple[float, float]:
+    """Return CPU seconds of this process and of its children that have ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time(), children.ru_utime + children.ru_stime
+
+
+def peak() -> float:
+    """Return the largest resident memory so far, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,339 @@
+"""The bench at a reduced size: choice of meshes, decks, missing peers, one solve in a process of its own."""
+
+import ast
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skfem
+
+from fem.accuracy import STANDARD
+from fem.equilibrium import trace
+from geometry.design import paper
+from geometry.loads import Load
+from studies.validation import bench, peer_calculix
+
+ROOT = Path(__file__).resolve().parent.parent
+DAT = """
+ total force (fx,fy,fz) for set BASE and time  0.5000000E+00
+
+        2.445689E-16 -1.599861E-02  7.0E-01
+
+ total force (fx,fy,fz) for set BASE and time  0.1000000E+01
+
+       -6.317646E-16 -4.357604E-02  1.461206E+00
+"""
+
+
+def answer(error, cpu, status="ok"):
+    return {"status": status, "message": "", "cpu_s": cpu, "mesh_s": 0.0, "forces_N": [(0, 0, 1 + error / 100)]}
+
+
+def cube():
+    """A second-order mesh of the cube (0, 2)^3 with the half model's boundaries, its tip the face z = 2."""
+    flat = skfem.MeshTet.init_tensor(*[np.linspace(0, 2, 3)] * 3)
+    mesh = skfem.MeshTet2.from_mesh(flat)
+    return mesh.with_boundaries(
+        {"base": lambda x: x[2] < 1e-9, "skin": lambda x: x[2] > 2 - 1e-9, "symmetry": lambda x: x[1] < 1e-9}
+    )
+
+
+def numbers(deck, keyword):
+    """The data lines that follow a keyword line."""
+    lines = deck.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith(keyword)) + 1
+    found = []
+    for line in lines[start:]:
+        if line.startswith("*"):
+            break
+        found.append([float(v) for v in line.split(",")])
+    return np.array(found)
+
+
+# Figures
+
+
+def test_the_cheapest_mesh_within_tolerance_is_chosen():
+    ladder = {
+        "coarse": answer(2, 1),
+        "lucky": answer(-0.4, 5),
+        "good": answer(0.3, 3),
+        "lost": answer(0, 0.1, "failed"),
+    }
+    truth = [(0, 0, 1.0)]
+    assert bench.measured(ladder.get, ladder, truth, 0.5, 2)[0] == "good"
+    assert bench.measured(ladder.get, ladder, truth, 0.1, 2)[0] == "good", "none is within: the most accurate"
+    assert bench.measured(ladder.get, ["lost"], truth, 0.5, 2)[1]["status"] == "failed"
+
+
+def test_medians_keep_the_worst_error_and_a_failure():
+    runs = [answer(0, cpu) | {"error_percent": e} for cpu, e in ((1.0, 0.1), (9.0, 0.4), (2.0, 0.2))]
+    found = bench.median(runs)
+    assert (found["cpu_s"], found["error_percent"], found["runs"]) == (2.0, 0.4, 3)
+    assert bench.median([*runs, answer(0, 1.0, "failed")])["status"] == "failed"
+
+
+def test_a_mesh_that_misses_in_one_run_is_passed_over():
+    errors = {"noisy": iter([0.1, 0.1, 0.9]), "fine": iter([0.2, 0.2, 0.2])}
+    cost = {"noisy": 1.0, "fine": 2.0}
+    rung, found = bench.measured(lambda r: answer(next(errors[r]), cost[r]), errors, [(0, 0, 1.0)], 0.5, 2)
+    assert (rung, found["status"], found["cpu_s"]) == ("fine", "ok", 2.0)
+
+
+def test_an_error_beyond_tolerance_is_said():
+    errors = iter([0.1, 0.1, 0.9])
+    _, found = bench.measured(lambda _: answer(next(errors), 1.0), ["mesh"], [(0, 0, 1.0)], 0.5, 2)
+    assert found["status"] == "inaccurate"
+    assert "0.9 %" in found["message"]
+
+
+def test_tilt_counts_as_well_as_force():
+    tilted = answer(0.1, 1.0) | {"tilts_rad": [(0.102,)]}
+    assert bench.errors_percent(bench.compared(tilted), [(0, 0, 1.0), (0.1,)]) == pytest.approx(2)
+
+
+# CalculiX
+
+
+@pytest.fixture(scope="module")
+def deck():
+    return peer_calculix.deck(cube(), peer_calculix.Press(E=2.0, nu=0.49, L=2.0, R=2.0, depth=0.5))
+
+
+def test_deck_has_the_mesh_in_the_order_of_calculix(deck):
+    points = numbers(deck, "*NODE, NSET=BODY")[:, 1:]
+    cells = numbers(deck, "*ELEMENT, TYPE=C3D10")[:, 1:].astype(int) - 1
+    assert len(points) == cube().doflocs.shape[1]
+    x = points[cells]
+    np.testing.assert_allclose(np.linalg.det(x[:, 1:4] - x[:, :1]).sum() / 6, 8)
+    assert (np.linalg.det(x[:, 1:4] - x[:, :1]) > 0).all()
+    for k, (a, b) in enumerate([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)], 4):
+        np.testing.assert_allclose(x[:, k], (x[:, a] + x[:, b]) / 2, atol=1e-12)
+
+
+def test_deck_presses_the_tip_and_holds_base_and_symmetry(deck):
+    points = numbers(deck, "*NODE, NSET=BODY")[:, 1:]
+    cells = numbers(deck, "*ELEMENT, TYPE=C3D10")[:, 1:].astype(int) - 1
+    lines = deck.splitlines()
+    start = lines.index("*SURFACE, NAME=TIP, TYPE=ELEMENT") + 1
+    faces = [line.split(", S") for line in lines[start : lines.index("*SURFACE, NAME=LOWER, TYPE=ELEMENT")]]
+    corners = [cells[int(i) - 1, list(peer_calculix.FACES[int(side) - 1])] for i, side in faces]
+    assert len(faces) > 2
+    np.testing.assert_allclose(points[corners][..., 2], 2)
+    base, symmetry = (numbers(deck, f"*NSET, NSET={name}").ravel().astype(int) - 1 for name in ("BASE", "SYMMETRY"))
+    assert set(base) == set(np.flatnonzero(points[:, 2] == 0))
+    assert set(symmetry) == set(np.flatnonzero((points[:, 1] == 0) & (points[:, 2] > 0)))
+    plate = numbers(deck, "*NODE, NSET=PLATE")[:, 1:]
+    assert plate[:4, 2] == pytest.approx(2.0)
+    assert "PLATE, 3, 3, -0.5" in lines
+
+
+def test_deck_has_the_moduli_of_the_material(deck):
+    c10, d1 = numbers(deck, "*HYPERELASTIC")[0]
+    assert (2 * c10, 2 / d1) == pytest.approx((2.0 / (2 * 1.49), 2.0 / (3 * 0.02)))
+
+
+def test_force_is_the_last_one_of_both_halves():
+    assert peer_calculix.force(DAT) == pytest.approx((1.0, 2 * 1.461206))
+    with pytest.raises(ValueError, match="no force"):
+        peer_calculix.force("*ERROR")
+    assert peer_calculix.iterations(" increment 1 attempt 1\n iteration 1\n iteration 2\n") == 2
+
+
+# FElupe
+
+
+def test_section_mesh_for_felupe():
+    given = bench.section_arrays(paper(), 0.12, 1.0, 0.25)
+    points = given["points"]
+    x = points[given["cells"]]
+    assert x.shape[1:] == (6, 2)
+    assert np.ptp(points[given["base"], 1]) == 0
+    assert np.ptp(points[given["axis"], 0]) == 0
+    skin = points[given["edges"]].reshape(-1, 2)
+    dome = skin[skin[:, 1] > 5]
+    np.testing.assert_allclose(np.hypot(dome[:, 0], dome[:, 1] - 5), 4, rtol=1e-12)
+
+
+def test_scripts_of_peers_and_magtip_do_not_import_each_other():
+    def imports(path):
+        nodes = [
+            n for n in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(n, (ast.Import, ast.ImportFrom))
+        ]
+        names = [n.module if isinstance(n, ast.ImportFrom) else a.name for n in nodes for a in n.names]
+        return {name.split(".")[0] for name in names}
+
+    script = ROOT / "studies" / "validation" / "peer_felupe.py"
+    assert not imports(script) & {"geometry", "fem", "analytic", "studies"}
+    others = [
+        path for package in ("geometry", "fem", "analytic", "studies") for path in (ROOT / package).rglob("*.py")
+    ]
+    assert not [path for path in others if path != script and "felupe" in imports(path)]
+
+
+# Processes
+
+
+def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
+    accuracy = {"section_size": 0.12}
+    begin = time.perf_counter()
+    found = bench.magtip(bench.spec("axisymmetric", "ignored", [{"depth": 0.5}], accuracy))
+    whole = time.perf_counter() - begin
+    here = trace(paper(), [Load(depth=0.5)], replace(STANDARD, **accuracy), magnet="ignored", estimate=False)
+    assert found["status"] == "ok", found
+    assert found["forces_N"][0] == pytest.approx(here[0].response.force, rel=1e-9)
+    assert 0.001 < found["cpu_s"] < 20
+    # the imports are a part of the life of the process
+    assert found["import_s"] > 0.05
+    assert found["import_s"] + found["cpu_s"] < whole
+    assert 40 < found["base_MB"] <= found["peak_MB"] < 2000
+
+
+def test_a_solve_that_raises_is_a_failed_row():
+    found = bench.magtip(bench.spec("axisymmetric", "ignored", [{"depth": 20.0}], {}))
+    assert found["status"] == "failed"
+    assert "depth must be less than" in found["message"]
+
+
+def test_memory_is_that_of_the_child_alone():
+    ballast = np.ones(20_000_000)
+    assert bench.measure([sys.executable, "-I", "-S", "-c", "pass"]).peak_MB < 40
+    assert ballast[0] == 1
+
+
+def test_a_process_beyond_its_limit_is_stopped():
+    begin = time.perf_counter()
+    ended = bench.measure([sys.executable, "-c", "import time; time.sleep(60)"], limit=0.3)
+    assert time.perf_counter() - begin < 10
+    assert ended.exit != 0
+    assert "0.3 s" in ended.err
+
+
+@pytest.mark.parametrize(
+    "task",
+    [{"task": "small shear", "depth": 0.5}, {"task": "modes", "count": 1}, {"task": "field", "points": 9}],
+    ids=lambda task: task["task"],
+)
+def test_a_task_in_a_process_of_its_own(task):
+    found = bench.magtip(task)
+    assert found["status"] == "ok", found["message"]
+    assert found["cpu_s"] > 0
+
+
+# The command
+
+NO_PEERS = ("--peers", "nowhere", "--ccx", "no-such-ccx")
+
+
+@pytest.fixture
+def alone(monkeypatch):
+    """The bench without the solves of magtip."""
+    peers = [("press-curve", bench.press_by_felupe), ("half-press", bench.press_by_calculix)]
+    monkeypatch.setattr(bench, "PARTS", peers)
+
+
+def test_missing_peers_are_rows_that_say_how_to_install_them(alone, run, strict, tmp_path):
+    status, out, err = run("validate", "bench", *NO_PEERS, "--json", "--out", "found")
+    assert status == 3
+    rows = strict(out)
+    assert [(row["program"], row["status"]) for row in rows] == [
+        ("FElupe", "not installed"),
+        ("CalculiX", "not installed"),
+    ]
+    assert "nowhere/bin/pip install felupe" in rows[0]["message"]
+    assert "calculix-ccx" in err
+    assert all(row["met"] is None for row in rows)
+    text = (tmp_path / "found" / "BENCH.md").read_text("utf-8")
+    assert "0 of 3 goals are met" in text
+    assert "times faster), promises missed: no data" in text
+    assert "numpy" in text
+    assert (tmp_path / "found" / "bench.csv").read_text("utf-8").count("\n") == 3
+
+
+def test_only_the_chosen_cases_run(monkeypatch, run, strict):
+    parts = [("modes", lambda own: None), ("field", lambda own: own.add("field", "magtip", "one thread"))]
+    monkeypatch.setattr(bench, "PARTS", parts)
+    status, out, _ = run("validate", "bench", "--cases", "field, modes", "--json")
+    assert (status, [row["case"] for row in strict(out)]) == (0, ["field"])
+    status, _, err = run("validate", "bench", "--cases", "fields")
+    assert (status, "--cases takes modes, field" in err, "got fields" in err) == (2, True, True)
+
+
+def test_the_help_names_all_cases(run):
+    _, out, _ = run("validate", "bench", "--help")
+    assert all(name in out for name in bench.names())
+
+
+def quick_case(goal_s):
+    loads, fine = ({"depth": 1.0},), ("axisymmetric", {})
+    return bench.Case("one", "quick one", "axisymmetric", "ignored", loads, ({},), 0.5, fine, goal_s)
+
+
+@pytest.mark.parametrize(("cpu", "met"), [(0.2, True), (0.4, False)])
+def test_goals_are_judged_and_misses_said(monkeypatch, run, strict, cpu, met):
+    monkeypatch.setattr(bench, "PARTS", [("one", lambda own: bench.measure_case(own, quick_case(0.3)))])
+    monkeypatch.setattr(bench, "magtip", lambda task: answer(0.1, cpu) | {"dofs": 9, "peak_MB": 50.0})
+    status, out, err = run("validate", "bench", "--quick", "--json")
+    assert status == (0 if met else 3)
+    assert strict(out)[0]["met"] is met
+    assert ("one (at most 0.3 s, within 0.5 %), promises missed: 1" in err) is not met
+
+
+def test_a_lost_reference_meets_no_goal(monkeypatch, run, strict):
+    monkeypatch.setattr(bench, "PARTS", [("one", lambda own: bench.measure_case(own, quick_case(9.0)))])
+    monkeypatch.setattr(bench, "magtip", lambda task: {"status": "failed", "message": "lost"})
+    row = strict(run("validate", "bench", "--quick", "--json")[1])[0]
+    assert (row["status"], row["met"]) == ("no reference", False)
+
+
+def few():
+    return bench.Bench(True, Path("nowhere"), "no-such-ccx")
+
+
+@pytest.mark.parametrize(("shear", "modes", "met"), [(0.5, 0.4, [True, True]), (0.6, 0.6, [False, False])])
+def test_what_follows_from_a_tangent_is_held_against_its_goals(monkeypatch, shear, modes, met):
+    cost = {"trace": 0.35, "small shear": shear, "modes": modes}
+    monkeypatch.setattr(bench, "magtip", lambda task: answer(0, cost[task["task"]]))
+    own = few()
+    bench.small_shear(own)
+    bench.natural_frequencies(own)
+    assert [row["met"] for row in own.rows] == [None, *met]
+
+
+def test_a_tilted_plate_is_held_against_a_shear(monkeypatch):
+    tilted = {True: answer(0, 2.0), False: answer(0, 1.0)}
+    monkeypatch.setattr(bench, "magtip", lambda task: dict(tilted["plate_tilt" in task["loads"][0]]))
+    own = few()
+    bench.tilted_plate(own)
+    assert (own.rows[1]["met"], own.rows[1]["message"]) == (True, "2.00 times the CPU s of the shear")
+
+
+def test_the_field_is_held_against_magpylib(monkeypatch):
+    monkeypatch.setattr(bench, "POINTS", 50_000)
+    monkeypatch.setattr(bench.Bench, "runs", 1)
+    own = few()
+    bench.field_points(own)
+    assert [(row["program"], row["cpu_s"] > 0) for row in own.rows] == [("magtip", True), ("magpylib", True)]
+    assert own.rows[1]["met"] is (own.rows[1]["faster"] >= bench.FIELD_TIMES)
+
+
+def test_a_section_is_compared_with_the_half_model_of_its_scene():
+    case = next(case for case in bench.CASES if case.key == "shear")
+    own = few()
+    assert bench.over_half(own, case, answer(0, 1.5)) is None
+    own.add(case.name, "magtip", "solid_size 0.14 D", answer(0, 30.0))
+    assert bench.over_half(own, case, answer(0, 1.5)) == 20
+
+
+def test_faster_leaves_the_mesher_out():
+    own = few()
+    own.add("c", "magtip", "", {"status": "ok", "cpu_s": 3.0, "mesh_s": 2.0})
+    peer = bench.beside(own, own.add("c", "CalculiX", "", {"status": "ok", "cpu_s": 5.0}))
+    assert (peer["faster"], peer["met"]) == (5.0, True)
+
+
+def test_the_machine_is_named():
+    assert "cores" in bench.machine()["machine"]
