@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from fem.model import elements, rigid_inclusion, symmetry_models, viscous_history
+from fem.model import elements, rigid_inclusion, symmetry_models, viscoelasticity
 from fem.model.material import Law, lame, law
 from fem.model.nonlinear_system import System
 from fem.solve.press import solve_press
@@ -30,11 +30,11 @@ def prepare() -> None:
     # springs of the plate, chosen and by their overlap
     solve_press(symmetry_models.section(shape.scaled(1 / shape.D), 0.49, "rigid", 0.4, 0.2), 0.02)
     # a time step of each viscoelastic law
-    branches = viscous_history.Branches(np.array([0.5]), np.array([1.0]), 1.0)
+    branches = viscoelasticity.Branches(np.array([0.5]), np.array([1.0]), 1.0)
     for name in ("prony", "finite"):
         (m, q), t = system.elements.weights.shape, len(system.elements.angles.theta)
         assert state is not None
-        system.viscous = viscous_history.at_rest(name, branches, (t, m, q)).overstress(1.0)
+        system.viscous = viscoelasticity.at_rest(name, branches, (t, m, q)).overstress(1.0)
         system.assemble(state, None)
 
 

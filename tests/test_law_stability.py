@@ -5,7 +5,7 @@ import pytest
 
 from fem import equilibrium
 from fem.accuracy import STANDARD
-from fem.model import element_integrals
+from fem.model import elements
 from fem.results import material_stability
 from fem.scene import Scene
 from geometry.design import paper
@@ -58,9 +58,7 @@ def visited(depth):
     try:
         assert not path.go(depth / paper().D, np.zeros(2))
         e, u = path.state.d.system.elements, path.state.u
-        return material_stability.logarithmic_strains(e, slice(None), u), element_integrals.volumes(
-            e, slice(None)
-        ).ravel()
+        return material_stability.logarithmic_strains(e, slice(None), u), elements.volumes(e, slice(None)).ravel()
     finally:
         path.close()
 

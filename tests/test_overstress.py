@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from fem.model import symmetry_models, viscous_history
-from fem.model.assembled_state import State
-from fem.model.nonlinear_system import System
-from fem.model.viscous_history import Branches
+from fem.model import symmetry_models, viscoelasticity
+from fem.model.nonlinear_system import State, System
+from fem.model.viscoelasticity import Branches
 from geometry.arrays import Array
 from geometry.design import paper
 
@@ -26,9 +25,9 @@ def _in_step(system: System, law: str) -> System:
     """Return the system in a time step after another one."""
     e = system.elements
     points = len(e.angles.theta), *e.weights.shape
-    history = viscous_history.at_rest(law, BRANCHES, points)
+    history = viscoelasticity.at_rest(law, BRANCHES, points)
     before = system.state(_deformed(system, 1))
-    history = history.advance(viscous_history.measure(e, system.law, system.mu, before.u), 0.3)
+    history = history.advance(viscoelasticity.measure(e, system.law, system.mu, before.u), 0.3)
     system.viscous = history.overstress(0.4)
     return system
 

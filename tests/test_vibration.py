@@ -15,7 +15,7 @@ from fem.analyses.modes import frequency_unit, modes
 from fem.analyses.small_shear import small_shear
 from fem.analyses.vibration import build_blocks
 from fem.equilibrium import solve
-from fem.model import element_integrals, material, plate_contact
+from fem.model import elements, material, plate_contact
 from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
 from fem.solve.direct_solver import Solver
@@ -220,13 +220,13 @@ def test_the_relaxing_stiffness_is_the_change_of_the_second_piola_stress(law, lo
 
     def work(step):
         """Stress at u + step v, times the change of the strain at u along v."""
-        G = element_integrals.gradient(e, slice(None), state.u + step * v)
+        G = elements.gradient(e, slice(None), state.u + step * v)
         _, P, _ = material.evaluate(LAWS[law], G, system.mu, tangent=False)
         inverse = np.linalg.inv(np.moveaxis(G, (0, 1), (-2, -1)) + np.eye(3))
         S = np.einsum("mqJi,iLmq->JLmq", inverse, P)
-        F = element_integrals.gradient(e, slice(None), state.u) + np.eye(3)[:, :, None, None]
-        dE = np.einsum("iJ...,iL...->JL...", F, element_integrals.gradient(e, slice(None), v))
-        return np.einsum("JLmq,JLmq,mq->", S, dE, element_integrals.volumes(e))
+        F = elements.gradient(e, slice(None), state.u) + np.eye(3)[:, :, None, None]
+        dE = np.einsum("iJ...,iL...->JL...", F, elements.gradient(e, slice(None), v))
+        return np.einsum("JLmq,JLmq,mq->", S, dE, elements.volumes(e))
 
     step = 1e-7
     expected = (work(step) - work(-step)) / (2 * step)

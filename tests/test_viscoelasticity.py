@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.model import material, viscoelasticity, viscous_history
-from fem.model.viscous_history import Branches, History, PointState
+from fem.model import material, viscoelasticity
+from fem.model.viscoelasticity import Branches, History, PointState
 from geometry.arrays import Array
 
 BRANCHES = Branches(np.array([0.3, 0.2]), np.array([0.5, 2.0]), 1.0)
@@ -32,7 +32,7 @@ def _rotation(angle: float) -> Array:
 
 def _follow(law: str, motion: list[Array], dt: float) -> tuple[History, list[Array]]:
     """Return the last history and all stresses S (6,) on the way."""
-    history, stresses = viscous_history.at_rest(law, BRANCHES, (1, 1, 1)), []
+    history, stresses = viscoelasticity.at_rest(law, BRANCHES, (1, 1, 1)), []
     for F in motion:
         now = _point(F)
         history = history.advance(now, dt)
@@ -42,7 +42,7 @@ def _follow(law: str, motion: list[Array], dt: float) -> tuple[History, list[Arr
 
 @pytest.mark.parametrize("law", ["prony", "finite"])
 def test_held_block_of_small_shear_relaxes_like_the_branches(law: str) -> None:
-    history = viscous_history.at_rest(law, BRANCHES, (1, 1, 1)).advance(_point(_shear(1e-4)), 0.0)
+    history = viscoelasticity.at_rest(law, BRANCHES, (1, 1, 1)).advance(_point(_shear(1e-4)), 0.0)
     history = history.advance(_point(_shear(1e-4)), 0.7)
     relaxed = BRANCHES.rest + float(BRANCHES.shares @ np.exp(-0.7 / BRANCHES.times))
     assert history.stress(_point(_shear(1e-4))).ravel()[4] == pytest.approx(1e-4 * relaxed, rel=1e-7)
@@ -50,7 +50,7 @@ def test_held_block_of_small_shear_relaxes_like_the_branches(law: str) -> None:
 
 def test_held_block_of_large_shear_relaxes_like_the_branches() -> None:
     now = _point(_shear(1.5))
-    history = viscous_history.at_rest("prony", BRANCHES, (1, 1, 1)).advance(now, 0.0)
+    history = viscoelasticity.at_rest("prony", BRANCHES, (1, 1, 1)).advance(now, 0.0)
     first = history.stress(now)
     relaxed = BRANCHES.rest + float(BRANCHES.shares @ np.exp(-3.0 / BRANCHES.times))
     assert history.advance(now, 3.0).stress(now) == pytest.approx(relaxed * first, rel=1e-13)
@@ -102,7 +102,7 @@ def test_fast_and_slow_limits_are_elastic(law: str, dt: float) -> None:
 def test_work_on_the_finite_law_is_stored_or_dissipated() -> None:
     steps = 800
     times = np.arange(1, steps + 1) / steps
-    history: History = viscous_history.at_rest("finite", BRANCHES, (1, 1, 1))
+    history: History = viscoelasticity.at_rest("finite", BRANCHES, (1, 1, 1))
     before, stress, work, lost = _point(np.eye(3)), np.zeros((6, 1, 1, 1)), 0.0, 0.0
     rate = 0.0
     for t in times:
@@ -110,7 +110,7 @@ def test_work_on_the_finite_law_is_stored_or_dissipated() -> None:
         history = history.advance(now, 1 / steps)
         after = history.stress(now)
         work += float(viscoelasticity.contract(stress + after, now.C - before.C).item()) / 4
-        assert isinstance(history, viscous_history.FiniteHistory)
+        assert isinstance(history, viscoelasticity.FiniteHistory)
         faster = sum(
             viscoelasticity.dissipation_rate(Ci, now.C, now.J, share * np.ones(1), tau).item()
             for Ci, share, tau in zip(history.viscous, BRANCHES.shares, BRANCHES.times, strict=True)

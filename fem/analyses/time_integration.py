@@ -10,9 +10,9 @@ import numpy as np
 
 from fem.analyses import time_steps
 from fem.analyses.time_steps import ViscousState
-from fem.model import viscous_history
+from fem.model import viscoelasticity
 from fem.model.plate_contact import SECTION_KAPPA
-from fem.model.viscous_history import Branches
+from fem.model.viscoelasticity import Branches
 from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin
 from fem.scene import Scene
 from fem.solve import increment_watch, load_increments
@@ -93,7 +93,7 @@ class TimedPath:
         R, depth = scene.shape.R, deepest / scene.design.D
         self.stiffness = state.kappa / (R if state.grip else math.sqrt(R * depth) if depth else R)
         branches, e = branches_of(scene.design), state.d.elements
-        history = viscous_history.at_rest(law, branches, (len(e.angles.theta), *e.weights.shape))
+        history = viscoelasticity.at_rest(law, branches, (len(e.angles.theta), *e.weights.shape))
         self.state = time_steps.at_rest(time_steps.with_stiffness(state, self.stiffness), history)
         self.least_force = HERTZ_SHARE * branches.instantaneous * 4 / 3 * math.sqrt(R) * depth**1.5
         self.steps, self.iterations, self.next_step = 0, 0, 0.0

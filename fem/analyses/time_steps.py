@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from fem.analyses import time_quadrature
 from fem.analyses.time_quadrature import TimeIntegral
-from fem.model import coulomb_friction, plate_contact, viscoelasticity, viscous_history
+from fem.model import coulomb_friction, plate_contact, viscoelasticity
 from fem.model.nonlinear_system import System
 from fem.model.plate_contact import Plate
-from fem.model.viscous_history import History, PointState
+from fem.model.viscoelasticity import History, PointState
 from fem.results.postprocess import tip_force
 from fem.solve.kept_tangent import KeptTangent, newton_near
 from fem.solve.load_increments import find_equilibrium, path_at
@@ -92,7 +92,7 @@ class ViscousState:
 
 def measure(system: System, u: Array) -> PointState:
     """Return strain and elastic stress at the integration points for nodal fields u."""
-    return viscous_history.measure(system.elements, system.law, system.mu, u)
+    return viscoelasticity.measure(system.elements, system.law, system.mu, u)
 
 
 def _first_measure(path: PathState) -> PointState:

@@ -46,11 +46,10 @@ import numpy as np
 from fem.accuracy import STANDARD, Accuracy
 from fem.analyses.modes import eigen, frequency_unit, inertia_of_magnet, pressed_sensor
 from fem.equilibrium import start_path
-from fem.model import coulomb_friction, element_integrals, plate_contact, single_order
-from fem.model.assembled_state import Assembly, State
+from fem.model import coulomb_friction, element_assembly, plate_contact, single_order
 from fem.model.elements import Surface
 from fem.model.material import lame
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import ORDER_FIELDS, pose_slopes, read
@@ -209,7 +208,7 @@ def _inertial_load(system: System, state: State, inertia: Array, motion: Motion)
     # u_z = z_0 in the axisymmetric model, u_x = w_-1 in that of order 1
     moved[:, 1 if motion == "z" else 2] = 1.0
     forces = np.zeros(system.fixed.shape)
-    np.add.at(forces, e.cells, np.einsum("mfagb,mbg->maf", element_integrals.mass(e, 1.0), moved[e.cells]))
+    np.add.at(forces, e.cells, np.einsum("mfagb,mbg->maf", element_assembly.mass(e, 1.0), moved[e.cells]))
     load = np.concatenate([forces[system.free], np.zeros(system.n_rigid + system.n_pressure)])
     if system.rigid:
         by_motion = system.rigid.derivative(system.motion(state.q))

@@ -29,26 +29,33 @@ import numpy as np
 
 from geometry.arrays import Array, Ints
 
-Family = tuple[slice, slice]
-"""A range of fields, and the range of the displacement components that these fields alone carry."""
-
 
 @dataclass(frozen=True, slots=True)
-class Pairs:
-    """Pairs of fields of two families.
+class FieldPairs:
+    """Pairs of fields f <= g, and the products V_iJf V_kLg of their gradients.
 
     Attributes
     ----------
-    first, second : (s,) numbers f and g of the fields.
-    i, k : displacement components that the families carry.
-    products : (3, 3, i k t, s) products V_iJf V_kLg, with J and L first.
+    number : (f, f) number of each pair of fields.
+    groups : pairs in four groups, of fields that carry the components i and k of the displacement: i, k, numbers of
+        the pairs, and products (9, i k t, pairs), with J L first.
+    terms : without angles, the few products that are not zero, as rows J L, pair, i J, k L, and their factors.
     """
 
-    first: Ints
-    second: Ints
-    i: slice
-    k: slice
-    products: Array
+    number: Ints
+    groups: list[tuple[slice, slice, slice, Array]]
+    terms: tuple[Ints, Array] | None
+
+    @property
+    def count(self) -> int:
+        return int(self.number.max()) + 1
+
+    def places(self, a: int) -> Ints:
+        """Return the positions (a, f, a, f) in an element matrix (a, a, pairs), for elements with a nodes."""
+        node, field = np.arange(a * a).reshape(a, a), np.arange(len(self.number))
+        ahead = (field[:, None] <= field)[:, None]
+        blocks = np.where(ahead, node[:, None, :, None], node.T[:, None, :, None])
+        return np.asarray(self.count * blocks + self.number[:, None])
 
 
 @dataclass(frozen=True)
@@ -63,8 +70,6 @@ class Angles:
     E : (t, 3, f) displacement components r, theta, z (x, y, z in a solid) of each field.
     V : (t, 3, 3, f) displacement gradient G_iJ of each derivative J of a field.
     C : (t, n) pressure of each pressure field.
-    components : positions of the G_iJ that can differ from zero, where they are few and there is one angle; else
-        None.
     """
 
     theta: Array
@@ -73,7 +78,6 @@ class Angles:
     E: Array
     V: Array
     C: Array
-    components: tuple[int, ...] | None = None
     sines: bool = False
 
     @property
@@ -85,24 +89,27 @@ class Angles:
         return int(self.C.shape[1])
 
     @functools.cached_property
-    def pairs(self) -> list[Pairs]:
-        """All pairs of fields f <= g, in a group for each two families."""
-        pairs = []
-        for (f, i), (g, k) in itertools.combinations_with_replacement(self._families, 2):
-            first, second = np.meshgrid(np.arange(self.fields)[f], np.arange(self.fields)[g], indexing="ij")
-            once = first <= second
-            first, second = first[once], second[once]
-            product = np.einsum("tiJs,tkLs->JLikts", self.V[:, i][..., first], self.V[:, k][..., second])
-            pairs.append(Pairs(first, second, i, k, product.reshape(3, 3, -1, len(first))))
-        return pairs
-
-    @property
-    def _families(self) -> list[Family]:
-        """Fields of the displacement across the axis and along it; one family of all fields without harmonics."""
-        if self.harmonics == 0:
-            return [(slice(0, self.fields), slice(0, 3))]
-        n = self.fields - self.pressures
-        return [(slice(0, n), slice(0, 2)), (slice(n, self.fields), slice(2, 3))]
+    def pairs(self) -> FieldPairs:
+        """All pairs of fields f <= g."""
+        across, number = self.fields - self.pressures, np.zeros((self.fields, self.fields), dtype=np.int64)
+        # fields of the displacement across the axis and along it, and the components that they carry
+        families = (slice(0, across), slice(0, 2)), (slice(across, self.fields), slice(2, 3))
+        groups, terms, factors, count = [], [], [], 0
+        for (f, i), (g, k) in itertools.combinations_with_replacement(families, 2):
+            pairs = np.indices(number.shape)[:, f, g].reshape(2, -1)
+            first, second = pairs[:, pairs[0] <= pairs[1]]
+            at = slice(count, count + len(first))
+            V, other = self.V[:, i][..., first], self.V[:, k][..., second]
+            products = np.ascontiguousarray(np.einsum("tiJs,tkLs->JLikts", V, other)).reshape(9, -1, len(first))
+            groups.append((i, k, at, products))
+            number[first, second] = number[second, first] = np.arange(at.start, at.stop)
+            count = at.stop
+            JL, ik, pair = np.nonzero(products) if len(self.V) == 1 else np.zeros((3, 0), dtype=np.int64)
+            own_i, own_k = i.start + ik // (k.stop - k.start), k.start + ik % (k.stop - k.start)
+            terms.append(np.stack([JL, at.start + pair, 3 * own_i + JL // 3, 3 * own_k + JL % 3], axis=1))
+            factors.append(products[JL, ik, pair])
+        listed = (np.concatenate(terms), np.concatenate(factors)) if len(self.V) == 1 else None
+        return FieldPairs(number, groups, listed)
 
 
 def orders(harmonics: int) -> range:
@@ -128,8 +135,7 @@ def fields_at(theta: Array, harmonics: int, *, sines: bool = False) -> Angles:
     """Return the fields of a section of revolution at equally weighted angles (t,)."""
     k, n = np.array(orders(harmonics)), np.arange(harmonics + 1)
     E, V, C = _field_functions(theta, k, n, sines=sines)
-    few = (0, 2, 4, 6, 8) if len(theta) == 1 else None
-    return Angles(theta, np.full(len(theta), 2 * np.pi / len(theta)), harmonics, E, V, C, few, sines)
+    return Angles(theta, np.full(len(theta), 2 * np.pi / len(theta)), harmonics, E, V, C, sines)
 
 
 def order_fields(order: int) -> Angles:
@@ -187,5 +193,4 @@ def cartesian_fields(dim: int) -> Angles:
     """Return the fields of a solid, or of plane strain in x and z."""
     E = np.eye(3)[None] if dim == 3 else np.eye(3)[None, :, [0, 2]]
     one = np.ones(1)
-    few = (0, 2, 6, 8) if dim == 2 else None
-    return Angles(np.zeros(1), one, 0, E, np.repeat(E[:, :, None, :], 3, axis=2), one[:, None], few)
+    return Angles(np.zeros(1), one, 0, E, np.repeat(E[:, :, None, :], 3, axis=2), one[:, None])

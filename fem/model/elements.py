@@ -284,6 +284,23 @@ def build(
     )
 
 
+def gradient(e: Elements, part: slice, u: Array) -> Array:
+    """Return the displacement gradients G, shape (3, 3, m, q t), of nodal fields u (n, fields)."""
+    D, V = e.D[part], e.angles.V
+    m, q, _, a = D.shape
+    t, f = len(V), V.shape[-1]
+    g = (D.reshape(m, 3 * q, a) @ u[e.cells[part]]).reshape(m * q, 3, f)
+    G = np.empty((3, 3, m * q, t))
+    for J in range(3):
+        G[:, J] = (g[:, J] @ V[:, :, J].reshape(3 * t, f).T).reshape(m * q, t, 3).transpose(2, 0, 1)
+    return G.reshape(3, 3, m, q * t)
+
+
+def volumes(e: Elements, part: slice = slice(None)) -> Array:
+    """Return the weights of the integration points, shape (m, q t)."""
+    return np.asarray((e.weights[part][..., None] * e.angles.weights).reshape(len(e.weights[part]), -1))
+
+
 def _check_unfolded(mesh: skfem.Mesh, determinant: Array) -> None:
     """Refuse elements whose determinants (m, q) have both signs, and neighbours on one side of their common facet."""
     folded = int(np.count_nonzero(~(determinant.min(axis=1) * determinant.max(axis=1) > 0)))

@@ -17,26 +17,62 @@ from __future__ import annotations
 
 import copy
 import functools
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.model import axisymmetric_loops, element_integrals, element_loops, material, plate_contact
-from fem.model.assembled_state import Assembly, State
-from fem.model.axisymmetric_loops import AxisymmetricLoops
-from fem.model.element_loops import FACETS, MOTION, Loops
+from fem.model import element_assembly, material, plate_contact
+from fem.model.element_assembly import FACETS, ElementAssembly
 from fem.model.elements import Elements, Surface
-from fem.model.overstress import Overstress
 from fem.model.plate_contact import Plate
 from fem.model.rigid_inclusion import RigidBody
 from fem.model.sparse_pattern import Pattern
+from fem.model.viscoelasticity import Overstress
 from geometry.arrays import Array, Ints
 
 NONE: Ints = np.empty(0, dtype=np.int64)
 ON_AXIS = 1e-9
 """Radius over D below which a node lies on the axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Displacements and pressures of given unknowns.
+
+    Attributes
+    ----------
+    q : (n,) unknowns.
+    u : (nodes, fields) displacements.
+    p : (corners, pressures) pressures; on the axis of a section those of the harmonics are 0.
+    least_J : least volume ratio J at the integration points; 1 where not computed.
+    """
+
+    q: Array
+    u: Array
+    p: Array
+    least_J: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Assembly:
+    """Residual, energy and tangent at a state; `forces` are the nodal ones before elimination.
+
+    The tangent is the upper triangle of a symmetric matrix, or the whole unsymmetric matrix where the contact slips.
+    """
+
+    residual: Array
+    energy: float
+    forces: Array
+    matrix: sp.csr_matrix | None
+    symmetric: bool = True
+
+    @property
+    def tangent(self) -> sp.csr_matrix:
+        """The tangent; `assemble` must have been called with `tangent`."""
+        assert self.matrix is not None
+        return self.matrix
 
 
 class System:
@@ -90,7 +126,7 @@ class System:
         touches[glued] = True
         at_magnet = touches[elements.cells].any(axis=1)
         # elements at the magnet come last: only they have the unknowns of its motion
-        order = np.lexsort((element_loops.places_on_curve(elements), at_magnet))
+        order = np.lexsort((element_assembly.places_on_curve(elements), at_magnet))
         m, self._free_cells = len(order), int(len(order) - at_magnet.sum())
         self.elements = replace(
             elements, cells=elements.cells[order], D=elements.D[order], weights=elements.weights[order]
@@ -128,16 +164,16 @@ class System:
         self.free, self.eliminated, self._carried = free, used & ~free, carried
 
     def _build_pattern(self) -> None:
-        """Build the sparse pattern from the unknowns of each element, and the constant stiffness of the pressures."""
+        """Build the sparse pattern from the unknowns of each element."""
         e, inner, nodes = self.elements, self._free_cells, len(self.elements.nodes)
-        cells, pressures = e.cells, nodes + 1 + self._corners
-        near = np.column_stack([cells[inner:], np.full(len(cells) - inner, nodes)])
-        magnet = np.array([[nodes]])
+        cells, pressures, magnet = e.cells, nodes + 1 + self._corners, np.array([[nodes]])
+        beside = np.full((len(cells) - inner, 1), nodes)
+        # in the order of `element_assembly.ELEMENTS` and so on
         groups = [
-            (cells[:inner], cells[:inner]),
-            (cells[:inner], pressures[:inner]),
-            (near, near),
-            (near, pressures[inner:]),
+            (cells, cells),
+            (cells, pressures),
+            (cells[inner:], beside),
+            (beside, pressures[inner:]),
             (pressures, pressures),
             (magnet, magnet),
         ]
@@ -149,7 +185,6 @@ class System:
             skin = numbers.reshape(len(facets), numbers[0].size if len(facets) else 0)
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
         self.pattern = Pattern(groups, sizes, skin)
-        self._compliance = -element_integrals.pressure_stiffness(e, element_integrals.volumes(e) * self.inverse_K)
 
     @property
     def unknown_numbers(self) -> Ints:
@@ -168,6 +203,8 @@ class System:
             u[self.glued] = self.prescribed[self.glued] + self.rigid.displacement(self.motion(q))
         p = self._held.copy()
         p[self._carried] = q[self.n_free + self.n_rigid :]
+        for values in (q, u, p):
+            values.flags.writeable = False
         self._last = state = State(q, u, p)
         return state
 
@@ -190,17 +227,11 @@ class System:
         if not np.isfinite(q).all():
             return None
         state = self.state(q)
-        if self.axisymmetric is not None:
-            least = self.axisymmetric.least_volume_change(state.u, state.p)
-        else:
-            least = self._loops.least_volume_change(state.u)
+        least = self._loops.least_volume_change(state.u)
         return replace(state, least_J=1 + least) if least > -1 else None
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
-        axisymmetric = self.axisymmetric
-        if axisymmetric is not None:
-            return self._assemble_axisymmetric(axisymmetric, state, plate, tangent=tangent)
         T = self._motion_derivative(state)
         energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
         springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
@@ -211,67 +242,26 @@ class System:
             residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
         if not tangent:
             return Assembly(residual, energy, forces, None)
-        # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
-        own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else None
-        self._add_small_groups(own, blocks, data)
+        if self.rigid:
+            # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
+            self._loops.add_motion(self.rigid.curvature(self.motion(state.q), forces[self.glued]), data)
+        if blocks is not None and self.surface is not None:
+            facets, fields = self.surface.nodes, self.fixed.shape[1]
+            matrices = blocks.reshape(len(facets), fields, -1, fields, facets.shape[1]).transpose(0, 2, 1, 4, 3)
+            self._loops.add_matrices(matrices, FACETS, (facets, self._reduced), data)
         matrix = self.pattern.with_data(data)
-        if not symmetric and blocks[0] is not None:
-            matrix = self.pattern.unfold(matrix, blocks[0])
+        if not symmetric and blocks is not None:
+            matrix = self.pattern.unfold(matrix, blocks)
         return Assembly(residual, energy, forces, matrix, symmetric)
 
-    def _assemble_axisymmetric(
-        self, loops: AxisymmetricLoops, state: State, plate: Plate | None, *, tangent: bool
-    ) -> Assembly:
-        """Return `assemble` of a section without harmonics by compiled loops."""
-        symmetric, blocks, forces = True, list[Array | None](), -self.dead
-        energy, plain = -float(np.vdot(self.dead, state.u)), plate is None or plate.only_presses
-        if not plain:
-            springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
-            forces, energy = forces + springs, energy + spring_energy
-        own, residual, norms, data = loops.assemble(
-            state.u, state.p, forces, plate if plain else None, self.viscous, self.size, tangent=tangent
+    @functools.cached_property
+    def _loops(self) -> ElementAssembly:
+        """The integrals over the elements."""
+        motion = np.arange(self.n_free, self.n_free + self.n_rigid)[None]
+        numbers = self._reduced, self._pressures, motion
+        return ElementAssembly(
+            self.elements, self.law, self.mu, self.inverse_K, self._corners, numbers, self.pattern, self._free_cells
         )
-        if not tangent:
-            return Assembly(residual, energy + own, forces, None, norms=norms)
-        if not plain:
-            self._add_small_groups(None, blocks, data)
-        matrix = self.pattern.with_data(data)
-        if not symmetric and blocks[0] is not None:
-            matrix = self.pattern.unfold(matrix, blocks[0])
-        return Assembly(residual, energy + own, forces, matrix, symmetric, norms)
-
-    @functools.cached_property
-    def _loops(self) -> Loops:
-        """The compiled loops over the elements."""
-        numbers = self._reduced, self._pressures
-        mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
-        return Loops(
-            self.elements, self.law, mu, inverse_K, self._corners, *numbers, self.pattern, self._free_cells,
-            self.n_free, self._compliance,
-        )  # fmt: skip
-
-    @functools.cached_property
-    def axisymmetric(self) -> AxisymmetricLoops | None:
-        """The compiled loops over elements and skin of a section without harmonics; None for other models."""
-        if not axisymmetric_loops.knows(self.elements, self.surface):
-            return None
-        number, on_magnet = self._reduced.copy(), np.zeros(len(self.fixed), dtype=bool)
-        on_magnet[self.glued] = True
-        if self.rigid:
-            number[self.glued, 1] = self.n_free
-        mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
-        return AxisymmetricLoops(
-            self.elements, self.surface, self.law, mu, inverse_K, self._corners, number, self._pressures[:, 0],
-            on_magnet, self.eliminated, self.pattern, self._compliance,
-        )  # fmt: skip
-
-    def _add_small_groups(self, motion: Array | None, facets: list[Array | None], data: Array) -> None:
-        """Add matrices of the magnet's motion (r, r) and of the skin's facets (k, f a, f a) to entries (nnz,)."""
-        if motion is not None:
-            rows = np.arange(self.n_free, self.n_free + self.n_rigid)[None]
-            self._loops.add_matrices(motion[None], np.zeros((1, 1), dtype=np.int64), MOTION, rows, data)
-        if self.surface is not None and facets[0] is not None:
-            self._loops.add_matrices(facets[0], self.surface.nodes, FACETS, self._reduced, data)
 
     def mass(self, density: float, magnet: Array, state: State | None = None) -> sp.csr_matrix:
         """Return the consistent mass matrix (upper triangle); pressures have no mass.
@@ -282,10 +272,10 @@ class System:
         magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
         state : its magnet's rotation is the only part that matters; default: the undeformed state.
         """
-        matrices = element_integrals.mass(self.elements, density)
+        matrices = element_assembly.mass(self.elements, density)
         T = self._motion_derivative(state or self.state(np.zeros(self.size)))
         data = self._loops.assemble_displacements(matrices, T)
-        self._add_small_groups(np.diag(magnet), [None], data)
+        self._loops.add_motion(np.diag(magnet), data)
         return self.pattern.with_data(data)
 
     def relaxing_stiffness(self, state: State) -> sp.csr_matrix:
@@ -299,17 +289,15 @@ class System:
 
     def _spring_terms(
         self, state: State, plate: Plate | None, tangent: bool
-    ) -> tuple[Array, list[Array | None], float, bool]:
+    ) -> tuple[Array, Array | None, float, bool]:
         """Return nodal forces, facet matrices and energy of the plate's springs, and whether these are symmetric."""
         nodal = np.zeros(self.fixed.shape)
         s = self.surface
-        if s is None:
-            return nodal, [], 0.0, True
-        if plate is None:
-            return nodal, [None], 0.0, True
+        if s is None or plate is None:
+            return nodal, None, 0.0, True
         forces, blocks, energy, symmetric = plate_contact.assemble_springs(s, state.u, plate, tangent=tangent)
         np.add.at(nodal, s.nodes, forces)
-        return nodal, [blocks], energy, symmetric
+        return nodal, blocks, energy, symmetric
 
     def _motion_derivative(self, state: State) -> Array:
         """Return the derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""

@@ -42,7 +42,10 @@ class RigidBody:
 
     def derivative(self, q: Array) -> Array:
         """Return du/dq, shape (n, fields, size)."""
-        return np.asarray(np.moveaxis(np.tensordot(_functions(q)[1].T, self.fields, axes=1), 0, -1))
+        fields = self.fields
+        return np.asarray(
+            (fields.reshape(len(fields), -1).T @ _functions(q)[1]).reshape(*fields.shape[1:], self.size)
+        )
 
     def curvature(self, q: Array, force: Array) -> Array:
         """Return the sum of force times d2u/dq2, shape (size, size), for nodal forces (n, fields)."""

@@ -16,9 +16,8 @@ import numpy as np
 
 from fem.model import angular_fields, rigid_inclusion
 from fem.model.angular_fields import Angles
-from fem.model.assembled_state import State
 from fem.model.elements import Surface
-from fem.model.nonlinear_system import NONE, ON_AXIS, System
+from fem.model.nonlinear_system import NONE, ON_AXIS, State, System
 from fem.model.symmetry_models import Discretisation
 from geometry.arrays import Array
 

@@ -35,15 +35,23 @@ det C_i = 1: with l = Cbar(n) : C_i(n)^-1 / 3, x = l dt / tau and Cbar linear in
 C_i^-1 = det(X)^(1/3) X^-1 is (3/b) d(det(X)^(1/3)) / dCbar. So the step of a branch has the potential g_i mu0 / 2
 (3/b) det(X)^(1/3), and its consistent tangent is symmetric. At small strain both laws agree.
 
-Symmetric tensors have six components first, in the order of PAIRS.
+Symmetric tensors have six components first, in the order of PAIRS. Arrays over the integration points have the shape
+(..., t, m, q): angles, elements in the order of `nonlinear_system.System`, points of each. The two histories have the
+same methods: `overstress` before a step, `advance` after it. What a step adds to the elements is added in loops that
+numba compiles.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.model import elements, material
+from fem.model.elements import Elements
 from geometry.arrays import Array
+from geometry.compiled import compiled
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Rows and columns of the six components of a symmetric tensor."""
@@ -52,6 +60,7 @@ PLACES: NDArray[np.int64] = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 """Shares of the six components in a product of two tensors."""
 _SMALL = 1e-2
+_ROWS, _COLUMNS = np.array(PAIRS).T.copy()
 
 
 def decay(x: Array) -> tuple[Array, Array]:
@@ -139,7 +148,7 @@ def viscous_strain(A: Array, b: Array, after: Array) -> Array:
 def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array) -> tuple[Array, Array]:
     """Return potential (...) and stress S (6, ...) of one branch over one step.
 
-    `fem.model.viscous_compiled.add_branch` adds both, and the tangent, to the elements.
+    `add_branch` adds both, and the tangent, to the elements.
 
     Parameters
     ----------
@@ -186,3 +195,361 @@ def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
             pairs = np.einsum("b...,b...->...", weighted[:, a], Q[:, b])
             energy += ((1 if a == b else 2) * TWICE[a] * TWICE[b]) * form * pairs
     return np.asarray(energy / mu)
+
+
+@dataclass(frozen=True, slots=True)
+class ViscousBranch:
+    """A branch of the law "finite" in one step: A (6, t, m, q), b (t, m, q) of `viscous_step`, g_i mu0 over mu."""
+
+    A: Array
+    b: Array
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Overstress:
+    """What a step adds to the elastic law: a factor on its modulus, a dead stress, and branches.
+
+    Attributes
+    ----------
+    factor : factor on the isochoric law.
+    H : (6, t, m, q) dead second Piola-Kirchhoff stress over E; None without.
+    branches : branches of the law "finite".
+    """
+
+    factor: float
+    H: Array | None = None
+    branches: tuple[ViscousBranch, ...] = ()
+
+    def part(self, elements: slice) -> Overstress:
+        """Return the overstress of some elements, with points (t m q,)."""
+
+        def pick(values: Array) -> Array:
+            own = values[..., elements, :]
+            return own.reshape(*own.shape[:-3], -1)
+
+        H = None if self.H is None else pick(self.H)
+        return Overstress(
+            self.factor, H, tuple(ViscousBranch(pick(one.A), pick(one.b), one.share) for one in self.branches)
+        )
+
+    def energy(self, C: Array, J: Array, mu: Array) -> Array:
+        """Return the energy (...) over E beside the scaled law.
+
+        Parameters
+        ----------
+        C, J : right Cauchy-Green tensor (6, ...) and volume ratio (...).
+        mu : shear modulus over E.
+        """
+        W = np.zeros(J.shape)
+        if self.H is not None:
+            unit = np.array([1.0, 1, 1, 0, 0, 0]).reshape(6, *(1,) * J.ndim)
+            W = W + contract(self.H, C - unit) / 2
+        for one in self.branches:
+            W = W + branch_stress(one.A, one.b, C, J, one.share * mu)[0]
+        return W
+
+
+def add_overstress(
+    viscous: Overstress, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array, *, tangent: bool
+) -> None:
+    """Add what a time step adds to the law, at the points of a batch, to energies, stresses and tangents.
+
+    Parameters
+    ----------
+    mu, w : (n,) moduli and weights at the points.
+    """
+    if viscous.H is not None:
+        add_dead_stress(G, viscous.H, w, W, P, A, tangent)
+    for one in viscous.branches:
+        add_branch(G, Jm1, one.A, one.b, one.share * mu, w, W, P, A, tangent)
+
+
+@compiled
+def add_dead_stress(G, H, w, W, P, A, tangent):
+    """Add energy H : (C - 1) / 2, stress F H, and tangent delta_ik H_JL, times the weights."""
+    n = len(w)
+    weighted = np.empty((6, n))
+    for a in range(6):
+        row, own = weighted[a], H[a]
+        for x in range(n):
+            row[x] = w[x] * own[x]
+    for i in range(3):
+        for J in range(3):
+            row, own = P[3 * i + J], weighted[PLACES[i, J]]
+            a, b, c = G[3 * i], G[3 * i + 1], G[3 * i + 2]
+            first, second, third = weighted[PLACES[0, J]], weighted[PLACES[1, J]], weighted[PLACES[2, J]]
+            slope = G[3 * i + J]
+            for x in range(n):
+                force = a[x] * first[x] + b[x] * second[x] + c[x] * third[x]
+                row[x] += own[x] + force
+                W[x] += slope[x] * (own[x] + force / 2)
+            if tangent:
+                for L in range(3):
+                    out, stress = A[3 * i + J, 3 * i + L], weighted[PLACES[J, L]]
+                    for x in range(n):
+                        out[x] += stress[x]
+
+
+@compiled
+def _invert(X, out):
+    """Write the inverse of a symmetric tensor (6,); return its determinant."""
+    a, b, c, f, e, d = X[0], X[1], X[2], X[3], X[4], X[5]
+    det = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
+    out[0], out[1], out[2] = (b * c - f * f) / det, (a * c - e * e) / det, (a * b - d * d) / det
+    out[3], out[4], out[5] = (d * e - a * f) / det, (d * f - b * e) / det, (e * f - c * d) / det
+    return det
+
+
+@compiled
+def _sandwich(X, a, b):
+    """Return an entry of (X_IK X_JL + X_IL X_JK) / 2, which maps dC to X dC X."""
+    I, J, K, L = _ROWS[a], _COLUMNS[a], _ROWS[b], _COLUMNS[b]
+    return (X[PLACES[I, K]] * X[PLACES[J, L]] + X[PLACES[I, L]] * X[PLACES[J, K]]) / 2
+
+
+@compiled
+def add_branch(G, Jm1, A0, b0, mu, w, W, P, A, tangent):
+    """Add a branch of the law "finite", `branch_stress`, with A0 (6, n), b0 and mu (n,).
+
+    With X = A0 + b Cbar and Y = det(X)^(1/3) X^-1, dY = det(X)^(1/3) b (Xi (Xi : dCbar) / 3 - Xi dCbar Xi), where
+    Xi = X^-1 and dCbar = J^(-2/3) (dC - C (C^-1 : dC) / 3). P_iJ gains F_iI S_IJ, and its tangent delta_ik S_JL +
+    F_iI F_kK (2 dS/dC)_IJKL.
+    """
+    C, Ci, X, Xi, S, along = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    F, CC, inner, half = np.empty((3, 3)), np.empty((6, 6)), np.empty((6, 6)), np.empty((9, 6))
+    for x in range(len(w)):
+        for i in range(3):
+            for J in range(3):
+                F[i, J] = G[3 * i + J, x] + (1.0 if i == J else 0.0)
+        for a in range(6):
+            I, J = _ROWS[a], _COLUMNS[a]
+            C[a] = F[0, I] * F[0, J] + F[1, I] * F[1, J] + F[2, I] * F[2, J]
+        less, b = (1 + Jm1[x]) ** (-2 / 3), b0[x]
+        _invert(C, Ci)
+        for a in range(6):
+            X[a] = A0[a, x] + b * less * C[a]
+        root = _invert(X, Xi) ** (1 / 3)
+        trace = 0.0
+        for a in range(6):
+            trace += (1.0 if a < 3 else 2.0) * root * Xi[a] * C[a]
+        scale = w[x] * mu[x] * less
+        W[x] += w[x] * mu[x] / 2 * (less * trace - 3)
+        for a in range(6):
+            S[a] = scale * (root * Xi[a] - trace / 3 * Ci[a])
+        for i in range(3):
+            for J in range(3):
+                for I in range(3):
+                    P[3 * i + J, x] += F[i, I] * S[PLACES[I, J]]
+        if not tangent:
+            continue
+        twice = 0.0
+        for a in range(6):
+            along[a] = 0.0
+            for d in range(6):
+                inner[a, d] = 2 * scale * less * root * b * (Xi[a] * Xi[d] / 3 - _sandwich(Xi, a, d))
+                along[a] += inner[a, d] * (1.0 if d < 3 else 2.0) * C[d]
+            twice += (1.0 if a < 3 else 2.0) * along[a] * C[a]
+        for a in range(6):
+            for d in range(6):
+                CC[a, d] = (
+                    inner[a, d]
+                    - (along[a] * Ci[d] + Ci[a] * along[d]) / 3
+                    + (twice / 9 - 2 / 9 * scale * trace) * Ci[a] * Ci[d]
+                    + 2 / 3 * scale * trace * _sandwich(Ci, a, d)
+                    - 2 / 3 * (Ci[a] * S[d] + S[a] * Ci[d])
+                )
+        for i in range(3):
+            for J in range(3):
+                for d in range(6):
+                    half[3 * i + J, d] = 0.0
+                    for I in range(3):
+                        half[3 * i + J, d] += F[i, I] * CC[PLACES[I, J], d]
+        for e in range(9):
+            for k in range(3):
+                for L in range(3):
+                    total = S[PLACES[e % 3, L]] if e // 3 == k else 0.0
+                    for K in range(3):
+                        total += F[k, K] * half[e, PLACES[K, L]]
+                    A[e, 3 * k + L, x] += total
+
+
+@dataclass(frozen=True, slots=True)
+class Branches:
+    """Branches of the silicone in units of the given modulus.
+
+    Attributes
+    ----------
+    shares, times : (b,) g_i of the instantaneous modulus, and tau_i in s.
+    instantaneous : instantaneous modulus over the modulus E of the design, 1 or 1 / rest.
+    """
+
+    shares: Array
+    times: Array
+    instantaneous: float
+
+    @property
+    def rest(self) -> float:
+        """Long-term over instantaneous modulus."""
+        return 1 - float(self.shares.sum())
+
+    @property
+    def long_term(self) -> float:
+        """Long-term modulus over E."""
+        return self.instantaneous * self.rest
+
+    @property
+    def moduli(self) -> Array:
+        """Moduli of the branches over E, (b,)."""
+        return self.instantaneous * self.shares
+
+
+@dataclass(frozen=True, slots=True)
+class PointState:
+    """Strain and elastic stress at the integration points of a state.
+
+    Attributes
+    ----------
+    C : (6, t, m, q) right Cauchy-Green tensor.
+    J : (t, m, q) volume ratio.
+    W, S : (t, m, q) and (6, t, m, q) isochoric energy and second Piola-Kirchhoff stress with the modulus E.
+    weights : (t, m, q) volumes of the points.
+    mu : shear modulus of the elements, (m, 1).
+    """
+
+    C: Array
+    J: Array
+    W: Array
+    S: Array
+    weights: Array
+    mu: Array
+
+    def integral(self, values: Array) -> float:
+        """Return the integral of values (t, m, q) over the body."""
+        return float(np.vdot(self.weights, values))
+
+
+@dataclass(frozen=True, slots=True)
+class LinearHistory:
+    """History of the law "prony": overstresses Q (b, 6, t, m, q) over E, and S_iso with E at the same time."""
+
+    branches: Branches
+    Q: Array
+    S: Array
+
+    def overstress(self, dt: float) -> Overstress:
+        """Return what a step of length dt, s, adds."""
+        own = self.branches
+        e, w = decay(dt / own.times)
+        risen = float(own.moduli @ w)
+        return Overstress(own.long_term + risen, np.tensordot(e, self.Q, axes=1) - risen * self.S)
+
+    def advance(self, now: PointState, dt: float) -> LinearHistory:
+        """Return the history after a step to a state."""
+        own = self.branches
+        e, w = decay(dt / own.times)
+        gained = now.S - self.S
+        Q = np.empty_like(self.Q)
+        # branch by branch, for all at once would need another array as large as Q
+        for after, before, decayed, share in zip(Q, self.Q, e, own.moduli * w, strict=True):
+            np.multiply(before, decayed, out=after)
+            after += share * gained
+        return replace(self, Q=Q, S=now.S)
+
+    def stored(self, now: PointState) -> float:
+        """Return the energy stored by the isochoric stresses."""
+        own = self.branches
+        energy = own.long_term * now.W
+        if len(own.times):
+            energy = energy + overstress_energy(self.Q, now.C, now.mu, own.moduli)
+        return now.integral(energy)
+
+    def stress(self, now: PointState) -> Array:
+        """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
+        return np.asarray(self.branches.long_term * now.S + self.Q.sum(axis=0))
+
+    def revolve(self, angles: int) -> LinearHistory:
+        """Return the history of a section without angles at several angles."""
+        return replace(self, Q=np.repeat(self.Q, angles, axis=-3), S=np.repeat(self.S, angles, axis=-3))
+
+
+@dataclass(frozen=True, slots=True)
+class FiniteHistory:
+    """History of the law "finite": viscous strains (b, 6, t, m, q), and Cbar (6, t, m, q) at the same time."""
+
+    branches: Branches
+    viscous: Array
+    Cbar: Array
+
+    def overstress(self, dt: float) -> Overstress:
+        """Return what a step of length dt, s, adds."""
+        branches = tuple(
+            ViscousBranch(A, b, float(modulus))
+            for (A, b), modulus in zip(self._steps(dt), self.branches.moduli, strict=True)
+        )
+        return Overstress(self.branches.long_term, branches=branches)
+
+    def advance(self, now: PointState, dt: float) -> FiniteHistory:
+        """Return the history after a step to a state."""
+        Cbar = now.J ** (-2 / 3) * now.C
+        viscous = [viscous_strain(A, b, Cbar) for A, b in self._steps(dt)]
+        return replace(self, viscous=np.array(viscous).reshape(self.viscous.shape), Cbar=Cbar)
+
+    def stored(self, now: PointState) -> float:
+        """Return the energy stored by the isochoric stresses."""
+        energy = self.branches.long_term * now.W
+        for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
+            stretch = contract(self.Cbar, inverse(Ci)) - 3
+            energy = energy + modulus * now.mu / 2 * stretch
+        return now.integral(energy)
+
+    def stress(self, now: PointState) -> Array:
+        """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
+        S, still = self.branches.long_term * now.S, np.zeros(now.J.shape)
+        for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
+            # a step of length 0 leaves C_i as it is
+            _, own = branch_stress(Ci, still, now.C, now.J, modulus * now.mu)
+            S = S + own
+        return S
+
+    def _steps(self, dt: float) -> list[tuple[Array, Array]]:
+        """Return A and b of each branch after a step of length dt, s, as `viscoelasticity.viscous_step`."""
+        return [
+            viscous_step(Ci, self.Cbar, dt / tau) for Ci, tau in zip(self.viscous, self.branches.times, strict=True)
+        ]
+
+    def revolve(self, angles: int) -> FiniteHistory:
+        """Return the history of a section without angles at several angles."""
+        return replace(
+            self, viscous=np.repeat(self.viscous, angles, axis=-3), Cbar=np.repeat(self.Cbar, angles, axis=-3)
+        )
+
+
+def measure(e: Elements, law: material.Law, mu: Array, u: Array) -> PointState:
+    """Return strain, energy and stress at the integration points, for nodal fields u and shear moduli mu (m, 1)."""
+    (m, q), t = e.weights.shape, len(e.angles.theta)
+    G = elements.gradient(e, slice(0, m), u)
+    Jm1, Hm1 = (values.reshape(*values.shape[:-1], m, q * t) for values in material.strains(G.reshape(9, -1)))
+    H = Hm1.reshape(G.shape) + np.eye(3)[:, :, None, None]
+    W, P, _ = material.evaluate(law, G, mu, tangent=False)
+    # S = F^-1 P, and H = F^-T
+    S = np.stack([np.einsum("i...,i...->...", H[:, I], P[:, J]) for I, J in PAIRS])
+
+    def by_angle(values: Array) -> Array:
+        return np.ascontiguousarray(np.moveaxis(values.reshape(*values.shape[:-1], q, t), -1, -3))
+
+    weights = e.angles.weights[:, None, None] * e.weights
+    return PointState(by_angle(cauchy_green(G)), by_angle(1 + Jm1), by_angle(W), by_angle(S), weights, mu)
+
+
+History = LinearHistory | FiniteHistory
+
+
+def at_rest(law: str, branches: Branches, points: tuple[int, int, int]) -> History:
+    """Return the history of an undeformed body with points (t, m, q), by the law "prony" or "finite"."""
+    count, zero = len(branches.times), np.zeros((6, *points))
+    if law == "prony":
+        return LinearHistory(branches, np.zeros((count, 6, *points)), zero)
+    unit = zero.copy()
+    unit[:3] = 1.0
+    return FiniteHistory(branches, np.repeat(unit[None], count, axis=0), unit)

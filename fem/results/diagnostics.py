@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from fem.model import element_integrals, elements
+from fem.model import elements
 from fem.model.material import strains
 from fem.model.symmetry_models import Discretisation
 from fem.results import material_stability, silicone_strain
@@ -134,8 +134,8 @@ def inverted_share(d: Discretisation, u: Array) -> float:
     folded = whole = 0.0
     for at in range(0, len(e.cells), FOLD_BATCH):
         part = slice(at, at + FOLD_BATCH)
-        G = element_integrals.gradient(e, part, u)
-        J, volumes = 1 + strains(G.reshape(9, -1))[0], element_integrals.volumes(e, part).ravel()
+        G = elements.gradient(e, part, u)
+        J, volumes = 1 + strains(G.reshape(9, -1))[0], elements.volumes(e, part).ravel()
         folded, whole = folded + float(volumes[J <= 0].sum()), whole + float(volumes.sum())
     return folded / whole
 

@@ -18,7 +18,7 @@ import functools
 
 import numpy as np
 
-from fem.model import element_integrals
+from fem.model import elements
 from fem.model.elements import Elements
 from fem.model.material import Law, evaluate, yeoh
 from fem.model.nonlinear_system import System
@@ -73,7 +73,7 @@ def logarithmic_strains(e: Elements, part: slice, u: Array) -> Array:
     part : range of the elements.
     u : (nodes, fields) displacements with all J > 0 at the integration points.
     """
-    G = element_integrals.gradient(e, part, u).reshape(3, 3, -1)
+    G = elements.gradient(e, part, u).reshape(3, 3, -1)
     h = np.log(np.linalg.svd(np.moveaxis(G, -1, 0) + np.eye(3), compute_uv=False))
     return np.asarray(h - h.mean(axis=1, keepdims=True))
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem.model import axisymmetric_compiled, element_integrals
-from fem.model.axisymmetric_loops import knows
+from fem.model import elements
 from fem.model.elements import Elements
 from geometry.arrays import Array
 
@@ -30,7 +29,7 @@ def largest_strain(e: Elements, u: Array) -> float:
     ----------
     u : (nodes, fields) displacements, in the unit of length of the mesh.
     """
-    strain, volume = _strains(e, u), element_integrals.volumes(e, slice(None)).ravel()
+    strain, volume = _strains(e, u), elements.volumes(e, slice(None)).ravel()
     order = np.argsort(strain)
     below = np.cumsum(volume[order])
     return float(np.interp(SHARE * below[-1], below, strain[order]))
@@ -38,14 +37,10 @@ def largest_strain(e: Elements, u: Array) -> float:
 
 def _strains(e: Elements, u: Array) -> Array:
     """Return the largest principal nominal strain at each integration point, shape (n,)."""
-    if knows(e):
-        strain = np.empty(e.weights.size)
-        axisymmetric_compiled.largest_strains(e.cells, e.D, u, strain)
-        return strain
     strains = []
     for at in range(0, len(e.cells), BATCH):
         part = slice(at, at + BATCH)
-        G = element_integrals.gradient(e, part, u).reshape(3, 3, -1)
+        G = elements.gradient(e, part, u).reshape(3, 3, -1)
         strains.append(np.sqrt(largest_eigenvalue(G + np.eye(3)[:, :, None])) - 1)
     return np.concatenate(strains)
 

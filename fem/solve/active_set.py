@@ -29,8 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import plate_contact
-from fem.model.assembled_state import State
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import State, System
 from fem.model.plate_contact import Plate
 from fem.solve.direct_solver import Solver
 from geometry.arrays import Array, Ints

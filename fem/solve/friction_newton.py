@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact
-from fem.model.assembled_state import Assembly, State
 from fem.model.elements import Surface
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
 from fem.solve.direct_solver import Solver
 from fem.solve.inertia import UNKNOWN, Stability

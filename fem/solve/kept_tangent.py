@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import plate_contact
-from fem.model.assembled_state import Assembly, State
 from fem.model.elements import Surface
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.solve.active_set import Switches, settle_contact
 from fem.solve.direct_solver import Solver

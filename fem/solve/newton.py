@@ -12,8 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model.assembled_state import Assembly, State
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, hold_reversing_points
 from fem.solve.active_set import settle_contact
 from fem.solve.direct_solver import Solver
@@ -178,7 +177,7 @@ class ReferenceSize:
 
 def reference_size(system: System, state: State, assembly: Assembly) -> ReferenceSize:
     """Return the reference sizes at a state, from the forces of its assembly."""
-    reaction = _norm(assembly.forces[system.eliminated]) if assembly.norms is None else assembly.norms[0]
+    reaction = _norm(assembly.forces[system.eliminated])
     reach = float(np.abs(state.u).max(initial=0.0))
     return ReferenceSize(system.n_free + system.n_rigid, reaction, reach)
 
@@ -251,8 +250,6 @@ def _norm(x: Array) -> float:
 
 def _norms(assembly: Assembly, n: int) -> tuple[float, float]:
     """Return the norms of the residual forces, the first n, and of the residual volumes."""
-    if assembly.norms is not None:
-        return assembly.norms[1:]
     return _norm(assembly.residual[:n]), _norm(assembly.residual[n:])
 
 

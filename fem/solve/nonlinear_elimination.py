@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model.assembled_state import Assembly, State
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from geometry.arrays import Array
 

@@ -16,10 +16,9 @@ from scipy.optimize import brentq
 
 from fem.analyses.modes import eigen
 from fem.model import angular_fields, elements
-from fem.model.assembled_state import State
 from fem.model.elements import Elements
 from fem.model.material import lame
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import State, System
 from fem.model.symmetry_models import on_axis
 from studies.validation.solid_problems import SKIN, body, facet_loads, ramp, solve
 

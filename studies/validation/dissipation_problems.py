@@ -1,7 +1,7 @@
 """The sign of the dissipation of a point in cycles of large strain, for both viscoelastic laws.
 
 A point of an incompressible neo-Hookean silicone with one branch, g = 0.5, is sheared and stretched in a sine wave. A
-step of time dissipates dD = S : dC/2 - dW, with the stored energy W of `fem.model.viscous_history`. By the
+step of time dissipates dD = S : dC/2 - dW, with the stored energy W of `fem.model.viscoelasticity`. By the
 law "finite" no step has dD < 0. By the law "prony" W is exact at small strain only: quick motions of large strain
 have steps of dD < 0, while a closed cycle in steady motion, in which W returns to its value, dissipates.
 """
@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from fem.analyses.timed_path import ViscousLaw
-from fem.model import viscoelasticity, viscous_history
-from fem.model.viscous_history import Branches, History, PointState
+from fem.model import viscoelasticity
+from fem.model.viscoelasticity import Branches, History, PointState
 from geometry.arrays import Array
 
 SHEARS = (0.1, 0.5, 1.5)
@@ -46,7 +46,7 @@ def cycle(law: ViscousLaw, rate: float, n: int) -> tuple[Array, Array]:
     """Return work and dissipation (steps, points) in n steps of the last cycle; rate: angular frequency times tau."""
     branches = Branches(np.array([0.5]), np.array([1.0]), 1.0)
     point = deformed(0.0)
-    history = viscous_history.at_rest(law, branches, point.J.shape)
+    history = viscoelasticity.at_rest(law, branches, point.J.shape)
     work, stored = [], [_stored(history, point)]
     stress = history.stress(point)
     for i in range(1, CYCLES * n + 1):

@@ -19,10 +19,10 @@ from analytic.viscoelastic_contact import indentation
 from fem.accuracy import LEVELS, QUICK
 from fem.analyses.timed_path import TimedLoad, TimedState, ViscousLaw, follow
 from fem.equilibrium import solve as solve_load
-from fem.model import elements, material, viscous_history
+from fem.model import elements, material, viscoelasticity
 from fem.model.nonlinear_system import System
 from fem.model.plate_contact import SECTION_KAPPA
-from fem.model.viscous_history import Branches
+from fem.model.viscoelasticity import Branches
 from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -53,13 +53,13 @@ def stresses(
 ) -> Iterator[Array]:
     """Yield V sigma (3, 3) of a unit cube after each step (length in s, displacements)."""
     system, q = System(e, None, 1.0, SLOW, fixed, law=law), None
-    history = viscous_history.at_rest(viscous, branches, (1, *e.weights.shape))
+    history = viscoelasticity.at_rest(viscous, branches, (1, *e.weights.shape))
     for dt, moved in motion:
         stepped = system.with_prescribed(moved, np.zeros((len(system.corner_nodes), 1)))
         stepped.viscous = history.overstress(dt)
         answer = solve(stepped, moved) if q is None else solve(stepped, q=q)
         q = answer.state.q
-        history = history.advance(viscous_history.measure(system.elements, law, system.mu, answer.state.u), dt)
+        history = history.advance(viscoelasticity.measure(system.elements, law, system.mu, answer.state.u), dt)
         yield np.asarray(answer.assembly.forces.T @ (e.nodes + answer.state.u))
 
 
