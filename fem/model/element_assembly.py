@@ -265,8 +265,9 @@ class ElementAssembly:
 
     def add_matrices(self, matrices: Array, group: int, rows: Rows, data: Array) -> None:
         """Add the upper triangles of matrices (k, a, f, a, f) of a group of the pattern to entries of the tangent."""
-        values = np.ascontiguousarray(matrices).reshape(len(matrices), -1)
-        self._add(values, _order(*matrices.shape[1:]), self._pattern.offsets[group], rows, rows, data)
+        where = _order(*matrices.shape[1:])
+        values = np.ascontiguousarray(matrices).reshape(len(matrices), where.size)
+        self._add(values, where, self._pattern.offsets[group], rows, rows, data)
 
     def add_motion(self, matrix: Array, data: Array) -> None:
         """Add the upper triangle of a matrix (r, r) of the magnet's motion to entries of the tangent."""

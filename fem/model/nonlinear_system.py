@@ -246,8 +246,9 @@ class System:
             # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
             self._loops.add_motion(self.rigid.curvature(self.motion(state.q), forces[self.glued]), data)
         if blocks is not None and self.surface is not None:
-            facets, fields = self.surface.nodes, self.fixed.shape[1]
-            matrices = blocks.reshape(len(facets), fields, -1, fields, facets.shape[1]).transpose(0, 2, 1, 4, 3)
+            facets = self.surface.nodes
+            shape = self.fixed.shape[1], facets.shape[1]
+            matrices = blocks.reshape(len(facets), *shape, *shape).transpose(0, 2, 1, 4, 3)
             self._loops.add_matrices(matrices, FACETS, (facets, self._reduced), data)
         matrix = self.pattern.with_data(data)
         if not symmetric and blocks is not None:
