@@ -28,6 +28,7 @@ from fem.solution import Solution
 from fem.solve.depth_ranges import split_by_mesh
 from fem.solve.load_case_models import path_models
 from fem.solve.load_stepping import Path
+from fem.solve.path_state import at_rest
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
@@ -196,36 +197,25 @@ def _follow(
     scene: Scene, progress: Progress | None, *, watch: bool = False, mesh: skfem.MeshTet2 | None = None
 ) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh."""
-    begin, D = time.perf_counter(), scene.design.D
-    path = start_path(scene, mesh)
+    begin, path = time.perf_counter(), start_path(scene, mesh)
     sideways = sideways_model(scene, path) if watch else None
-    x, y = scene.direction
-    turn = np.array([[x, y], [-y, x]])
     rest = path.state
-    try:
+    with contextlib.closing(path):
         for i, load in enumerate(scene.loads):
-            if path.state.starts_from_rest(load.depth / D):
+            depth, *shear = scene.position(load)
+            if path.state.starts_from_rest(depth):
                 path.restart(rest)
             if progress is not None:
-                shear = math.hypot(*load.imposed_shear)
-                progress(i / len(scene.loads), f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
-            reason = path.go(load.depth / D, turn @ load.imposed_shear / D)
-            end = time.perf_counter()
+                size = math.hypot(*load.imposed_shear)
+                progress(i / len(scene.loads), f"{scene.model}: depth {load.depth:g} mm, shear {size:g} mm")
+            stop = path.go(depth, np.array(shear))
+            seconds, begin = time.perf_counter() - begin, time.perf_counter()
             state = read(
-                path.state,
-                scene,
-                load,
-                reason,
-                iterations=path.iterations,
-                seconds=end - begin,
-                sideways=sideways,
+                path.state, scene, load, stop, iterations=path.iterations, seconds=seconds, sideways=sideways
             )
-            begin = end
             yield state
             if state.status not in ("ok", "unstable"):
                 return
-    finally:
-        path.close()
 
 
 def sideways_model(scene: Scene, path: Path) -> SidewaysModel | None:
@@ -238,14 +228,5 @@ def sideways_model(scene: Scene, path: Path) -> SidewaysModel | None:
 def start_path(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
     """Return the path of a scene at rest, on its own mesh or on tetrahedra in units of D."""
     models = path_models(scene, mesh)
-    return Path(
-        models.first.build(),
-        scene.grip,
-        scene.plate_tilt,
-        raised=None if models.raised is None else models.raised.build,
-        rim=models.glued_radius,
-        mu=scene.coulomb,
-        friction_step_factor=scene.accuracy.friction_step_factor,
-        predictor=None if models.predictor is None else models.predictor.build,
-        rough=models.rough,
-    )
+    rest = at_rest(models.first.build(), scene.grip, scene.plate_tilt, scene.coulomb)
+    return Path(rest, models, scene.accuracy.friction_step_factor)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from fem.model import elements, rigid_inclusion, symmetry_models, viscoelasticity
+from fem.model import elements, rigid_inclusion, viscoelasticity
 from fem.model.material import Law, lame, law
+from fem.model.mesh_specification import specification
 from fem.model.nonlinear_system import System
+from fem.scene import Scene
 from fem.solve.press import solve_press
 from geometry.design import paper
+from geometry.loads import Load
 
 EXAMPLES = {"neo-hookean": (), "mooney-rivlin": (0.5,), "yeoh": (0.1, 0.1), "ogden": (2.0, -2.0, 0.5)}
 """Each law with some constants."""
@@ -20,7 +23,6 @@ def prepare() -> None:
 
     Otherwise a process loads or compiles each loop at its first use.
     """
-    shape = paper().shape
     for name, constants in EXAMPLES.items():
         for harmonics in (0, 1):
             system = small_section(law(name, constants), harmonics)
@@ -28,7 +30,7 @@ def prepare() -> None:
             assert state is not None
             system.assemble(state, None)
     # springs of the plate, chosen and by their overlap
-    solve_press(symmetry_models.section(shape.scaled(1 / shape.D), 0.49, "rigid", 0.4, 0.2), 0.02)
+    solve_press(specification(Scene(paper(), (Load(),)), 0.4, 0.2), 0.02)
     # a time step of each viscoelastic law
     branches = viscoelasticity.Branches(np.array([0.5]), np.array([1.0]), 1.0)
     for name in ("prony", "finite"):

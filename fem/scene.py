@@ -11,8 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from fem.accuracy import LEVELS, STANDARD, Accuracy, coarser
 from fem.model.material import Law, law
+from geometry.arrays import Array
 from geometry.design import BadInput, Design, Shape
 from geometry.loads import Load, Magnet, check_kinds, check_load
 
@@ -97,6 +100,16 @@ class Scene:
         symmetry, and for full."""
         sheared = self.sheared
         return (1.0, 0.0) if sheared is None or self.model == "full" or self.turns else sheared.direction
+
+    @property
+    def turn(self) -> Array:
+        """Rotation (2, 2) from the user's x and y to the model's."""
+        x, y = self.direction
+        return np.array([[x, y], [-y, x]])
+
+    def position(self, load: Load) -> Array:
+        """Return the position (3,) of plate or grip under a load, over D: depth, and shear in the model's frame."""
+        return np.array([load.depth, *(self.turn @ load.imposed_shear)]) / self.design.D
 
     @property
     def turns(self) -> bool:

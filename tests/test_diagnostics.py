@@ -15,6 +15,7 @@ from fem.solution import Facts
 from fem.solve.inertia import STABLE, UNKNOWN, Stability
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED
+from fem.solve.path_state import at_rest
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.simulation import state_rows
@@ -25,7 +26,9 @@ SCENE = Scene(paper(), (Load(depth=0.4),), QUICK, "ignored")
 @pytest.fixture
 def pressed():
     """The all-silicone beam on a coarse section, pressed by 0.4 mm."""
-    p = Path(symmetry_models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))
+    p = Path(
+        at_rest(symmetry_models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))
+    )
     assert not p.go(0.05, np.zeros(2))
     p.close()
     return p.state

@@ -15,7 +15,7 @@ from fem.solve.direct_solver import Solver
 from fem.solve.inertia import STABLE, UNKNOWN, Stability
 from fem.solve.load_stepping import Path
 from fem.solve.pardiso import SingularMatrixError, have_pardiso
-from fem.solve.path_state import about
+from fem.solve.path_state import about, at_rest
 from geometry.design import Design
 
 RNG = np.random.default_rng(3)
@@ -78,7 +78,7 @@ def buckling(request):
     not dominate most of their rows.
     """
     shape = Design(L=40.0).shape.scaled(1 / 8)
-    path = Path(symmetry_models.section(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02)))
+    path = Path(at_rest(symmetry_models.section(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02))))
     (sideways,), tangents = SidewaysModel(path.state.d).orders, []
     for depth in (0.03, 0.1):
         assert not path.go(depth, np.zeros(2))

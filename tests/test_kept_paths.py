@@ -7,7 +7,7 @@ import pytest
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from fem.scene import Scene
-from fem.solve.increment_watch import watched
+from fem.solve.load_increments import watched
 from geometry.design import Design
 from geometry.loads import Load
 from studies.explorer import kept_paths

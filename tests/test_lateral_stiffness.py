@@ -12,6 +12,7 @@ from fem.model import symmetry_models
 from fem.results.lateral_stiffness import SidewaysModel, estimate_margin, measure_lateral_stiffness
 from fem.solve.inertia import Stability
 from fem.solve.load_stepping import Path
+from fem.solve.path_state import at_rest
 from geometry.design import Design
 
 BEAM = Design(L=40.0)
@@ -20,7 +21,7 @@ BEAM = Design(L=40.0)
 @pytest.fixture
 def path():
     shape = BEAM.shape.scaled(1 / BEAM.D)
-    path = Path(symmetry_models.section(shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003)))
+    path = Path(at_rest(symmetry_models.section(shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003))))
     yield path
     path.close()
 

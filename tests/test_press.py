@@ -23,5 +23,5 @@ def test_a_press_that_never_starts_still_leaves_a_mesh_to_solve_on(monkeypatch):
 def test_the_end_of_a_contact_stays_where_it_was_found():
     """Beside one more press on a mesh that is fine where the end was found."""
     radius = find_press(SECTION, 0.02, 0.125)[0]
-    again = measure_contact_edge(solve_press(replace(SECTION, rim=(radius, 0.012)).build(), 0.125)[0])
+    again = measure_contact_edge(solve_press(replace(SECTION, rim=(radius, 0.012)), 0.125)[0])
     assert radius == pytest.approx(again, rel=0.01)

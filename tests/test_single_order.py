@@ -9,7 +9,7 @@ from fem.model import single_order, symmetry_models
 from fem.model.gradient_recovery import build_recovery
 from fem.solve.direct_solver import Solver
 from fem.solve.load_stepping import Path
-from fem.solve.path_state import about, glue, with_harmonics
+from fem.solve.path_state import about, at_rest, glue, with_harmonics
 from geometry.design import Design
 
 HARMONICS, EDGE = 2, 0.14
@@ -27,7 +27,7 @@ def eigenvalues(state):
 def press(magnet):
     """State of a press, and a model with harmonics on its mesh."""
     build = functools.partial(symmetry_models.section, SHAPE, 0.4998, magnet, 0.25, 0.1, rim=(EDGE, 0.03))
-    path = Path(build())
+    path = Path(at_rest(build()))
     path.go(0.1, np.zeros(2))
     path.close()
     return path.state, build(harmonics=HARMONICS)

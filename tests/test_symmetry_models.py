@@ -15,6 +15,7 @@ from fem.results.postprocess import read_pose, tip_force
 from fem.scene import Scene
 from fem.solve.load_case_models import PRESS_FILLET, path_models
 from fem.solve.load_stepping import Path
+from fem.solve.path_state import at_rest
 from geometry.design import paper
 from geometry.loads import Load
 
@@ -37,15 +38,8 @@ def answer(load, *, sines):
         )
         for model in (models.first, models.raised)
     )
-    path = Path(
-        first.build(),
-        None,
-        load.plate_tilt,
-        raised=raised and raised.build,
-        rim=models.glued_radius,
-        mu=load.coulomb,
-        kappa=KAPPA,
-    )
+    rest = at_rest(first.build(), None, load.plate_tilt, load.coulomb, KAPPA)
+    path = Path(rest, replace(models, first=first, raised=raised, predictor=None, rough=None))
     try:
         stop = path.go(load.depth / 8, np.array(load.imposed_shear) / 8)
         state = path.state

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
-from fem.analyses.timed_path import TimedLoad, TimedState, ViscousLaw, follow
+from fem.analyses.timed_path import TimeControl, TimedLoad, TimedState, ViscousLaw, follow
 from fem.equilibrium import solve, trace
 from fem.model.plate_contact import SECTION_KAPPA
 from geometry.design import BadInput, paper
@@ -22,13 +22,15 @@ def _force(states: list[TimedState]) -> list[float]:
 
 def _cycle(law: ViscousLaw, largest_step: float | None = None, *, every_step: bool = False) -> list[TimedState]:
     loads = [TimedLoad(1, Load(1.0)), TimedLoad(2, Load(0.4))]
-    return list(follow(SOFT, loads, COARSE, law=law, largest_step=largest_step, every_step=every_step))
+    return list(
+        follow(SOFT, loads, COARSE, law=law, steps=TimeControl(largest_step=largest_step), every_step=every_step)
+    )
 
 
 def test_held_silicone_beam_relaxes_exactly_like_the_branches() -> None:
     design = replace(SOFT, nu=0.5)
     loads = [TimedLoad(t, Load(1.0)) for t in (0.0, 0.3, 2.0)]
-    forces = _force(list(follow(design, loads, COARSE, magnet="ignored", kappa=1e6)))
+    forces = _force(list(follow(design, loads, COARSE, magnet="ignored", steps=TimeControl(kappa=1e6))))
     relaxed = [0.5 + 0.3 * np.exp(-t / 0.5) + 0.2 * np.exp(-t / 4) for t in (0.0, 0.3, 2.0)]
     assert forces == pytest.approx([forces[0] * share for share in relaxed], rel=1e-6)
 
@@ -41,7 +43,7 @@ def test_fast_and_slow_presses_equal_the_elastic_solves(law: ViscousLaw, duratio
     elastic = replace(SOFT, E=9 * bulk * mu / (3 * bulk + mu), nu=(3 * bulk - 2 * mu) / (2 * (3 * bulk + mu)))
     # springs of the plate that are as stiff beside the silicone as those of the elastic solve
     kappa = SECTION_KAPPA * elastic.E / SOFT.E
-    (state,) = follow(SOFT, [TimedLoad(duration, Load(0.8))], COARSE, law=law, kappa=kappa)
+    (state,) = follow(SOFT, [TimedLoad(duration, Load(0.8))], COARSE, law=law, steps=TimeControl(kappa=kappa))
     assert state.response.force[2] == pytest.approx(solve(elastic, Load(0.8), COARSE).response.force[2], rel=1e-6)
 
 
@@ -55,7 +57,7 @@ def test_estimate_covers_the_error_of_the_time_steps(law: ViscousLaw) -> None:
 
 
 def test_errors_stay_below_the_tolerance_from_the_first_step_on() -> None:
-    states = list(follow(SOFT, [TimedLoad(1, Load(0.5))], COARSE, tolerance=1e-4, every_step=True))
+    states = list(follow(SOFT, [TimedLoad(1, Load(0.5))], COARSE, steps=TimeControl(1e-4), every_step=True))
     errors = [state.time_error for state in states]
     assert 0 < errors[0] < 1e-4
     assert max(errors) < 1e-4
@@ -64,9 +66,7 @@ def test_errors_stay_below_the_tolerance_from_the_first_step_on() -> None:
 def test_shorter_steps_have_errors_of_second_order() -> None:
     def at_shear(step: float) -> float:
         accuracy = replace(COARSE, harmonics=1)
-        (state,) = follow(
-            SOFT, [TimedLoad(1, Load(shear_x=3.0, grip=1.0))], accuracy, tolerance=0.9, largest_step=step
-        )
+        (state,) = follow(SOFT, [TimedLoad(1, Load(shear_x=3.0, grip=1.0))], accuracy, steps=TimeControl(0.9, step))
         return state.response.force[0]
 
     coarse, middle, fine = at_shear(0.0625), at_shear(0.03125), at_shear(0.015625)
@@ -107,7 +107,7 @@ def test_slip_within_a_step_changes_the_force_by_less_than_two_thousandths(loss_
 
     def path(largest_step: float) -> tuple[list[float], list[float]]:
         one = replace(COARSE, harmonics=1)
-        states = list(follow(design, loads, one, largest_step=largest_step, every_step=True))
+        states = list(follow(design, loads, one, steps=TimeControl(largest_step=largest_step), every_step=True))
         return [state.time for state in states], [state.response.force[0] for state in states]
 
     (times, forces), (short_times, short_forces) = path(1 / 12), path(1 / 48)

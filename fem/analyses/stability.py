@@ -24,6 +24,7 @@ from fem.scene import Scene
 from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.load_case_models import PRESS_FILLET
 from fem.solve.load_stepping import Path
+from fem.solve.path_state import at_rest
 from fem.solve.press import EDGE_SHARE, find_press, measure_contact_edge
 from geometry.design import Design
 from geometry.loads import Load, Magnet
@@ -197,7 +198,7 @@ def _find_on_mesh(
     ----------
     start, step, end : first depth, step and last depth of the search, over D; a start of 0 is the state at rest.
     """
-    path = Path(section.build(), kappa=KAPPA)
+    path = Path(at_rest(section.build(), kappa=KAPPA))
     try:
         return _search_path(path, SidewaysModel(path.state.d), guided, start, step, end)
     finally:

@@ -8,19 +8,24 @@ Error of a step: the laws integrate a stress S_iso that is linear in time. Its c
 g_i tau_i^2 c(dt / tau_i) S'' in the overstress of branch i (`viscoelasticity.curvature_weight`), which decays with
 tau_i afterwards. By virtual work, an error dS of the stress changes the force along a motion s of the plate by
 int dS : (1/2) dC/ds dV, to first order. So each branch carries one number, its error of the force.
+
+Work of the plate, int F dx, and of the stresses, int S : dC/2 dV, are integrated by the same rule, of third order in
+the steps: X and Y of int X dY follow the polynomial in time of degree 3 through the last four states of a smooth
+motion, of a lower degree at its beginning. In a body of small strain both sides have the same errors, since each
+state is in equilibrium; so what remains of their difference comes from large strain, and from points of the skin
+that touch within a step.
 """
 
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analyses import time_quadrature
-from fem.analyses.time_quadrature import TimeIntegral
 from fem.model import coulomb_friction, plate_contact, viscoelasticity
 from fem.model.nonlinear_system import System
 from fem.model.plate_contact import Plate
@@ -37,6 +42,69 @@ CERTAINTY = 2.0
 of it in presses of the paper's sensor."""
 PAST = 3
 """Earlier states that the first guess is extrapolated from, with the present one: a polynomial of degree 3."""
+SAMPLES = 4
+"""Values that the polynomial of an integral runs through."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeIntegral:
+    """An integral int X dY over time.
+
+    Attributes
+    ----------
+    samples : time, s, X and Y at the last states of a smooth motion, oldest first.
+    base : the integral up to the first sample while all samples of the motion are kept; None later.
+    total : the integral up to the last sample.
+    """
+
+    samples: tuple[tuple[float, Array, Array], ...]
+    base: float | None
+    total: float
+
+    def add(self, time: float, x: Array, y: Array) -> TimeIntegral:
+        """Return the integral with one sample more, at a later time."""
+        samples = (*self.samples[1 - SAMPLES :], (time, x, y))
+        base = self.base if len(self.samples) < SAMPLES else None
+        weights = product_weights(tuple(t for t, _, _ in samples), 0 if base is not None else len(samples) - 2)
+        gained = sum(
+            weights[a, b] * float(np.vdot(X, Y))
+            for a, (_, X, _) in enumerate(samples)
+            for b, (_, _, Y) in enumerate(samples)
+        )
+        return TimeIntegral(samples, base, (self.total if base is None else base) + gained)
+
+
+def begin(time: float, x: Array, y: Array, total: float = 0.0) -> TimeIntegral:
+    """Return an integral at the beginning of a smooth motion, with what it was before."""
+    return TimeIntegral(((time, x, y),), total, total)
+
+
+@functools.lru_cache(maxsize=4)
+def product_weights(times: tuple[float, ...], first: int) -> Array:
+    """Return w_ab = int L_a dL_b/dt dt from sample `first` to the last one, with Lagrange's polynomials of the times.
+
+    Parameters
+    ----------
+    times : k times, increasing.
+
+    Returns
+    -------
+    Array
+        (k, k); exact for polynomials of degree k - 1.
+
+    >>> product_weights((0.0, 2.0), 0).tolist()
+    [[-0.5, 0.5], [-0.5, 0.5]]
+    """
+    at = (np.array(times) - times[0]) / (times[-1] - times[0])
+    # coefficients (power, a) of the polynomials
+    lagrange = np.linalg.inv(np.vander(at, increasing=True))
+    points, weights = np.polynomial.legendre.leggauss(len(at))
+    start, half = at[first], (1 - at[first]) / 2
+    x = start + half * (1 + points)
+    powers = np.vander(x, len(at), increasing=True)
+    slopes = np.zeros_like(powers)
+    slopes[:, 1:] = powers[:, :-1] * np.arange(1, len(at))
+    return np.asarray((powers @ lagrange).T @ (half * weights[:, None] * (slopes @ lagrange)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +172,7 @@ def _first_measure(path: PathState) -> PointState:
 def at_rest(path: PathState, history: History) -> ViscousState:
     """Return the state at time 0 of a path at rest."""
     points = _first_measure(path)
-    errors, none = np.zeros(len(history.branches.times)), time_quadrature.begin(0.0, np.zeros(3), np.zeros(3))
+    errors, none = np.zeros(len(history.branches.times)), begin(0.0, np.zeros(3), np.zeros(3))
     return ViscousState(path, history, points, 0.0, np.zeros(3), errors, work=none, absorbed=none)
 
 
@@ -243,8 +311,8 @@ def _sampled(state: ViscousState) -> ViscousState:
     """Return the state at the beginning of a smooth motion, from which work and stress are integrated."""
     return replace(
         state,
-        work=time_quadrature.begin(state.time, state.force, state.path.position, state.work.total),
-        absorbed=time_quadrature.begin(state.time, _total_stress(state), state.points.C, state.absorbed.total),
+        work=begin(state.time, state.force, state.path.position, state.work.total),
+        absorbed=begin(state.time, _total_stress(state), state.points.C, state.absorbed.total),
     )
 
 

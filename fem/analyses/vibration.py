@@ -133,14 +133,13 @@ def _sticking(plate: Plate) -> Plate:
 
 def _solve_path(scene: Scene) -> PathState:
     """Return the state of a load in the harmonic model, whose x axis is the direction of the shear."""
-    load, D, (x, y) = scene.loads[0], scene.design.D, scene.direction
+    D, (depth, *shear) = scene.design.D, scene.position(scene.loads[0])
     with contextlib.closing(start_path(scene)) as path:
-        shear = np.array([[x, y], [-y, x]]) @ load.imposed_shear
-        reason, state = path.go(load.depth / D, shear / D), path.state
+        reason, state = path.go(depth, np.array(shear)), path.state
     if reason:
-        depth, shear = state.position[0] * D, state.position[1] * D
+        depth, along, _ = state.position * D
         raise NoStateError(
-            f"the path stops at depth {depth:.4g} mm, shear {shear:.4g} mm ({STOPPED[reason]}): take a smaller load"
+            f"the path stops at depth {depth:.4g} mm, shear {along:.4g} mm ({STOPPED[reason]}): take a smaller load"
         )
     return state
 

@@ -48,7 +48,7 @@ def read(
     design, friction = scene.design, state.friction
     D, E = design.D, design.E
     solution = Solution(
-        load=_reached_load(state, load, _turn(scene), D) if stop else load,
+        load=_reached_load(state, load, scene) if stop else load,
         response=read_response(state, scene),
         energy=state.energy * d.symmetry * E * D**3,
         model=d.model,
@@ -69,22 +69,17 @@ def read(
     return diagnostics.diagnose(solution, state, scene, stop, margin)
 
 
-def _reached_load(state: PathState, load: Load, turn: Array, D: float) -> Load:
+def _reached_load(state: PathState, load: Load, scene: Scene) -> Load:
     """Return the load that a path had reached when it stopped before the requested one."""
-    shear = turn @ state.position[1:] * D
-    moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.shears_tip else {}
-    return replace(load, depth=float(state.position[0]) * D, **moved)
-
-
-def _turn(scene: Scene) -> Array:
-    """Return the rotation (2, 2) from the model's x and y to the user's."""
-    x, y = scene.direction
-    return np.array([[x, -y], [y, x]])
+    depth, *along = state.position * scene.design.D
+    x, y = np.array(along) @ scene.turn
+    moved = {"shear_x": float(x), "shear_y": float(y)} if load.shears_tip else {}
+    return replace(load, depth=float(depth), **moved)
 
 
 def read_response(state: PathState, scene: Scene) -> Response:
     """Return the force and the pose of the magnet in the user's frame and units."""
-    d, nodal, turn, design = state.d, state.d.system.state(state.q), _turn(scene), scene.design
+    d, nodal, turn, design = state.d, state.d.system.state(state.q), scene.turn.T, scene.design
     D = design.D
     total = tip_force(state) * design.E * D**2
     shift, tilt = read_pose(d, nodal.u, state.q)

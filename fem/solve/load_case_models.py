@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import skfem
@@ -12,6 +12,7 @@ from fem.accuracy import QUICK
 from fem.model.mesh_specification import MeshSpecification, specification
 from fem.scene import Scene
 from fem.solve.depth_ranges import graded_depth, harmonics_at
+from fem.solve.load_stepping import PathModels
 from fem.solve.path_state import FIRST_TOUCH, PathState
 from fem.solve.press import find_press
 
@@ -27,29 +28,6 @@ which costs more than the second harmonic."""
 PRESS_FILLET = 0.5
 """Edge length at the magnet's fillet, over the fillet's radius, for a press. Presses go deeper than shears do, and
 larger elements would be inverted there; a shear would gain nothing from smaller ones."""
-
-
-@dataclass(frozen=True, slots=True)
-class PathModels:
-    """The models of one path of loads.
-
-    Attributes
-    ----------
-    first : model at the start of the path.
-    raised : model with harmonics on the same mesh that replaces `first` when the shear begins; the sideways stability
-        of an axisymmetric press is also computed in it.
-    predictor : model that predicts the states of the model with harmonics, or of tetrahedra: one harmonic on the same
-        mesh, or a section with harmonics.
-    glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
-        radius.
-    rough : press on another mesh, from which that on this one starts.
-    """
-
-    first: MeshSpecification
-    raised: MeshSpecification | None = None
-    predictor: MeshSpecification | None = None
-    glued_radius: float | None = None
-    rough: PathState | None = None
 
 
 def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:

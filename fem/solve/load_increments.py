@@ -3,11 +3,14 @@
 An increment starts from the extrapolated last states (`fem.solve.extrapolation`) and is solved by Newton's method.
 It returns the next state, or the reason why there is none; the state before is not changed. The increments of a
 segment are halved where one fails and grow again where they converge easily. Intermediate states are solved to a
-looser tolerance.
+looser tolerance. A function may see every increment (`watched`), for progress and to end a path.
 """
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +18,7 @@ from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact
 from fem.model.plate_contact import Plate
-from fem.solve import extrapolation, increment_watch
+from fem.solve import extrapolation
 from fem.solve.direct_solver import Solver
 from fem.solve.friction_newton import newton_with_friction
 from fem.solve.newton import TOLERANCE, Equilibrium, Stop, newton
@@ -53,6 +56,30 @@ or of the magnet J stays above 0.35."""
 ONSET_HALVINGS = 3
 """Halvings of the increment in which the first unstable direction appeared: SURE / 8 is 1 % of a depth of D / 8;
 `fem.analyses.stability` computes a critical depth more accurately."""
+
+
+_watch: ContextVar[Callable[[float], None] | None] = ContextVar("watch", default=None)
+
+
+@contextlib.contextmanager
+def watched(watch: Callable[[float], None]) -> Iterator[None]:
+    """Call a function before each load increment of this context, with the completed share of its segment.
+
+    An exception that the function raises ends the path. Paths are made of frozen states, so the states before it
+    stay.
+    """
+    token = _watch.set(watch)
+    try:
+        yield
+    finally:
+        _watch.reset(token)
+
+
+def report(share: float) -> None:
+    """Call the function of `watched`, if there is one."""
+    watch = _watch.get()
+    if watch is not None:
+        watch(share)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +138,7 @@ def follow_segment(
     # `place` and `step` are shares of the segment's length
     place, step = 0.0, min(longest, 1.0)
     while place < 1:
-        increment_watch.report(place)
+        report(place)
         # the tolerance of 1e-3 avoids a tiny last increment
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)

@@ -8,18 +8,40 @@ once (`fem.solve.predictor`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.model.symmetry_models import Discretisation
+from fem.model.mesh_specification import MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import Segment, follow_segment
 from fem.solve.newton import Stop
-from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
+from fem.solve.path_state import PathState, glue, with_harmonics, with_predictor
 from fem.solve.predictor import correct_press, predict
 from geometry.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class PathModels:
+    """The models of one path of loads.
+
+    Attributes
+    ----------
+    first : model at the start of the path.
+    raised : model with harmonics on the same mesh that replaces `first` when the shear begins; the sideways stability
+        of an axisymmetric press is also computed in it.
+    predictor : model that predicts the states of the model with harmonics, or of tetrahedra: one harmonic on the same
+        mesh, or a section with harmonics; only without Coulomb friction.
+    glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
+        radius.
+    rough : press on another mesh, from which that on this one starts.
+    """
+
+    first: MeshSpecification
+    raised: MeshSpecification | None = None
+    predictor: MeshSpecification | None = None
+    glued_radius: float | None = None
+    rough: PathState | None = None
 
 
 class Path:
@@ -27,57 +49,46 @@ class Path:
 
     Parameters
     ----------
-    d : model at the start.
-    grip : height below the top within which the skin is held, over D; None for a plate.
-    tilt : tilt of the plate, rad.
-    raised : builds the model with harmonics, on the same mesh, that replaces an axisymmetric one when the shear
-        begins.
-    rim : undeformed radius over D of the area that is glued then; default: the contact radius.
-    mu : coefficient of Coulomb friction, which replaces gluing; or None.
+    state : state at rest (`fem.solve.path_state.at_rest`).
+    models : models of the path; default: that of the state alone.
     friction_step_factor : factor on the longest increments with Coulomb friction.
-    predictor : builds the predictor, with one harmonic and the same skin points, of a model with more harmonics; only
-        without Coulomb friction.
-    kappa : stiffness number of the plate on a section without Coulomb friction, see `fem.model.plate_contact`;
-        default: SECTION_KAPPA.
-    rough : state of a press on another mesh, from which a press to the same depth starts.
 
     Attributes
     ----------
     state : the present state; only the methods replace it.
     iterations : Newton iterations of the last load.
-    raised : as above.
     """
 
-    def __init__(
-        self,
-        d: Discretisation,
-        grip: float | None = None,
-        tilt: float = 0.0,
-        raised: Callable[[], Discretisation] | None = None,
-        rim: float | None = None,
-        mu: float | None = None,
-        friction_step_factor: float = 1.0,
-        predictor: Callable[[], Discretisation] | None = None,
-        kappa: float | None = None,
-        rough: PathState | None = None,
-    ) -> None:
-        self.raised, self._predictor, self._rim, self._friction_factor = raised, predictor, rim, friction_step_factor
+    def __init__(self, state: PathState, models: PathModels | None = None, friction_step_factor: float = 1.0) -> None:
+        self._models, self._friction_factor = models, friction_step_factor
         # one solver each for the model and its predictor: both keep the symbolic factorisation of their pattern
         self._solver, self._reduced_solver = Solver(), Solver()
-        state = at_rest(d, grip, tilt, mu, kappa)
-        if predictor is not None and raised is None:
-            state = with_predictor(state, predictor())
-        self.state, self.iterations, self._rough = state, 0, rough
+        if models is not None and models.predictor is not None and models.raised is None:
+            state = with_predictor(state, models.predictor.build())
+        self.state, self.iterations, self._rough = state, 0, None if models is None else models.rough
 
     def go(self, depth: float, shear: Array) -> Stop:
         """Move to a depth, then to a shear (2,); return why the path stopped on the way, empty if it did not."""
-        reached = self._follow_load(depth, shear)
+        reached = self._follow_straight(np.array([depth, *self.state.position[1:]]))
         self.state, self.iterations = reached.state, reached.iterations
+        if not reached.stop and not np.array_equal(shear, self.state.position[1:]):
+            self.begin_shear()
+            reached = self._follow_straight(np.array([depth, *shear]))
+            self.state, self.iterations = reached.state, self.iterations + reached.iterations
         return reached.stop
 
     def begin_shear(self) -> None:
         """Change to the model of a shear and glue the contact where required, before the plate moves sideways."""
-        self.state = self._prepare_shear(self.state)
+        low, models = self.state, self._models
+        state = replace(low, sheared=True)
+        if models is not None and models.raised is not None and state.d.model == "axisymmetric":
+            state = with_harmonics(state, models.raised.build())
+            self._renew_solver()
+            if models.predictor is not None:
+                state = with_predictor(state, models.predictor.build(), low)
+        if state.bond is None and state.friction is None:
+            state = glue(state, None if models is None else models.glued_radius)
+        self.state = state
 
     def restart(self, state: PathState) -> None:
         """Return to an earlier state of this path."""
@@ -95,16 +106,9 @@ class Path:
         self._solver.close()
         self._solver = Solver()
 
-    def _follow_load(self, depth: float, shear: Array) -> Segment:
-        """Follow one load: press to its depth, then shear."""
-        pressed = self._follow_straight(self.state, np.array([depth, *self.state.position[1:]]))
-        if pressed.stop or np.array_equal(shear, pressed.state.position[1:]):
-            return pressed
-        moved = self._follow_straight(self._prepare_shear(pressed.state), np.array([depth, *shear]))
-        return replace(moved, iterations=pressed.iterations + moved.iterations)
-
-    def _follow_straight(self, state: PathState, goal: Array) -> Segment:
+    def _follow_straight(self, goal: Array) -> Segment:
         """Follow a straight segment to a position (3,), by the predictor where possible."""
+        state = self.state
         if not np.linalg.norm(goal - state.position):
             return Segment(state, "", 0)
         if self._rough is None:
@@ -115,15 +119,3 @@ class Path:
         # returns at once if the prediction has reached the goal
         reached = follow_segment(self._solver, state, goal, friction_step_factor=self._friction_factor)
         return replace(reached, iterations=before + reached.iterations)
-
-    def _prepare_shear(self, state: PathState) -> PathState:
-        """Return the state with harmonics, and glued to the plate, where a shear requires that."""
-        low, state = state, replace(state, sheared=True)
-        if self.raised is not None and state.d.model == "axisymmetric":
-            state = with_harmonics(state, self.raised())
-            self._renew_solver()
-            if self._predictor is not None:
-                state = with_predictor(state, self._predictor(), low)
-        if state.bond is None and state.friction is None:
-            state = glue(state, self._rim)
-        return state

@@ -11,10 +11,9 @@ import numpy as np
 from fem.model import plate_contact
 from fem.model.mesh_specification import MeshSpecification
 from fem.model.plate_contact import Plate
-from fem.model.symmetry_models import Discretisation
-from fem.solve.load_stepping import Path
+from fem.solve.load_stepping import Path, PathModels
 from fem.solve.newton import STOPPED, NoStateError, Stop
-from fem.solve.path_state import PathState, glue
+from fem.solve.path_state import PathState, at_rest, glue
 
 EDGE_SHARE, SETTLED_RADIUS, MOST_PRESSES = 0.05, 0.05, 3
 """EDGE_SHARE: largest edge length at the edge of the contact, over the contact radius. SETTLED_RADIUS: relative
@@ -54,7 +53,7 @@ def find_press(section: MeshSpecification, edge_length: float, depth: float) -> 
     radius = min(math.sqrt(depth / 2), 0.475)
     for _ in range(MOST_PRESSES):
         rim = radius, min(edge_length, EDGE_SHARE * radius)
-        state, _ = solve_press(replace(section, rim=rim, glued=False).build(), depth)
+        state, _ = solve_press(replace(section, rim=rim, glued=False), depth)
         end = measure_contact_edge(state)
         if not end:  # the press did not reach first touch: the press on the final mesh reports why
             break
@@ -84,7 +83,7 @@ def reach_press(
     if depth:
         edge, first = find_press(rough, edge_length, depth)
         section = replace(section, rim=(edge, min(edge_length, edge / 4)))
-    state, stop = solve_press(section.build(), depth, first)
+    state, stop = solve_press(section, depth, first)
     if stop:
         raise NoStateError(
             f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[stop]}): take a smaller depth"
@@ -92,14 +91,14 @@ def reach_press(
     return Press(state, edge)
 
 
-def solve_press(d: Discretisation, depth: float, rough: PathState | None = None) -> tuple[PathState, Stop]:
+def solve_press(section: MeshSpecification, depth: float, rough: PathState | None = None) -> tuple[PathState, Stop]:
     """Return the last state of a press to a depth over D, and why it stopped before; "" if it did not.
 
     Parameters
     ----------
     rough : the press on another mesh, from which this one starts.
     """
-    with contextlib.closing(Path(d, rough=rough)) as path:
+    with contextlib.closing(Path(at_rest(section.build()), PathModels(section, rough=rough))) as path:
         stop = path.go(depth, np.zeros(2))
         return path.state, stop
 

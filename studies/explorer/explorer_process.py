@@ -94,7 +94,7 @@ class Worker:
 
         What ends the process ends it before the announcement, so that the server blames this job and no later one.
         """
-        from fem.solve.increment_watch import watched
+        from fem.solve.load_increments import watched
         from studies.explorer.explorer_state import request_of
 
         self._job, self._begin, self._pictured = job, time.monotonic(), False

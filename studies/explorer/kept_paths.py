@@ -26,7 +26,6 @@ from fem.solve.depth_ranges import graded_depth
 from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
 from fem.solve.path_state import FIRST_TOUCH, PathState
-from geometry.arrays import Array
 
 MOST = 4
 """Most paths that are kept: two designs side by side, each with its coarser mesh for the error estimates."""
@@ -106,25 +105,19 @@ class KeptPaths:
         return kept
 
 
-def _goal(scene: Scene) -> tuple[float, Array]:
-    """Return the depth, and the shear (2,) in the frame of the model, over D, of a scene's load."""
-    (load,), D, (x, y) = scene.loads, scene.design.D, scene.direction
-    return load.depth / D, np.array([[x, y], [-y, x]]) @ load.imposed_shear / D
-
-
 def _continue(kept: _Kept, scene: Scene) -> bool:
     """Follow a path from its last state to the load of its scene; return whether this is a valid and shorter way."""
-    last, (depth, shear) = kept.last, _goal(scene)
+    last, goal = kept.last, scene.position(scene.loads[0])
     if last is None or kept.stop or last.friction is not None:
         return False
     if last.onset is not None or not last.stability.is_stable:
         return False
-    goal, start = np.array([depth, *shear]), kept.begun or kept.rest
+    start = kept.begun or kept.rest
     if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
         return False
     # from one move of a hand to the next, extrapolation of the last states is a better first guess than the predictor
     kept.path.restart(replace(last, reduced=None))
-    stop, state = kept.path.go(depth, shear), kept.path.state
+    stop, state = kept.path.go(goal[0], goal[1:]), kept.path.state
     # the limit of a path, and where it loses stability, are found from its beginning
     if stop or not state.stability.is_stable or state.onset is not None:
         return False
@@ -134,8 +127,8 @@ def _continue(kept: _Kept, scene: Scene) -> bool:
 
 def _follow(kept: _Kept, scene: Scene) -> None:
     """Follow a path to the load of its scene: from rest, or from the press at which the shear begins."""
-    (load,), path = scene.loads, kept.path
-    (depth, shear), before = _goal(scene), 0
+    (load,), path, before = scene.loads, kept.path, 0
+    depth, *shear = scene.position(load)
     if load.shears_tip:
         if kept.begun is None:
             path.restart(kept.rest)
@@ -149,7 +142,7 @@ def _follow(kept: _Kept, scene: Scene) -> None:
         path.restart(kept.begun)
     else:
         path.restart(kept.rest)
-    kept.stop = path.go(depth, shear)
+    kept.stop = path.go(depth, np.array(shear))
     kept.last, kept.iterations = path.state, before + path.iterations
 
 

@@ -20,7 +20,7 @@ from fem.accuracy import LEVELS, coarser
 from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
 from fem.results.error_estimate_rules import VibrationQuantity
 from fem.results.error_estimates import estimate_vibration
-from fem.solve import increment_watch
+from fem.solve import load_increments
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
@@ -214,7 +214,7 @@ def linear_loop(state: ExplorerState, motion: Motion) -> Data:
 
 
 def loop(state: ExplorerState, motion: Motion) -> Data:
-    """Return the part `loop` by finite elements; every time step calls the watch of `fem.solve.increment_watch`."""
+    """Return the part `loop` by finite elements; every time step calls the watch of `fem.solve.load_increments`."""
     from studies.simulation import cycle_report
 
     cycles = cycle_report.run(
@@ -225,7 +225,7 @@ def loop(state: ExplorerState, motion: Motion) -> Data:
         LOOP_LEVEL,
         state.magnet,
         TOLERANCE,
-        lambda share, _: increment_watch.report(share),
+        lambda share, _: load_increments.report(share),
     )
     if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         return refusal(f"the loop is not known: {cycles.message or cycles.status}")

@@ -235,19 +235,19 @@ def _follow(
 ) -> Iterator[tuple[Stop, TimedState, bool]]:
     """Yield each state with the load of the motion that it moves to, and whether it has reached that."""
     from fem.accuracy import LEVELS
-    from fem.analyses.timed_path import follow
+    from fem.analyses.timed_path import TimeControl, follow
 
     path = stops(motion)
     check_load(design, motion.largest, magnet)
     ahead = iter(path)
     stop = next(ahead)
+    longest = motion.half / STEPS if not motion.hold else max(motion.half / STEPS, motion.hold / STEPS)
     states = follow(
         design,
         [one.timed for one in path],
         LEVELS[accuracy],
         law=law,
-        tolerance=tolerance,
-        largest_step=motion.half / STEPS if not motion.hold else max(motion.half / STEPS, motion.hold / STEPS),
+        steps=TimeControl(tolerance, longest),
         magnet=magnet,
         every_step=True,
     )

@@ -13,6 +13,7 @@ from fem.model import plate_contact, symmetry_models
 from fem.solve.direct_solver import Solver
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, newton
+from fem.solve.path_state import at_rest
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from studies.validation.solid_problems import NotSolvedError
@@ -48,7 +49,7 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     design, size = paper(), LEVELS[level].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
-    path = Path(symmetry_models.section(shape, design.nu, magnet, size, tip))
+    path = Path(at_rest(symmetry_models.section(shape, design.nu, magnet, size, tip)))
     forces, factors, solver = [], np.array([1.0, 3.0, 10.0]), Solver()
     try:
         reason, state = path.go(depth, np.zeros(2)), path.state

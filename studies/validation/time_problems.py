@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from analytic.viscoelastic_contact import indentation
 from fem.accuracy import LEVELS, QUICK
-from fem.analyses.timed_path import TimedLoad, TimedState, ViscousLaw, follow
+from fem.analyses.timed_path import TimeControl, TimedLoad, TimedState, ViscousLaw, follow
 from fem.equilibrium import solve as solve_load
 from fem.model import elements, material, viscoelasticity
 from fem.model.nonlinear_system import System
@@ -167,7 +167,10 @@ def held_beam(_: int) -> tuple[float, ...]:
     """Return F(t) / F(0) over G(t) / G(0) of the silicone beam pressed by 1 mm at once, at 0.3 and 2 s."""
     design, times = silicone(), (0.0, 0.3, 2.0)
     loads = [TimedLoad(t, Load(1.0)) for t in times]
-    forces = [one.response.force[2] for one in _solved(follow(design, loads, QUICK, magnet="ignored", kappa=1e6))]
+    forces = [
+        one.response.force[2]
+        for one in _solved(follow(design, loads, QUICK, magnet="ignored", steps=TimeControl(kappa=1e6)))
+    ]
     moduli = relaxation_of(design).modulus(times)
     return tuple(float(force / forces[0] / G) for force, G in zip(forces[1:], moduli[1:], strict=True))
 
@@ -181,7 +184,7 @@ def indented_half_space(level: str) -> tuple[float, ...]:
     design, top = silicone(), 1e-4
     times, depths = np.array([0.0, 0.5, 1.0, 1.1]), top * np.array([0.0, 0.5, 1.0, 0.9])
     loads = [TimedLoad(float(t), Load(float(d))) for t, d in zip(times[1:], depths[1:], strict=True)]
-    states = _solved(follow(design, loads, LEVELS[level], magnet="ignored", largest_step=0.01))
+    states = _solved(follow(design, loads, LEVELS[level], magnet="ignored", steps=TimeControl(largest_step=0.01)))
     G0 = design.E / 3
     exact = indentation(relaxation_of(design), G0, design.R, times, depths).force
     elastic = solve_load(design, Load(top), LEVELS[level], magnet="ignored").response.force[2]
@@ -202,7 +205,9 @@ def limits(_: int) -> tuple[float, ...]:
         exact = solve_load(elastic, Load(1.0), QUICK).response.force[2]
         for law in ("prony", "finite"):
             kappa = SECTION_KAPPA * elastic.E / design.E
-            (state,) = _solved(follow(design, [TimedLoad(duration, Load(1.0))], QUICK, law=law, kappa=kappa))
+            (state,) = _solved(
+                follow(design, [TimedLoad(duration, Load(1.0))], QUICK, law=law, steps=TimeControl(kappa=kappa))
+            )
             ratios.append(state.response.force[2] / exact)
     return tuple(ratios)
 
@@ -218,7 +223,7 @@ def sheared_beam(n: int) -> tuple[float, ...]:
     loads = [TimedLoad(t, Load(shear_x=x, grip=1.0)) for t, x in ((1.0, 1.0), (2.0, -1.0), (3.0, 1.0))]
     values: list[float] = []
     for law in ("prony", "finite"):
-        path = follow(silicone(0.4998), loads, accuracy, law=law, largest_step=1 / n, tolerance=0.9)
+        path = follow(silicone(0.4998), loads, accuracy, law=law, steps=TimeControl(0.9, 1 / n))
         last = _solved(path)[-1]
         values += [(last.stored + last.dissipated) / last.work, last.response.force[0]]
     return tuple(values)
@@ -246,7 +251,7 @@ def touched_beam(n: int, law: ViscousLaw, friction: Friction) -> tuple[float, fl
     if friction != "none":
         way, begin = (0.0, 0.5, -0.5, 0.5), 1.25
         loads = [TimedLoad(0.25 + i, Load(1.0, x, friction=friction)) for i, x in enumerate(way)]
-    path = follow(silicone(0.4998), loads, accuracy, law=law, largest_step=1 / n, tolerance=0.9, every_step=True)
+    path = follow(silicone(0.4998), loads, accuracy, law=law, steps=TimeControl(0.9, 1 / n), every_step=True)
     states = _solved(path)
     before = [0.0, *(one.balance for one in states if one.time <= begin)]
     error = max(abs(one.balance - before[-1]) for one in states if one.time >= begin)

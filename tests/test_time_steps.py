@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.analyses.time_quadrature import TimeIntegral, begin
+from fem.analyses.time_steps import TimeIntegral, begin
 
 UNEVEN = (0.0, 0.3, 0.5, 1.1, 1.2, 2.0)
 
