@@ -16,7 +16,6 @@ import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
 import skfem
 
 from fem.accuracy import STANDARD, Accuracy
@@ -28,7 +27,9 @@ from fem.solution import Solution
 from fem.solve.depth_ranges import split_by_mesh
 from fem.solve.load_case_models import path_models
 from fem.solve.load_stepping import Path
-from fem.solve.path_state import at_rest
+from fem.solve.newton import Stop
+from fem.solve.path_state import PathState, at_rest
+from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
@@ -197,25 +198,67 @@ def _follow(
     scene: Scene, progress: Progress | None, *, watch: bool = False, mesh: skfem.MeshTet2 | None = None
 ) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh."""
-    begin, path = time.perf_counter(), start_path(scene, mesh)
-    sideways = sideways_model(scene, path) if watch else None
-    rest = path.state
-    with contextlib.closing(path):
+    begin = time.perf_counter()
+    with contextlib.closing(ScenePath(scene, mesh, check_stability=watch)) as path:
         for i, load in enumerate(scene.loads):
-            depth, *shear = scene.position(load)
-            if path.state.starts_from_rest(depth):
-                path.restart(rest)
             if progress is not None:
-                size = math.hypot(*load.imposed_shear)
-                progress(i / len(scene.loads), f"{scene.model}: depth {load.depth:g} mm, shear {size:g} mm")
-            stop = path.go(depth, np.array(shear))
+                shear = math.hypot(*load.imposed_shear)
+                progress(i / len(scene.loads), f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
+            stop = path.go(scene.position(load))
             seconds, begin = time.perf_counter() - begin, time.perf_counter()
-            state = read(
-                path.state, scene, load, stop, iterations=path.iterations, seconds=seconds, sideways=sideways
-            )
+            state = path.solution(path.state, load, stop, seconds)
             yield state
             if state.status not in ("ok", "unstable"):
                 return
+
+
+class ScenePath:
+    """Path of a scene on one mesh, whose states are read in the user's units.
+
+    Parameters
+    ----------
+    mesh : tetrahedra in units of D to solve on; default: those of the scene.
+    check_stability : whether the solutions say that a symmetric press would buckle sideways.
+    """
+
+    def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool) -> None:
+        self.scene, self._path, self._iterations = scene, start_path(scene, mesh), 0
+        self._rest = self._path.state
+        self._sideways = sideways_model(scene, self._path) if check_stability else None
+
+    @property
+    def state(self) -> PathState:
+        """The present state."""
+        return self._path.state
+
+    def go(self, position: Array) -> Stop:
+        """Move to a depth and then to a shear, together (3,), over D; return why the path stopped on the way.
+
+        A press without a history starts from rest.
+        """
+        if self.state.starts_from_rest(float(position[0])):
+            self._path.restart(self._rest)
+        stop = self._path.go(float(position[0]), position[1:])
+        self._iterations += self._path.iterations
+        return stop
+
+    def begin_shear(self, state: PathState) -> None:
+        """Return to a state of the press, and change to the model of a shear."""
+        self._path.restart(state)
+        self._path.begin_shear()
+
+    def restart(self, state: PathState) -> None:
+        """Return to an earlier state."""
+        self._path.restart(state)
+
+    def solution(self, state: PathState, load: Load, stop: Stop, seconds: float) -> Solution:
+        """Return the solution at a state, which carries `load` if it has not stopped before."""
+        iterations, self._iterations = self._iterations, 0
+        return read(state, self.scene, load, stop, iterations=iterations, seconds=seconds, sideways=self._sideways)
+
+    def close(self) -> None:
+        """Free the memory of the factorisations."""
+        self._path.close()
 
 
 def sideways_model(scene: Scene, path: Path) -> SidewaysModel | None:

@@ -17,7 +17,7 @@ from geometry.loads import Load, Response
 
 CREASE = 2.4
 """Stretch normal to a free surface over the least one along it, from which on it creases (see
-`fem.results.material_stability`)."""
+`fem.results.silicone_limits`)."""
 
 Status = Literal["ok", "not_converged", "unstable", "no_contact"]
 Remark = Literal[
@@ -60,11 +60,11 @@ class Facts:
     critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
         `fem.results.lateral_stiffness`). `fem.analyses.stability` computes it with an error estimate.
     crease_ratio : largest ratio of the stretches normal to the free skin and along it, which creases beyond CREASE
-        (see `fem.results.material_stability`); None where it was not computed.
+        (see `fem.results.silicone_limits`); None where it was not computed.
     harmonics_missing : harmonics that a tilted plate needs beyond those of the model (see
         `fem.solve.depth_ranges.orders_needed`); the error estimates have grown with them.
     largest_strain : largest principal nominal strain that 99.9 % of the silicone's volume stays below (see
-        `fem.results.silicone_strain`); None where it was not computed.
+        `fem.results.silicone_limits`); None where it was not computed.
     """
 
     stop: Stop = ""
@@ -173,7 +173,7 @@ class Solution:
     dofs, newton_iterations, seconds : number of unknowns, and iterations and time since the state before.
     facts : further facts; code that decides by them reads them here, not in the message.
     status, message : "ok", or what is wrong and how to remedy it; they follow from `facts`, by
-        `fem.results.diagnostics` and `fem.results.state_messages`.
+        `fem.results.diagnostics`.
     dissipated : energy dissipated by slip on the plate since the path began, N mm.
     slip_share : share of the contact area that slips; None without Coulomb friction or contact.
     estimates : estimated errors.

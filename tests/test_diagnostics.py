@@ -1,17 +1,18 @@
 """What is known of a state: gathered from a path, printed as keys."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from fem.accuracy import FINE, QUICK, STANDARD
-from fem.equilibrium import trace
+from fem.equilibrium import solve, trace
 from fem.model import symmetry_models
 from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.scene import Scene
-from fem.solution import Facts
+from fem.solution import Facts, Remark
 from fem.solve.inertia import STABLE, UNKNOWN, Stability
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED
@@ -73,7 +74,6 @@ def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
 @pytest.mark.parametrize(("depth", "remark"), [(1.8, None), (2.65, "nearly_guided_only"), (3.1, "guided_only")])
 def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
     """The paper's sensor does so at 2.87 mm."""
-    from fem.equilibrium import solve
 
     state = solve(paper(), Load(depth=depth))
     assert state.facts.remark == remark
@@ -142,3 +142,58 @@ def test_a_press_beyond_buckling_is_unstable():
     state = trace(Design(D=8.0, L=40.0, l0=40.0), [Load(depth=6.0)], QUICK)[-1]
     assert state.facts.sideways_stiffness_ratio < -10
     assert state.status == "unstable"
+
+
+@pytest.fixture(scope="module")
+def told():
+    """The text of facts that a pressed state might have, under another load than its own if one is given."""
+    pressed = solve(paper(), Load(depth=1.0), QUICK)
+
+    def text(facts, load=None):
+        status = diagnostics.classify(facts)
+        return diagnostics.describe(replace(pressed, facts=facts, status=status, load=load or pressed.load), paper())
+
+    return text
+
+
+def test_where_all_is_well_there_is_nothing_to_say(told):
+    assert told(Facts(stability=STABLE)) == ""
+
+
+def test_where_the_stability_is_unknown_that_is_said(told):
+    assert (
+        told(Facts(stability=UNKNOWN)) == "whether this equilibrium is stable is not known (its pivots do not tell)"
+    )
+    assert diagnostics.classify(Facts(stability=UNKNOWN, remark="guided_unknown")) == "ok"
+
+
+def test_an_onset_that_is_past_is_told(told):
+    assert "past it now" in told(Facts(stability=STABLE, onset="shear", onset_mm=(0.0, 0.4)))
+
+
+@pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
+def test_a_stop_says_where_why_and_what_to_try(told, stop):
+    facts = Facts(stop, Stability(1), "depth", (0.5, 0.6))
+    text = told(facts, Load(depth=0.75, shear_x=0.3, shear_y=0.4, friction="stick"))
+    assert text.startswith(f"stopped at depth 0.75 mm, shear 0.5 mm: {STOPPED[stop]}; try a smaller load")
+    assert "unstable since a depth between 0.5 and 0.6 mm" in text
+
+
+def test_each_remark_is_a_sentence_of_its_own(told):
+    texts = [told(Facts(stability=STABLE, remark=remark)) for remark in get_args(Remark)]
+    assert all(texts)
+    assert len(set(texts)) == len(texts)
+
+
+def test_what_is_inside_out_is_told_of_a_state_of_any_status(told):
+    for facts in (Facts(), Facts("no_convergence"), Facts(stability=Stability(1))):
+        assert "0.002 % of the silicone is inverted (J <= 0)" in told(replace(facts, inverted_share=2e-5))
+        assert "is inverted" not in told(replace(facts, inverted_share=1e-7))
+
+
+def test_silicone_that_is_inside_out_is_told():
+    assert "of the silicone is inverted" in solve(paper(), Load(depth=3.6), STANDARD).message
+
+
+def test_a_touch_that_needs_more_harmonics_than_a_model_has_is_told(told):
+    assert "needs 3 harmonics more" in told(Facts(harmonics_missing=3))

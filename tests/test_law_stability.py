@@ -6,7 +6,7 @@ import pytest
 from fem import equilibrium
 from fem.accuracy import STANDARD
 from fem.model import elements
-from fem.results import material_stability
+from fem.results import silicone_limits
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
@@ -58,7 +58,7 @@ def visited(depth):
     try:
         assert not path.go(depth / paper().D, np.zeros(2))
         e, u = path.state.d.system.elements, path.state.u
-        return material_stability.logarithmic_strains(e, slice(None), u), elements.volumes(e, slice(None)).ravel()
+        return silicone_limits.logarithmic_strains(e, slice(None), u), elements.volumes(e, slice(None)).ravel()
     finally:
         path.close()
 

@@ -16,23 +16,29 @@ repeated on the mesh of the depth that it has led to.
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 import skfem
 
 from fem.accuracy import STANDARD, Accuracy, coarser
-from fem.analyses.force_path import ForcePath, Watch, expected_depth, expected_shear, force_unit, slips_wholly
-from fem.equilibrium import with_estimates
+from fem.equilibrium import ScenePath, with_estimates
+from fem.model import coulomb_friction
+from fem.results.postprocess import tip_force
 from fem.scene import Model, Scene
 from fem.solution import Solution
-from fem.solve.loading_curve import CurvePoint, ForceNotReached
-from fem.solve.newton import STOPPED
+from fem.solve.depth_ranges import mesh_range
+from fem.solve.loading_curve import CurvePoint, ForceNotReached, LoadingCurve
+from fem.solve.newton import STOPPED, Stop
+from fem.solve.path_state import PathState
+from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet
+from geometry.loads import Load, Magnet, tip_compliance
 from geometry.messages import Progress
 
 __all__ = ["solve_force", "walk_forces"]
@@ -43,6 +49,19 @@ LEFT = 0.7
 """Part of the remaining progress that is left after a solve; four to eight solves are usual."""
 PROBE = 0.01
 """Shear over D in the load for which a mesh is made; the mesh depends only on its direction."""
+MOST_DEPTH = 0.999
+"""Largest depth of a search, over the silicone on the axis."""
+FIRST_DEPTH, FIRST_SHEAR = 0.3, 0.5
+"""Largest first depth of a search over the silicone on the axis, because Hertz's law knows no base below the tip; and
+largest first shear over D, within which a path always converges."""
+PRESS_POWER, SHEAR_POWER = 1.5, 1.0
+"""Powers of the motion with which a force grows at first: of Hertz's contact, and of a linear spring."""
+SAME_MESH = 0.01
+"""Relative difference of depths up to which a glued plate has the same mesh. That is refined at the edge of the
+contact, whose radius then differs by half as much: less than the size of an element there."""
+
+Watch = Callable[[float, float], None]
+"""Is called before each solve with its depth and shear, mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +168,9 @@ def walk_forces(
         Before the first state: a target does not suit the design or the model. Later: a force is not reached; the
         sentence names the largest one.
     """
+    search = _Search(mesh, estimate=estimate and mesh is None)
     scenes = [_first_scene(design, target, accuracy, magnet, model) for target in targets]
-    return _walk(targets, scenes, _Paths(mesh, estimate=estimate and mesh is None), progress)
+    return _walk(targets, scenes, search, progress)
 
 
 def _first_scene(design: Design, target: ForceTarget, accuracy: Accuracy, magnet: Magnet, model: Model) -> Scene:
@@ -160,14 +180,14 @@ def _first_scene(design: Design, target: ForceTarget, accuracy: Accuracy, magnet
 
 
 def _walk(
-    targets: Sequence[ForceTarget], scenes: Sequence[Scene], paths: _Paths, progress: Progress | None
+    targets: Sequence[ForceTarget], scenes: Sequence[Scene], search: _Search, progress: Progress | None
 ) -> Generator[Solution]:
     """Solve for the states one after the other, and close the paths."""
-    with contextlib.closing(paths):
+    with contextlib.closing(search):
         for done, (target, scene) in enumerate(zip(targets, scenes, strict=True)):
             if progress is not None:
-                paths.watch = _watch(progress, done, len(targets), target, scene.model)
-            yield _solve(paths, target, scene)
+                search.watch = _watch(progress, done, len(targets), target, scene.model)
+            yield search.solve(target, scene)
 
 
 def _watch(progress: Progress, done: int, count: int, target: ForceTarget, model: str) -> Watch:
@@ -185,83 +205,155 @@ def _watch(progress: Progress, done: int, count: int, target: ForceTarget, model
     return watch
 
 
-class _Paths:
-    """The path on the present mesh, and that on the coarser mesh for error estimates.
+class _Search:
+    """Searches on the path of the present mesh, and its estimates.
 
     Attributes
     ----------
-    estimate : whether errors are estimated, and the sideways stability of an axisymmetric press is checked.
-    depths : depths, mm, of the forces so far: several shear forces share one press.
-    watch : is called before each solve.
+    watch : is called before each solve; None: no calls.
     """
 
     def __init__(self, mesh: skfem.MeshTet2 | None, *, estimate: bool) -> None:
-        self._mesh, self.estimate, self.depths = mesh, estimate, dict[float, float]()
+        self._mesh, self._estimate = mesh, estimate
         self.watch: Watch | None = None
-        self._fine: ForcePath | None = None
-        self._coarse: ForcePath | None = None
+        # depths, mm, of the forces so far: several shear forces share one press
+        self._depths: dict[float, float] = {}
+        self._path: ForcePath | None = None
 
-    def fine(self, scene: Scene) -> ForcePath:
-        """Return the path of a scene: the present one, if its mesh is that of the scene."""
-        if self._fine is None or not self._fine.suits(scene.loads[0]):
-            self.close()
-            self._fine = ForcePath(scene, self._mesh, check_stability=self.estimate, watch=self._report)
-        return self._fine
-
-    def coarse(self, scene: Scene) -> ForcePath:
-        """Return the path on the mesh that is coarser than the present one."""
-        if self._coarse is None:
-            self._coarse = ForcePath(replace(scene, accuracy=coarser(scene.accuracy)), check_stability=False)
-        return self._coarse
+    def solve(self, target: ForceTarget, scene: Scene) -> Solution:
+        """Return the state with the forces of a target, with error estimates."""
+        begin, D = time.perf_counter(), scene.design.D
+        path, pressed = self._press(target, scene)
+        sheared = None if target.shear_force is None else _shear(path, pressed, target)
+        load = target.load_at(pressed.motion * D, 0.0 if sheared is None else sheared.motion * D)
+        state = path.solution(sheared or pressed, load, time.perf_counter() - begin)
+        if not self._estimate:
+            return state
+        begin, coarse = time.perf_counter(), path.coarser
+        coarse_point = coarse.press.reach(pressed.motion)
+        if sheared is not None and not coarse_point.stop:
+            coarse_point = coarse.shear(coarse_point).reach(sheared.motion)
+        coarse_state = coarse.solution(coarse_point, load, time.perf_counter() - begin)
+        return with_estimates(state, coarse_state, path.scene)
 
     def close(self) -> None:
         """Free the memory of the factorisations."""
-        for path in (self._fine, self._coarse):
-            if path is not None:
-                path.close()
-        self._fine = self._coarse = None
+        if self._path is not None:
+            self._path.close()
 
-    def _report(self, depth: float, shear: float) -> None:
+    def _press(self, target: ForceTarget, scene: Scene) -> tuple[ForcePath, CurvePoint]:
+        """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
+        (load,), D = scene.loads, scene.design.D
+        depth = self._depths.get(target.force, load.depth)
+        failure: ForceNotReached | None = None
+        for meshes_left in reversed(range(MOST_MESHES)):
+            path = self._path_of(replace(scene, loads=(replace(load, depth=depth),)))
+            try:
+                point, failure = path.press.find(target.force / force_unit(scene.design), depth / D), None
+            except ForceNotReached as error:
+                point, failure = error.point, error
+            depth = point.motion * D
+            # a force that is not reached on the mesh of another depth may be reached on that of this one
+            if not depth or not meshes_left or path.suits(replace(load, depth=depth)):
+                break
+        if failure is not None:
+            raise OutOfReach(_refusal(failure, target.force, "press", "depth", scene.design))
+        self._depths[target.force] = depth
+        return path, point
+
+    def _path_of(self, scene: Scene) -> ForcePath:
+        """Return the path of a scene: the present one, if its mesh is that of the scene."""
+        if self._path is None or not self._path.suits(scene.loads[0]):
+            self.close()
+            self._path = ForcePath(scene, self._mesh, check_stability=self._estimate)
+        self._path.watch = self.watch
+        return self._path
+
+
+class ForcePath:
+    """Path of a scene with one load, whose press and shear are searched for forces.
+
+    Parameters
+    ----------
+    scene : its load gives the kind of the loads and the direction of the shear, and the depth for which the mesh is
+        made.
+    mesh, check_stability : as of `fem.equilibrium.ScenePath`.
+
+    Attributes
+    ----------
+    press : force along z over the depth.
+    watch : is called before each solve; None: no calls.
+    """
+
+    def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
+        (self._load,), self.scene = scene.loads, scene
+        self.watch: Watch | None = None
+        self._path = ScenePath(scene, mesh, check_stability=check_stability)
+        self._pressed: CurvePoint | None = None
+        self._sheared: LoadingCurve | None = None
+        self.press = LoadingCurve(
+            self._path,
+            lambda depth: self._go(depth, 0.0),
+            lambda state: (float(state.position[0]), float(tip_force(state)[2])),
+            power=PRESS_POWER,
+            most=MOST_DEPTH * silicone_on_axis(scene.design, scene.magnet),
+        )
+
+    @functools.cached_property
+    def coarser(self) -> ForcePath:
+        """The path on the mesh that is coarser than the present one."""
+        return ForcePath(replace(self.scene, accuracy=coarser(self.scene.accuracy)))
+
+    def shear(self, pressed: CurvePoint) -> LoadingCurve:
+        """Return the force along the shear over the shear, after a press to a state."""
+        if self._sheared is None or pressed is not self._pressed:
+            self._path.begin_shear(pressed.state)
+            along = self._direction()
+            self._pressed = pressed
+            self._sheared = LoadingCurve(
+                self._path,
+                lambda shear: self._go(pressed.motion, shear),
+                lambda state: (float(state.position[1:] @ along), float(tip_force(state)[:2] @ along)),
+                power=SHEAR_POWER,
+                most=2 * self.scene.shape.L,
+                ended=slips_wholly,
+            )
+        return self._sheared
+
+    def solution(self, point: CurvePoint, load: Load, seconds: float) -> Solution:
+        """Return the solution at a state, which carries `load` if it has not stopped before."""
+        return self._path.solution(point.state, load, point.stop, seconds)
+
+    def suits(self, load: Load) -> bool:
+        """Return whether the mesh is that of a path to another load."""
+        D, own = self.scene.design.D, self._load
+        alike = (load.friction, load.plate_tilt, load.imperfection, load.shears_tip, load.direction) == (
+            own.friction, own.plate_tilt, own.imperfection, own.shears_tip, own.direction
+        )  # fmt: skip
+        if own.bonds_contact:
+            return alike and math.isclose(load.depth, own.depth, rel_tol=SAME_MESH)
+        if self.scene.solid:
+            return alike
+        return alike and mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, own.depth / D)
+
+    def close(self) -> None:
+        """Free the memory of the factorisations."""
+        self._path.close()
+        if "coarser" in self.__dict__:
+            self.coarser.close()
+
+    def _go(self, depth: float, shear: float) -> Stop:
+        """Move the plate to a depth and to a shear along the load's, over D."""
         if self.watch is not None:
-            self.watch(depth, shear)
+            D = self.scene.design.D
+            self.watch(depth * D, shear * D)
+        return self._path.go(np.array([depth, *(shear * self._direction())]))
 
-
-def _solve(paths: _Paths, target: ForceTarget, scene: Scene) -> Solution:
-    """Return the state with the forces of a target, with error estimates."""
-    begin, D = time.perf_counter(), scene.design.D
-    path, pressed = _press(paths, target, scene)
-    sheared = None if target.shear_force is None else _shear(path, pressed, target)
-    load = target.load_at(pressed.motion * D, 0.0 if sheared is None else sheared.motion * D)
-    state = path.solution(sheared or pressed, load, seconds=time.perf_counter() - begin)
-    if not paths.estimate:
-        return state
-    begin, coarse = time.perf_counter(), paths.coarse(path.scene)
-    coarse_point = coarse.press.reach(pressed.motion)
-    if sheared is not None and not coarse_point.stop:
-        coarse_point = coarse.shear(coarse_point).reach(sheared.motion)
-    coarse_state = coarse.solution(coarse_point, load, seconds=time.perf_counter() - begin)
-    return with_estimates(state, coarse_state, path.scene)
-
-
-def _press(paths: _Paths, target: ForceTarget, scene: Scene) -> tuple[ForcePath, CurvePoint]:
-    """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
-    (load,), D = scene.loads, scene.design.D
-    depth = paths.depths.get(target.force, load.depth)
-    failure: ForceNotReached | None = None
-    for meshes_left in reversed(range(MOST_MESHES)):
-        path = paths.fine(replace(scene, loads=(replace(load, depth=depth),)))
-        try:
-            point, failure = path.press.find(target.force / force_unit(scene.design), depth / D), None
-        except ForceNotReached as error:
-            point, failure = error.point, error
-        depth = point.motion * D
-        # a force that is not reached on the mesh of another depth may be reached on that of this one
-        if not depth or not meshes_left or path.suits(replace(load, depth=depth)):
-            break
-    if failure is not None:
-        raise OutOfReach(_refusal(failure, target.force, "press", "depth", scene.design))
-    paths.depths[target.force] = depth
-    return path, point
+    def _direction(self) -> Array:
+        """Return the unit vector (2,) of the load's shear in the model's frame."""
+        shear = np.array(self._load.imposed_shear)
+        size = float(np.linalg.norm(shear))
+        return self.scene.turn @ shear / size if size else np.zeros(2)
 
 
 def _shear(path: ForcePath, pressed: CurvePoint, target: ForceTarget) -> CurvePoint:
@@ -298,3 +390,35 @@ def _refusal(error: ForceNotReached, force: float, loading: str, motion: str, de
         f"the {loading} does not reach {force:g} N: its largest force is {point.force * unit:.4g} N {at}, "
         f"{reasons[ended]}: take a smaller force"
     )
+
+
+def force_unit(design: Design) -> float:
+    """Return the unit of dimensionless forces, E D^2, N."""
+    return design.E * design.D**2
+
+
+def silicone_on_axis(design: Design, magnet: Magnet) -> float:
+    """Return the thickness of the silicone on the axis over D, above and below the magnet."""
+    return (design.L - (design.magnet_height if magnet == "rigid" else 0.0)) / design.D
+
+
+def expected_depth(design: Design, magnet: Magnet, force: float) -> float:
+    """Return a rough depth over D of a press by a force over E D^2: Hertz's contact on a column.
+
+    The column is what remains of the silicone on the axis below a ball of diameter D.
+    """
+    R, thickness = design.R / design.D, silicone_on_axis(design, magnet)
+    hertz = (0.75 * force * (1 - design.nu**2) / math.sqrt(R)) ** (2 / 3)
+    column = max(thickness - 1.0, 0.0) * force / (math.pi * R**2)
+    return float(min(hertz + column, FIRST_DEPTH * thickness))
+
+
+def expected_shear(design: Design, force: float) -> float:
+    """Return a rough shear over D under a force along the plate over E D^2: that of a straight beam."""
+    return min(force * tip_compliance(design) * design.E * design.D, FIRST_SHEAR)
+
+
+def slips_wholly(state: PathState) -> bool:
+    """Return whether the whole contact area slips; no larger shear then increases the force."""
+    friction = state.friction
+    return friction is not None and coulomb_friction.slip_share(friction, state.skin.weights) == 1.0

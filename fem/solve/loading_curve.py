@@ -11,8 +11,8 @@ import bisect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
-from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
 from fem.solve.path_state import PathState
 
@@ -62,6 +62,14 @@ class ForceNotReached(Exception):
         self.point, self.last, self.beyond = point, last, beyond
 
 
+class Movable(Protocol):
+    """A path with a present state, which may return to an earlier one."""
+
+    @property
+    def state(self) -> PathState: ...
+    def restart(self, state: PathState) -> None: ...
+
+
 class LoadingCurve:
     """The solved states of a path along one motion, in its order.
 
@@ -81,7 +89,7 @@ class LoadingCurve:
 
     def __init__(
         self,
-        path: Path,
+        path: Movable,
         move: Callable[[float], Stop],
         measure: Callable[[PathState], tuple[float, float]],
         *,

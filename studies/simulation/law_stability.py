@@ -1,7 +1,7 @@
 """Ranges of homogeneous stretches in which a silicone's law is stable, and in which it must be stable.
 
 The body is incompressible and free of stress in its last direction. A law is called stable at such a stretch if it is
-so in Drucker's sense (`fem.results.material_stability`), and dP : dF > 0 along the mode itself, so that the nominal
+so in Drucker's sense (`fem.results.silicone_limits`), and dP : dF > 0 along the mode itself, so that the nominal
 stress still rises.
 
 A law must be stable within the range of the test: in each mode, at all stretches whose principal stretches the
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model.material import law
-from fem.results import material_stability
+from fem.results import silicone_limits
 from geometry.arrays import Array
 
 Ranges = dict[str, tuple[float, float]]
@@ -92,8 +92,8 @@ def within(wanted: Ranges, stable: Ranges) -> bool:
 
 def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array) -> NDArray[np.bool_]:
     """Return whether the law is stable at stretches, shape (n,), of a mode; strains (3,) are over log(stretch)."""
-    tau, D = material_stability.stress_and_stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
+    tau, D = silicone_limits.stress_and_stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
     # the pressure that makes the stress in the last direction zero
     tau = tau - tau[:, 2:]
     along = (D @ strains) @ strains - tau @ strains**2
-    return np.asarray((material_stability.least_stiffness(D) > 0) & (along > 0))
+    return np.asarray((silicone_limits.least_stiffness(D) > 0) & (along > 0))

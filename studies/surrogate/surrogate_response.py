@@ -25,7 +25,7 @@ class Estimate:
 
     Attributes
     ----------
-    strain : largest strain of the silicone (see `fem.results.silicone_strain`).
+    strain : largest strain of the silicone (see `fem.results.silicone_limits`).
     force_error, shift_error, tilt_error : half widths of 90 % intervals, over the length of force, shift and tilt.
     sideways_error : half width of the force along a shear, over this force.
     """

@@ -1,15 +1,19 @@
-"""Stability of the laws: against differences of their own energies, and told where a solve ends by it."""
+"""Limits of the silicone: stability of the laws against differences of their energies, and the largest strain."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import skfem
 
 from fem import equilibrium
-from fem.accuracy import QUICK
+from fem.accuracy import QUICK, STANDARD
+from fem.equilibrium import solve, trace
+from fem.model import elements
 from fem.model.material import evaluate, law
-from fem.results import material_stability
+from fem.results import silicone_limits
 from fem.results.postprocess import read
+from fem.results.silicone_limits import SHARE, largest_eigenvalue, largest_strain
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
@@ -27,11 +31,11 @@ def test_stiffness_is_the_second_derivative_of_the_energy(name, numbers):
     def energy(at):
         return evaluate(silicone, np.diag(np.expm1(at)))[0]
 
-    _, D = material_stability.stress_and_stiffness(silicone, h[None])
+    _, D = silicone_limits.stress_and_stiffness(silicone, h[None])
     for way in ways:
         bent = (energy(h + step * way) - 2 * energy(h) + energy(h - step * way)) / step**2
         assert way @ D[0] @ way == pytest.approx(bent, rel=1e-5)
-        assert material_stability.least_stiffness(D)[0] <= bent / (way @ way) * (1 + 1e-5)
+        assert silicone_limits.least_stiffness(D)[0] <= bent / (way @ way) * (1 + 1e-5)
 
 
 def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
@@ -41,7 +45,7 @@ def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
     x = np.exp(2 * h) + 2 * np.exp(-h) - 3
     bent = np.gradient(np.gradient((x - 0.2 * x**2) / 2, h), h)
     way = h[:, None] * np.array([1.0, -0.5, -0.5])
-    least = material_stability.least_stiffness(material_stability.stress_and_stiffness(silicone, way)[1])
+    least = silicone_limits.least_stiffness(silicone_limits.stress_and_stiffness(silicone, way)[1])
     end = h[np.argmax(least <= 0)]
     assert end <= h[np.argmax(bent < 0)] + 1e-3
     assert 0 < np.exp(2 * end) + 2 * np.exp(-end) - 3 < 2.5
@@ -88,15 +92,64 @@ def test_a_good_state_says_where_it_is_beyond_its_law(depth, lost):
 def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, numbers):
     silicone = law(name, numbers)
     h = np.random.default_rng(0).uniform(-2, 2, (2000, 3))
-    _, D = material_stability.stress_and_stiffness(silicone, h - h.mean(axis=1, keepdims=True))
-    stable = (material_stability.least_stiffness(D) > 0).all()
-    assert material_stability.always_stable(silicone) == stable
+    _, D = silicone_limits.stress_and_stiffness(silicone, h - h.mean(axis=1, keepdims=True))
+    stable = (silicone_limits.least_stiffness(D) > 0).all()
+    assert silicone_limits.always_stable(silicone) == stable
 
 
 def test_what_is_always_stable_is_never_lost():
     path = equilibrium.start_path(Scene(paper(), (Load(depth=2.0),), QUICK))
     try:
         assert not path.go(2.0 / paper().D, np.zeros(2))
-        assert material_stability.find_loss(path.state.d.system, path.state.u) is None
+        assert silicone_limits.find_loss(path.state.d.system, path.state.u) is None
     finally:
         path.close()
+
+
+def cube(n=2):
+    mesh = skfem.MeshTet.init_tensor(*(np.linspace(0, 1, n + 1),) * 3)
+    return elements.build(skfem.MeshTet2.from_mesh(mesh), axisymmetric=False)
+
+
+def test_eigenvalues_are_those_of_a_decomposition():
+    F = np.eye(3)[:, :, None] + np.random.default_rng(5).normal(size=(3, 3, 1000)) * np.logspace(-6, 0, 1000)
+    exact = np.linalg.svd(np.moveaxis(F, -1, 0), compute_uv=False)[:, 0] ** 2
+    assert largest_eigenvalue(F) == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("F", [np.diag([1.3, 0.9, 0.8]), np.diag([1.3, 1.3, 0.6]), np.diag([0.7, 0.7, 0.7])])
+def test_a_uniform_stretch_has_its_own_strain(F):
+    e = cube()
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    u = e.nodes @ (turn @ F - np.eye(3)).T
+    assert largest_strain(e, u) == pytest.approx(F.max() - 1, abs=1e-8)
+
+
+def test_a_tenth_of_a_percent_of_the_volume_may_be_beyond():
+    """Under u_x = x^2 / 2 the strain of the cube is x, and the share s of the volume stays below s."""
+    e = cube(8)
+    u = np.zeros_like(e.nodes)
+    u[:, 0] = e.nodes[:, 0] ** 2 / 2
+    assert largest_strain(e, u) == pytest.approx(SHARE, abs=0.02)
+
+
+def test_the_strain_of_a_press_hardly_depends_on_the_mesh_or_on_the_model():
+    load = Load(depth=1.0)
+    quick, standard = (solve(paper(), load, accuracy) for accuracy in (QUICK, STANDARD))
+    harmonic = solve(paper(), load, QUICK, model="harmonic")
+    strains = [state.facts.largest_strain for state in (quick, harmonic)]
+    assert strains == pytest.approx([standard.facts.largest_strain] * 2, rel=0.02)
+
+
+def test_the_strain_depends_on_shape_and_depth_over_diameter_only():
+    one = solve(paper(), Load(depth=0.5), QUICK)
+    stiff = solve(replace(paper(), E=3.0), Load(depth=0.5), QUICK)
+    assert stiff.facts.largest_strain == pytest.approx(one.facts.largest_strain, rel=1e-9)
+
+
+def test_a_shear_adds_strain():
+    sheared, more = (Load(depth=0.5, shear_x=shear, friction="stick") for shear in (1.0, 2.0))
+    pressed = solve(paper(), Load(depth=0.5), QUICK)
+    states = [pressed, *trace(paper(), [sheared, more], QUICK)]
+    strains = [state.facts.largest_strain for state in states]
+    assert 0 < strains[0] < strains[1] < strains[2]
