@@ -68,7 +68,7 @@ LONGEST = (
     "test_cad",
     "test_symmetry_models",
     "test_kept_paths",
-    "test_design_range_steps",
+    "test_design_range",
     "test_field_regions",
     "test_preparation",
 )

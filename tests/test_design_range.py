@@ -1,38 +1,36 @@
 """The study of the range: its samples reach the ends, its rows say what is wrong, it goes on where it stopped."""
 
 import json
-from dataclasses import asdict, replace
 
 import pytest
 
 from geometry.design import Design
 from studies.output import goals
-from studies.validation import design_range, design_range_steps
-from studies.validation.design_range_steps import DesignResult
+from studies.validation import design_range
 
 
 def test_samples_reach_the_ends_and_stay_the_same():
     found = design_range.samples(design_range.COUNT)
     assert len(found) >= 60
     assert design_range.samples(5) == found[:5]
-    D = [one.D for one in found]
+    D = [one["D"] for one in found]
     assert (min(D), max(D)) == (1, 50)
-    assert min(one.L - one.D / 2 for one in found) == pytest.approx(design_range.LEAST_STEM)
-    assert max(one.L / one.D for one in found) == pytest.approx(10, rel=1e-3)
-    assert min(one.magnet_diameter for one in found) == design_range.LEAST_DIAMETER
-    ratios = [one.magnet_height / one.magnet_diameter for one in found]
+    assert min(one["L"] - one["D"] / 2 for one in found) == pytest.approx(design_range.LEAST_STEM)
+    assert max(one["L"] / one["D"] for one in found) == pytest.approx(10, rel=1e-3)
+    assert min(one["magnet_diameter"] for one in found) == design_range.LEAST_DIAMETER
+    ratios = [one["magnet_height"] / one["magnet_diameter"] for one in found]
     assert 0.0999 < min(ratios) < max(ratios) < 4.001
 
 
 def test_the_largest_magnets_leave_the_wall():
-    made = [
-        Design(**asdict(design_range._sample([x, y, 1.0, z, 0.0])))
-        for x in (0.5, 1)
-        for y in (0.6, 1)
-        for z in (0, 0.5)
-    ]
+    made = [Design(**design_range._sample([x, y, 1.0, z, 0.0])) for x in (0.5, 1) for y in (0.6, 1) for z in (0, 0.5)]
     for design in made:
         assert design_range.WALL - 1e-9 <= design.shape.wall < design_range.WALL + 0.01 * design.D
+
+
+def row(number):
+    sizes = {f"{name}_mm": 1.0 for name in design_range.SIZES}
+    return {"design": number, **sizes, "status": "ok", "message": "", **dict.fromkeys(design_range.COLUMNS)}
 
 
 @pytest.fixture
@@ -43,10 +41,9 @@ def quick(monkeypatch):
     def examine(number, sample, cache):
         done.append(number)
         status = "failed" if number % 3 == 2 else "ok"
-        sizes = sample.D, sample.L, sample.magnet_diameter, sample.magnet_height, sample.magnet_edge_radius
-        return DesignResult(number, *sizes, status=status, tetrahedra=10 * number)
+        return row(number) | {"status": status, "tetrahedra": 10 * number}
 
-    monkeypatch.setattr(design_range_steps, "examine", examine)
+    monkeypatch.setattr(design_range, "examine", examine)
     return done
 
 
@@ -75,6 +72,35 @@ def test_bad_counts(run):
 
 
 def test_without_a_possible_design_nothing_is_shown():
-    impossible = DesignResult(0, 8.0, 3.0, 4.0, 2.0, 0.2, status="impossible")
-    assert goals.missed(design_range.goals([impossible]))
-    assert not goals.missed(design_range.goals([replace(impossible, status="ok")]))
+    assert goals.missed(design_range.goals([row(0) | {"status": "impossible"}]))
+    assert not goals.missed(design_range.goals([row(0)]))
+
+
+@pytest.mark.parametrize(("number", "ending"), [(3, "impossible"), (20, "ok"), (21, "ok")])
+def test_some_designs(number, ending, tmp_path):
+    """A stem too short for its magnet, a small disc in a beam of 50 mm, one close to the base."""
+    result = design_range.examine(number, design_range.samples(number + 1)[number], tmp_path)
+    assert result["status"] == ending
+    if ending == "impossible":
+        assert "needs at least 0.1 mm: take a smaller magnet" in result["message"]
+        return
+    assert (result["section"], result["solid_mesh"]) == ("ok", "ok")
+    assert result["solids"] == "ok" or result["message"]
+    assert result["cached_ms"] < 100
+    assert result["least_jacobian"] > 0.04
+
+
+def test_a_step_that_fails_is_told_and_the_others_go_on(monkeypatch, tmp_path):
+    def broken(design):
+        raise ZeroDivisionError("of the test")
+
+    monkeypatch.setattr(design_range, "_solids", broken)
+    monkeypatch.setattr(design_range, "_solid_mesh", lambda design, cache: {"tetrahedra": 7})
+    result = design_range.examine(18, design_range.samples(19)[18], tmp_path)
+    assert (result["status"], result["solids"], result["section"], result["tetrahedra"]) == (
+        "failed",
+        "failed",
+        "ok",
+        7,
+    )
+    assert result["message"] == "solids: ZeroDivisionError: of the test"

@@ -192,20 +192,18 @@ def crosscheck(
         for result in study.run(accuracy, count, progress, tilted=tilted):
             results.append(result)
             if as_json:
-                print(atomic_files.json_line(result.row()), flush=True)
+                print(atomic_files.json_line(result), flush=True)
         if folder is not None:
             study.write(folder, results, versions(), command_line)
-    rows = [result.row() for result in results]
     if not as_json:
-        brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in rows]
+        brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in results]
         console.report(brief, as_json=False, title="Harmonic model against tetrahedra", wide=wide)
-        for remark in console.remarks(rows, ("design",)):
+        for remark in console.remarks(results, ("design",)):
             console.note(remark)
-    failed = [f"design {result.design}" for result in results if not result.agree]
+    failed = [f"design {row['design']}" for row in results if not row["agree"]]
     if failed:
-        console.say(
-            f"magtip: {len(failed)} of {len(rows)} {'loads' if tilted else 'designs'} disagree: {', '.join(failed)}"
-        )
+        what = "loads" if tilted else "designs"
+        console.say(f"magtip: {len(failed)} of {len(results)} {what} disagree: {', '.join(failed)}")
     return FAILED if failed else GOOD
 
 
@@ -232,7 +230,6 @@ def ladder(
     """
     command_line = command(ladder, locals())
     from studies.output.provenance import versions
-    from studies.validation import formula_level_report
     from studies.validation import formula_levels as study
 
     most = len(study.designs())
@@ -244,13 +241,14 @@ def ladder(
         for comparison in study.run(accuracy, count, progress):
             comparisons.append(comparison)
             if as_json:
-                print(atomic_files.json_line(comparison.row()), flush=True)
+                print(atomic_files.json_line(comparison), flush=True)
         if folder is not None:
-            formula_level_report.write(folder, comparisons, versions(), command_line)
+            study.write(folder, comparisons, versions(), command_line)
     if not as_json:
-        table = [errors.row() for errors in formula_level_report.summary(comparisons)]
-        console.report(table, as_json=False, title="Errors of the formulas, root mean square", wide=wide)
-    return report_goals(formula_level_report.goals(comparisons))
+        console.report(
+            study.summary(comparisons), as_json=False, title="Errors of the formulas, root mean square", wide=wide
+        )
+    return report_goals(study.goals(comparisons))
 
 
 def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -276,12 +274,11 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
         for result in study.run(count, folder, progress):
             results.append(result)
             if as_json:
-                print(atomic_files.json_line(result.row()), flush=True)
+                print(atomic_files.json_line(result), flush=True)
         if folder is not None:
             study.write(folder, results, origin, command_line)
     if not as_json:
-        table = [spread.row() for spread in study.summary(results)]
-        console.report(table, as_json=False, title="Range of designs", wide=wide)
+        console.report(study.summary(results), as_json=False, title="Range of designs", wide=wide)
     return report_goals(study.goals(results))
 
 

@@ -5,23 +5,23 @@ ABOUT, which the report prints, describes the samples and checks.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import math
+import os
 import statistics
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, replace
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.output import checkpoint, records
-from studies.output.atomic_files import write_text
+from studies.output import checkpoint
 from studies.output.goals import Goal
-from studies.output.provenance import made
-from studies.output.records import FlatRow
-from studies.validation import design_range_steps
-from studies.validation.design_range_steps import DesignResult, Sample
+from studies.validation import pages
+from studies.validation.pages import Row
 
 ABOUT = """\
 Solids, mould and meshes are made for designs that are sampled over all input ranges. An impossible design has its
@@ -50,21 +50,25 @@ END = 0.1
 """Share of the samples at each end of each quantity's range."""
 
 
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Least, median and greatest magnitude of a measured quantity over the designs that have a value."""
+VOLUME, BASE, CACHED_S = 1e-5, 1e-4, 0.1
+"""Largest relative errors of volumes and of the base, and longest time to read a mesh from the cache, s."""
+SIZES = ("D", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+MEASURED = (
+    *("wall_mm", "solids_s", "section_ms", "triangles", "section_volume_error", "least_angle_rad", "tetrahedra"),
+    *("mesh_s", "mesh_cpu_s", "cached_ms", "silicone_volume_error", "magnet_volume_error", "base_error"),
+    *("gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
+)
+"""Columns that are measured numbers; None where a step was not reached or did not pass. Errors are relative."""
+COLUMNS = (
+    *("wall_mm", "solids", "solids_s", "section", "section_ms", "triangles", "section_volume_error"),
+    *("least_angle_rad", "solid_mesh", "tetrahedra", "mesh_s", "mesh_cpu_s", "cached_ms", "silicone_volume_error"),
+    *("magnet_volume_error", "base_error", "gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
+)
+"""Columns of range.csv after sizes, status ("impossible": the design itself is refused) and message; `solids`,
+`section` and `solid_mesh` are outcomes of the steps: ok, impossible, failed."""
 
-    quantity: str
-    least: float
-    median: float
-    greatest: float
 
-    def row(self) -> FlatRow:
-        """Return the spread as columns of the printed table."""
-        return records.flat(self)
-
-
-def samples(count: int) -> list[Sample]:
+def samples(count: int) -> list[Row]:
     """Return the sampled designs; a larger count only appends designs."""
     from scipy.stats import qmc
 
@@ -74,7 +78,7 @@ def samples(count: int) -> list[Sample]:
     ]
 
 
-def _sample(x: list[float]) -> Sample:
+def _sample(x: list[float]) -> Row:
     """Return the design at a point of the unit cube.
 
     The coordinates stand for D, the stem L - D/2, and the magnet's diameter, height / diameter and edge radius.
@@ -86,14 +90,10 @@ def _sample(x: list[float]) -> Sample:
     most = min(2 * (D / 2 - WALL) / math.hypot(1, ratio), 2 * (stem - WALL) / ratio)
     wide = _down(least * (max(most, least) / least) ** x[2])
     tall = _down(ratio * wide)
-    return Sample(
-        D=D,
-        L=round(D / 2 + stem, 6),
-        magnet_diameter=wide,
-        magnet_height=tall,
-        magnet_edge_radius=_down(x[4] * min(wide, tall) / 4) if x[4] else 0.0,
-        l0=round(D / 2 + stem + 1, 6),
-    )
+    edge = _down(x[4] * min(wide, tall) / 4) if x[4] else 0.0
+    L = D / 2 + stem
+    sizes = {"D": D, "L": round(L, 6), "magnet_diameter": wide, "magnet_height": tall, "magnet_edge_radius": edge}
+    return sizes | {"l0": round(L + 1, 6)}
 
 
 def _down(value: float) -> float:
@@ -105,76 +105,177 @@ def _down(value: float) -> float:
     return float(f"{math.floor(value / step + 1e-9) * step:.6g}")
 
 
-def run(count: int, folder: Path | None, progress: Progress) -> Iterator[DesignResult]:
-    """Yield the result of each design; results in the folder's rows.jsonl by the same code are not computed again."""
+def run(count: int, folder: Path | None, progress: Progress) -> Iterator[Row]:
+    """Yield the row of each design; results in the folder's rows.jsonl by the same code are not computed again."""
     store = checkpoint.opened(None if folder is None else folder / "rows.jsonl", code())
     with tempfile.TemporaryDirectory() as cache:
         for number, sample in enumerate(samples(count)):
             progress(number / count, f"design {number}")
-            name = json.dumps([number, *astuple(sample)])
+            name = json.dumps([number, *sample.values()])
             if name not in store.known:
-                store.keep(name, design_range_steps.examine(number, sample, Path(cache)).row())
-            yield replace(DesignResult(**store.known[name]), commit=store.commits[name])
+                store.keep(name, examine(number, sample, Path(cache)))
+            yield store.known[name] | {"commit": store.commits[name]}
 
 
 @functools.cache
 def code() -> str:
     """Return a digest of the modules that make solids and meshes, of the accuracy levels, and of this study."""
-    study = [Path(__file__), Path(design_range_steps.__file__)]
-    return checkpoint.digest([*checkpoint.modules("geometry", "fem"), *study])
+    return checkpoint.digest([*checkpoint.modules("geometry", "fem"), Path(__file__)])
 
 
-MEASURED = (
-    *("wall_mm", "solids_s", "section_ms", "triangles", "section_volume_error", "least_angle_rad", "tetrahedra"),
-    *("mesh_s", "mesh_cpu_s", "cached_ms", "silicone_volume_error", "magnet_volume_error", "base_error"),
-    *("gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
-)
-"""Fields of a result that are measured numbers."""
-
-
-def summary(results: Sequence[DesignResult]) -> list[Spread]:
-    """Return the spread of each measured quantity; errors enter with their magnitudes."""
-    spreads = []
+def summary(rows: Sequence[Row]) -> list[Row]:
+    """Return least, median and greatest magnitude of each measured quantity over the designs that have a value."""
+    table = []
     for name in MEASURED:
-        values = [abs(value) for result in results if (value := getattr(result, name)) is not None]
+        values = [abs(row[name]) for row in rows if row[name] is not None]
         if values:
-            spreads.append(Spread(name, min(values), statistics.median(values), max(values)))
-    return spreads
+            spread = {"least": min(values), "median": statistics.median(values), "greatest": max(values)}
+            table.append({"quantity": name} | spread)
+    return table
 
 
-def goals(results: Sequence[DesignResult]) -> list[Goal]:
+def goals(rows: Sequence[Row]) -> list[Goal]:
     """Return the goal of the study: no possible design fails; without a possible design it is missed."""
-    failed = [str(result.design) for result in results if result.status == "failed"]
-    possible = sum(result.status != "impossible" for result in results)
+    failed = [str(row["design"]) for row in rows if row["status"] == "failed"]
+    possible = sum(row["status"] != "impossible" for row in rows)
     named = f" (design {', '.join(failed)})" if failed else ""
     return [Goal(f"designs that fail{named}", len(failed), 0, possible)]
 
 
-def write(folder: Path, results: Sequence[DesignResult], origin: str, command: str) -> None:
+def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     """Write range.csv with all columns and the report RANGE.md."""
     from studies.output.csv_tables import write_table
 
-    write_table(folder / "range.csv", [result.row() for result in results], digits=6)
+    write_table(folder / "range.csv", rows, digits=6)
     good, impossible, failed = (
-        sum(result.status == status for result in results) for status in ("ok", "impossible", "failed")
+        sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")
     )
-    counts = f"Of {len(results)} designs, {good} are good, {impossible} are impossible and {failed} failed."
-    lines = ["# Range of designs", "", counts, "", *ABOUT.splitlines(), ""]
-    lines += ["Least, median and greatest value of each measured quantity (magnitude, for errors):", ""]
-    lines += ["| quantity | least | median | greatest |", "|---|---|---|---|"]
-    for spread in summary(results):
-        numbers = " | ".join(f"{value:.3g}" for value in (spread.least, spread.median, spread.greatest))
-        lines.append(f"| {spread.quantity.replace('_', ' ')} | {numbers} |")
-    heads = ["design", "D", "L", "magnet", "wall", "status", "tetrahedra", "s", "least Jacobian", "message"]
-    lines += ["", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for result in results:
-        magnet = f"{result.magnet_diameter_mm:g} x {result.magnet_height_mm:g}"
-        cells = [str(result.design), f"{result.D_mm:g}", f"{result.L_mm:g}", magnet, _text(result.wall_mm)]
-        cells += [result.status, _text(result.tetrahedra, 6), _text(result.mesh_s), _text(result.least_jacobian)]
-        lines.append(f"| {' | '.join([*cells, result.message])} |")
-    lines += ["", checkpoint.solved_at(result.commit for result in results), "", made(command, origin)]
-    write_text(folder / "RANGE.md", "\n".join(lines) + "\n")
+    counts = f"Of {len(rows)} designs, {good} are good, {impossible} are impossible and {failed} failed."
+    names = ("design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra")
+    heads = {
+        name: name.removesuffix("_mm").replace("_", " ") for name in (*names, "mesh_s", "least_jacobian", "message")
+    }
+    blocks = ["# Range of designs", counts, ABOUT]
+    blocks += ["Least, median and greatest value of each measured quantity (magnitude, for errors):"]
+    blocks += [pages.markdown(summary(rows)), pages.markdown(rows, heads)]
+    blocks.append(checkpoint.solved_at(row["commit"] for row in rows))
+    pages.write(folder / "RANGE.md", blocks, command, origin)
 
 
-def _text(value: float | None, digits: int = 3) -> str:
-    return "" if value is None else f"{value:.{digits}g}"
+def examine(number: int, sample: Row, cache: Path) -> Row:
+    """Return the row of one design; an exception other than BadInput is a failure, with its text as message."""
+    sizes = {f"{name}_mm": sample[name] for name in SIZES}
+    row: Row = {"design": number} | sizes | {"status": "ok", "message": ""} | dict.fromkeys(COLUMNS)
+    try:
+        design = Design(**sample)
+    except BadInput as refusal:
+        return row | {"status": "impossible", "message": str(refusal)}
+    row["wall_mm"] = design.shape.wall
+    steps: dict[str, Callable[[Design], Row]]
+    steps = {"solids": _solids, "section": _section, "solid_mesh": functools.partial(_solid_mesh, cache=cache)}
+    for name, step in steps.items():
+        try:
+            row |= {name: "ok"} | step(design)
+        except BadInput as refusal:
+            row |= {name: "impossible", "message": str(refusal)}
+        except Exception as error:
+            # the study exists to find unforeseen failures, so that every exception becomes a row
+            row |= {name: "failed", "status": "failed", "message": f"{name}: {type(error).__name__}: {error}"}
+    return row
+
+
+def _solids(design: Design) -> Row:
+    """Compare the volumes of the three bodies with their closed forms, and run the checks of the mould."""
+    from geometry import cad, mold
+    from geometry.fabrication import mold_checks, mold_solids
+
+    begin = time.perf_counter()
+    shape, choices = design.shape, mold.Mold()
+    beam, magnet = cad.beam_volume(shape), cad.magnet_volume(shape)
+    bodies = ((cad.beam(design), beam), (cad.magnet(design), magnet), (cad.silicone(design), beam - magnet))
+    for body, volume in bodies:
+        if not (body.is_valid and abs(float(body.volume) / volume - 1) < 1e-9):
+            raise RuntimeError(f"a solid of {body.volume:.9g} mm3 is not valid or has the wrong volume")
+    checks = mold_checks.checks(design, choices, *mold_solids.parts(design, choices))
+    failed = [check.name for check in checks if not check.passed]
+    if failed:
+        raise RuntimeError(f"the mould fails its check '{failed[0]}'")
+    return {"solids_s": time.perf_counter() - begin}
+
+
+def _section(design: Design) -> Row:
+    """Mesh the (r, z) section with the magnet as a hole; check its volume of revolution and its angles."""
+    import numpy as np
+    import skfem
+
+    from fem.accuracy import STANDARD
+    from geometry import cad
+    from geometry.section import section
+
+    shape = design.shape
+    begin = time.perf_counter()
+    mesh = section(shape, STANDARD.section_size * shape.D)
+    seconds = time.perf_counter() - begin
+    basis = skfem.Basis(mesh, skfem.ElementTriP2(), intorder=6)
+    volume = 2 * math.pi * float((basis.global_coordinates()[0] * basis.dx).sum())
+    error = volume / (cad.beam_volume(shape) - cad.magnet_volume(shape)) - 1
+    corners = mesh.doflocs[0, mesh.t] + 1j * mesh.doflocs[1, mesh.t]
+    angles = np.angle((np.roll(corners, 1, axis=0) - corners) / (np.roll(corners, -1, axis=0) - corners))
+    if not (abs(error) < VOLUME and angles.min() > 0):
+        raise RuntimeError(f"a volume error of {error:.2g}, a least angle of {angles.min():.2g} rad")
+    return {
+        "section_ms": 1e3 * seconds,
+        "triangles": mesh.nelements,
+        "section_volume_error": error,
+        "least_angle_rad": float(np.abs(angles).min()),
+    }
+
+
+def _solid_mesh(design: Design, cache: Path) -> Row:
+    """Mesh the half body with its magnet by tetrahedra, first without the cache and then from it."""
+    from fem.accuracy import QUICK
+    from geometry.mesh import tetrahedra
+    from geometry.meshing.curved_mesh import LEAST_JACOBIAN
+    from geometry.meshing.mesh_quality import quality
+
+    size = QUICK.solid_size * design.D
+    with _cache_in(cache):
+        begin, spent = time.perf_counter(), os.times()
+        mesh = tetrahedra(design.shape, size)
+        seconds, now = time.perf_counter() - begin, os.times()
+        begin = time.perf_counter()
+        tetrahedra(design.shape, size)
+        cached = time.perf_counter() - begin
+    measured = quality(mesh, design.shape)
+    worst = max(map(abs, measured.volume_errors.values()))
+    right = worst < VOLUME and abs(measured.base_error) < BASE and measured.least_jacobian >= 0.9 * LEAST_JACOBIAN
+    if not (right and cached < CACHED_S):
+        raise RuntimeError(f"{measured}, {cached:.2g} s from the cache")
+    return {
+        "tetrahedra": measured.cells,
+        "mesh_s": seconds,
+        "mesh_cpu_s": sum(now[k] - spent[k] for k in range(4)),
+        "cached_ms": 1e3 * cached,
+        "silicone_volume_error": measured.volume_errors["silicone"],
+        "magnet_volume_error": measured.volume_errors["magnet"],
+        "base_error": measured.base_error,
+        "gap_over_D": measured.gap / design.D,
+        "least_jacobian": measured.least_jacobian,
+        "least_shape": measured.least_shape,
+        "mean_shape": measured.mean_shape,
+    }
+
+
+@contextlib.contextmanager
+def _cache_in(folder: Path) -> Iterator[None]:
+    """Let the mesh cache use this folder inside the `with` block."""
+    from geometry.meshing.mesh_cache import VARIABLE
+
+    before = os.environ.get(VARIABLE)
+    os.environ[VARIABLE] = str(folder)
+    try:
+        yield
+    finally:
+        os.environ.pop(VARIABLE)
+        if before is not None:
+            os.environ[VARIABLE] = before

@@ -1,13 +1,14 @@
-"""Comparison of all levels of the formulas with finite elements: ten designs, presses and shears of a glued plate.
+"""Every level of the formulas beside finite elements: ten designs, presses and shears of a glued plate (ladder).
 
-ABOUT defines the errors. `studies.validation.formula_level_report` has their statistics and the report.
+ABOUT defines the errors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Literal
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from analytic import beam, buckling
 from fem import equilibrium
@@ -16,8 +17,9 @@ from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
-from studies.output import records
-from studies.output.records import FlatRow
+from studies.output.goals import Goal, page_lines
+from studies.validation import pages
+from studies.validation.pages import Row
 
 ABOUT = """\
 All levels of the formulas are compared with finite elements. The designs span D, L/D and the magnet (none, small,
@@ -34,65 +36,21 @@ The tables show root mean squares of these errors over the states of a region:
 - shift: error of the magnet's shift along the shear, over the shear;
 - tilt: error of the magnet's tilt times R, over the shear.
 
-If a level refuses a load, or the finite elements do not reach it, the row has a message and enters no mean.
-"""
+If a level refuses a load, or the finite elements do not reach it, the row has a message and enters no mean."""
 
 PRESSES = (0.03, 0.06, 0.12, 0.18, 0.25)
 UNDER, SHEARS = (0.06, 0.12, 0.25), (0.05, 0.15, 0.3)
 """Depths of the presses, depths under the shears, and shears, over D."""
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """Force, and shift and tilt of the magnet, in the plane of the shear."""
-
-    force_x_N: float
-    force_z_N: float
-    shift_x_mm: float
-    shift_z_mm: float
-    tilt_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class Errors:
-    """Relative errors of a level in one state, as ABOUT defines them; None where they do not apply."""
-
-    sinking_error: float
-    press_force_error: float | None = None
-    press_under_shear_error: float | None = None
-    shear_force_error: float | None = None
-    shift_error: float | None = None
-    tilt_error: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """One level of the formulas and the finite elements in one state of one design.
-
-    Attributes
-    ----------
-    outside : reason why the state is outside the level's own range, or empty.
-    formula, fem, errors : None where the level refuses the load or the finite elements do not reach it.
-    """
-
-    design: int
-    D_mm: float
-    L_over_D: float
-    magnet_diameter_over_D: float
-    magnet_height_over_D: float
-    depth_over_D: float
-    shear_over_D: float
-    level: str
-    outside: str
-    status: Literal["ok", "refused", "not_converged"]
-    message: str
-    formula: Motion | None = field(default=None, metadata={"prefix": ""})
-    fem: Motion | None = field(default=None, metadata={"prefix": "fem_"})
-    errors: Errors | None = field(default=None, metadata={"prefix": ""})
-
-    def row(self) -> FlatRow:
-        """Return the columns of ladder.csv and JSON."""
-        return records.known(records.flat(self))
+ERRORS = ("press_force", "sinking", "press_under_shear", "shear_force", "shift", "tilt")
+"""Quantities whose relative error is a column, as ABOUT defines it; one that does not apply is missing."""
+PANELS = ("press force", "sinking", "press under shear", "shear force / k₀ δ", "shift / δ", "tilt R / δ")
+REGIONS: dict[str, Callable[[Row], bool]] = {
+    "press to 0.06 D": lambda row: not row["shear_over_D"] and row["depth_over_D"] <= 0.06,
+    "press to D/4": lambda row: not row["shear_over_D"] and row["depth_over_D"] > 0.06,
+    "shear of 0.05 D": lambda row: row["shear_over_D"] == 0.05,
+    "shear to 0.3 D": lambda row: row["shear_over_D"] > 0.05,
+    "in its own range": lambda row: not row["outside"] and row["level"] != "paper",
+}
 
 
 def designs() -> list[Design]:
@@ -106,15 +64,14 @@ def designs() -> list[Design]:
 
 
 def _design(D: float, slenderness: float, diameter: float, height: float) -> Design:
-    edge = 0.0125 * D if diameter else 0.0
-    L = slenderness * D
+    L, edge = slenderness * D, 0.0125 * D if diameter else 0.0
     return Design(
         D=D, L=L, l0=L, f=D, magnet_diameter=diameter * D, magnet_height=height * D, magnet_edge_radius=edge
     )
 
 
-def run(accuracy: str, count: int, progress: Progress) -> Iterator[Comparison]:
-    """Yield a comparison for each state and level of the first `count` designs."""
+def run(accuracy: str, count: int, progress: Progress) -> Iterator[Row]:
+    """Yield a row for each state and level of the first `count` designs."""
     for number, design in enumerate(designs()[:count]):
         progress(number / count, f"design {number}: L/D = {design.L / design.D:.3g}")
         for load, state in _states(design, accuracy):
@@ -138,60 +95,137 @@ def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | No
                 yield load, reached.get((load.depth, load.shear_x))
 
 
-def compare(number: int, design: Design, load: Load, state: Solution | None, level: str) -> Comparison:
+def compare(number: int, design: Design, load: Load, state: Solution | None, level: str) -> Row:
     """Compare a level of the formulas with the state of the finite elements (None: load not reached)."""
-    status: Literal["ok", "refused", "not_converged"] = "ok"
-    message, formula, fem, errors = "", None, None, None
-    if state is None:
-        status, message = "not_converged", "the finite elements do not reach this load"
-    else:
-        try:
-            response = beam.solve(design, load, level)
-            before = beam.solve(design, Load(depth=load.depth), level).force[2]
-        except BadInput as error:
-            status, message = "refused", str(error)
-        else:
-            formula, fem = _motion(response), _motion(state.response)
-            errors = _errors(design, load, response, before, state.response)
     D, shape = design.D, design.shape
-    return Comparison(
-        design=number,
-        D_mm=D,
-        L_over_D=design.L / D,
-        magnet_diameter_over_D=shape.magnet_diameter / D,
-        magnet_height_over_D=shape.magnet_height / D,
-        depth_over_D=round(load.depth / D, 6),
-        shear_over_D=round(load.shear_x / D, 6),
-        level=level,
-        outside=beam.outside(design, load, level),
-        status=status,
-        message=message,
-        formula=formula,
-        fem=fem,
-        errors=errors,
-    )
+    row: Row = {
+        "design": number,
+        "D_mm": D,
+        "L_over_D": design.L / D,
+        "magnet_diameter_over_D": shape.magnet_diameter / D,
+        "magnet_height_over_D": shape.magnet_height / D,
+        "depth_over_D": round(load.depth / D, 6),
+        "shear_over_D": round(load.shear_x / D, 6),
+        "level": level,
+        "outside": beam.outside(design, load, level),
+    }
+    if state is None:
+        return row | {"status": "not_converged", "message": "the finite elements do not reach this load"}
+    try:
+        response = beam.solve(design, load, level)
+        before = beam.solve(design, Load(depth=load.depth), level).force[2]
+    except BadInput as error:
+        return row | {"status": "refused", "message": str(error)}
+    row |= {"status": "ok", "message": "", **_motion("", response), **_motion("fem_", state.response)}
+    return row | {f"{name}_error": e for name, e in _errors(design, load, response, before, state.response).items()}
 
 
-def _motion(response: Response) -> Motion:
+def _motion(prefix: str, response: Response) -> Row:
     (force_x, _, force_z), (shift_x, _, shift_z) = response.force, response.shift
-    return Motion(force_x, force_z, shift_x, shift_z, response.tilt)
+    values = {"force_x_N": force_x, "force_z_N": force_z, "shift_x_mm": shift_x, "shift_z_mm": shift_z}
+    return {f"{prefix}{name}": value for name, value in (values | {"tilt_rad": response.tilt}).items()}
 
 
-def _errors(design: Design, load: Load, formula: Response, before: float, fem: Response) -> Errors:
+def _errors(design: Design, load: Load, formula: Response, before: float, fem: Response) -> dict[str, float]:
     """Return the relative errors of a formula.
 
     Parameters
     ----------
     before : press force of the formula before the shear, N.
     """
-    sinking = formula.shift[2] / fem.shift[2] - 1
+    sinking = {"sinking": formula.shift[2] / fem.shift[2] - 1}
     if not load.shear_x:
-        return Errors(sinking, press_force_error=formula.force[2] / fem.force[2] - 1)
+        return sinking | {"press_force": formula.force[2] / fem.force[2] - 1}
     cantilever = buckling.sideways_stiffness(design)
-    return Errors(
-        sinking,
-        press_under_shear_error=(formula.force[2] - fem.force[2]) / before,
-        shear_force_error=(formula.force[0] - fem.force[0]) / (cantilever * load.shear_x),
-        shift_error=(formula.shift[0] - fem.shift[0]) / load.shear_x,
-        tilt_error=(formula.tilt - fem.tilt) * design.R / load.shear_x,
-    )
+    return sinking | {
+        "press_under_shear": (formula.force[2] - fem.force[2]) / before,
+        "shear_force": (formula.force[0] - fem.force[0]) / (cantilever * load.shear_x),
+        "shift": (formula.shift[0] - fem.shift[0]) / load.shear_x,
+        "tilt": (formula.tilt - fem.tilt) * design.R / load.shear_x,
+    }
+
+
+def means(rows: Sequence[Row]) -> Row:
+    """Return the root mean squares of the errors of several states, percent; None if no state has the error."""
+    return {f"{name}_error_percent": _rms([row.get(f"{name}_error") for row in rows]) for name in ERRORS}
+
+
+def _rms(shares: Sequence[float | None]) -> float | None:
+    values = [share for share in shares if share is not None]
+    return 100 * math.sqrt(math.fsum(v * v for v in values) / len(values)) if values else None
+
+
+def summary(rows: Sequence[Row]) -> list[Row]:
+    """Return the errors of each level in each region, and in the level's own range."""
+    table = []
+    for level in beam.LEVELS:
+        for region, inside in REGIONS.items():
+            own = [row for row in rows if (row["level"], row["status"]) == (level, "ok") and inside(row)]
+            if own:
+                table.append({"level": level, "region": region, "states": len(own), **means(own)})
+    return table
+
+
+def by_design(rows: Sequence[Row], level: str) -> list[Row]:
+    """Return the errors of one level for each design."""
+    sizes = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
+    groups: dict[int, list[Row]] = {}
+    for row in rows:
+        if (row["level"], row["status"]) == (level, "ok"):
+            groups.setdefault(row["design"], []).append(row)
+    return [{**{name: own[0][name] for name in sizes}, "states": len(own), **means(own)} for own in groups.values()]
+
+
+def goals(rows: Sequence[Row]) -> list[Goal]:
+    """Return the goals of the study: each level is compared with finite elements in every state that it takes."""
+    posed = []
+    for level in beam.LEVELS:
+        own = [row for row in rows if row["level"] == level and row["status"] != "refused"]
+        lost = sum(row["status"] != "ok" for row in own)
+        posed.append(Goal(f"level {level}, states without a comparison", lost, 0, len(own)))
+    return posed
+
+
+def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
+    """Write ladder.csv, ladder.png and LADDER.md."""
+    from studies.output.csv_tables import write_table
+
+    write_table(folder / "ladder.csv", rows)
+    picture(folder / "ladder.png", rows)
+    best = beam.LEVELS[-1]
+    heads = {f"{name}_error_percent": f"{name.replace('_', ' ')} %" for name in ERRORS}
+    regions = {name: name for name in ("level", "region", "states")} | heads
+    designs = by_design(rows, best)
+    blocks = ["# Levels of the formulas compared with finite elements", "\n".join(page_lines(goals(rows))), ABOUT]
+    blocks += [
+        "![Errors of the levels](ladder.png)",
+        "## By level and region",
+        pages.markdown(summary(rows), regions),
+    ]
+    shown: Mapping[str, str] = {name: heads.get(name, name) for name in designs[0]} if designs else {}
+    blocks += [f"## Level {best} by design", pages.markdown(designs, shown)]
+    stopped = sorted({f"design {row['design']}: {row['message']}" for row in rows if row["message"]})
+    pages.write(folder / "LADDER.md", [*blocks, pages.listed(stopped, "")], command, origin)
+
+
+def picture(path: Path, rows: Sequence[Row]) -> None:
+    """Plot the error of each level over the depth: root mean square over designs and shears, logarithmic axis."""
+    from studies.output.table_plots import COLOURS, sheet
+
+    with sheet(path, 11.0, 6.4, dpi=160) as figure:
+        axes: Any = figure.subplots(2, 3, sharex=True).ravel()
+        for ax, title, name in zip(axes, PANELS, ERRORS, strict=True):
+            for colour, level in zip(COLOURS, beam.LEVELS, strict=False):
+                # the panel of the sinking shows presses only
+                own = [row for row in rows if row["level"] == level and f"{name}_error" in row]
+                own = [row for row in own if name != "sinking" or not row["shear_over_D"]]
+                depths = sorted({row["depth_over_D"] for row in own})
+                rms = [_rms([row[f"{name}_error"] for row in own if row["depth_over_D"] == at]) for at in depths]
+                ax.plot(depths, rms, "o-", color=colour, label=level)
+            ax.set(yscale="log", ylim=(0.5, 300), title=title)
+            ax.set_yticks([1, 3, 10, 30, 100], ["1", "3", "10", "30", "100"])
+        for ax in axes[3:]:
+            ax.set_xlabel("depth / D")
+        for ax in axes[::3]:
+            ax.set_ylabel("error, rms (%)")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,10 +18,8 @@ from fem.solution import Solution
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.output import records
-from studies.output.provenance import made
-from studies.output.records import FlatRow
-from studies.validation import error_study_cases
+from studies.validation import error_study_cases, pages
+from studies.validation.pages import Row
 
 ABOUT = """\
 Twelve designs, alternately with a rigid magnet and entirely of silicone, are pressed and then sheared with the tip
@@ -86,64 +84,7 @@ TILTED = (
 """Tilts of 2 to 20 degrees on the twelve designs; each kind of load with and without a rigid magnet."""
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """Difference between tetrahedra and harmonic model in one quantity, percent of the harmonic answer.
-
-    Attributes
-    ----------
-    harmonic_estimate_percent, half_estimate_percent : error estimates of the models; NaN if a model has none.
-    one_harmonic_more_percent : change of the harmonic answer with one harmonic more on the same mesh.
-    agree : whether the difference is at most the sum of both estimates.
-    """
-
-    difference_percent: float
-    harmonic_estimate_percent: float
-    half_estimate_percent: float
-    one_harmonic_more_percent: float
-    agree: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Crosscheck:
-    """Both models on one design under one load; without differences, unknowns and seconds if a model stopped.
-
-    Attributes
-    ----------
-    agree : whether the models agree in all quantities.
-    tilt_deg, shear_y_mm, friction : further values of the load.
-    """
-
-    design: int
-    magnet: Magnet
-    depth_mm: float
-    shear_mm: float
-    status: str
-    message: str
-    force: Difference | None = field(default=None, metadata={"prefix": "force_"})
-    shift: Difference | None = field(default=None, metadata={"prefix": "shift_"})
-    tilt: Difference | None = field(default=None, metadata={"prefix": "tilt_"})
-    sideways: Difference | None = field(default=None, metadata={"prefix": "sideways_"})
-    agree: bool = False
-    harmonic_dofs: int | None = None
-    half_dofs: int | None = None
-    harmonic_s: float | None = None
-    half_s: float | None = None
-    tilt_deg: float = 0.0
-    shear_y_mm: float = 0.0
-    friction: float | str = "stick"
-
-    @property
-    def differences(self) -> dict[str, Difference | None]:
-        """Differences by quantity, in the order of QUANTITIES."""
-        return {"force": self.force, "shift": self.shift, "tilt": self.tilt, "sideways": self.sideways}
-
-    def row(self) -> FlatRow:
-        """Return the columns of crosscheck.csv and JSON."""
-        return records.known(records.flat(self))
-
-
-def run(level: str, count: int, progress: Progress, *, tilted: bool = False) -> Iterator[Crosscheck]:
+def run(level: str, count: int, progress: Progress, *, tilted: bool = False) -> Iterator[Row]:
     """Solve each of the first `count` designs with both models, and yield one result per load.
 
     tilted : also solve the cases of TILTED on these designs.
@@ -163,27 +104,28 @@ def _magnet(number: int) -> Magnet:
     return "rigid" if number % 2 == 0 else "ignored"
 
 
-def crosscheck(number: int, magnet: Magnet, level: str) -> Crosscheck:
+def crosscheck(number: int, magnet: Magnet, level: str) -> Row:
     """Solve one design with both models at its largest shear, and compare the answers."""
     load = error_study_cases.trial(number, magnet, "stick", "auto").loads[-1]
     return compare(number, magnet, LEVELS[level], load)
 
 
-def compare(number: int, magnet: Magnet, accuracy: Accuracy, load: Load) -> Crosscheck:
+def compare(number: int, magnet: Magnet, accuracy: Accuracy, load: Load) -> Row:
     """Solve one design under a load by the harmonic model and on tetrahedra, and compare the answers."""
     design = error_study_cases.designs()[number]
     solid: Model = "full" if turns([load]) else "half"
-    result = Crosscheck(
-        number,
-        magnet,
-        load.depth,
-        load.shear_x,
-        "ok",
-        "",
-        tilt_deg=round(math.degrees(load.plate_tilt), 3),
-        shear_y_mm=load.shear_y,
-        friction=load.friction,
-    )
+    row: Row = {
+        "design": number,
+        "magnet": magnet,
+        "depth_mm": load.depth,
+        "shear_mm": load.shear_x,
+        "status": "ok",
+        "message": "",
+        "agree": False,
+        "tilt_deg": round(math.degrees(load.plate_tilt), 3),
+        "shear_y_mm": load.shear_y,
+        "friction": load.friction,
+    }
     harmonic, half = (
         equilibrium.solve(design, load, accuracy, magnet=magnet, model=model) for model in ("harmonic", solid)
     )
@@ -191,43 +133,37 @@ def compare(number: int, magnet: Magnet, accuracy: Accuracy, load: Load) -> Cros
     one_more = equilibrium.trace(design, [load], more, magnet=magnet, model="harmonic", estimate=False)[-1]
     for state in (harmonic, half, one_more):
         if state.status != "ok":
-            return replace(result, status=state.status, message=f"{state.model}: {state.message}")
-    differences = {
-        name: difference(name, harmonic, half, one_more) for name in QUANTITIES if name != "sideways" or load.shear
-    }
-    return replace(
-        result,
-        force=differences["force"],
-        shift=differences["shift"],
-        tilt=differences["tilt"],
-        sideways=differences.get("sideways"),
-        agree=all(one.agree for one in differences.values()),
-        harmonic_dofs=harmonic.dofs,
-        half_dofs=half.dofs,
-        harmonic_s=harmonic.seconds,
-        half_s=half.seconds,
-    )
+            return row | {"status": state.status, "message": f"{state.model}: {state.message}"}
+    names = [name for name in QUANTITIES if name != "sideways" or load.shear]
+    found = {name: difference(name, harmonic, half, one_more) for name in names}
+    cost: Row = {"harmonic_dofs": harmonic.dofs, "half_dofs": half.dofs}
+    cost |= {"harmonic_s": harmonic.seconds, "half_s": half.seconds}
+    flat = {f"{name}_{key}": value for name, parts in found.items() for key, value in parts.items()}
+    return row | flat | {"agree": all(parts["agree"] for parts in found.values())} | cost
 
 
-def difference(name: str, harmonic: Solution, half: Solution, one_more: Solution) -> Difference:
-    """Return the difference of the models in one quantity.
+def difference(name: str, harmonic: Solution, half: Solution, one_more: Solution) -> Row:
+    """Return the difference of the models in one quantity, percent of the harmonic answer, and the estimates.
+
+    They agree if the difference is at most the sum of both error estimates; an estimate is NaN if a model has none.
 
     Parameters
     ----------
     name : one of QUANTITIES.
-    one_more : the harmonic answer with one harmonic more.
+    one_more : the harmonic answer with one harmonic more on the same mesh.
     """
     a, b, c = (_vector(state, name) for state in (harmonic, half, one_more))
     size = math.hypot(*a)
-    estimates = _estimate(harmonic, name), _estimate(half, name)
+    estimates = [getattr(state.estimates, name) for state in (harmonic, half)]
+    own, other = (math.nan if estimate is None else float(estimate) for estimate in estimates)
     relative = math.dist(a, b) / size
-    return Difference(
-        difference_percent=100 * relative,
-        harmonic_estimate_percent=100 * estimates[0],
-        half_estimate_percent=100 * estimates[1],
-        one_harmonic_more_percent=100 * math.dist(a, c) / size,
-        agree=relative <= sum(estimates),
-    )
+    return {
+        "difference_percent": 100 * relative,
+        "harmonic_estimate_percent": 100 * own,
+        "half_estimate_percent": 100 * other,
+        "one_harmonic_more_percent": 100 * math.dist(a, c) / size,
+        "agree": relative <= own + other,
+    }
 
 
 def _vector(state: Solution, name: str) -> tuple[float, ...]:
@@ -240,53 +176,23 @@ def _vector(state: Solution, name: str) -> tuple[float, ...]:
     }[name]
 
 
-def _estimate(state: Solution, name: str) -> float:
-    estimate = {
-        "force": state.estimates.force,
-        "shift": state.estimates.shift,
-        "tilt": state.estimates.tilt,
-        "sideways": state.estimates.sideways,
-    }[name]
-    return math.nan if estimate is None else estimate
-
-
-def write(folder: Path, results: Sequence[Crosscheck], origin: str, command: str) -> None:
+def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     """Write crosscheck.csv and CROSSCHECK.md."""
-    from studies.output.atomic_files import write_text
     from studies.output.csv_tables import write_table
 
-    write_table(folder / "crosscheck.csv", [result.row() for result in results])
-    agree, tilted = sum(result.agree for result in results), any(result.tilt_deg for result in results)
-    lines = [
-        "# Comparison of the harmonic and the half model",
-        "",
-        f"{agree} of {len(results)} {'loads' if tilted else 'designs'} agree in all quantities.",
-        "",
-    ]
-    lines += [*ABOUT.splitlines(), "", *(ABOUT_TILTED.splitlines() if tilted else ()), ""]
-    lines += [
+    write_table(folder / "crosscheck.csv", rows)
+    agree, tilted = sum(row["agree"] for row in rows), any(row["tilt_deg"] for row in rows)
+    counts = f"{agree} of {len(rows)} {'loads' if tilted else 'designs'} agree in all quantities."
+    blocks = ["# Comparison of the harmonic and the half model", counts, ABOUT, ABOUT_TILTED if tilted else ""]
+    blocks.append(
         "Difference of the models, both estimates, and change of the harmonic answer by one harmonic more, percent:"
-    ]
-    heads = ["design", "magnet", "depth_mm", "shear_mm", "shear_y_mm", "tilt_deg", "friction"]
-    heads += ["difference", "harmonic estimate", "half estimate", "one harmonic more", "agree"]
-    for name in QUANTITIES:
-        lines += ["", f"## {name.capitalize()}", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-        rows = [result for result in results if result.differences[name] or not result.force]
-        lines += [f"| {' | '.join(_cells(result, result.differences[name]))} |" for result in rows]
-    stopped = [f"- design {result.design}: {result.message}" for result in results if result.message]
-    write_text(folder / "CROSSCHECK.md", "\n".join([*lines, "", *stopped, "", made(command, origin)]) + "\n")
-
-
-def _cells(result: Crosscheck, difference: Difference | None) -> list[str]:
-    """Return the cells of a design in the report's table of one quantity."""
-    where = [str(result.design), result.magnet, str(result.depth_mm), str(result.shear_mm)]
-    where += [f"{result.shear_y_mm:g}", f"{result.tilt_deg:g}", str(result.friction)]
-    if difference is None:
-        return [*where, result.status, "", "", "", "**no**"]
-    percent = (
-        difference.difference_percent,
-        difference.harmonic_estimate_percent,
-        difference.half_estimate_percent,
-        difference.one_harmonic_more_percent,
     )
-    return [*where, *(f"{value:.3g}" for value in percent), "yes" if difference.agree else "**no**"]
+    where = ("design", "magnet", "depth_mm", "shear_mm", "shear_y_mm", "tilt_deg", "friction", "status")
+    parts = ("difference", "harmonic_estimate", "half_estimate", "one_harmonic_more")
+    for name in QUANTITIES:
+        heads = {key: key for key in where}
+        heads |= {f"{name}_{part}_percent": part.replace("_", " ") for part in parts} | {f"{name}_agree": "agree"}
+        own = [row for row in rows if f"{name}_agree" in row or row["status"] != "ok"]
+        blocks += [f"## {name.capitalize()}", pages.markdown(own, heads, 4)]
+    stopped = (f"design {row['design']}: {row['message']}" for row in rows if row["message"])
+    pages.write(folder / "CROSSCHECK.md", [*blocks, pages.listed(stopped, "")], command, origin)
