@@ -8,7 +8,10 @@ import pytest
 from fem.model import plate_contact, symmetry_models
 from fem.model.plate_contact import Plate
 from fem.solve import active_set
+from fem.solve.active_set import KeptTangent
 from fem.solve.direct_solver import Solver
+from fem.solve.inertia import UNKNOWN
+from fem.solve.newton import newton
 from geometry.design import Design
 
 DEPTH = 0.06
@@ -68,8 +71,8 @@ def test_exchanging_one_point_at_a_time_settles_the_same_step(harmonics, monkeyp
     system, held = sensor(harmonics), plate()
     rest, solver, step = plain_step(system, held, within(system, 0.1))
     steps = []
-    for patience in (active_set.PATIENCE, 0):
-        monkeypatch.setattr(active_set, "PATIENCE", patience)
+    for exchanges in (active_set.BLOCK_EXCHANGES, 0):
+        monkeypatch.setattr(active_set, "BLOCK_EXCHANGES", exchanges)
         steps.append(active_set.settle_contact(system, solver, rest, step, held, within(system, 0.1)))
     assert steps[1] is not step
     np.testing.assert_allclose(steps[1], steps[0], rtol=0, atol=1e-10)
@@ -106,3 +109,45 @@ def test_a_body_that_gives_way_without_its_springs_has_no_settled_step():
     one, touching = np.ones((1, 1)), np.ones(1, dtype=bool)
     found = active_set._exchange(one, one, -np.ones(1), touching, np.ones(1), ~touching)
     assert found is None
+
+
+DEPTHS = (0.05, 0.053, 0.056)
+
+
+def plate_at(depth):
+    return Plate(1.125 - depth, 1e4, np.zeros(2))
+
+
+def touching(system, q, held):
+    return plate_contact.overlap(system.surface, system.state(q).u, held) > 0
+
+
+@pytest.mark.parametrize("harmonics", [0, 1])
+def test_small_steps_end_in_the_equilibria_of_new_tangents(harmonics):
+    system, kept = sensor(harmonics), KeptTangent(Solver())
+    first = plate_at(DEPTHS[0])
+    q = newton(system, Solver(), np.zeros(system.size), first, touching(system, np.zeros(system.size), first)).state.q
+    kept_masks = []
+    for depth in DEPTHS:
+        held = plate_at(depth)
+        near = newton(system, kept.solver, q, held, touching(system, q, held), kept=kept)
+        exact = newton(system, Solver(), q, held, touching(system, q, held))
+        assert near.converged
+        np.testing.assert_allclose(near.state.q, exact.state.q, atol=1e-8 * np.abs(exact.state.q).max())
+        assert near.stability == exact.stability
+        kept_masks.append(kept.pressed)
+        q = exact.state.q
+    # the contact grew, the tangent of the first step did not change
+    assert kept_masks[0] is kept_masks[-1]
+    assert touching(system, q, plate_at(DEPTHS[-1])).sum() > kept_masks[0].sum()
+
+
+def test_an_unstable_tangent_is_not_kept():
+    """A tangent is kept for long only where it is known to have no unstable direction."""
+    system, kept = sensor(), KeptTangent(Solver())
+    q, held = np.zeros(system.size), plate_at(0.05)
+    answer = newton(system, kept.solver, q, held, touching(system, q, held), kept=kept)
+    contact = active_set.ActiveSet(system, kept, held, None, keeps_long=True)
+    assert contact.knows(answer.state)
+    kept.stability = UNKNOWN
+    assert not contact.knows(answer.state)

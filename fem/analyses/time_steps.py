@@ -31,7 +31,7 @@ from fem.model.nonlinear_system import System
 from fem.model.plate_contact import Plate
 from fem.model.viscoelasticity import History, PointState
 from fem.results.postprocess import tip_force
-from fem.solve.kept_tangent import KeptTangent, newton_near
+from fem.solve.active_set import KeptTangent
 from fem.solve.load_increments import find_equilibrium, path_at
 from fem.solve.newton import Equilibrium, Stop
 from fem.solve.path_state import FIRST_TOUCH, PathState
@@ -247,12 +247,11 @@ def _solve(
 ) -> Equilibrium:
     """Return the equilibrium of a step; `near`: the step before, of the same motion, had nearly its tangent."""
     # under a grip nothing touches, and friction keeps a stiffness of its own
-    if near and pressed is not None and plate.friction is None and path.stability.is_stable:
-        answer = newton_near(kept, path.d.system, guess, plate, pressed)
-        if answer is not None:
-            return answer
-    kept.drop()
-    return find_equilibrium(kept.solver, path, guess, plate, pressed, near=near)
+    keeps = pressed is not None and plate.friction is None and path.stability.is_stable
+    if not (near and keeps):
+        kept.drop()
+    near = near and (keeps or plate.friction is not None)
+    return find_equilibrium(kept.solver, path, guess, plate, pressed, kept=kept if near else None)
 
 
 def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:

@@ -39,9 +39,9 @@ from fem.results.postprocess import read_response
 from fem.scene import Model, Scene
 from fem.solution import Facts, Status
 from fem.solve import load_increments
+from fem.solve.active_set import KeptTangent
 from fem.solve.direct_solver import Solver
 from fem.solve.inertia import STABLE, UNKNOWN
-from fem.solve.kept_tangent import KeptTangent
 from fem.solve.load_case_models import path_models
 from fem.solve.load_increments import find_equilibrium, path_at
 from fem.solve.load_stepping import Path

@@ -60,6 +60,7 @@ class Assembly:
     """Residual, energy and tangent at a state; `forces` are the nodal ones before elimination.
 
     The tangent is the upper triangle of a symmetric matrix, or the whole unsymmetric matrix where the contact slips.
+    `without_plate` is the residual of the body alone, where the contact is condensed.
     """
 
     residual: Array
@@ -67,6 +68,7 @@ class Assembly:
     forces: Array
     matrix: sp.csr_matrix | None
     symmetric: bool = True
+    without_plate: Array | None = None
 
     @property
     def tangent(self) -> sp.csr_matrix:

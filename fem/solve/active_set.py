@@ -19,26 +19,173 @@ The compliance S of these unknowns is then computed, and G = C S C^T with the de
 them. All systems of equations have the size of S.
 
 With friction the tangential springs depend on the pressure; plain steps are then taken.
+
+The tangent may be that of an earlier iterate, or of an earlier step of a path. Its springs are those of other points
+then: the residual is written with the springs of the tangent, and the contact of the whole step is settled about it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import plate_contact
-from fem.model.nonlinear_system import State, System
+from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.solve.direct_solver import Solver
+from fem.solve.inertia import UNKNOWN, Stability
 from geometry.arrays import Array, Ints
 
-MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES, PATIENCE = 160, 50, 600, 4, 100, 3
+Mask = NDArray[np.bool_]
+
+MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES, BLOCK_EXCHANGES = 160, 50, 600, 4, 100, 3
 """Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where solving for them
 costs as much as one or two plain steps; on sections under a tilted plate (MOST_TILTED), where the points at all
 angles switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round; and exchanges
-that do not reduce the number of wrong points before one point at a time is exchanged."""
+of all wrong points that do not reduce their number before one point at a time is exchanged."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Compliance:
+    """Displacements by unit forces that span the pressures on all points that may switch.
+
+    Attributes
+    ----------
+    by_unknown : whether the forces act on single unknowns; otherwise each is the pressure on one point.
+    forces : (r,) numbers of these unknowns or points.
+    Z : (n, r) displacements by the forces.
+    S : (r, r) work of each force along the displacements by each.
+    C : (m, r) pressures on the points, in terms of the forces.
+    """
+
+    by_unknown: bool
+    forces: Ints
+    Z: Array
+    S: Array
+    C: Array
+
+
+@dataclass(slots=True)
+class Switches:
+    """Points (m,) of the skin that may switch, in the order in which they were added, and their compliance."""
+
+    points: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    compliance: _Compliance | None = None
+
+
+@dataclass(slots=True)
+class KeptTangent:
+    """A solver with a factorised tangent, which steps of a path that change little may keep.
+
+    Attributes
+    ----------
+    pressed : (k, q) mask of the points whose springs the tangent has; None where nothing is kept.
+    switches : other points, with their compliance by this tangent.
+    stability : that of the tangent.
+    """
+
+    solver: Solver
+    pressed: Mask | None = None
+    switches: Switches = field(default_factory=Switches)
+    stability: Stability = UNKNOWN
+
+    def drop(self) -> None:
+        """Forget the tangent."""
+        self.pressed, self.switches, self.stability = None, Switches(), UNKNOWN
+
+
+class ActiveSet:
+    """The steps of `fem.solve.newton.iterate` with the active set of the module docstring, settled in each step.
+
+    Coulomb friction without it being condensed (tetrahedra) takes plain steps.
+
+    Parameters
+    ----------
+    kept : solver with the tangent of an earlier step, or with nothing.
+    plate, pressed : see `fem.solve.newton.newton`.
+    keeps_long : whether the tangent of an earlier step may serve, and is kept for long. A tangent is kept only if it
+        is known to have no unstable direction: a body that lost its stability meanwhile would not converge with it
+        along that direction.
+    """
+
+    def __init__(
+        self, system: System, kept: KeptTangent, plate: Plate | None, pressed: Mask | None, *, keeps_long: bool
+    ) -> None:
+        self.system, self._kept, self._plate, self._first = system, kept, plate, pressed
+        self._keeps_long, self._fresh = keeps_long, False
+
+    @property
+    def stability(self) -> Stability:
+        return self._kept.stability
+
+    @property
+    def keeps(self) -> bool:
+        return self._keeps_long and self.stability.is_stable
+
+    @property
+    def confirms(self) -> bool:
+        return self._plate is not None and self._plate.friction is not None
+
+    def knows(self, state: State) -> bool:
+        del state
+        return self._fresh or (self.keeps and self._kept.pressed is not None)
+
+    def assemble(self, state: State, *, tangent: bool) -> Assembly:
+        plate, chosen = self._plate, self._first
+        if plate is not None and chosen is not None and tangent:
+            plate = replace(plate, pressed=chosen)
+        return self.system.assemble(state, plate, tangent=tangent)
+
+    def is_settled(self, state: State) -> bool:
+        self._plate, held = plate_contact.hold_reversing_points(self.system.surface, state.u, self._plate)
+        # an iterate whose contact points were only a guess cannot be the solution yet
+        return not held and (self._first is None or self._fresh or self.knows(state))
+
+    def factorise(self, state: State, assembly: Assembly) -> None:
+        kept, system = self._kept, self.system
+        kept.drop()
+        kept.solver.factorise(assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order)
+        kept.stability = kept.solver.stability(system.n_pressure)
+        kept.pressed = self._overlapping(state) if self._first is None else self._first
+        self._fresh = True
+
+    def step(self, state: State, assembly: Assembly) -> Array:
+        kept, plate, residual, system = self._kept, self._plate, assembly.residual, self.system
+        self._first = None
+        if plate is None or plate.height is None or plate.friction is not None:
+            return kept.solver.solve(residual)
+        if assembly.matrix is None:
+            residual = self._with_springs_of_tangent(state, residual)
+        step = kept.solver.solve(residual)
+        return settle_contact(system, kept.solver, state, step, plate, kept.pressed, kept.switches)
+
+    def final_stability(self, state: State, assembly: Assembly) -> Stability:
+        # not known yet, or from an earlier iterate, which may be far from here
+        if not self.knows(state) or self.stability.is_unstable:
+            self.factorise(state, assembly if assembly.matrix is not None else self.assemble(state, tangent=True))
+        return self.stability
+
+    def _overlapping(self, state: State) -> Mask | None:
+        surface, plate = self.system.surface, self._plate
+        return None if surface is None or plate is None else plate_contact.overlap(surface, state.u, plate) > 0
+
+    def _with_springs_of_tangent(self, state: State, residual: Array) -> Array:
+        """Return a residual with the springs of the points whose springs the tangent has."""
+        system, surface, plate, pressed = self.system, self.system.surface, self._plate, self._kept.pressed
+        assert surface is not None
+        assert plate is not None
+        assert pressed is not None
+        if np.array_equal(plate_contact.overlap(surface, state.u, plate) > 0, pressed):
+            return residual
+        forces = np.zeros(system.fixed.shape)
+        for sign, springs in ((1, replace(plate, pressed=pressed)), (-1, plate)):
+            own = plate_contact.assemble_springs(surface, state.u, springs, tangent=False)[0]
+            np.add.at(forces, surface.nodes, sign * own)
+        residual = residual.copy()
+        residual[: system.n_free] += forces[system.free]
+        return residual
 
 
 def settle_contact(
@@ -47,7 +194,7 @@ def settle_contact(
     state: State,
     step: Array,
     plate: Plate | None,
-    pressed: NDArray[np.bool_] | None = None,
+    pressed: Mask | None = None,
     known: Switches | None = None,
 ) -> Array:
     """Return a step (n,) from the state q to q - step with its contact settled.
@@ -95,34 +242,6 @@ def settle_contact(
     return settled
 
 
-@dataclass(frozen=True, slots=True)
-class _Compliance:
-    """Displacements by unit forces that span the pressures on all points that may switch.
-
-    Attributes
-    ----------
-    by_unknown : whether the forces act on single unknowns; otherwise each is the pressure on one point.
-    forces : (r,) numbers of these unknowns or points.
-    Z : (n, r) displacements by the forces.
-    S : (r, r) work of each force along the displacements by each.
-    C : (m, r) pressures on the points, in terms of the forces.
-    """
-
-    by_unknown: bool
-    forces: Ints
-    Z: Array
-    S: Array
-    C: Array
-
-
-@dataclass(slots=True)
-class Switches:
-    """Points (m,) of the skin that may switch, in the order in which they were added, and their compliance."""
-
-    points: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    compliance: _Compliance | None = None
-
-
 def _extend(before: _Compliance | None, system: System, solver: Solver, points: Ints, plate: Plate) -> _Compliance:
     """Return the compliance of points (m,), which begin with those of `before`."""
     unknowns, rows = normal_displacements(system, points, plate)
@@ -148,9 +267,9 @@ def _exchange(
     S: Array,
     C: Array,
     plain: Array,
-    acting: NDArray[np.bool_],
+    acting: Mask,
     spring_stiffness: Array,
-    pressed: NDArray[np.bool_],
+    pressed: Mask,
 ) -> Array | None:
     """Return the unit forces (r,) that replace the springs that switch.
 
@@ -164,7 +283,7 @@ def _exchange(
     spring_stiffness : (m,) stiffness of the springs.
     pressed : (m,) mask of the points that are pressed at first.
     """
-    spring, least, patience = np.where(acting, spring_stiffness, -spring_stiffness), len(plain) + 1, PATIENCE
+    spring, least, exchanges = np.where(acting, spring_stiffness, -spring_stiffness), len(plain) + 1, BLOCK_EXCHANGES
     for _ in range(MOST_EXCHANGES):
         flips = spring * (pressed != acting)
         # the forces f = C^T e of e = flips g on the points, where g = plain + C S f
@@ -178,9 +297,9 @@ def _exchange(
         if not len(wrong):
             return np.asarray(force)
         # all wrong points at once mostly settle in a few exchanges, but may cycle; one at a time never does
-        patience = PATIENCE if len(wrong) < least else patience - 1
+        exchanges = BLOCK_EXCHANGES if len(wrong) < least else exchanges - 1
         least = min(least, len(wrong))
-        if patience >= 0:
+        if exchanges >= 0:
             pressed = after
         else:
             pressed = pressed.copy()

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from fem.model import coulomb_friction, plate_contact
 from fem.model.plate_contact import Plate
 from fem.solve import extrapolation
+from fem.solve.active_set import KeptTangent
+from fem.solve.condensed_friction import CondensedFriction
 from fem.solve.direct_solver import Solver
-from fem.solve.friction_newton import newton_with_friction
-from fem.solve.newton import TOLERANCE, Equilibrium, Stop, newton
+from fem.solve.newton import TOLERANCE, Equilibrium, Stop, iterate, newton
 from fem.solve.path_state import PastState, PathState
 from geometry.arrays import Array
 
@@ -211,20 +212,27 @@ def find_equilibrium(
     pressed: NDArray[np.bool_] | None = None,
     tolerance: float = TOLERANCE,
     *,
-    near: bool = False,
+    kept: KeptTangent | None = None,
 ) -> Equilibrium:
     """Solve for the equilibrium from a first guess; on sections Coulomb friction is settled within each step.
 
-    near : see `newton_with_friction`.
+    kept : tangent of an earlier step near this one, see `fem.solve.newton.newton`; friction keeps the stiffness that
+        the solver condensed.
     """
     system = state.d.system
     if plate.friction is not None and state.d.revolved:
-        answer = newton_with_friction(system, solver, guess, plate, pressed, tolerance=tolerance, near=near)
+        contact = CondensedFriction(system, solver, plate, pressed, keeps_long=kept is not None)
+        answer = iterate(contact, guess, tolerance=tolerance)
         # plain steps are damped, and reach some states that settled steps do not
-        if answer is not None and answer.converged:
+        if answer.converged:
             return answer
+        kept = None
     # a dead load selects the side to which a press buckles, which an error of the last step must not do
     confirm = bool(system.dead.any())
+    answer = newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm, kept=kept)
+    if kept is None or answer.converged:
+        return answer
+    kept.drop()
     return newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm)
 
 

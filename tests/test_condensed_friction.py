@@ -9,10 +9,10 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from fem.model import plate_contact, symmetry_models
 from fem.solve import load_increments
+from fem.solve.condensed_friction import CondensedFriction, contact_zone
 from fem.solve.direct_solver import Solver
-from fem.solve.friction_newton import contact_zone, newton_with_friction
 from fem.solve.inertia import STABLE, UNKNOWN
-from fem.solve.newton import newton
+from fem.solve.newton import Equilibrium, iterate, newton
 from fem.solve.pardiso import have_pardiso
 from fem.solve.path_state import at_rest
 from geometry.design import paper
@@ -20,6 +20,16 @@ from geometry.loads import Load
 
 ROUGH = replace(QUICK, name="rough", section_size=0.2, harmonics=1)
 WAY = [Load(depth=1.0, friction=0.4), *(Load(depth=1.0, shear_x=x, friction=0.4) for x in (0.4, 2.0, -1.0))]
+
+
+def never(contact, q, **options):
+    """No condensed problem is solved."""
+    state = contact.system.state(q)
+    return Equilibrium(state, contact.system.assemble(state, None), 0, "no_convergence")
+
+
+def settled_steps(system, solver, q, plate, pressed, keeps_long=False):
+    return iterate(CondensedFriction(system, solver, plate, pressed, keeps_long=keeps_long), q)
 
 
 def forces(loads):
@@ -30,7 +40,7 @@ def forces(loads):
 
 def test_a_path_to_and_fro_ends_in_the_states_of_plain_steps_after_fewer_iterations(monkeypatch):
     settled = forces(WAY)
-    monkeypatch.setattr(load_increments, "newton_with_friction", lambda *args, **options: None)
+    monkeypatch.setattr(load_increments, "iterate", never)
     plain = forces(WAY)
     for a, b in zip(settled, plain, strict=True):
         np.testing.assert_allclose(a.response.force, b.response.force, rtol=1e-8, atol=1e-9)
@@ -55,7 +65,7 @@ def pressed_first(state, plate):
 def test_both_libraries_find_the_equilibrium_of_plain_steps_and_its_stability(pardiso, mu):
     state, plate = rest(mu)
     own, plain = Solver(pardiso=pardiso), Solver(pardiso=pardiso)
-    answer = newton_with_friction(state.d.system, own, state.q, plate, pressed_first(state, plate))
+    answer = settled_steps(state.d.system, own, state.q, plate, pressed_first(state, plate))
     other = newton(state.d.system, plain, state.q, plate, pressed_first(state, plate))
     assert answer.converged
     assert other.converged
@@ -84,3 +94,22 @@ def test_the_condensed_residual_has_the_derivative_that_its_iteration_uses():
     h = 1e-9
     ahead, behind = (zone.forces(zone.springs(u, y + s * h * way, here)) for s in (1, -1))
     np.testing.assert_allclose((ahead - behind) / (2 * h), K @ way, atol=1e-5 * np.abs(K @ way).max())
+
+
+def touching(state, q, held):
+    return plate_contact.overlap(state.skin, state.d.system.state(q).u, held) > 0
+
+
+def test_friction_keeps_the_stiffness_of_an_earlier_state():
+    d = symmetry_models.section(paper().shape.scaled(0.1), 0.4998, "ignored", 0.25, 0.1, harmonics=1)
+    state, solver = at_rest(d, mu=0.3), Solver()
+    system, q = d.system, state.q
+    condensed = []
+    for shear in (0.02, 0.021):
+        held = state.plate_at(np.array([0.02, shear, 0.0]))
+        near = settled_steps(system, solver, q, held, touching(state, q, held), keeps_long=True)
+        exact = settled_steps(system, Solver(), q, held, touching(state, q, held))
+        np.testing.assert_allclose(near.state.q, exact.state.q, atol=1e-8 * np.abs(exact.state.q).max())
+        condensed.append(solver.schur)
+        q = exact.state.q
+    assert condensed[0] is condensed[1]

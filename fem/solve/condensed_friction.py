@@ -1,4 +1,4 @@
-"""Newton's method on a section under Coulomb friction: each step linearises the body, but not the contact.
+"""Coulomb friction on a section, settled within each step of Newton's method.
 
 The overlap and the slip of a skin point are linear in the displacements, so the plate's forces f are known functions
 of the displacements z of the skin near the contact, however its points stick, slip, touch or lift off. The equations
@@ -27,16 +27,6 @@ from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
 from fem.solve.direct_solver import Solver
 from fem.solve.inertia import UNKNOWN, Stability
-from fem.solve.newton import (
-    MOST_ITERATIONS,
-    TOLERANCE,
-    Equilibrium,
-    assemble_at_rest,
-    backtrack,
-    keeps_factorisation,
-    reference_size,
-)
-from fem.solve.pardiso import SingularMatrixError
 from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]
@@ -45,9 +35,7 @@ RINGS = 3
 """Facets on each side of the contact whose unknowns are kept, so that the contact can grow; one is the least."""
 MOST_SETTLING, SETTLED = 60, 1e-12
 """Most iterations of the condensed problem, and its tolerance over the forces on its unknowns."""
-MOST_KEPT = 4
-"""Steps with the stiffness of an earlier state that cost as much as its condensation."""
-PATIENCE = 6
+UNDAMPED = 6
 """Full steps of the condensed problem before steps that do not halve its residual are compared with shorter ones."""
 
 
@@ -104,76 +92,101 @@ class ContactZone:
         return np.asarray(whole[:-1, :-1], dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
-class _Residual:
-    """The whole residual, with the stiffness of the body alone, and the residual of the body alone."""
-
-    whole: Assembly
-    body: Array
-
-
-def newton_with_friction(
-    system: System,
-    solver: Solver,
-    q: Array,
-    plate: Plate,
-    pressed: Mask | None = None,
-    *,
-    most: int = MOST_ITERATIONS,
-    tolerance: float = TOLERANCE,
-    near: bool = False,
-) -> Equilibrium | None:
-    """Solve residual(q) = 0 on a section under a plate with Coulomb friction, as `fem.solve.newton.newton` does.
-
-    None where Newton's method does not solve a condensed problem, or its body needs other pivots: plain steps may
-    still succeed.
+class CondensedFriction:
+    """The steps of `fem.solve.newton.iterate` on a section under a plate with Coulomb friction.
 
     Parameters
     ----------
-    near : start with the stiffness that the solver condensed for an earlier state near this one, and keep it while
-        MOST_KEPT more steps at the same rate reach the tolerance.
+    solver : its last condensation may serve.
+    plate, pressed : see `fem.solve.newton.newton`.
+    keeps_long : start with the stiffness that the solver condensed for an earlier state near this one, and keep it
+        until one at a later iterate is needed.
     """
-    state = system.admissible(q)
-    if state is None:
-        return Equilibrium(system.state(q), assemble_at_rest(system), 0, "guess_inverted")
-    zone, schur, rate = None, np.zeros((0, 0)), 1.0
-    if near and solver.schur is not None:
-        known = _choose_zone(system, solver, state, plate, pressed)
-        if np.array_equal(known.unknowns, solver.kept):
-            zone, schur = known, solver.schur
-    near = zone is not None
-    now = _assemble(system, state, plate, tangent=not near)
-    for iteration in range(most):
-        size = reference_size(system, state, now.whole)
-        left, before = size.share(now.whole), size.merit(now.whole)
-        try:
-            if left <= tolerance and zone is not None:
-                return _finish(system, solver, plate, zone, schur, state, now.whole, iteration)
-            if zone is None or now.whole.matrix is not None:
-                zone = _choose_zone(system, solver, state, plate, pressed)
-                complement = solver.condense(now.whole.tangent, zone.unknowns)
-                if complement is None:
-                    return None
-                schur = complement
-        except SingularMatrixError:
-            return Equilibrium(state, now.whole, iteration, "singular")
-        half = solver.forward(-now.body)
-        y = settle(schur, half[zone.unknowns], zone, state.u[zone.nodes], plate, pressed if iteration == 0 else None)
-        if y is None:
+
+    confirms = True
+
+    def __init__(
+        self, system: System, solver: Solver, plate: Plate, pressed: Mask | None, *, keeps_long: bool
+    ) -> None:
+        self.system, self._solver, self._plate, self._first = system, solver, plate, pressed
+        self.keeps, self.stability = keeps_long, UNKNOWN
+        self._zone: ContactZone | None = None
+
+    def knows(self, state: State) -> bool:
+        if self._zone is None:
+            if self.keeps and self._solver.schur is not None:
+                zone = self._choose_zone(state)
+                self._zone = zone if np.array_equal(zone.unknowns, self._solver.kept) else None
+            self.keeps = self._zone is not None
+            return self.keeps
+        return bool(self._zone.facets[_touching(self.system, state, self._plate)].all())
+
+    def assemble(self, state: State, *, tangent: bool) -> Assembly:
+        """Return the whole residual, and with `tangent` the stiffness of the body without the plate."""
+        s, plate = _skin(self.system), self._plate
+        # a plate that touches no point: the base, which has springs too, belongs to the body
+        away = replace(plate, pressed=np.zeros(s.weights.shape, dtype=bool), friction=None)
+        body = self.system.assemble(state, away, tangent=tangent)
+        springs = plate_contact.springs(s, state.u, plate)
+        forces = np.zeros(body.forces.shape)
+        np.add.at(forces, s.nodes, s.forces(springs.traction))
+        residual = body.residual.copy()
+        residual[: self.system.n_free] += forces[self.system.free]
+        energy = body.energy + springs.energy
+        return Assembly(residual, energy, body.forces + forces, body.matrix, without_plate=body.residual)
+
+    def is_settled(self, state: State) -> bool:
+        del state
+        return self._zone is not None
+
+    def factorise(self, state: State, assembly: Assembly) -> None:
+        self.keeps, self._zone = False, self._choose_zone(state)
+        self._solver.condense(assembly.tangent, self._zone.unknowns)
+
+    def step(self, state: State, assembly: Assembly) -> Array | None:
+        """Return a step with its contact settled; None where that fails, or the body needs other pivots."""
+        zone, solver, residual = self._zone, self._solver, assembly.without_plate
+        assert zone is not None
+        assert residual is not None
+        if solver.schur is None:
             return None
-        trial = backtrack(system, state, -solver.backward(half, y))
-        if trial is None:
-            return Equilibrium(state, now.whole, iteration, "step_inverted")
-        # as in the plain method, the stiffness is computed only where the last one is not good enough
-        near = near and now.whole.matrix is None
-        keeps = keeps_longer if near else keeps_factorisation
-        likely = 0.0 if near else rate**2
-        fresh = not keeps(likely, likely * left, tolerance) or not _covers(system, zone, trial, plate)
-        state, now = trial, _assemble(system, trial, plate, tangent=fresh)
-        rate = size.merit(now.whole) / before if before else 0.0
-        if not fresh and not keeps(rate, rate * left, tolerance):
-            now = _assemble(system, state, plate)
-    return Equilibrium(state, now.whole, most, "no_convergence")
+        half, pressed, self._first = solver.forward(-residual), self._first, None
+        y = settle(solver.schur, half[zone.unknowns], zone, state.u[zone.nodes], self._plate, pressed)
+        return None if y is None else -solver.backward(half, y)
+
+    def final_stability(self, state: State, assembly: Assembly) -> Stability:
+        stability = self._measure_stability(state)
+        if stability.is_unstable:  # counted with an earlier stiffness of the body, which may be far from here
+            assert self._zone is not None
+            self._solver.condense(self.assemble(state, tangent=True).tangent, self._zone.unknowns)
+            stability = self._measure_stability(state)
+        return stability
+
+    def _measure_stability(self, state: State) -> Stability:
+        """Return the stability of a state; unknown where a point slips, for then its stiffness is unsymmetric."""
+        zone, schur = self._zone, self._solver.schur
+        assert zone is not None
+        here = zone.restrict(self._plate)
+        springs = zone.springs(state.u[zone.nodes], np.zeros(len(zone.unknowns)), here)
+        if schur is None or springs.friction is None or springs.friction.slipping.any():
+            return UNKNOWN
+        return self._solver.stability_with(schur, zone.stiffness(springs, here), self.system.n_pressure)
+
+    def _choose_zone(self, state: State) -> ContactZone:
+        """Return the zone of a state: that of the last condensation while it is wide enough and not much too wide."""
+        system, kept_unknowns = self.system, self._solver.kept
+        assert self._plate.friction is not None
+        touching = _touching(system, state, self._plate) | self._plate.friction.touching.any(axis=1)
+        if self._first is not None:
+            touching = touching | self._first.any(axis=1)
+        kept = np.zeros(system.size + 1, dtype=bool)
+        kept[kept_unknowns] = kept[-1] = True
+        known = np.asarray(kept[system.unknown_numbers[_skin(system).nodes]].all(axis=(1, 2)))
+        wanted = contact_zone(system, touching)
+        wide = known[contact_zone(system, touching, rings=1).facets].all()
+        if wide and len(kept_unknowns) <= 2 * len(wanted.unknowns):
+            return contact_zone(system, known, rings=0)
+        return wanted
 
 
 def settle(
@@ -199,7 +212,7 @@ def settle(
         assert friction is not None
         if plate.pressed is None and not friction.held and now <= SETTLED * (_norm(force) + _norm(load)):
             return y
-        if iteration > PATIENCE and now > last / 2:
+        if iteration > UNDAMPED and now > last / 2:
             y, springs, residual = _shorten(schur, load, zone, u, plate, y, step)
             now = _norm(residual)
         last = now
@@ -241,47 +254,6 @@ def _touching(system: System, state: State, plate: Plate) -> Mask:
     return np.asarray(g >= min(g.max(), 0.0))
 
 
-def _choose_zone(system: System, solver: Solver, state: State, plate: Plate, pressed: Mask | None) -> ContactZone:
-    """Return the zone of a state: that of the last condensation while it is wide enough and not much too wide."""
-    touching = _touching(system, state, plate)
-    if plate.friction is not None:
-        touching = touching | plate.friction.touching.any(axis=1)
-    if pressed is not None:
-        touching = touching | pressed.any(axis=1)
-    kept = np.zeros(system.size + 1, dtype=bool)
-    kept[solver.kept] = kept[-1] = True
-    known = np.asarray(kept[system.unknown_numbers[_skin(system).nodes]].all(axis=(1, 2)))
-    wanted = contact_zone(system, touching)
-    if known[contact_zone(system, touching, rings=1).facets].all() and len(solver.kept) <= 2 * len(wanted.unknowns):
-        return contact_zone(system, known, rings=0)
-    return wanted
-
-
-def keeps_longer(rate: float, left: float, tolerance: float) -> bool:
-    """Return whether to keep the stiffness of an earlier state, see `newton_with_friction`."""
-    return rate**MOST_KEPT * left <= tolerance
-
-
-def _covers(system: System, zone: ContactZone, state: State, plate: Plate) -> bool:
-    """Return whether all points that touch at a state lie in the zone."""
-    return bool(zone.facets[_touching(system, state, plate)].all())
-
-
-def _assemble(system: System, state: State, plate: Plate, *, tangent: bool = True) -> _Residual:
-    """Return the residual at a state, and with `tangent` the stiffness of the body without the plate."""
-    s = _skin(system)
-    # a plate that touches no point: the base, which has springs too, belongs to the body
-    away = replace(plate, pressed=np.zeros(s.weights.shape, dtype=bool), friction=None)
-    body = system.assemble(state, away, tangent=tangent)
-    springs = plate_contact.springs(s, state.u, plate)
-    forces = np.zeros(body.forces.shape)
-    np.add.at(forces, s.nodes, s.forces(springs.traction))
-    residual = body.residual.copy()
-    residual[: system.n_free] += forces[system.free]
-    whole = Assembly(residual, body.energy + springs.energy, body.forces + forces, body.matrix)
-    return _Residual(whole, body.residual)
-
-
 def _shorten(
     schur: Array, load: Array, zone: ContactZone, u: Array, plate: Plate, y: Array, step: Array
 ) -> tuple[Array, Springs, Array]:
@@ -292,38 +264,6 @@ def _shorten(
         springs = zone.springs(u, shorter, plate)
         tried.append((shorter, springs, schur @ shorter + zone.forces(springs) - load))
     return min(tried, key=lambda one: _norm(one[2]))
-
-
-def _finish(
-    system: System,
-    solver: Solver,
-    plate: Plate,
-    zone: ContactZone,
-    schur: Array,
-    state: State,
-    assembly: Assembly,
-    iteration: int,
-) -> Equilibrium:
-    """Return the equilibrium with its stability."""
-    stability = _measure_stability(system, solver, plate, zone, schur, state)
-    if stability.is_unstable:  # counted with an earlier stiffness of the body, which may be far from here
-        tangent = _assemble(system, state, plate).whole.tangent
-        complement = solver.condense(tangent, zone.unknowns)
-        stability = (
-            UNKNOWN if complement is None else _measure_stability(system, solver, plate, zone, complement, state)
-        )
-    return Equilibrium(state, assembly, iteration, "", stability)
-
-
-def _measure_stability(
-    system: System, solver: Solver, plate: Plate, zone: ContactZone, schur: Array, state: State
-) -> Stability:
-    """Return the stability of a state; unknown where a point slips, for then its stiffness is unsymmetric."""
-    here = zone.restrict(plate)
-    springs = zone.springs(state.u[zone.nodes], np.zeros(len(zone.unknowns)), here)
-    if springs.friction is None or springs.friction.slipping.any():
-        return UNKNOWN
-    return solver.stability_with(schur, zone.stiffness(springs, here), system.n_pressure)
 
 
 def _norm(x: Array) -> float:
