@@ -8,8 +8,8 @@ from fem.accuracy import QUICK
 from geometry.loads import Load
 from studies.surrogate import surrogate_response
 from studies.validation import error_study, trade_cases, trade_solves
+from studies.validation.error_study import SolvedState
 from studies.validation.error_study_cases import Trial
-from studies.validation.error_study_records import SolvedState
 from studies.validation.trade_solves import Run, measure, solved
 
 TRIAL = trade_cases.trial(0, "press", "axisymmetric")

@@ -132,27 +132,20 @@ def accuracy(
     if minutes is not None and not minutes >= 0:
         raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
     from studies.output.provenance import versions
-    from studies.validation import error_statistics, error_study_report
+    from studies.validation import error_statistics
     from studies.validation import error_study as study
 
     origin = versions()
-    own_files.check(out, ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv"))
+    own_files.check(out, error_statistics.FILES)
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        states = study.run(
-            quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
-        )
+        most = math.inf if minutes is None else minutes
+        states = study.run(quick=quick, folder=folder, minutes=most, progress=progress)
         if folder is not None:
-            error_study_report.write(folder, states, origin, command_line, quick=quick)
-    estimates = [shares.row() for shares in error_statistics.shares(states)]
-    levels = [errors.row() for errors in error_statistics.summary(states)]
-    for name, table in (("Estimates", estimates), ("Levels", levels)):
-        console.report(
-            table,
-            as_json=as_json,
-            title=name,
-            first=("scene", "quantity", "states", "median_percent", "coverage"),
-            wide=wide,
-        )
+            error_statistics.write(folder, states, origin, command_line, quick=quick)
+    first = ("scene", "quantity", "states", "median_percent", "coverage")
+    tables = {"Estimates": error_statistics.shares(states), "Levels": error_statistics.summary(states)}
+    for name, table in tables.items():
+        console.report(table, as_json=as_json, title=name, first=first, wide=wide)
     return report_goals(error_statistics.goals(states))
 
 

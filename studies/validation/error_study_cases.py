@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fem.accuracy import Accuracy
+from fem.analyses.stability import DEEPEST
 from fem.results.error_estimate_rules import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
 from fem.scene import Model
 from geometry.design import BadInput, Design, paper
@@ -30,6 +31,10 @@ FAR = (0.3, FAR_SHEAR)
 """Large shears of the glued plate over D."""
 GRIP = (0.2, STICK_SHEAR)
 """Height and shear of a grip over D."""
+TANGENT_SCENES = ("critical", "small shear", "modes")
+"""Scenes that follow from a tangent about a press: critical depths, small shears of a glued plate, frequencies."""
+SHALLOW = 0.1 / PRESS_DEPTH
+"""Smaller depth of a small shear, over the larger one."""
 THINNEST = 0.06
 """Least silicone wall around the magnet of a sampled design, over D."""
 
@@ -41,8 +46,8 @@ class Trial:
     Attributes
     ----------
     number : number of the design; 0 is the paper's.
-    scene : press, deep, stick, far, friction or grip; critical, small shear or modes
-        (`studies.validation.error_study_tangents`).
+    scene : press, deep, stick, far, friction or grip, or one of TANGENT_SCENES, whose loads are depths: for scene
+        critical the deepest one of the search.
     """
 
     number: int
@@ -75,6 +80,10 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     elif scene in ("stick", "far"):
         shears = STICK[1] if scene == "stick" else FAR
         loads = tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in shears)
+    elif scene in TANGENT_SCENES:
+        room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
+        depths = {"critical": (DEEPEST * room,), "small shear": (SHALLOW * first, first), "modes": (0.0, first)}
+        loads = tuple(Load(depth=rounded(each)) for each in depths[scene])
     elif scene == "friction":
         loads = tuple(Load(depth=depth, shear_x=rounded(x * D), friction=RUB[1]) for x in RUB[0])
     else:
@@ -128,7 +137,7 @@ def reference(scene: str, fineness: int = 1) -> Accuracy:
     name = ("rough", "reference", "finer")[fineness]
     if scene in ("press", "deep"):
         return Accuracy(name, (0.025, 0.018, 0.013)[fineness], 0.05, 0.001, 0.02, 0)
-    if scene in ("critical", "small shear", "modes"):
+    if scene in TANGENT_SCENES:
         size, patch = ((0.045, 0.002), (0.028, 0.001), (0.02, 0.0007))[fineness]
         return Accuracy(name, size, 0.05, patch, 0.02, 1)
     if scene == "friction":

@@ -27,8 +27,8 @@ from geometry.design import BadInput
 from studies.surrogate import surrogate_response
 from studies.validation import error_study, trade_cases
 from studies.validation.bench import THREADS
+from studies.validation.error_study import SolvedState, restored
 from studies.validation.error_study_cases import Trial
-from studies.validation.error_study_records import SolvedState, restored
 from studies.validation.trade_cases import SHIPPED, SURROGATE, Kind
 
 LIMIT_S = 900.0

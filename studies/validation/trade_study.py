@@ -17,8 +17,8 @@ from geometry.messages import Progress
 from studies.output import checkpoint, records
 from studies.output.records import FlatRow
 from studies.validation import trade_cases, trade_reference, trade_solves
+from studies.validation.error_study import SolvedState
 from studies.validation.error_study_cases import Trial
-from studies.validation.error_study_records import SolvedState
 from studies.validation.trade_cases import KINDS, MODELS, SECTION, SHIPPED, Fineness, Kind
 from studies.validation.trade_reference import QUANTITIES, Components, Reference, TrueError
 from studies.validation.trade_solves import Run, Solved
