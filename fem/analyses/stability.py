@@ -9,6 +9,7 @@ glued (a guided tip).
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from dataclasses import dataclass, replace
 
@@ -121,16 +122,17 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     D = scene.design.D
     end = scene.loads[0].depth / D
     rough = _fine_section(replace(scene, accuracy=QUICK))
-    coarse = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
-    if not isinstance(coarse, _CriticalState):
-        return _report_none(coarse or _NotFound(0.0, UNREACHED), D)
-    edge, _ = find_press(rough, RIM * scene.accuracy.section_patch, coarse.depth)
-    state = _find_near(_fine_section(scene, edge), guided, coarse.depth, end)
-    if isinstance(state, _CriticalState) and abs(state.edge / edge - 1) > MOVED:
-        state = _find_near(_fine_section(scene, state.edge), guided, state.depth, end)
-    if isinstance(state, _NotFound):
-        return _report_none(state, D)
-    return Critical(state.depth * D, state.force * scene.design.E * D**2, state.stable * D, "")
+    # a search from rest always has a result
+    found = _search(rough, guided, 0.0, min(STEP, end / 8), end) or _Search(0.0, UNREACHED)
+    if found.depth is not None:
+        edge, _ = find_press(rough, RIM * scene.accuracy.section_patch, found.depth)
+        found = _search_near(_fine_section(scene, edge), guided, found.depth, end)
+        if found.depth is not None and abs(found.edge / edge - 1) > MOVED:
+            found = _search_near(_fine_section(scene, found.edge), guided, found.depth, end)
+    stable = found.stable * D
+    if found.depth is None:
+        return Critical(None, None, stable, found.limit.format(f"{stable:.4g}"))
+    return Critical(found.depth * D, found.force * scene.design.E * D**2, stable, "")
 
 
 def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
@@ -141,55 +143,38 @@ def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
 
 
 @dataclass(frozen=True, slots=True)
-class _CriticalState:
-    """A critical state in units of D and E.
+class _Search:
+    """Result of a search on one mesh, in units of D and E.
 
     Attributes
     ----------
-    depth, force : critical depth, and normal force there.
-    edge : undeformed radius at which the contact ends.
     stable : greatest depth that was found to be stable.
-    """
-
-    depth: float
-    force: float
-    edge: float
-    stable: float
-
-
-@dataclass(frozen=True, slots=True)
-class _NotFound:
-    """A search without an instability.
-
-    Attributes
-    ----------
-    stable : depth over D up to which the press is known to be stable.
     limit : why the search ended there, with room for that depth in mm; empty if it reached its last depth.
+    depth, force : critical depth, and normal force there; depth is None where no instability was found.
+    edge : undeformed radius at which the contact ends.
     """
 
     stable: float
-    limit: str
+    limit: str = ""
+    depth: float | None = None
+    force: float = 0.0
+    edge: float = 0.0
 
 
 class _StoppedError(Exception):
-    """The press does not reach a depth, or its stability there is unknown: the text of `_NotFound.limit`."""
+    """The press does not reach a depth, or its stability there is unknown: the text of `_Search.limit`."""
 
 
-def _find_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _CriticalState | _NotFound:
+def _search_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _Search:
     """Find the first instability near a depth; start from rest if the press is unstable or fails before that depth.
 
     An unstable state may lie on another branch, from which unloading does not return to the stable one.
     """
-    for start in ((1 - AROUND) * depth, 0.0):
-        state = _find_on_mesh(section, guided, start, AROUND * depth if start else depth / 4, end)
-        if state is not None:
-            return state
-    return _NotFound(0.0, UNREACHED)
+    found = _search(section, guided, (1 - AROUND) * depth, AROUND * depth, end)
+    return found or _search(section, guided, 0.0, depth / 4, end) or _Search(0.0, UNREACHED)
 
 
-def _find_on_mesh(
-    section: MeshSpecification, guided: bool, start: float, step: float, end: float
-) -> _CriticalState | _NotFound | None:
+def _search(section: MeshSpecification, guided: bool, start: float, step: float, end: float) -> _Search | None:
     """Find the first instability on one mesh.
 
     None where the press does not reach the depth `start`, or is not known to be stable there.
@@ -198,17 +183,6 @@ def _find_on_mesh(
     ----------
     start, step, end : first depth, step and last depth of the search, over D; a start of 0 is the state at rest.
     """
-    path = Path(at_rest(section.build(), kappa=KAPPA))
-    try:
-        return _search_path(path, SidewaysModel(path.state.d), guided, start, step, end)
-    finally:
-        path.close()
-
-
-def _search_path(
-    path: Path, sideways: SidewaysModel, guided: bool, start: float, step: float, end: float
-) -> _CriticalState | _NotFound | None:
-    """Find the first instability on a path: see `_find_on_mesh`."""
     known: dict[float, float] = {}
 
     def stiffness(depth: float) -> float:
@@ -224,26 +198,23 @@ def _search_path(
             known[depth] = now.stiffness if now.stability.is_stable else -abs(now.stiffness)
         return known[depth]
 
-    stable, depth = 0.0, start or step
-    try:
-        while stiffness(depth) > 0:
-            if depth >= end:
-                return _NotFound(depth, "")
-            stable, depth = depth, min(depth + step, end)
-        if start and not stable:
-            return None
-        # the bracket begins at rest if the first step is already unstable
-        if not stable:
-            known[stable] = sideways.stiffness_at_rest
-        depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
-        path.go(depth, np.zeros(2))
-    except _StoppedError as stopped:
-        return None if start and not stable else _NotFound(stable, str(stopped))
-    stable = max(depth for depth, value in known.items() if value > 0)
-    return _CriticalState(depth, integrate_normal_force(path.state), measure_contact_edge(path.state), stable)
-
-
-def _report_none(search: _NotFound, D: float) -> Critical:
-    """Return the result of a search without an instability."""
-    reached = search.stable * D
-    return Critical(None, None, reached, search.limit.format(f"{reached:.4g}"))
+    with contextlib.closing(Path(at_rest(section.build(), kappa=KAPPA))) as path:
+        sideways = SidewaysModel(path.state.d)
+        stable, depth = 0.0, start or step
+        try:
+            while stiffness(depth) > 0:
+                if depth >= end:
+                    return _Search(depth)
+                stable, depth = depth, min(depth + step, end)
+            if start and not stable:
+                return None
+            # the bracket begins at rest if the first step is already unstable
+            if not stable:
+                known[stable] = sideways.stiffness_at_rest
+            depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
+            path.go(depth, np.zeros(2))
+        except _StoppedError as stopped:
+            return None if start and not stable else _Search(stable, str(stopped))
+        stable = max(depth for depth, value in known.items() if value > 0)
+        edge, force = measure_contact_edge(path.state), integrate_normal_force(path.state)
+        return _Search(stable, "", depth, force, edge)
