@@ -70,15 +70,15 @@ def test_a_run_that_was_stopped_solves_only_what_is_missing(reduced, monkeypatch
     original = trade_solves.measure
     monkeypatch.setattr(trade_solves, "measure", lambda one: again.append(one.model) or original(one))
     states = trade_study.run(trade_study.plan(2, quick=True), reduced[0])
-    assert {state.status for state in states} <= {"ok", "refused"}
+    assert {state["status"] for state in states} <= {"ok", "refused"}
     assert set(again) == set(trade_cases.CALCULATED)
 
 
 def test_a_run_names_the_commits_of_its_solves(reduced, monkeypatch):
     monkeypatch.setattr(checkpoint, "commit", lambda: "later")
     states = trade_study.run(trade_study.plan(2, quick=True), reduced[0])
-    assert {state.commit for state in states if state.model in trade_cases.CALCULATED} == {"later"}
-    assert "later" not in {state.commit for state in states if state.model not in trade_cases.CALCULATED}
+    assert {state["commit"] for state in states if state["model"] in trade_cases.CALCULATED} == {"later"}
+    assert "later" not in {state["commit"] for state in states if state["model"] not in trade_cases.CALCULATED}
 
 
 def test_the_number_of_designs_is_checked(run):

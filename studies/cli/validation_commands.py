@@ -410,12 +410,12 @@ def trade(
         if folder is not None:
             trade_report.write(folder, states, rule, results, origin, command_line)
     first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")
-    table = [cell.row() for cell in trade_report.cells(states)]
+    cells = trade_report.cells(states)
+    table = [{name: value for name, value in row.items() if not name.startswith("worst_")} for row in cells]
     console.report(table, as_json=as_json, title="Cost and error", first=first, wide=wide)
     if not confirm:
         return GOOD
-    confirmed = trade_rule.summary(results)
-    console.report([row.row() for row in confirmed], as_json=as_json, title="Confirmation", wide=wide)
+    console.report(trade_rule.summary(results), as_json=as_json, title="Confirmation", wide=wide)
     return report_goals(trade_rule.goals(results, study.QUICK_KINDS if quick else trade_cases.KINDS))
 
 

@@ -9,18 +9,18 @@ import json
 import math
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 from geometry.design import BadInput
 from studies.output import records
 from studies.output.atomic_files import json_line
 from studies.output.goals import Goal
-from studies.output.records import FlatRow
 from studies.simulation import model_choice
 from studies.simulation.model_choice import ANY_REGION, Choice, Statement
 from studies.validation import trade_cases
+from studies.validation.pages import Row
 from studies.validation.trade_cases import CALCULATED, SURROGATE, Kind
-from studies.validation.trade_study import SOLIDS, TradeState
+from studies.validation.trade_study import SOLIDS, errors_of, load_of
 
 ABOUT = """\
 A bound is the largest error of all states of a region, times 1 + 1/n for n designs. An error that is smaller than the
@@ -50,44 +50,45 @@ FEWEST = 4
 """Least number of designs from which a bound of a formula or of the surrogate follows."""
 
 
-def statements(states: Sequence[TradeState]) -> list[Statement]:
+def statements(states: Sequence[Row]) -> list[Statement]:
     """Return the statements that follow from the states of the chosen designs."""
-    groups: dict[tuple[str, str, str, str], list[TradeState]] = {}
+    groups: dict[tuple[str, str, str, str], list[Row]] = {}
     for state in states:
-        if state.errors and not state.confirming and (state.model != "formula" or not state.outside):
-            groups.setdefault((state.kind, _region(state), state.model, state.level), []).append(state)
+        if errors_of(state) and not state["confirming"] and (state["model"] != "formula" or not state["message"]):
+            place = state["kind"], _region(state), state["model"], state["level"]
+            groups.setdefault(place, []).append(state)
     # a model of unknown cost is never the cheapest
     return [
         _statement(region, members)
         for (_, region, model, _), members in groups.items()
-        if (model not in CALCULATED or len({state.design for state in members}) >= FEWEST)
-        and any(state.cost is not None for state in members)
+        if (model not in CALCULATED or len({state["design"] for state in members}) >= FEWEST)
+        and any(state["cost"] is not None for state in members)
     ]
 
 
-def _region(state: TradeState) -> str:
-    if state.model in SOLIDS:
+def _region(state: Row) -> str:
+    if state["model"] in SOLIDS:
         return ANY_REGION
-    trial = trade_cases.trial(state.design, state.kind, "auto", confirm=state.confirming)
-    name = model_choice.region(trial.design, state.load, trial.magnet, state.kind).name
-    return model_choice.formula_region(trial.design, name) if state.model == "formula" else name
+    trial = trade_cases.trial(state["design"], state["kind"], "auto", confirm=state["confirming"])
+    name = model_choice.region(trial.design, load_of(state), trial.magnet, state["kind"]).name
+    return model_choice.formula_region(trial.design, name) if state["model"] == "formula" else name
 
 
-def _statement(region: str, members: Sequence[TradeState]) -> Statement:
-    first, designs = members[0], len({state.design for state in members})
+def _statement(region: str, members: Sequence[Row]) -> Statement:
+    first, designs = members[0], len({state["design"] for state in members})
     bounds = {
-        name: _bound([_counted(state, quantity) for state in members if quantity in state.errors], designs)
+        name: _bound([_counted(state, quantity) for state in members if quantity in errors_of(state)], designs)
         for name, quantity in BOUNDS.items()
     }
-    costs = [state.cost for state in members if state.cost is not None]
+    costs = [state["cost"] for state in members if state["cost"] is not None]
     force, shift = bounds.pop("force"), bounds.pop("shift")
     assert force is not None
     assert shift is not None
     return Statement(
-        kind=first.kind,
+        kind=first["kind"],
         region=region,
-        model=first.model,
-        level=first.level,
+        model=first["model"],
+        level=first["level"],
         designs=designs,
         states=len(members),
         cost=float(f"{statistics.median(costs):.3g}"),
@@ -97,10 +98,9 @@ def _statement(region: str, members: Sequence[TradeState]) -> Statement:
     )
 
 
-def _counted(state: TradeState, name: str) -> float:
+def _counted(state: Row, name: str) -> float:
     """Return an error of a state, a fraction; at least the error bar of the reference."""
-    error = state.errors[name]
-    return max(error.percent, error.bar_percent) / 100
+    return max(errors_of(state)[name]) / 100
 
 
 def _bound(errors: Sequence[float], designs: int) -> float | None:
@@ -126,138 +126,77 @@ def as_text(rule: Sequence[Statement], origin: str) -> str:
     return f'{{{made}, "statements": [\n{rows}\n]}}\n'
 
 
-@dataclass(frozen=True, slots=True)
-class Confirmation:
-    """A tolerance on a random design under one load: which model the rule chooses, and its true error.
+def confirm(states: Sequence[Row], rule: Sequence[Statement]) -> Iterator[Row]:
+    """Yield a row of confirm.csv for each tolerance, random design and load.
 
-    Attributes
-    ----------
-    model : chosen model; empty if the rule refuses.
-    error : largest true error of the counted quantities, a fraction; None if refused or without a reference.
+    `model` is the chosen model, empty if the rule refuses; `expected` its bound; `error` its largest true error of
+    the counted quantities, a fraction, None if refused or without a reference.
     """
-
-    kind: str
-    design: int
-    depth_mm: float
-    shear_mm: float
-    tolerance: float
-    model: str
-    status: str
-    expected: float | None = None
-    error: float | None = None
-
-    def row(self) -> FlatRow:
-        """Return the columns of confirm.csv."""
-        return records.flat(self)
-
-
-def confirm(states: Sequence[TradeState], rule: Sequence[Statement]) -> Iterator[Confirmation]:
-    """Yield a result for each tolerance, random design and load."""
-    cases: dict[tuple[Kind, int, float, float], dict[tuple[str, str], TradeState]] = {}
+    cases: dict[tuple[str, int, float, float], dict[tuple[str, str], Row]] = {}
     for state in states:
-        if state.confirming:
-            place = state.kind, state.design, state.load.depth, state.load.shear_x
-            cases.setdefault(place, {})[state.model, state.level] = state
-    for place, models in cases.items():
+        if state["confirming"]:
+            place = state["kind"], state["design"], state["depth_mm"], state["shear_mm"]
+            cases.setdefault(place, {})[state["model"], state["level"]] = state
+    for (kind, design, depth, shear), models in cases.items():
         for tolerance in TOLERANCES:
-            yield _confirmed(place, tolerance, models, rule)
+            row = {"kind": kind, "design": design, "depth_mm": depth, "shear_mm": shear, "tolerance": tolerance}
+            yield row | _confirmed(tolerance, models, rule)
 
 
-def _confirmed(
-    place: tuple[Kind, int, float, float],
-    tolerance: float,
-    models: Mapping[tuple[str, str], TradeState],
-    rule: Sequence[Statement],
-) -> Confirmation:
+def _confirmed(tolerance: float, models: Mapping[tuple[str, str], Row], rule: Sequence[Statement]) -> Row:
     """Return the result of a case: the model of the rule, or a finer one where its answer asks for it."""
     some = next(iter(models.values()))
-    trial = trade_cases.trial(some.design, some.kind, "auto", confirm=True)
-    case = trial.design, [some.load]
+    load = load_of(some)
+    trial = trade_cases.trial(some["design"], some["kind"], "auto", confirm=True)
+    case = trial.design, [load]
     try:
         choice: Choice | None = model_choice.choose(*case, tolerance, trial.magnet, rule=rule)
     except BadInput:
         choice = None
     while choice is not None:
         state = models.get((choice.model, choice.level_or_accuracy))
+        chosen: Row = {"model": choice.name, "status": "not run", "expected": choice.bound, "error": None}
         if state is None:
-            return Confirmation(*place, tolerance, choice.name, "not run", choice.bound)
-        if not state.errors:
-            return Confirmation(*place, tolerance, choice.name, state.status, choice.bound)
-        if not model_choice.unmet(choice, tolerance, trial.design, some.load, state.along_N):
-            error = max(state.errors[name].percent for name in COUNTED if name in state.errors) / 100
-            status = "within" if error <= tolerance else "exceeded"
-            return Confirmation(*place, tolerance, choice.name, status, choice.bound, error)
+            return chosen
+        errors = errors_of(state)
+        if not errors:
+            return chosen | {"status": state["status"]}
+        if not model_choice.unmet(choice, tolerance, trial.design, load, state["along_N"]):
+            error = max(errors[name][0] for name in COUNTED if name in errors) / 100
+            return chosen | {"status": "within" if error <= tolerance else "exceeded", "error": error}
         choice = model_choice.finer(*case, choice, trial.magnet, rule=rule)
-    return Confirmation(*place, tolerance, "", "refused")
+    return {"model": "", "status": "refused", "expected": None, "error": None}
 
 
-@dataclass(frozen=True, slots=True)
-class Confirmed:
-    """Results of one tolerance and kind.
+def summary(results: Sequence[Row]) -> list[Row]:
+    """Return the results by kind and tolerance, by tolerance over all kinds, and those of the last draw alone.
 
-    Attributes
-    ----------
-    refused : cases for which the rule knows no model that meets the tolerance.
-    unjudged : cases without a reference, or whose chosen model was not run.
-    formulas, surrogate : cases for which the rule chooses formulas, and the surrogate.
-    worst : largest error over the tolerance.
+    `refused` are cases for which the rule knows no model that meets the tolerance, `unjudged` those without a
+    reference, or whose chosen model was not run; `worst` is the largest error over the tolerance.
     """
-
-    kind: str
-    tolerance_percent: float
-    cases: int
-    refused: int
-    unjudged: int
-    formulas: int
-    surrogate: int
-    within: int
-    share_percent: float
-    worst: float
-
-    @property
-    def judged(self) -> int:
-        """Number of cases with a true error."""
-        return self.cases - self.refused - self.unjudged
-
-    def row(self) -> FlatRow:
-        """Return the columns of the table of TRADE.md."""
-        return records.flat(self)
-
-
-def summary(results: Sequence[Confirmation]) -> list[Confirmed]:
-    """Return the results by kind and tolerance, by tolerance over all kinds, and those of the last draw alone."""
     table = []
     first = trade_cases.CONFIRMED - trade_cases.DRAWN
     for kind in (*trade_cases.KINDS, "all", LAST):
         for tolerance in TOLERANCES:
+            own = [each for each in results if each["tolerance"] == tolerance]
             own = [
-                each
-                for each in results
-                if each.tolerance == tolerance
-                and (kind in ("all", each.kind) or (kind == LAST and each.design >= first))
+                each for each in own if kind in ("all", each["kind"]) or (kind == LAST and each["design"] >= first)
             ]
-            judged = [each for each in own if each.error is not None]
+            judged = [each["error"] for each in own if each["error"] is not None]
             if not own:
                 continue
-            within = sum(each.status == "within" for each in judged)
-            table.append(
-                Confirmed(
-                    kind,
-                    100 * tolerance,
-                    len(own),
-                    sum(each.status == "refused" for each in own),
-                    len(own) - len(judged) - sum(each.status == "refused" for each in own),
-                    sum(each.model.startswith("formula") for each in own),
-                    sum(each.model.startswith(SURROGATE) for each in own),
-                    within,
-                    100 * within / len(judged) if judged else math.nan,
-                    max((each.error / tolerance for each in judged if each.error is not None), default=math.nan),
-                )
-            )
+            refused = sum(each["status"] == "refused" for each in own)
+            within = sum(each["status"] == "within" for each in own)
+            row = {"kind": kind, "tolerance_percent": 100 * tolerance, "cases": len(own), "refused": refused}
+            row["unjudged"] = len(own) - len(judged) - refused
+            row["formulas"] = sum(each["model"].startswith("formula") for each in own)
+            row["surrogate"] = sum(each["model"].startswith(SURROGATE) for each in own)
+            row |= {"within": within, "share_percent": 100 * within / len(judged) if judged else math.nan}
+            table.append(row | {"worst": max((error / tolerance for error in judged), default=math.nan)})
     return table
 
 
-def goals(results: Sequence[Confirmation], kinds: Sequence[Kind] = trade_cases.KINDS) -> list[Goal]:
+def goals(results: Sequence[Row], kinds: Sequence[Kind] = trade_cases.KINDS) -> list[Goal]:
     """Return the goals of the confirmation: every case is judged, and within the tolerance.
 
     Parameters
@@ -267,17 +206,19 @@ def goals(results: Sequence[Confirmation], kinds: Sequence[Kind] = trade_cases.K
     table = summary(results)
     posed = []
     for kind in (*kinds, "all", LAST):
-        own = [row for row in table if row.kind == kind]
-        posed.append(
-            Goal(f"{kind}, cases without a judgement", sum(r.unjudged for r in own), 0, sum(r.cases for r in own))
-        )
-        if not any(row.judged for row in own):
-            posed.append(Goal(f"{kind}, cases within the tolerance", None, 100 * SHARE, 0, "%", at_least=True))
+        own = [row for row in table if row["kind"] == kind]
+        unjudged, cases = (sum(row[name] for row in own) for name in ("unjudged", "cases"))
+        posed.append(Goal(f"{kind}, cases without a judgement", unjudged, 0, cases))
         # a tolerance at which the rule refuses every case promises nothing
-        for row in (row for row in own if row.judged):
-            where = f"{kind}, tolerance {row.tolerance_percent:g} %"
+        known = [(row, row["cases"] - row["refused"] - row["unjudged"]) for row in own]
+        known = [(row, judged) for row, judged in known if judged]
+        if not known:
+            posed.append(Goal(f"{kind}, cases within the tolerance", None, 100 * SHARE, 0, "%", at_least=True))
+        for row, judged in known:
+            where = f"{kind}, tolerance {row['tolerance_percent']:g} %"
+            share = row["share_percent"]
             posed += [
-                Goal(f"{where}, cases within it", row.share_percent, 100 * SHARE, row.judged, "%", at_least=True),
-                Goal(f"{where}, largest error over it", row.worst, FACTOR, row.judged),
+                Goal(f"{where}, cases within it", share, 100 * SHARE, judged, "%", at_least=True),
+                Goal(f"{where}, largest error over it", row["worst"], FACTOR, judged),
             ]
     return posed

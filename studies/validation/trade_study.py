@@ -1,27 +1,30 @@
-"""Cost and error of every model on designs over the whole range (verb trade).
+"""Cost and error of every model on designs over the whole range (study trade).
 
-ABOUT, which the report prints, describes the measurements.
+ABOUT, which the report prints, describes the measurements. A state is a row of trade.csv: one state of a path by one
+model, with its true errors and those of its reference, and CPU seconds and memory of the whole path.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analytic import buckling
+from analytic import buckling, hall
 from fem.accuracy import LEVELS
-from geometry.loads import Load
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Response
 from geometry.messages import Progress
-from studies.output import checkpoint, records
-from studies.output.records import FlatRow
-from studies.validation import trade_cases, trade_reference, trade_solves
+from studies.output import checkpoint
+from studies.validation import trade_cases, trade_solves
 from studies.validation.error_study import SolvedState
 from studies.validation.error_study_cases import Trial
+from studies.validation.pages import Row
 from studies.validation.trade_cases import KINDS, MODELS, SECTION, SHIPPED, Fineness, Kind
-from studies.validation.trade_reference import QUANTITIES, Components, Reference, TrueError
 from studies.validation.trade_solves import Run, Solved
+from studies.validation.verify import richardson
 
 ABOUT = """\
 Every model follows the same paths of loads: four presses (one of them deep), three shears of a glued plate, and a
@@ -52,56 +55,137 @@ QUICK_KINDS: tuple[Kind, ...] = ("press", "glued shear")
 """Kinds of a quick study: a reference with friction takes a minute."""
 
 
+QUANTITIES = ("force", "shift", "tilt", "sideways", "along", "readings")
+"""Quantities whose errors are measured; sideways is the force along the shear alone, a part of `force`, relative to
+itself; along is the same force, relative to the larger one of itself and that of the unpressed beam."""
+LEAST_ORDER = 0.8
+"""Least observed order for an extrapolation: a lower one multiplies the last difference by more than three."""
+NOTHING = 1e-6
+"""Shift in mm, tilt in rad, force in N or flux density in T below which a relative error has no meaning."""
+CLEAR = 3.0
+"""A reference judges an error clearly if its bar is at most a third of the error."""
+
+Components = dict[str, tuple[float, ...]]
+"""Components of each quantity; mm, N, rad and T."""
+
+
 @dataclass(frozen=True, slots=True)
-class TradeState:
-    """One state of a path by one model.
+class Reference:
+    """Reference of one state.
 
     Attributes
     ----------
-    confirming : whether the design is one of those that confirm the rule.
-    model, level : finite-element model and accuracy, "formula" and its level, or "surrogate" and "shipped".
-    outside : reason why a formula is outside its range, or why a model has no answer; else empty.
-    errors : true errors by quantity; none where the model or the reference has no answer.
-    cpu_s, peak_MB : of the whole path; NaN if the process was lost.
-    cost : CPU seconds over those of the section model at level standard on the same path; None if one is not known.
-    commit : that of the code that solved it.
-    along_N : force along the shear; None without a shear.
+    values : components of each quantity.
+    bars : error bar of each component.
+    orders : observed orders of the components that were extrapolated.
     """
 
-    design: int
-    confirming: bool
-    kind: Kind
-    model: str
-    level: str
-    load: Load
-    status: str
-    outside: str
-    errors: Mapping[str, TrueError]
-    cpu_s: float
-    peak_MB: float
-    cost: float | None = None
-    commit: str = ""
-    along_N: float | None = None
+    values: Components
+    bars: Components
+    orders: tuple[float, ...]
 
-    def row(self) -> FlatRow:
-        """Return the columns of trade.csv."""
-        row: FlatRow = {
-            "design": self.design,
-            "confirming": self.confirming,
-            "kind": self.kind,
-            "model": self.model,
-            "level": self.level,
-            "depth_mm": self.load.depth,
-            "shear_mm": self.load.shear_x,
-            "friction": self.load.friction,
-            "status": self.status,
-        }
-        for name in QUANTITIES:
-            error = self.errors.get(name)
-            row[f"{name}_error_percent"] = None if error is None else error.percent
-            row[f"{name}_bar_percent"] = None if error is None else error.bar_percent
-        costs = {"cpu_s": self.cpu_s, "peak_MB": self.peak_MB, "cost": self.cost}
-        return row | {"along_N": self.along_N} | costs | {"message": self.outside, "commit": self.commit}
+
+def components(design: Design, load: Load, response: Response) -> Components:
+    """Return the components of each quantity in one state; without tilt and sideways where nothing shears the tip."""
+    values: Components = {"force": response.force, "shift": response.shift}
+    if load.shears_tip:
+        values |= {"tilt": (response.tilt,), "sideways": response.force[:1]}
+    if design.shape.has_magnet:
+        # there is no reading where the magnet has reached an element
+        with contextlib.suppress(BadInput):
+            values["readings"] = hall.readings(design, response).B_T
+    return values
+
+
+def extrapolate(sizes: Sequence[float], answers: Sequence[Components]) -> Reference:
+    """Return the reference from the answers of three meshes.
+
+    Parameters
+    ----------
+    sizes : edge lengths of the meshes, in decreasing order.
+    """
+    values, bars, orders = Components(), Components(), []
+    for name in set.intersection(*(set(answer) for answer in answers)):
+        limits, widths = [], []
+        for column in zip(*(answer[name] for answer in answers), strict=True):
+            limit, order = richardson([1 / size for size in sizes], column)
+            if order >= LEAST_ORDER:
+                orders.append(order)
+                limits.append(limit)
+                widths.append(abs(limit - column[-1]))
+            else:
+                limits.append(column[-1])
+                widths.append(max(column) - min(column))
+        values[name], bars[name] = tuple(limits), tuple(widths)
+    return Reference(values, bars, tuple(orders))
+
+
+def full_scales(design: Design, references: Sequence[Reference]) -> tuple[float, ...]:
+    """Return the full scale of each element, T: its largest change from rest on a path; S2 and S3 share theirs."""
+    readings = [one.values["readings"] for one in references if "readings" in one.values]
+    if not readings:
+        return ()
+    rest = hall.readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)).B_T
+    first, second, third = (
+        max(abs(value - still) for value in column)
+        for column, still in zip(zip(*readings, strict=True), rest, strict=True)
+    )
+    return first, max(second, third), max(second, third)
+
+
+def true_errors(
+    answer: Components, reference: Reference, scales: Sequence[float], unpressed_N: float = 0.0
+) -> dict[str, tuple[float, float]]:
+    """Return the errors of an answer against the reference of its state, with the reference's error bars, percent.
+
+    They are relative to the quantity or, for readings, to full scale; there is none where the reference is nearly 0.
+
+    Parameters
+    ----------
+    scales : full scale of each element, T.
+    unpressed_N : force along the same shear of the unpressed beam.
+    """
+    errors = {}
+    for name in QUANTITIES:
+        if name not in answer or name not in reference.values:
+            continue
+        value, bar = reference.values[name], reference.bars[name]
+        differences = [a - b for a, b in zip(answer[name], value, strict=True)]
+        size = math.hypot(*value)
+        if name != "readings" and size > NOTHING:
+            errors[name] = 100 * math.hypot(*differences) / size, 100 * math.hypot(*bar) / size
+        elif name == "readings" and min(scales, default=0.0) > NOTHING:
+            worst = max(abs(d) / scale for d, scale in zip(differences, scales, strict=True))
+            errors[name] = 100 * worst, 100 * max(b / s for b, s in zip(bar, scales, strict=True))
+    if "sideways" in answer and "sideways" in reference.values:
+        ((own,), (true,)), (width,) = (answer["sideways"], reference.values["sideways"]), reference.bars["sideways"]
+        size = max(abs(true), unpressed_N)
+        errors["along"] = 100 * abs(own - true) / size, 100 * width / size
+    return errors
+
+
+def is_clear(percent: float, bar_percent: float) -> bool:
+    """Return whether the bar of the reference is at most a third of an error."""
+    return CLEAR * bar_percent <= percent
+
+
+def errors_of(state: Row) -> dict[str, tuple[float, float]]:
+    """Return the true errors of a state by quantity, with the error bars of the reference, percent."""
+    names = (name for name in QUANTITIES if state[f"{name}_error_percent"] is not None)
+    return {name: (state[f"{name}_error_percent"], state[f"{name}_bar_percent"]) for name in names}
+
+
+def with_errors(state: Row, errors: Mapping[str, tuple[float, float]]) -> Row:
+    """Return a state with errors and error bars; None where there is none."""
+    columns = {f"{name}_{kind}_percent": None for name in QUANTITIES for kind in ("error", "bar")}
+    for name, (percent, bar) in errors.items():
+        columns |= {f"{name}_error_percent": percent, f"{name}_bar_percent": bar}  # type: ignore[dict-item]
+    return state | columns
+
+
+def load_of(state: Row) -> Load:
+    """Return the load of a state."""
+    return Load(depth=state["depth_mm"], shear_x=state["shear_mm"], friction=state["friction"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +264,7 @@ def _calculated(number: int, kind: Kind, *, confirm: bool = False) -> list[Run]:
     return [Run(trial, level) for level in levels]
 
 
-def run(planned: Plan, folder: Path | None, progress: Progress | None = None) -> list[TradeState]:
+def run(planned: Plan, folder: Path | None, progress: Progress | None = None) -> list[Row]:
     """Return all states with costs and errors; solves that the folder's solves.jsonl holds are not repeated."""
     # the key of a run holds the version of its model's physics
     store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", "trade 2")
@@ -199,61 +283,43 @@ def run(planned: Plan, folder: Path | None, progress: Progress | None = None) ->
     return list(_states(planned, solves))
 
 
-def _states(planned: Plan, solves: Mapping[str, Solved]) -> Iterator[TradeState]:
-    """Yield the states of all runs with their errors."""
+def _states(planned: Plan, solves: Mapping[str, Solved]) -> Iterator[Row]:
+    """Yield the states of all runs with their errors.
+
+    `message` is the reason why a formula is outside its range, or why a model has no answer; `cost` are CPU seconds
+    over those of the section model at level standard on the same path, None if one is not known.
+    """
     references = {place: _reference(three, solves) for place, three in planned.references.items()}
     for one in planned.runs:
-        truths = references[one.trial.number, one.kind]
-        unit = solves.get(Run(_by_section(one.trial, one.kind), LEVELS["standard"]).key)
-        state = TradeState(
-            design=one.trial.number,
-            confirming=planned.confirming,
-            kind=one.kind,
-            model=one.model,
-            level=one.level,
-            load=one.trial.loads[0],
-            status="ok",
-            outside="",
-            errors={},
-            cpu_s=solves[one.key].cpu_s,
-            peak_MB=solves[one.key].peak_MB,
-            cost=None if unit is None else _finite(solves[one.key].cpu_s / unit.cpu_s),
-            commit=solves[one.key].commit,
-        )
-        scales = trade_reference.full_scales(one.trial.design, [truth for truth in truths if truth is not None])
-        for i, load in enumerate(one.trial.loads):
-            yield _with_errors(replace(state, load=load), one.trial, solves[one.key].states, i, truths[i], scales)
+        trial, solved = one.trial, solves[one.key]
+        truths = references[trial.number, one.kind]
+        unit = solves.get(Run(replace(trial, model=SECTION[one.kind]), LEVELS["standard"]).key)
+        cost = math.nan if unit is None else solved.cpu_s / unit.cpu_s
+        run: Row = {"design": trial.number, "confirming": planned.confirming, "kind": one.kind}
+        run |= {"model": one.model, "level": one.level}
+        paid = {"cpu_s": solved.cpu_s, "peak_MB": solved.peak_MB, "cost": cost if math.isfinite(cost) else None}
+        scales = full_scales(trial.design, [truth for truth in truths if truth is not None])
+        for i, load in enumerate(trial.loads):
+            place = {"depth_mm": load.depth, "shear_mm": load.shear_x, "friction": load.friction}
+            status, message, along, errors = _judged(trial, solved.states, i, truths[i], scales)
+            state = with_errors(run | place | {"status": status}, errors)
+            yield state | {"along_N": along} | paid | {"message": message, "commit": solved.commit}
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _with_errors(
-    state: TradeState,
-    trial: Trial,
-    solved: Sequence[SolvedState],
-    i: int,
-    truth: Reference | None,
-    scales: Sequence[float],
-) -> TradeState:
-    """Return the state of the i-th load with its errors; without errors if it has no answer or no reference."""
+def _judged(
+    trial: Trial, solved: Sequence[SolvedState], i: int, truth: Reference | None, scales: Sequence[float]
+) -> tuple[str, str, float | None, dict[str, tuple[float, float]]]:
+    """Return status, message, force along the shear and errors of the i-th load; no errors without a reference."""
     # the last state of a path that stopped holds the reason
-    answer = solved[min(i, len(solved) - 1)]
+    answer, load = solved[min(i, len(solved) - 1)], trial.loads[i]
     if i >= len(solved) or answer.status != "ok" or answer.response is None:
-        return replace(state, status="lost" if i >= len(solved) else answer.status, outside=answer.message)
+        return "lost" if i >= len(solved) else answer.status, answer.message, None, {}
     if truth is None:
-        return replace(state, status="no_reference", outside="a mesh of the reference has no stable answer")
-    values = trade_reference.components(trial.design, state.load, answer.response)
-    unpressed = buckling.sideways_stiffness(trial.design) * state.load.shear
-    errors = trade_reference.true_errors(values, truth, scales, unpressed)
-    state = replace(state, along_N=values["sideways"][0] if "sideways" in values else None)
-    return replace(state, outside=answer.message, errors=errors)
-
-
-def _by_section(trial: Trial, kind: Kind) -> Trial:
-    """Return the trial by the section model, whose cost is the unit."""
-    return replace(trial, model=SECTION[kind])
+        return "no_reference", "a mesh of the reference has no stable answer", None, {}
+    values = components(trial.design, load, answer.response)
+    unpressed = buckling.sideways_stiffness(trial.design) * load.shear
+    along = values["sideways"][0] if "sideways" in values else None
+    return "ok", answer.message, along, true_errors(values, truth, scales, unpressed)
 
 
 def _reference(three: Sequence[Run], solves: Mapping[str, Solved]) -> list[Reference | None]:
@@ -266,12 +332,7 @@ def _reference(three: Sequence[Run], solves: Mapping[str, Solved]) -> list[Refer
             states = solves[one.key].states
             state = states[i] if i < len(states) else None
             if state is not None and state.status == "ok" and state.response is not None:
-                answers.append(trade_reference.components(trial.design, load, state.response))
+                answers.append(components(trial.design, load, state.response))
         sizes = [one.method.section_size for one in three if not isinstance(one.method, str)]
-        references.append(trade_reference.extrapolate(sizes, answers) if len(answers) == len(three) else None)
+        references.append(extrapolate(sizes, answers) if len(answers) == len(three) else None)
     return references
-
-
-def trade_rows(states: Sequence[TradeState]) -> list[FlatRow]:
-    """Return the rows of trade.csv."""
-    return [records.known(state.row()) for state in states]
