@@ -1,66 +1,32 @@
-"""The curved second-order tetrahedral mesh of the beam with its magnet, made by fTetWild through pytetwild.
+"""The second-order tetrahedral mesh of the beam with its magnet: the section, turned about the axis.
 
-fTetWild meshes the inside of surfaces of triangles and may deviate from them by an envelope. Then the nodes of the
-outer surfaces and of the interface, middle nodes included, are moved to the exact base, symmetry plane, side, dome
-and magnet.
+Half-planes through the axis divide the body into sectors. A triangle of the section (`geometry.section`) sweeps a
+prism in each sector. The prism becomes three tetrahedra, fewer at the axis, where edges of it vanish. Each
+quadrilateral of a prism is divided from its corner with the lower number, so that neighbours agree; every second
+sector is the mirror image of the one before. The mesh is therefore symmetric about x = 0, and about y = 0 if it is
+whole. The same request gives the same mesh on every machine that gives the same section.
 
-fTetWild crashes or hangs on bad input. So the input is checked, and fTetWild runs in a child process
-(`geometry.meshing.tetwild_process`), which also fixes its seed: on one machine the same request always gives the same
-mesh, to the last bit. Another processor, or another version of a library, may round differently. A difference in the
-last bit is enough for fTetWild to make another mesh, with a few percent more or fewer cells.
-
-Meshes are kept in `geometry.meshing.mesh_cache` in units of D, so that similar shapes share one mesh.
+A middle node lies where the middle node of the section's edge has turned to: on the exact surface, or nearer to a
+ring for elements that are graded towards it. Those on the surfaces are then moved out so far that the volumes are
+exact.
 """
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import math
-import subprocess
-import sys
-import tempfile
-from dataclasses import astuple, replace
-from importlib.metadata import version
-from pathlib import Path
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from skfem import MeshTet1, MeshTet2
+from skfem import MeshTet1, MeshTet2, MeshTri2
 
-from geometry import cad
 from geometry.arrays import Array, Ints
-from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
-from geometry.meshing import (
-    curved_mesh,
-    edge_lengths,
-    edge_singularity,
-    exact_surfaces,
-    mesh_cache,
-    surface_triangulation,
-)
-from geometry.meshing import mesh_magnification as zooming
-from geometry.meshing.edge_lengths import Sizes
-from geometry.meshing.mesh_magnification import Zoom
-from geometry.messages import warn_once
+from geometry.meshing.mesh_quality import with_exact_volumes
+from geometry.meshing.section_grading import TIP
+from geometry.section import section
 
 Parts = Literal["regions", "hole", "none"]
-
-WORK_DIAMETER = 8.0
-"""Diameter of the beam while fTetWild meshes it: at very small scales fTetWild does not return."""
-
-TRIES = (1.0, 0.97, 0.94, 0.9, 0.8, 0.7)
-"""Factors of the sizes in successive attempts, until a mesh can be curved."""
-
-PASSES = 10
-"""Most passes of fTetWild's optimisation: beyond a few passes the worst cells hardly improve but take time."""
-
-CHILD = Path(__file__).parent / "meshing" / "tetwild_process.py"
-"""The program that runs fTetWild in a child process."""
-
-UNSEEDED = "fTetWild's seed cannot be fixed on this platform: meshes of tetrahedra differ from run to run"
 
 
 def tetrahedra(
@@ -71,20 +37,19 @@ def tetrahedra(
     magnet: Parts = "regions",
     tip_size: float | None = None,
     rim: tuple[float, float] | None = None,
-    timeout: float = 300,
 ) -> MeshTet2:
     """Mesh the beam in the unit of `shape`, with the base at z = 0 and cells curved to the exact surfaces.
 
     Parameters
     ----------
-    size : edge length in the bulk; edges are shorter near the magnet's edges, at the clamped rim and in thin layers.
+    size : edge length in the bulk and around the skin, at most half the radius; edges are shorter near the magnet's
+        edges, at the clamped rim and in thin layers.
     half : True to mesh the part y >= 0 only.
     magnet : "regions" meshes the magnet too, with a conforming interface; "hole" leaves it out; "none" fills its
         place with silicone.
-    tip_size : edge length in the zone of contact at the tip; default: half of `size`.
-    rim : radius of a ring on the dome around the axis, and edge length on the ring. Edges follow the ring, so that
-        every facet of the dome lies either inside or outside it.
-    timeout : time limit of one run of fTetWild, s.
+    tip_size : edge length at the tip, where a plate touches first; default: half of `size`.
+    rim : radius of a ring on the dome around the axis, and edge length at the ring. Edges follow the ring, so that
+        every facet of the dome lies either inside or outside it, and the cells are graded towards it.
 
     Returns
     -------
@@ -96,7 +61,7 @@ def tetrahedra(
     BadInput
         A size is not a positive number, the ring is not on the dome, or the magnet is missing or not inside the beam.
     MeshError
-        fTetWild failed or exceeded its time limit, or none of six meshes could be curved and had edges on the ring.
+        The section could not be meshed.
     """
     lengths = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
     for name, value in lengths.items():
@@ -107,169 +72,120 @@ def tetrahedra(
             f"the rim's radius must lie between its edge length {rim[1]:g} and 0.99 R = {0.99 * shape.R:g}; "
             f"got {rim[0]:g}"
         )
-    if magnet == "none":
-        shape = shape.without_magnet()
-    elif not shape.has_magnet:
+    if magnet != "none" and not shape.has_magnet:
         raise BadInput('this shape has no magnet (its diameter is 0): choose magnet="none"')
-    if not shape.wall > 0:
+    if magnet != "none" and not shape.wall > 0:
         raise BadInput(f"the magnet must lie inside the beam; got a wall of {shape.wall:.3g}: take a smaller magnet")
-    unit = Shape(*(_rounded(value / shape.D) for value in astuple(shape)))
-    least = None if tip_size is None else _rounded(tip_size / shape.D)
-    ring = None if rim is None else (_rounded(rim[0] / shape.D), _rounded(rim[1] / shape.D))
-    zoom = Zoom.of(unit)
-    sizes = Sizes.of(zoom.shape, _rounded(size / shape.D), least, ring, zoom.centre)
-    name = mesh_cache.key(shape=astuple(unit), sizes=astuple(sizes), half=half, magnet=magnet, made_by=_makers())
-    arrays = mesh_cache.load(name)
-    mesh = _built(unit, sizes, half, magnet, timeout) if arrays is None else _unpacked(arrays)
-    if arrays is None:
-        mesh_cache.store(name, _packed(mesh))
-    return replace(mesh, doflocs=mesh.doflocs * shape.D)
-
-
-def _rounded(value: float) -> float:
-    """Round to twelve digits, so that similar shapes have equal numbers in units of D, and so share a mesh."""
-    return float(f"{value:.11e}")
-
-
-def _built(unit: Shape, sizes_D: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
-    """Make a new mesh for D = 1."""
-    sizes, shape = sizes_D.scaled(WORK_DIAMETER), unit.scaled(WORK_DIAMETER)
-    zoom = Zoom.of(shape)
-    for factor in TRIES:
-        attempt = sizes.finer(factor)
-        straight = _raw(attempt, half, timeout)
-        if magnet == "hole":
-            straight = straight.restrict(straight.subdomains["silicone"])
-            del straight.subdomains["magnet"]
-        straight = replace(straight, doflocs=zoom.back(straight.p))
-        mesh = curved_mesh.curved(straight, attempt, shape)
-        if mesh is not None:
-            return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
-    raise MeshError(
-        f"the mesh of size {sizes_D.bulk:g} D has folded or flat cells, or a wrong volume, on the exact surfaces"
-        + (" or has no edges along its rim: try a smaller size there" if sizes_D.ring else ": try a smaller size")
+    size = min(size, shape.R / 2)
+    tip = TIP * size if tip_size is None else min(tip_size, size)
+    plane = section(
+        shape,
+        size,
+        tip_size=tip,
+        rim=rim,
+        magnet="meshed" if magnet == "regions" else magnet,
+        glued=rim is not None,
     )
+    mesh = turned(plane, 2 * math.ceil(math.pi * shape.R / (2 * size)), half=half)
+    return with_exact_volumes(mesh, shape if magnet != "none" else shape.without_magnet())
 
 
-# The cache
+def turned(plane: MeshTri2, sectors: int, *, half: bool) -> MeshTet2:
+    """Return the body of revolution of a section (r, z) about z, with the boundaries and subdomains of the section.
 
-
-@functools.cache
-def _makers() -> list[str]:
-    """Return what determines a mesh besides the request: versions of libraries, and a hash of the code of meshing."""
-    code = hashlib.sha256()
-    used = (cad, curved_mesh, edge_singularity, exact_surfaces, edge_lengths, surface_triangulation, zooming)
-    for file in (Path(__file__), CHILD, *(Path(str(module.__file__)) for module in used)):
-        code.update(file.read_bytes())
-    versions = [f"{name} {version(name)}" for name in ("pytetwild", "scikit-fem", "numpy", "scipy")]
-    return [*versions, code.hexdigest()]
-
-
-def _packed(mesh: MeshTet2) -> dict[str, NDArray[Any]]:
-    """Return the mesh as named arrays; `_unpacked` is the inverse."""
-    named = {f"boundary {name}": facets for name, facets in mesh.boundaries.items()}
-    named |= {f"subdomain {name}": cells for name, cells in mesh.subdomains.items()}
-    return {"doflocs": mesh.doflocs, "t": mesh.t, **named}
-
-
-def _unpacked(arrays: dict[str, NDArray[Any]]) -> MeshTet2:
-    """Return the mesh of named arrays."""
-    parts: dict[str, dict[str, NDArray[Any]]] = {"boundary": {}, "subdomain": {}}
-    for name, array in arrays.items():
-        kind, _, part = name.partition(" ")
-        if part:
-            parts[kind][part] = array
-    return MeshTet2(
-        arrays["doflocs"], arrays["t"], _boundaries=parts["boundary"], _subdomains=parts["subdomain"], sort_t=False
-    )
-
-
-# Running fTetWild
-
-
-def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
-    """Return fTetWild's straight mesh with its subdomains and boundaries."""
-    points, faces = surface_triangulation.body(sizes, half)
-    inner, inner_faces = (
-        surface_triangulation.magnet(sizes, half) if sizes.shape.has_magnet else (points[:0], faces[:0])
-    )
-    epsilon = surface_triangulation.envelope(sizes)
-    soup, soup_faces = np.vstack([points, inner]), np.vstack([faces, inner_faces + len(points)])
-    surface_triangulation.check_surface(soup, soup_faces, epsilon, sizes.wall)
-    if sizes.ring:
-        strip, strip_faces = surface_triangulation.fin(sizes, half)
-        soup_faces = np.vstack([soup_faces, strip_faces + len(soup)])
-        soup = np.vstack([soup, strip])
-    field = edge_lengths.background(sizes, half)
-    p, t = _tetwild(soup, soup_faces, sizes.bulk, epsilon, field, timeout, around=sizes.ring > 0)
-    if sizes.ring:  # the strip is open, so fTetWild cannot separate inside from outside: it fills a box
-        t = t[surface_triangulation.in_body(p[t].mean(axis=1), sizes, half)]
-        used, t = np.unique(t, return_inverse=True)
-        p, t = p[used], t.reshape(-1, 4)
-    parts = {"silicone": np.arange(len(t))}
-    if sizes.shape.has_magnet:
-        inside = surface_triangulation.in_magnet(p[t].mean(axis=1), sizes, half)
-        parts = {"silicone": np.flatnonzero(~inside), "magnet": np.flatnonzero(inside)}
-    mesh = MeshTet1(np.ascontiguousarray(p.T), np.ascontiguousarray(t.T), _subdomains=parts)
-    return curved_mesh.name_boundaries(mesh, 4 * epsilon, half)
-
-
-def _tetwild(
-    points: Array,
-    faces: Ints,
-    size: float,
-    epsilon: float,
-    field: tuple[Array, Ints, Array],
-    timeout: float,
-    *,
-    around: bool = False,
-) -> tuple[Array, Ints]:
-    """Run fTetWild in a child process; return points (n, 3) and cells (m, 4), lengths in the unit of `points`.
-
-    Parameters
-    ----------
-    points, faces : surface, shapes (n, 3) and (m, 3).
-    size, epsilon : edge length in the bulk, and size of the envelope.
-    field : points, tetrahedra and edge lengths of the background grid.
-    timeout : time limit, s.
-    around : True to keep the cells outside the surface too, in a box around it.
+    sectors : even number of sectors from y = 0 to y = 0; a whole body has twice as many. half : True for y >= 0 only.
     """
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    with tempfile.TemporaryDirectory() as folder:
-        input_file, output_file = Path(folder, "input.npz"), Path(folder, "output.npz")
-        np.savez(
-            input_file,
-            points=points,
-            faces=faces.astype(np.int32),
-            size=size,
-            epsilon=epsilon / diagonal,
-            grid=field[0],
-            tets=field[1].astype(np.int32),
-            values=field[2],
-            around=around,
-            passes=PASSES,
-        )
-        # -P: otherwise the child could import modules of this folder in place of libraries of the same name
-        command = [sys.executable, "-P", str(CHILD), str(input_file), str(output_file)]
-        try:
-            process = subprocess.run(
-                command,
-                cwd=folder,
-                capture_output=True,
-                encoding="utf-8",
-                errors="replace",
-                timeout=timeout,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            raise MeshError(f"fTetWild did not finish within {timeout:g} s: try a larger size") from None
-        if process.returncode or not output_file.exists():
-            cause = (process.stderr.strip().splitlines() or ["no message"])[-1]
-            raise MeshError(f"fTetWild failed with exit code {process.returncode} ({cause}): try another size")
-        with np.load(output_file) as arrays:
-            p, t = arrays["points"].astype(np.float64), arrays["cells"].astype(np.int64)
-            if not arrays["seeded"]:
-                warn_once(UNSEEDED)
-    if not len(t) or not np.isfinite(p).all():
-        raise MeshError("fTetWild returned an empty mesh: try another size")
-    return p, t
+    turn, count = math.pi / sectors, sectors if half else 2 * sectors
+    number, vertex, angle = _numbered(plane, turn, count, closed=not half)
+    cells, triangle = _divided(plane, number)
+    r, z = plane.doflocs[:, vertex]
+    p = _placed(r, z, np.nan_to_num(angle))
+    sides = p[:, cells[1:]] - p[:, cells[:1]]
+    inverted = np.einsum("it,it->t", sides[:, 0], np.cross(sides[:, 1], sides[:, 2], axis=0)) < 0
+    cells[2:, inverted] = cells[:1:-1, inverted]
+    straight = MeshTet1(p, np.ascontiguousarray(cells), sort_t=False)
+    mesh = MeshTet2.from_mesh(straight)
+    x = mesh.doflocs.copy()
+    x[:, mesh.nvertices :] = _middles(plane, straight.edges.astype(np.int64), vertex, angle)
+    boundaries = _boundaries(plane, straight, vertex)
+    if half:
+        named = np.concatenate(list(boundaries.values()))
+        boundaries["symmetry"] = np.setdiff1d(straight.boundary_facets(), named)
+    parts = {name: np.flatnonzero(np.isin(triangle, index)) for name, index in plane.subdomains.items()}
+    return replace(mesh, doflocs=x, _boundaries=boundaries, _subdomains=parts)
+
+
+def _placed(r: Array, z: Array, angle: Array) -> Array:
+    """Return the points (r, z) in half-planes at angles from y = 0, shape (3, n)."""
+    # in floating point sin(pi) is not 0, but the plane of symmetry is exact
+    return np.array([r * np.cos(angle), np.where(np.abs(angle - math.pi) < 1e-9, 0.0, r * np.sin(angle)), z])
+
+
+def _numbered(plane: MeshTri2, turn: float, count: int, *, closed: bool) -> tuple[Ints, Ints, Array]:
+    """Number the vertices of the body; those on the axis belong to all half-planes.
+
+    Returns
+    -------
+    The number of each vertex of the section in each half-plane, shape (count + 1, vertices), and of each vertex of
+    the body its vertex in the section and its angle, rad, NaN on the axis; both of shape (n,).
+    """
+    r = plane.doflocs[0, : plane.nvertices]
+    on_axis = r < 1e-9 * r.max()
+    axis, off, planes = np.flatnonzero(on_axis), np.flatnonzero(~on_axis), count if closed else count + 1
+    number = np.empty((count + 1, len(r)), dtype=np.int64)
+    number[:, axis] = np.arange(len(axis))
+    number[:, off] = len(axis) + (np.arange(count + 1) % planes)[:, None] * len(off) + np.arange(len(off))
+    vertex = np.concatenate([axis, np.tile(off, planes)])
+    return number, vertex, np.concatenate([np.full(len(axis), np.nan), np.repeat(turn * np.arange(planes), len(off))])
+
+
+def _divided(plane: MeshTri2, number: Ints) -> tuple[Ints, Ints]:
+    """Return the tetrahedra, shape (4, n), and the triangle of the section that swept each of them, shape (n,)."""
+    corner = np.sort(plane.t.astype(np.int64), axis=0)
+    first, last = number[:-1][:, corner].swapaxes(0, 1), number[1:][:, corner].swapaxes(0, 1)
+    first[:, 1::2], last[:, 1::2] = last[:, 1::2].copy(), first[:, 1::2].copy()
+    (a, b, c), (d, e, f) = first.reshape(3, -1), last.reshape(3, -1)
+    cells = np.concatenate([np.array([a, b, c, f]), np.array([a, b, e, f]), np.array([a, d, e, f])], axis=1)
+    triangle = np.tile(np.arange(corner.shape[1]), 3 * (len(number) - 1))
+    # a corner on the axis is the same in both half-planes: tetrahedra with two equal corners have no volume
+    proper = (np.diff(np.sort(cells, axis=0), axis=0) > 0).all(axis=0)
+    return cells[:, proper], triangle[proper]
+
+
+def _middles(plane: MeshTri2, edges: Ints, vertex: Ints, angle: Array) -> Array:
+    """Return the middle nodes of the body's edges, shape (3, edges).
+
+    vertex, angle : the section's vertex of each vertex of the body, and its half-plane, as `_numbered` returns them.
+    """
+    (i, j), (start, end) = vertex[edges], angle[edges]
+    # an edge around the axis joins two positions of one vertex; every other one is an edge of the section, turned
+    node, between = i.copy(), i != j
+    node[between] = plane.nvertices + _edge_of(plane, i[between], j[between])
+    r, z = plane.doflocs[:, node]
+    # the ends lie in one half-plane or in neighbouring ones; an end on the axis lies in that of the other
+    start, end = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
+    step = (end - start + math.pi) % (2 * math.pi) - math.pi
+    return _placed(r, z, np.where(np.isnan(start), 0.0, start + step / 2))
+
+
+def _edge_of(plane: MeshTri2, start: Ints, end: Ints) -> Ints:
+    """Return the edges of the section between two vertices, both of shape (n,)."""
+    keys = _keys(*plane.facets.astype(np.int64))
+    order = np.argsort(keys)
+    return np.asarray(order[np.searchsorted(keys, _keys(start, end), sorter=order)])
+
+
+def _boundaries(plane: MeshTri2, mesh: MeshTet1, vertex: Ints) -> dict[str, Ints]:
+    """Return the facets that named edges of the section sweep; the axis sweeps none."""
+    low, middle, high = np.sort(vertex[mesh.facets], axis=0)
+    swept = (low < high) & ((middle == low) | (middle == high))
+    keys = np.where(swept, _keys(low, high), -1)
+    return {
+        name: np.flatnonzero(np.isin(keys, _keys(*plane.facets[:, edges].astype(np.int64))))
+        for name, edges in plane.boundaries.items()
+        if name != "axis"
+    }
+
+
+def _keys(i: Ints, j: Ints) -> Ints:
+    return np.minimum(i, j) * 2**31 + np.maximum(i, j)

@@ -45,7 +45,6 @@ LONGEST = (
     "test_printed_command",
     "test_cycle_commands",
     "test_offline_page",
-    "test_tetwild_process",
     "test_beam_assumption",
     "test_sweep_kills",
     "test_report_page",

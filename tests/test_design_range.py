@@ -38,7 +38,7 @@ def quick(monkeypatch):
     """Rows without work; every third design fails."""
     done = []
 
-    def examine(number, sample, cache):
+    def examine(number, sample):
         done.append(number)
         status = "failed" if number % 3 == 2 else "ok"
         return row(number) | {"status": status, "tetrahedra": 10 * number}
@@ -77,26 +77,25 @@ def test_without_a_possible_design_nothing_is_shown():
 
 
 @pytest.mark.parametrize(("number", "ending"), [(3, "impossible"), (20, "ok"), (21, "ok")])
-def test_some_designs(number, ending, tmp_path):
+def test_some_designs(number, ending):
     """A stem too short for its magnet, a small disc in a beam of 50 mm, one close to the base."""
-    result = design_range.examine(number, design_range.samples(number + 1)[number], tmp_path)
+    result = design_range.examine(number, design_range.samples(number + 1)[number])
     assert result["status"] == ending
     if ending == "impossible":
         assert "needs at least 0.1 mm: take a smaller magnet" in result["message"]
         return
     assert (result["section"], result["solid_mesh"]) == ("ok", "ok")
     assert result["solids"] == "ok" or result["message"]
-    assert result["cached_ms"] < 100
     assert result["least_jacobian"] > 0.04
 
 
-def test_a_step_that_fails_is_told_and_the_others_go_on(monkeypatch, tmp_path):
+def test_a_step_that_fails_is_told_and_the_others_go_on(monkeypatch):
     def broken(design):
         raise ZeroDivisionError("of the test")
 
     monkeypatch.setattr(design_range, "_solids", broken)
-    monkeypatch.setattr(design_range, "_solid_mesh", lambda design, cache: {"tetrahedra": 7})
-    result = design_range.examine(18, design_range.samples(19)[18], tmp_path)
+    monkeypatch.setattr(design_range, "_solid_mesh", lambda design: {"tetrahedra": 7})
+    result = design_range.examine(18, design_range.samples(19)[18])
     assert (result["status"], result["solids"], result["section"], result["tetrahedra"]) == (
         "failed",
         "failed",

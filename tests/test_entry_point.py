@@ -270,7 +270,7 @@ def loaded_by(*tokens):
     return "\n".join(lines), set(last.split())
 
 
-HEAVY = {"pandas", "matplotlib", "pyvista", "build123d", "trimesh", "meshio", "pytetwild", "numba", "pydantic"}
+HEAVY = {"pandas", "matplotlib", "pyvista", "build123d", "trimesh", "meshio", "numba", "pydantic"}
 
 
 def test_help_imports_little():

@@ -181,11 +181,11 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     from fem import equilibrium
 
     def fail(*_, **__):
-        raise MeshError("fTetWild failed: try another size")
+        raise MeshError("the section's outline could not be meshed: take a smaller size")
 
     monkeypatch.setattr(equilibrium, "start_path", fail)
     status, out, err = run("solve", "paper", "--depth", 1, "--json")
-    assert (status, err) == (3, "magtip: fTetWild failed: try another size\n")
+    assert (status, err) == (3, "magtip: the section's outline could not be meshed: take a smaller size\n")
     (state,) = strict(out)
     assert set(state) == SOLVE_KEYS
     assert (state["status"], state["force_N"]) == ("not_converged", None)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,18 +25,24 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
-from geometry import design_digest
+from geometry import cad, design_digest
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
 from geometry.mesh import Parts
-from geometry.meshing import curved_mesh, exact_surfaces
-from geometry.meshing.edge_lengths import Sizes
-from geometry.meshing.mesh_quality import quality
+from geometry.meshing import mesh_quality
+from geometry.meshing.mesh_quality import determinants, quality
 
 OFF = 5e-3
 """Greatest distance of a node from the surface to which it belongs, in units of D."""
 VOLUME = 2e-3
 """Greatest relative error of a region's volume."""
+LEAST_JACOBIAN = 0.05
+"""Least ratio, in a cell, of the least to the greatest Jacobian at its quadrature points: below it, a cell is nearly
+folded, and strains in it are wrong by orders of magnitude."""
+STEPS = 20
+"""Steps in which the middle nodes of a distorted cell move back: 0.75^20 of the way to the curved surface is none."""
+LEVEL = 0.7
+"""Least vertical component of a facet's unit normal on base and lids; a facet of a wall has less."""
 SIDES = ("base", "skin", "symmetry", "magnet")
 REGIONS = ("silicone", "magnet")
 KINDS = {"tetra": 4, "tetra10": 10}
@@ -200,7 +207,7 @@ def _checked(source: _Cells, shape: Shape) -> _Cells:
 def _regions(source: _Cells, shape: Shape) -> Ints:
     """Return the index in REGIONS of each cell's region, from its name or else from its position."""
     centres = source.points[source.cells[:, :4]].mean(axis=1).T
-    depth = exact_surfaces.magnet(centres, shape).distance if shape.has_magnet else np.ones(len(source.cells))
+    depth = mesh_quality.magnet(centres, shape)[0] if shape.has_magnet else np.ones(len(source.cells))
     place = (depth < 0).astype(np.int64)
     if (source.region < 0).all():
         return place
@@ -236,17 +243,17 @@ def _with_boundaries(mesh: MeshTet1, source: _Cells, corner: Ints, shape: Shape)
     """Add the boundaries, found from the positions of the facets, and compare them with the named facets."""
     near = OFF * shape.D
     half = bool(mesh.p[1].min() > -near)
-    mesh = curved_mesh.name_boundaries(mesh, near, half)
-    rest = mesh.boundaries["skin"]
+    sides = _flat_sides(mesh, near, half)
+    rest = sides["skin"]
 
-    def on(about: curved_mesh.About, body: Shape) -> NDArray[np.bool_]:
-        return np.asarray((np.abs(about(mesh.p, body).distance) < near)[mesh.facets[:, rest]].all(axis=0))
+    def on(surface: Callable[[Array, Shape], tuple[Array, Array]], body: Shape) -> NDArray[np.bool_]:
+        return np.asarray((np.abs(surface(mesh.p, body)[0]) < near)[mesh.facets[:, rest]].all(axis=0))
 
-    skin, hole = on(exact_surfaces.skin, shape), np.zeros(len(rest), dtype=bool)
+    skin, hole = on(mesh_quality.skin, shape), np.zeros(len(rest), dtype=bool)
     if shape.has_magnet:
         # linear cells may represent a small fillet of the magnet by a sharp edge
         hole = (
-            on(exact_surfaces.magnet, shape) | on(exact_surfaces.magnet, replace(shape, magnet_edge_radius=0.0))
+            on(mesh_quality.magnet, shape) | on(mesh_quality.magnet, replace(shape, magnet_edge_radius=0.0))
         ) & ~skin
     lost = rest[~skin & ~hole]
     if len(lost) or (hole.any() and "magnet" in mesh.subdomains):
@@ -256,12 +263,38 @@ def _with_boundaries(mesh: MeshTet1, source: _Cells, corner: Ints, shape: Shape)
             f"lies on no outer surface of this design (within {near:.3g} mm): merge equal nodes, so that it "
             "conforms, or mesh this design"
         )
-    sides = dict(mesh.boundaries) | {"skin": rest[skin]}
+    sides |= {"skin": rest[skin]}
     if hole.any():
         sides["magnet"] = rest[hole]
     for name, facets in source.sides.items():
         _check_names(name, mesh, sides.get(name, rest[:0]), corner[facets], source.text)
     return replace(mesh, _boundaries=sides)
+
+
+def _flat_sides(mesh: MeshTet1, tolerance: float, half: bool) -> dict[str, Ints]:
+    """Return the facets of base, of the plane of symmetry and of the magnet's interface, and all others as "skin".
+
+    tolerance : largest distance of a facet from the plane of base or symmetry. half : True for the part y >= 0.
+    """
+    first, second = mesh.f2t
+    outer = np.flatnonzero(second < 0)
+    normal = _normals(mesh, outer)
+    flat = [(np.abs(mesh.p[k, mesh.facets[:, outer]]).max(axis=0) < tolerance) & (normal[k] > LEVEL) for k in (1, 2)]
+    base, mirror = flat[1], flat[0] & ~flat[1] & half
+    sides = {"base": outer[base], "skin": outer[~base & ~mirror]}
+    if half:
+        sides["symmetry"] = outer[mirror]
+    if "magnet" in mesh.subdomains:
+        inside = np.isin(np.arange(mesh.nelements), mesh.subdomains["magnet"])
+        sides["magnet"] = np.flatnonzero((second >= 0) & (inside[first] != inside[second]))
+    return sides
+
+
+def _normals(mesh: MeshTet1, facets: Ints) -> Array:
+    """Return the magnitudes of the components of the unit normals of facets, shape (3, n)."""
+    a, b, c = np.moveaxis(mesh.p[:, mesh.facets[:, facets]], 1, 0)
+    normal = np.abs(np.cross(b - a, c - a, axis=0))
+    return np.asarray(normal / np.linalg.norm(normal, axis=0))
 
 
 def _check_names(name: str, mesh: MeshTet1, located: Ints, named: Ints, text: str) -> None:
@@ -279,26 +312,70 @@ def _check_names(name: str, mesh: MeshTet1, located: Ints, named: Ints, text: st
 
 
 def _linear(mesh: MeshTet1, source: _Cells, shape: Shape) -> MeshTet2:
-    """Return the second-order mesh on the exact surfaces."""
-    curved = curved_mesh.curved(mesh, _sizes(mesh, shape), shape)
-    if curved is None:
-        raise BadInput(
-            f"the mesh {source.text} has folded or flat cells, or a wrong volume, on the exact surfaces: refine it "
-            f"where they are curved"
-        )
-    return curved
+    """Return the second-order mesh on the exact surfaces.
+
+    Vertices and middle nodes of the boundaries are moved to the closest points of the exact surfaces. Where that
+    distorts a cell, its middle nodes are moved back, in steps, towards straight edges.
+    """
+    dofs = MeshTet2.from_mesh(mesh).dofs
+    on = {name: dofs.get_facet_dofs(facets).all() for name, facets in mesh.boundaries.items()}
+    if "magnet" in on and _is_sharp(mesh, shape):
+        shape = _sharpened(shape)
+        facets = mesh.boundaries["magnet"]
+        lid = _normals(mesh, facets)[2] > LEVEL
+        on["edge"] = np.intersect1d(*(dofs.get_facet_dofs(facets[side]).all() for side in (lid, ~lid)))
+    vertices = {name: nodes[nodes < mesh.nvertices] for name, nodes in on.items()}
+    straight = MeshTet2.from_mesh(replace(mesh, doflocs=_projected(mesh.p, vertices, shape)))
+    straight = replace(straight, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+    bend = _projected(straight.doflocs, on, shape) - straight.doflocs
+    middles, share = straight.dofs.element_dofs[4:], np.ones(bend.shape[1])
+    for _ in range(STEPS):
+        curved = replace(straight, doflocs=straight.doflocs + share * bend)
+        det = determinants(curved)
+        bad = (det <= 0).any(axis=0) | (det[4:].min(axis=0) < LEAST_JACOBIAN * det[4:].max(axis=0))
+        if not bad.any():
+            return mesh_quality.with_exact_volumes(curved, shape)
+        share[middles[:, bad]] *= 0.75
+    raise BadInput(
+        f"the mesh {source.text} has folded or flat cells, or a wrong volume, on the exact surfaces: refine it "
+        f"where they are curved"
+    )
 
 
-def _sizes(mesh: MeshTet1, shape: Shape) -> Sizes:
-    """Return sizes whose `rounded` is False if the mesh represents the magnet's fillets by sharp edges."""
-    sizes = Sizes.of(shape, shape.R / 2, None)
+def _projected(x: Array, on: dict[str, Ints], shape: Shape) -> Array:
+    """Return points, shape (3, n), moved to the exact surfaces on which they lie.
+
+    on : indices of the points on each boundary, and on the magnet's sharp "edge".
+    """
+    x = x.copy()
+    # lines last: points of a sharp edge then lie on it exactly
+    x[1, on.get("symmetry", [])] = 0
+    x[2, on["base"]] = 0
+    for name, surface in (("skin", mesh_quality.skin), ("magnet", mesh_quality.magnet)):
+        nodes = on.get(name, on["base"][:0])
+        distance, normal = surface(x[:, nodes], shape)
+        x[:, nodes] -= distance * normal
+    edge = on.get("edge", on["base"][:0])
+    x[:2, edge] *= shape.magnet_diameter / 2 / np.hypot(*x[:2, edge])
+    x[2, edge] = shape.H + np.sign(x[2, edge] - shape.H) * shape.magnet_height / 2
+    return x
+
+
+def _is_sharp(mesh: MeshTet1, shape: Shape) -> bool:
+    """Return True if the mesh represents the magnet's fillets by sharp edges."""
     rho = shape.magnet_edge_radius
-    if "magnet" not in mesh.boundaries or not rho:
-        return sizes
     on = np.unique(mesh.facets[:, mesh.boundaries["magnet"]])
     r, up = np.hypot(mesh.p[0, on], mesh.p[1, on]), np.abs(mesh.p[2, on] - shape.H)
-    sharp = (r > shape.magnet_diameter / 2 - rho / 5) & (up > shape.magnet_height / 2 - rho / 5)
-    return replace(sizes, edge=np.inf if sharp.any() else rho)
+    corner = (r > shape.magnet_diameter / 2 - rho / 5) & (up > shape.magnet_height / 2 - rho / 5)
+    return not rho or bool(corner.any())
+
+
+def _sharpened(shape: Shape) -> Shape:
+    """Return the shape with a sharp magnet of the same volume, smaller on all sides by one distance."""
+    sharp = replace(shape, magnet_edge_radius=0.0)
+    a, b = shape.magnet_diameter / 2, shape.magnet_height / 2
+    inset = (cad.magnet_volume(sharp) - cad.magnet_volume(shape)) / (2 * math.pi * a * (a + 2 * b))
+    return replace(sharp, magnet_diameter=2 * (a - inset), magnet_height=2 * (b - inset))
 
 
 def _quadratic(mesh: MeshTet1, source: _Cells) -> MeshTet2:
@@ -312,11 +389,12 @@ def _quadratic(mesh: MeshTet1, source: _Cells) -> MeshTet2:
         raise BadInput(f"cells of the mesh {source.text} have different nodes on a shared edge: merge equal nodes")
     x = straight.doflocs.copy()
     x[:, mesh.nvertices :] = source.points[number[mesh.nvertices :]].T
-    det = curved_mesh.determinants(x, nodes)
+    curved = MeshTet2(x, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains, sort_t=False)
+    det = determinants(curved)
     folded = (det[4:] <= 0).any(axis=0) | ~np.isfinite(det).all(axis=0)
     if folded.any():
         raise BadInput(
             f"{int(folded.sum())} of {folded.size} cells of the mesh {source.text} are inverted or folded: "
             "mesh it again"
         )
-    return MeshTet2(x, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains, sort_t=False)
+    return curved

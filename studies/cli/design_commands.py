@@ -1,7 +1,8 @@
-"""The verbs of an unloaded design: design, cad, mesh, and cache for the cached meshes."""
+"""The verbs of an unloaded design: design, cad, mesh, and cache for the meshes that earlier versions kept."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -120,21 +121,27 @@ def mesh(
 
 
 def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
-    """Show folder, number, size and limit of the cached meshes (environment: MAGTIP_CACHE, MAGTIP_CACHE_MB).
+    """Show the meshes that earlier versions kept on disk (environment: MAGTIP_CACHE). This version keeps none.
 
     Parameters
     ----------
     clear
-        Delete the cached meshes.
+        Delete these meshes.
     """
-    from geometry.meshing import mesh_cache
+    import platformdirs
 
-    contents = mesh_cache.clear() if clear else mesh_cache.contents()
+    chosen = os.environ.get("MAGTIP_CACHE", "")
+    folder = Path(chosen) if chosen else platformdirs.user_cache_path("magtip", appauthor=False)
+    files = [file for file in folder.glob("*.mesh") if file.is_file()] if chosen.lower() != "off" else []
+    if clear:
+        for file in files:
+            file.unlink(missing_ok=True)
+        files = []
     record = {
-        "folder": mesh_cache.OFF if contents.folder is None else contents.folder,
-        "files": contents.files,
-        "size_MB": contents.size / 1e6,
-        "limit_MB": contents.limit / 1e6,
+        "folder": chosen.lower() if chosen.lower() == "off" else folder,
+        "files": len(files),
+        "size_MB": sum(file.stat().st_size for file in files) / 1e6,
+        "limit_MB": 0.0,
     }
     console.report([record], as_json=as_json, title="Cache of meshes")
     return GOOD

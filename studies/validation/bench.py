@@ -38,8 +38,7 @@ program has a series of meshes. Of these, the cheapest counts whose force is wit
 in every run, compared with a fine reference; for a shear the tilt must be within the tolerance as well. The error is
 the largest over all loads.
 
-The time of magtip includes its mesher; the other programs get a finished mesh from the same mesher. Meshing with
-tetrahedra costs as much as the solve, so that the comparison with CalculiX leaves out the mesher's time (`mesh_s`).
+The time of magtip includes its mesher; the other programs get a finished mesh from the same mesher.
 `faster` is the CPU time of the other program over that of magtip. Solves longer than 20 s are measured once. The
 speed of a machine changes within minutes. Therefore two programs that are compared run by turns if a solve takes
 less than a second. The median over the turns counts: of the ratio for FElupe and magpylib, and of the difference for
@@ -132,11 +131,11 @@ TILT_DEG, TILTED_DEPTH_MM, SHEAR_MM = 8.0, 0.8, 1.0
 LONG_S = 20.0
 """CPU seconds beyond which a solve is measured once."""
 COLUMNS = (
-    *("case", "program", "setting", "dofs", "iterations", "runs", "import_s", "cpu_s", "mesh_s", "wall_s", "peak_MB"),
+    *("case", "program", "setting", "dofs", "iterations", "runs", "import_s", "cpu_s", "wall_s", "peak_MB"),
     *("force_N", "error_percent", "faster", "goal", "met", "status", "message"),
 )
 """Columns of bench.csv; None where a number is not known. force_N is of the last load, error_percent of the worst."""
-BRIEF = ("iterations", "runs", "import_s", "mesh_s", "wall_s", "force_N", "message")
+BRIEF = ("iterations", "runs", "import_s", "wall_s", "force_N", "message")
 """Left out of the printed table."""
 HEADS = {
     "program": "program",
@@ -147,7 +146,6 @@ HEADS = {
     "runs": "runs",
     "import_s": "imports s",
     "cpu_s": "CPU s",
-    "mesh_s": "mesher CPU s",
     "wall_s": "wall s",
     "peak_MB": "peak MB",
     "faster": "magtip faster by a factor of",
@@ -328,10 +326,10 @@ def _by_calculix(command: str, meshes: Mapping[float, Any], press: Press, size: 
 
 
 def beside(bench: Bench, peer: Row) -> Row:
-    """Add to a peer's row how many times faster magtip is; the mesher's time counts on neither side."""
+    """Add to a peer's row how many times faster magtip is."""
     own = next((row for row in bench.rows if row["case"] == peer["case"] and row["program"] == "magtip"), None)
     if own is not None and own["status"] == peer["status"] == "ok" and own["cpu_s"] and peer["cpu_s"]:
-        peer["faster"] = peer["cpu_s"] / (own["cpu_s"] - (own["mesh_s"] or 0.0))
+        peer["faster"] = peer["cpu_s"] / own["cpu_s"]
         peer["met"] = peer["faster"] >= LEAST[peer["program"]]
     return peer
 
@@ -671,7 +669,5 @@ def calculix(ccx: str, mesh: Any, press: Press, limit: float = LIMIT_S) -> Answe
 def half_mesh(design: Design, size: float) -> Any:
     """Return a new all-silicone half mesh in mm, of an edge length in units of D."""
     from geometry.mesh import tetrahedra
-    from geometry.meshing import mesh_cache
 
-    with mesh_cache.bypassed():
-        return tetrahedra(design.shape, size * design.D, tip_size=size * design.D / 2, half=True, magnet="none")
+    return tetrahedra(design.shape, size * design.D, tip_size=size * design.D / 2, half=True, magnet="none")

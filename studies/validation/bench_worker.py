@@ -2,7 +2,7 @@
 
 `python studies/validation/bench_worker.py SPEC` prints one JSON object. The clock starts after the imports and after
 a small task of the same kind, which loads the solver's library and the functions that numba has compiled. CPU seconds
-count this process and its children; those of the children alone are the tetrahedral mesher's. `SPEC` is one of:
+count this process and its children. `SPEC` is one of:
 
     {"task": "trace", "model", "magnet", "loads": [{"depth", ...}], "accuracy": {"section_size", ...}}
     {"task": "small shear", "depth"}         stiffness and tilt about a press, with the magnet, at level standard
@@ -45,17 +45,15 @@ def trace(spec: Answer) -> Answer:
     from fem import equilibrium
     from fem.accuracy import STANDARD
     from geometry.loads import Load
-    from geometry.meshing import mesh_cache
 
     def states(given: Answer) -> list[Any]:
         loads = [Load(**load) for load in given["loads"]]
         accuracy = replace(STANDARD, name="bench", **given["accuracy"])
         design = replace(paper(), **given.get("design", {}))
-        with mesh_cache.bypassed():
-            model, magnet = given["model"], given["magnet"]
-            return equilibrium.trace(design, loads, accuracy, magnet=magnet, model=model, estimate=False)
+        model, magnet = given["model"], given["magnet"]
+        return equilibrium.trace(design, loads, accuracy, magnet=magnet, model=model, estimate=False)
 
-    # that of a solid is of a section with harmonics, because its mesher would take seconds
+    # that of a solid is of a section with harmonics, which loads the same compiled functions
     model = "harmonic" if spec["model"] in ("half", "full") else spec["model"]
     own = spec["loads"] if spec["loads"][-1].get("shear_x") else spec["loads"][:1]
     tenth = [{k: v / 10 if k in ("depth", "shear_x") else v for k, v in load.items()} for load in own]
@@ -76,14 +74,12 @@ def tangent(spec: Answer) -> Answer:
     """Compute what follows from one tangent: a small shear, or vibrations."""
     from fem.analyses.modes import modes
     from fem.analyses.small_shear import small_shear
-    from geometry.meshing import mesh_cache
 
     def solve(design: Any) -> None:
-        with mesh_cache.bypassed():
-            if spec["task"] == "modes":
-                modes(design, count=spec["count"], estimate=False)
-            else:
-                small_shear(design, spec["depth"], estimate=False)
+        if spec["task"] == "modes":
+            modes(design, count=spec["count"], estimate=False)
+        else:
+            small_shear(design, spec["depth"], estimate=False)
 
     return timed(lambda: solve(replace(paper(), **OTHER)), lambda: solve(paper()))[1]
 
@@ -118,7 +114,7 @@ def timed(small: Callable[[], object], solve: Callable[[], Any]) -> tuple[Any, A
     before, wall = cpu(), time.perf_counter()
     found = solve()
     own, children = (now - then for now, then in zip(cpu(), before, strict=True))
-    cost = {"import_s": imported, "cpu_s": own + children, "mesh_s": children, "base_MB": base}
+    cost = {"import_s": imported, "cpu_s": own + children, "base_MB": base}
     return found, cost | {"status": "ok", "message": "", "wall_s": time.perf_counter() - wall}
 
 

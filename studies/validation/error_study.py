@@ -65,7 +65,7 @@ COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
 """Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
 REPEATS, NUDGE = 3, 1e-4
 """Number of meshes of tetrahedra for each state, and relative change of their size from one to the next: even a tiny
-change makes fTetWild generate another mesh."""
+change gives another section."""
 FINE_SHEARS = (0, 1, 2, 3)
 FAR_SHEARS: dict[Magnet, Sequence[int]] = {"rigid": range(error_study_cases.DESIGNS), "ignored": range(2)}
 SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_study_cases.DESIGNS, 2)

@@ -26,8 +26,9 @@ Twelve designs, alternately with a rigid magnet and entirely of silicone, are pr
 bonded to the plate. Both models solve each design at the same accuracy level, with their own error estimates. Two
 answers agree in a quantity if they differ by at most the sum of both estimates, relative to the harmonic answer. The
 quantities are the force, the magnet's shift, its tilt, and `sideways`, the force along the shear alone. The harmonic
-answer is also compared with one that has one harmonic more on the same mesh. The models differ in mesh, element,
-integration, contact and the constraint of the magnet. They share the material law and Newton's method.
+answer is also compared with one that has one harmonic more on the same mesh. The models differ in element,
+integration, contact and the constraint of the magnet. They share the material law and Newton's method, and the mesher
+of the section, which both use with other edge lengths.
 """
 ABOUT_TILTED = """\
 With `--tilted` the designs are also loaded by tilted plates: pressed without friction, sheared along the tilt with

@@ -161,7 +161,6 @@ def _solve(connection: Connection, run: Run) -> None:
     import signal
 
     from fem.solve import pardiso
-    from geometry.meshing import mesh_cache
 
     # an interruption of the study reaches the parent, which then ends this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -169,8 +168,7 @@ def _solve(connection: Connection, run: Run) -> None:
     pardiso.have_pardiso()
     assert isinstance(run.method, Accuracy)
     base, begin = _peak(), _cpu()
-    with mesh_cache.bypassed():
-        states = error_study.follow(run.trial, run.method)
+    states = error_study.follow(run.trial, run.method)
     spent = _cpu() - begin
     connection.send({"states": [state.kept() for state in states], "cpu_s": spent, "peak_MB": _peak() - base})
 
