@@ -2,7 +2,7 @@
 
 The decoder finds all poses in the workspace that have the readings. A table of the workspace gives one start for each
 possible pose (`analytic.inverse.start_table`). From each start, damped Newton steps on the exact forward model lead
-to a pose (`analytic.inverse.damped_newton`); equal poses count once. A converged iteration does not prove that the
+to a pose (`analytic.inverse.pose_search`); equal poses count once. A converged iteration does not prove that the
 pose is the right one: several poses can have the same readings. The decoder then returns all of them, with
 status "ambiguous".
 
@@ -12,6 +12,7 @@ the variance of each is that of `analytic.reading_noise`. The condition number i
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -20,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analytic.hall import Mode, at_rail
-from analytic.inverse import observability, response_surface, start_table, start_table_construction
-from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
-from analytic.inverse.pose_search import EXACT, Search
+from analytic.inverse import response_surface, start_table
+from analytic.inverse.forward_model import NO_TILT, Forward, model, readings_at, rotation
+from analytic.inverse.pose_search import Search
 from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
 from geometry.arrays import Array
@@ -31,6 +32,8 @@ from geometry.design import BadInput, Design
 Status = Literal[
     "ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent", "tension", "uncalibrated"
 ]
+Limit = Literal["depth", "shear", "workspace"]
+"""Limit that a pose exceeds: the depth or the shear of the mechanics' samples, or the workspace of the design."""
 
 CELLS = (24, 24, 12)
 """Number of the table's cells along x, y and z: half as many along z, because the workspace is half as high."""
@@ -42,6 +45,10 @@ DOUBT = 5.0
 """Largest misfit of each of more than three readings over its standard deviation, from noise and tolerances."""
 SHARE = 0.02
 """Largest misfit of a reading without noise, over its span in the workspace, if there are more than three."""
+WIDER = 1.25
+"""Size of the box in which poses outside the workspace are looked for, over the workspace of the design."""
+OUTER_GRID, OUTER_STARTS = (15, 15, 10), 4
+"""Number of grid points of this box along x, y and z, and of those from which Newton steps start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,16 +73,23 @@ class Decoder:
 
 
 class Poses(NamedTuple):
-    """All poses of several rows of readings: shift, shape (3, p), mm, and slopes dB/ds, shape (3, k, p), T/mm.
+    """Poses of n rows of readings, m in all.
 
-    `owner` is the row of each pose, shape (p,), ascending; `misfit` are the rows with a converged pose that does not
-    fit its readings.
+    Attributes
+    ----------
+    status : of each row; "tension" is not told.
+    shift, slopes : of all poses, shape (3, m), mm, and dB/ds, shape (3, k, m), T/mm.
+    owner : row of each pose, shape (m,), ascending.
+    chosen : index of the pose chosen for each row, -1 for none, shape (n,).
+    multiplicity : number of poses of each row, shape (n,).
     """
 
+    status: list[Status]
     shift: Array
     slopes: Array
     owner: NDArray[np.int64]
-    misfit: NDArray[np.int64]
+    chosen: NDArray[np.int64]
+    multiplicity: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +162,7 @@ def decoder(
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     pad = PAD * (high - low)
-    table = start_table_construction.build(forward, low - pad, high + pad, cells)
+    table = start_table.build(forward, low - pad, high + pad, cells)
     sigma = np.array([element.noise_T for element in forward.elements])
     explained = np.hypot(sigma, deviation)
     tolerance = np.where(explained > 0, DOUBT * explained, SHARE * table.span)
@@ -179,83 +193,13 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     BadInput
         The readings have a wrong shape.
     """
-    rows = np.asarray(readings, dtype=np.float64)
-    if rows.ndim != 2:
-        raise BadInput(f"readings must have shape (n, {len(coder.forward.elements)}); got {rows.shape}")
-    check_count(coder, rows.shape[1])
-    finite = np.asarray(np.isfinite(rows).all(axis=1))
-    saturated = finite & at_rail(coder.forward.elements, rows.T)
-    poses, slopes, owner, misfit = _solve(coder, rows, np.flatnonzero(finite & ~saturated))
-    multiplicity = np.bincount(owner, minlength=len(rows))
-    first = np.cumsum(multiplicity) - multiplicity
-    chosen = _choose(poses, first, multiplicity, np.zeros(3) if near is None else np.asarray(near, float), follow)
-    status: list[Status] = [
-        "ok" if many == 1 else "ambiguous" if many else "out_of_workspace" for many in multiplicity
-    ]
-    cases: list[tuple[Status, NDArray[np.bool_]]] = [
-        ("inconsistent", np.isin(np.arange(len(rows)), misfit) & (multiplicity == 0)),
-        ("saturated", saturated),
-        ("not_finite", np.asarray(~finite)),
-    ]
-    for name, flags in cases:
-        for k in np.flatnonzero(flags).tolist():
-            status[k] = name
-    return _result(coder, status, poses, slopes, owner, multiplicity, chosen)
-
-
-def check_count(coder: Decoder, given: int) -> None:
-    """Raise BadInput if the number of readings in a row differs from the number of the decoder's elements."""
-    count = len(coder.forward.elements)
-    if given != count:
-        raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {given} columns")
-
-
-def _solve(coder: Decoder, target: Array, index: NDArray[np.int64]) -> Poses:
-    """Find all poses of the rows `index` of readings, (n, k), T."""
-    found = [coder.search(target[row]) for row in index.tolist()]
-    counts = [len(shifts) for shifts, _, _ in found]
-    k = target.shape[1]
-    return Poses(
-        shift=np.concatenate([np.empty((0, 3)), *(shifts for shifts, _, _ in found)]).T.copy(),
-        slopes=np.concatenate([np.empty((0, k, 3)), *(slopes for _, slopes, _ in found)]).transpose(2, 1, 0).copy(),
-        owner=np.repeat(index, counts),
-        misfit=index[[misfit for _, _, misfit in found]],
-    )
-
-
-def fits(coder: Decoder, residual: Array, slopes: Array) -> NDArray[np.bool_]:
-    """Return whether poses fit their readings, shape (n,), from residuals (k, n), T, and slopes (3, k, n), T/mm."""
-    if len(residual) == 3:
-        return np.asarray(np.sqrt((residual**2).sum(axis=0)) <= EXACT * np.sqrt((slopes**2).sum(axis=(0, 1))))
-    return np.asarray((np.abs(residual) <= coder.tolerance[:, None]).all(axis=0))
-
-
-def _choose(
-    poses: Array, first: NDArray[np.int64], multiplicity: NDArray[np.int64], near: Array, follow: bool
-) -> NDArray[np.int64]:
-    """Return the index of the pose chosen for each row, -1 for none; row k has its poses from index first[k] on."""
-    chosen = np.where(multiplicity > 0, first, -1)
-    # for each row the latest row, itself included, that has a pose
-    latest = np.maximum.accumulate(np.where(multiplicity > 0, np.arange(len(multiplicity)), -1))
-    for k in np.flatnonzero(multiplicity > 1):
-        last = near if not follow or k == 0 or latest[k - 1] < 0 else poses[:, chosen[latest[k - 1]]]
-        candidates = poses[:, first[k] : first[k] + multiplicity[k]]
-        chosen[k] += ((candidates.T - last) ** 2).sum(axis=1).argmin()
-    return chosen
-
-
-def _result(
-    coder: Decoder,
-    status: list[Status],
-    poses: Array,
-    slopes: Array,
-    owner: NDArray[np.int64],
-    multiplicity: NDArray[np.int64],
-    chosen: NDArray[np.int64],
-) -> Decoded:
-    """Return the rows of the result; rows with "tension" get this status here."""
-    n, decoded = len(status), chosen >= 0
-    s, A = poses[:, chosen[decoded]], slopes[:, :, chosen[decoded]]
+    poses = find(coder, readings, np.zeros(3) if near is None else np.asarray(near, float), follow=follow)
+    n, decoded = len(poses.status), poses.chosen >= 0
+    s, A = poses.shift[:, poses.chosen[decoded]], poses.slopes[:, :, poses.chosen[decoded]]
+    errors = spread(coder.sigma, A)
+    tilt, force, load, force_slopes = state(coder, s)
+    for k in np.flatnonzero(decoded)[np.isnan(force[2])].tolist() if coder.mechanics is not None else []:
+        poses.status[k] = "tension" if poses.status[k] == "ok" else poses.status[k]
 
     def rows(values: Array) -> Array:
         """Return values of the chosen poses (j, m) as rows (n, j), NaN where a row has no pose."""
@@ -263,24 +207,127 @@ def _result(
         table[decoded] = values.T
         return table
 
-    no_value = np.full((3, s.shape[1]), np.nan)
-    spread = observability.spread(coder.sigma, A)
-    force, load, noise_N = no_value, no_value, no_value
-    if coder.mechanics is not None:
-        force, load, slopes_N = response_surface.force_and_load(coder.mechanics, s)
-        for k in np.flatnonzero(decoded)[np.isnan(force[2])].tolist():
-            status[k] = "tension" if status[k] == "ok" else status[k]
-        noise_N = np.sqrt((np.einsum("jin,jkn->ikn", slopes_N, spread) ** 2).sum(axis=1))
     return Decoded(
-        status=status,
+        status=poses.status,
         shift=rows(s),
-        tilt=rows(rotation(coder.forward.tau, s)),
+        tilt=rows(tilt),
         force=rows(force),
         load=rows(load),
-        condition=rows(observability.condition(A)[None])[:, 0],
-        multiplicity=multiplicity,
-        noise_mm=rows(np.sqrt((spread**2).sum(axis=1))),
-        noise_N=rows(noise_N),
-        poses=np.ascontiguousarray(poses.T),
-        owner=owner,
+        condition=rows(condition(A)[None])[:, 0],
+        multiplicity=poses.multiplicity,
+        noise_mm=rows(np.sqrt((errors**2).sum(axis=1))),
+        noise_N=rows(np.sqrt((np.einsum("jin,jkn->ikn", force_slopes, errors) ** 2).sum(axis=1))),
+        poses=np.ascontiguousarray(poses.shift.T),
+        owner=poses.owner,
     )
+
+
+def find(coder: Decoder, readings: ArrayLike, near: Array, *, follow: bool = False) -> Poses:
+    """Find all poses of rows of readings and choose one for each row; parameters and errors as in `decode`."""
+    rows, count = np.ascontiguousarray(readings, dtype=np.float64), len(coder.forward.elements)
+    if rows.ndim != 2 or rows.shape[1] != count:
+        raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {rows.shape}")
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
+    saturated = at_rail(coder.forward.elements, np.where(finite[:, None], rows, 0.0).T)
+    status: list[Status] = []
+    shifts, slopes = [np.empty((0, 3))], [np.empty((0, count, 3))]
+    chosen, multiplicity, total = np.full(len(rows), -1), np.zeros(len(rows), dtype=np.int64), 0
+    for k, row in enumerate(rows):
+        if not finite[k] or saturated[k]:
+            status.append("saturated" if finite[k] else "not_finite")
+            continue
+        poses, slope, misfit = coder.search(row)
+        multiplicity[k] = many = len(poses)
+        status.append(
+            "ok" if many == 1 else "ambiguous" if many else "inconsistent" if misfit else "out_of_workspace"
+        )
+        if not many:
+            continue
+        nearest = int(((poses - near) ** 2).sum(axis=1).argmin()) if many > 1 else 0
+        near = poses[nearest] if follow else near
+        shifts.append(poses)
+        slopes.append(slope)
+        chosen[k], total = total + nearest, total + many
+    owner = np.repeat(np.arange(len(rows)), multiplicity)
+    return Poses(
+        status, np.concatenate(shifts).T, np.concatenate(slopes).transpose(2, 1, 0), owner, chosen, multiplicity
+    )
+
+
+def state(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:
+    """Return tilt (2, n), rad, force and load (3, n), N and mm, and slopes of the force, at shifts (3, n), mm."""
+    tilt = rotation(coder.forward.tau, shift)
+    if coder.mechanics is None:
+        return tilt, *np.full((2, *shift.shape), np.nan), np.full((3, *shift.shape), np.nan)
+    return tilt, *response_surface.force_and_load(coder.mechanics, shift)
+
+
+def condition(A: Array) -> Array:
+    """Return the condition numbers, in the 2-norm, of slopes dB/ds (3, k, n), shape (n,); infinite on a fold."""
+    return np.asarray(np.linalg.cond(np.moveaxis(A, 2, 0)))
+
+
+def spread(sigma: Array, A: Array) -> Array:
+    """Return the error of the pose from one standard deviation of each reading's noise; NaN without noise.
+
+    The pose's covariance is S S' with S the result at one pose.
+
+    Parameters
+    ----------
+    sigma : standard deviation of each reading, shape (k,), T.
+    A : slopes dB/ds, shape (3, k, n), T/mm.
+
+    Returns
+    -------
+    shape (3, k, n), mm; not finite on a fold.
+    """
+    if not sigma.any():
+        return np.full_like(A, np.nan)
+    weights = sigma.min() / sigma if sigma.all() else np.ones_like(sigma)
+    u, values, v = np.linalg.svd(np.moveaxis(A, 2, 0).swapaxes(1, 2) * weights[:, None], full_matrices=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # (A'WA)^-1 A'W by singular values
+        return np.asarray(np.einsum("nji,nj,nkj->ikn", v, 1 / values, u) * (weights * sigma)[:, None])
+
+
+def poses_outside(coder: Decoder, readings: Array) -> Array:
+    """Return, for each row of readings (n, k), T, the pose with these readings that lies least outside the workspace.
+
+    Damped Newton steps start at those poses of a grid over a wider box whose readings differ least. The mechanics'
+    polynomials give the tilt there beyond their samples, so such a pose is a hint to the user and no result.
+
+    Returns
+    -------
+    shift : shape (n, 3), mm; NaN where no pose is found.
+    """
+    shifts = np.full((len(readings), 3), np.nan)
+    low, high = (WIDER * end for end in response_surface.workspace(coder.forward.design))
+    axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, OUTER_GRID, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
+    # beyond the workspace the magnet may overlap an element, where its field can be undefined
+    with contextlib.suppress(BadInput):
+        there = readings_at(coder.forward, grid).T
+        for k, row in enumerate(readings):
+            starts = np.argpartition((((row - there) / coder.table.span) ** 2).sum(axis=1), OUTER_STARTS)[
+                :OUTER_STARTS
+            ]
+            poses = np.array([coder.search.pose_from(grid[:, start], row, low, high) for start in starts])
+            far = np.maximum(np.maximum(coder.low - poses, poses - coder.high), 0.0).max(axis=1)
+            far = np.where(far > EDGE, far, np.inf)
+            if np.isfinite(far).any():
+                shifts[k] = poses[far.argmin()]
+    return shifts
+
+
+def exceeded_limit(coder: Decoder, pose: Array) -> Limit | None:
+    """Return the limit of the workspace that a pose (3,), mm, exceeds; None for NaN, which stands for no pose."""
+    if not np.isfinite(pose).all():
+        return None
+    low, high = response_surface.workspace(coder.forward.design)
+    # report a limit of the mechanics only if the pose lies within the workspace of the design without mechanics
+    if pose[2] < coder.low[2] and coder.low[2] > low[2] and not pose[2] < low[2]:
+        return "depth"
+    aside = np.abs(pose[:2]).max()
+    if aside > coder.high[0] and coder.high[0] < high[0] and not aside > high[0]:
+        return "shear"
+    return "workspace"

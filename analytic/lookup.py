@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analytic.hall import plates
 from analytic.inverse.forward_model import Forward, readings_at
 from analytic.magnet import cylinder_field
 from geometry.arrays import Array
@@ -141,7 +142,7 @@ def meridian_table(forward: Forward, grid: Grid) -> tuple[Array, float]:
     table : (B_rho, B_Z) at rho = i step, Z = first + j step, shape (n_rho, n_Z, 2), T. Z points up in the sensor.
     first : smallest Z, mm.
     """
-    design, points = forward.design, forward.points
+    design, points = forward.design, plates(forward.elements)[0]
     far = max(float(np.hypot(np.abs(x) + grid.side, np.abs(y) + grid.side)) for x, y, _ in points)
     low = float(points[:, 2].min()) - design.H
     high = float(points[:, 2].max()) - design.H + grid.sink

@@ -10,10 +10,7 @@ from numpy.testing import assert_allclose
 from analytic import beam, decode, hall
 from analytic.inverse import (
     forward_model,
-    observability,
     response_surface,
-    start_table,
-    workspace_limits,
 )
 from analytic.parts import Element
 from geometry.design import BadInput, Design, paper
@@ -95,36 +92,11 @@ def test_a_reversed_magnet_decodes_to_the_same_poses(coder):
 def test_condition_is_that_of_singular_values():
     rng = np.random.default_rng(5)
     A = rng.normal(size=(3, 3, 60)) * 10.0 ** rng.uniform(-5, 0, (3, 1, 60))
-    assert_allclose(observability.condition(A), np.linalg.cond(np.moveaxis(A, 2, 0)), rtol=1e-8)
+    assert_allclose(decode.condition(A), np.linalg.cond(np.moveaxis(A, 2, 0)), rtol=1e-8)
     more = rng.normal(size=(3, 5, 4))
-    assert_allclose(observability.condition(more), np.linalg.cond(np.moveaxis(more, 2, 0)), rtol=1e-12)
+    assert_allclose(decode.condition(more), np.linalg.cond(np.moveaxis(more, 2, 0)), rtol=1e-12)
     flat = np.stack([np.eye(3), np.diag([1.0, 1.0, 0.0]), np.zeros((3, 3))], axis=2)
-    assert observability.condition(flat).tolist() == [1.0, np.inf, np.inf]
-
-
-@pytest.mark.parametrize(
-    "design", [paper(), Design(hall_layout="tmag5273a1"), FOLDED], ids=["paper", "chip", "folded"]
-)
-def test_first_step_leaves_no_more_than_the_curvature_says(design):
-    coder = decode.decoder(design, tilting(design))
-    shift, field = poses(coder, 600)
-    starts = [coder.search.starts(row) for row in field.T]
-    owner = np.repeat(np.arange(600), [len(some) for some in starts])
-    curve, start = np.split(np.concatenate(starts).T.copy(), [1])
-    curve = curve[0]
-    values, slopes = forward_model.readings_with_slopes(coder.forward, start)
-    step = np.linalg.solve(np.moveaxis(slopes, 2, 0).swapaxes(1, 2), (field[:, owner] - values).T[:, :, None])[
-        :, :, 0
-    ]
-    length = np.linalg.norm(step, axis=1)
-    told = (curve < start_table.STEEP) & (length < 0.01)
-    error = np.linalg.norm(start.T + step - shift.T[owner], axis=1)
-    # starts on other sheets lead elsewhere
-    own = told & (error < 0.01)
-    assert own.sum() > (100 if design is FOLDED else 580)
-    assert (error[own] <= curve[own] * length[own] ** 2 + 1e-12).all()
-    if design is not FOLDED:
-        assert np.median(length) < 3e-5
+    assert decode.condition(flat).tolist() == [1.0, np.inf, np.inf]
 
 
 def test_load_and_force_come_back(coder):
@@ -239,8 +211,7 @@ def test_more_elements_than_three():
     seen = np.array([status != "saturated" for status in found.status])
     assert np.abs(found.shift[seen] - shift.T[seen]).max() < 1e-7
     three = decode.decode(decode.decoder(dataclasses.replace(paper(), hall_noise=1e-3)), field[:3].T)
-    # the slopes are those before the last Newton step, some 1e-5 mm away
-    assert (found.noise_mm[seen] <= three.noise_mm[seen] * (1 + 1e-4)).all()
+    assert (found.noise_mm[seen] <= three.noise_mm[seen] * (1 + 1e-9)).all()
     swapped = decode.decode(coder, field[[0, 3, 2, 1]].T)
     assert set(swapped.status) <= {"inconsistent", "out_of_workspace", "saturated"}
     assert np.isnan(swapped.shift).all()
@@ -324,12 +295,12 @@ def test_poses_outside_the_workspace_are_found_with_what_ends_it(coder):
     outside = np.array([[0, 0, -1.25], [1.2, 0.3, -2.8], [0, -2.0, -0.5], [0, 0, -3.4], [3.4, 0, -1], [0, 0, 0.12]])
     field = forward_model.readings_with_slopes(near.forward, outside.T.copy())[0].T
     assert set(decode.decode(near, field).status) == {"out_of_workspace"}
-    found = workspace_limits.poses_outside(near, field)
+    found = decode.poses_outside(near, field)
     assert_allclose(found, outside, atol=1e-6)
     ends = ["depth", "depth", "shear", "workspace", "workspace", "workspace"]
-    assert [workspace_limits.exceeded_limit(near, pose) for pose in found] == ends
+    assert [decode.exceeded_limit(near, pose) for pose in found] == ends
     # the box of the design alone is ended by nothing else
-    assert workspace_limits.exceeded_limit(decode.decoder(paper()), np.array([0, 0, -3.2])) == "workspace"
-    (nowhere,) = workspace_limits.poses_outside(near, np.array([[-0.02, 0.03, 0.01]]))
+    assert decode.exceeded_limit(decode.decoder(paper()), np.array([0, 0, -3.2])) == "workspace"
+    (nowhere,) = decode.poses_outside(near, np.array([[-0.02, 0.03, 0.01]]))
     assert np.isnan(nowhere).all()
-    assert workspace_limits.exceeded_limit(near, nowhere) is None
+    assert decode.exceeded_limit(near, nowhere) is None

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from analytic import decode, magnet, survey
-from analytic.inverse import uniqueness_margin
 from geometry.design import Design, paper
 from studies.inputs.option_groups import Basis
 from studies.sensing import (
@@ -165,7 +164,7 @@ def test_least_difference_is_that_of_the_slopes_for_near_poses():
     """Nearby, readings differ by the distance over the noise of the pose there."""
     coder = layout_uniqueness.coder_of(paper(), "B.n, no tilt", decode_readings.of_level(paper(), "paper"))
     seen = survey.survey(coder, (9, 9, 6), multiplicity=False)
-    least = uniqueness_margin.least_difference(coder, seen, 0.001)
+    least = survey.least_difference(coder, seen, 0.001)
     assert least == pytest.approx(0.001 / seen.noise_mm.max(), rel=0.05)
 
 

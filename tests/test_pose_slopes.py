@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analytic import hall
-from analytic.pose_slopes import slopes_at
+from analytic.inverse.forward_model import slopes_at
 from geometry.design import BadInput, paper
 
 POSES = [((0.0, 0.0, 0.0), (0.0, 0.0)), ((0.7, 0.0, -0.5), (0.0, 0.2)), ((-0.3, 0.4, -0.2), (0.0, -0.1))]

@@ -1,33 +1,43 @@
-"""Readings of many poses at once, with their slopes: the forward model that the decoder inverts.
+"""Readings of poses with their slopes: the forward model that the decoder inverts.
 
-A pose is a shift s of the magnet's centre and a tilt. The tilt is a function of the shift: the sensor is a body of
-revolution, so a magnet shifted along e = (s_x, s_y)/rho leans towards e, by the angle t = tau rho with
-tau(rho^2, s_z) in rad/mm. Hence
+With m the magnet's axis, -J m its polarisation (J < 0 if the north pole points up), p a point of an element and s the
+shift of the magnet's centre, the field is
 
-    m = (sin(t) e, cos(t)),    B = -B_magnet(x; m),    x = p - (0, 0, H) - s,
+    B = -B_magnet(x; m),    x = p - (0, 0, H) - s.
 
-with m the magnet's axis (its polarisation is -J m, with J < 0 if the north pole points up) and p a point of an
-element. With G = grad B, which is symmetric, and g = G n, the slope of a reading B.n along s_j is
+With G = grad B, which is symmetric, and g = G n, a motion of the magnet by ds and a turn by dw change a reading B.n
+by
+
+    d(B.n) = -g.ds + (B x n - x x g).dw,
+
+because the field moves and turns with the magnet. The decoder knows the tilt as a function of the shift: the sensor
+is a body of revolution, so a magnet shifted along e = (s_x, s_y)/rho leans towards e, by the angle t = tau rho with
+tau(rho^2, s_z) in rad/mm. Hence m = (sin(t) e, cos(t)), and the slope of a reading along s_j is
 -g_j + (dm/ds_j).[(B x n - x x g) x m].
 
-Arrays have the poses in their last axis. Lengths in mm, B in T, angles in rad.
+Arrays of poses that are given to numba have them in their first axis, all others in their last. Lengths in mm, B in
+T, angles in rad.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analytic.hall import Mode, plates
-from analytic.inverse.polynomials import polynomial
-from analytic.magnet import cylinder_field, cylinder_field_jacobian
+from analytic.cylinder import ALONG, ALONG_Z, LEAN, LEAN_Z, POINTS, cylinder_series, disc_series
+from analytic.cylinder_compiled import compute, correct_gap, set_point, workspace
+from analytic.hall import Mode, plates, rotated
 from analytic.parts import Element, of_design
 from geometry.arrays import Array
+from geometry.compiled import compiled
 from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
+
+Vector = tuple[float, float, float]
 
 NO_TILT: Array = np.zeros((1, 1))
 """Coefficients of tau = 0: the magnet does not tilt."""
@@ -44,17 +54,17 @@ class Forward:
     elements : k elements.
     tau : coefficients c[i, j] of tau = sum c[i, j] rho^(2i) s_z^j, rad/mm.
     mode : "component" (readings B.n) or "magnitude" (readings |B|), as in `analytic.hall.readings`.
-    points, normals : points at which the elements sample the field, mm, and directions n, shape (m, 3).
-    owners : index of the element of each point, ascending, shape (m,).
+    kernel : arguments of `read`: points at which the elements sample the field, relative to the magnet's centre at
+        rest, mm, their directions n, the place of each point among the distinct ones, and its element; one over the
+        number of points of each element; the coefficients tau; whether the mode is "magnitude"; radius and half
+        height of the magnet, mm, and J, T; the series of `analytic.cylinder`, and scratch.
     """
 
     design: Design
     elements: tuple[Element, ...]
     tau: Array
     mode: Mode
-    points: Array
-    normals: Array
-    owners: NDArray[np.int64]
+    kernel: tuple[Any, ...]
 
 
 def model(
@@ -88,9 +98,23 @@ def model(
         if 0 < z < design.L and x * x + y * y < design.R**2 - max(z - design.H, 0.0) ** 2:
             way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
             raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
-    points, owners = plates(chosen)
-    normals = np.array([element.direction for element in chosen], dtype=np.float64)[owners]
-    return Forward(design, chosen, np.asarray(tau, dtype=np.float64), mode, points, normals, owners)
+    tau = np.ascontiguousarray(tau, dtype=np.float64)
+    return Forward(design, chosen, tau, mode, _kernel(design, chosen, tau, mode))
+
+
+def _kernel(design: Design, elements: Sequence[Element], tau: Array, mode: Mode) -> tuple[Any, ...]:
+    """Return `Forward.kernel`."""
+    points, owners = plates(elements)
+    distinct, place = np.unique(points, axis=0, return_inverse=True)
+    if len(distinct) > POINTS:
+        raise BadInput(f"the elements may have at most {POINTS} points; got {len(distinct)}: leave elements out")
+    normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
+    radius, half = design.magnet_diameter / 2, design.magnet_height / 2
+    series = cylinder_series(half / radius), disc_series()
+    return (
+        *(points - [0.0, 0.0, design.H], normals, place.reshape(-1), owners, 1 / np.bincount(owners)),
+        *(tau, mode == "magnitude", radius, half, -design.polarisation, *series, workspace()),
+    )
 
 
 def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
@@ -104,117 +128,197 @@ def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
     -------
     values : B.n, or |B|, of each element, shape (k, n), T.
     slopes : slope of element k's reading along s_j at [j, k, n], shape (3, k, n), T/mm.
+
+    Raises
+    ------
+    BadInput
+        A point of an element lies on the magnet's rim, where the field is infinite.
     """
-    n = shift.shape[1]
-    m, axis_slopes, x, radial, local = _positions(forward, shift)
-    shape = radial.shape[1:]
-    # the field at a point of the meridian (rho, 0, zeta) gives it everywhere: the magnet is a body of revolution
-    b, slope = cylinder_field_jacobian(local, *_magnet(forward.design))
-    b_r, b_z = (b[:, k].reshape(shape) for k in (0, 2))
-    rr, ring, rz, zz = (slope[:, i, j].reshape(shape) for i, j in ((0, 0), (1, 1), (0, 2), (2, 2)))
-    B = b_r * radial + b_z * m
-    normal = _normal(forward, B)
-    along, out = _dot(normal, m), _dot(normal, radial)
-    g = ring * normal + ((rr - ring) * out + rz * along) * radial + ((zz - ring) * along + rz * out) * m
-    slopes = -g
-    if axis_slopes is not None:
-        turn = cross(cross(B, normal) - cross(x, g), m)
-        for j in range(3):
-            slopes[j] += _dot(axis_slopes[j][:, None, :], turn)
-    values, slopes = _mean(forward, b_r * out + b_z * along, 0), _mean(forward, slopes, 1)
-    return values.reshape(len(forward.elements), n), slopes
+    n, k = shift.shape[1], len(forward.elements)
+    values, slopes = np.empty((n, k)), np.empty((n, k, 3))
+    read(np.ascontiguousarray(shift.T), forward.kernel, True, values, slopes)
+    _check(values)
+    return values.T, slopes.transpose(2, 1, 0)
 
 
 def readings_at(forward: Forward, shift: Array) -> Array:
     """Return the readings of `readings_with_slopes` alone, shape (k, n), T."""
-    m, _, _, radial, local = _positions(forward, shift)
-    b = cylinder_field(local, *_magnet(forward.design))
-    B = b[:, 0].reshape(radial.shape[1:]) * radial + b[:, 2].reshape(radial.shape[1:]) * m
-    return _mean(forward, _dot(_normal(forward, B), B), 0)
+    values = np.empty((shift.shape[1], len(forward.elements)))
+    read(np.ascontiguousarray(shift.T), forward.kernel, False, values, np.empty((0, 0, 3)))
+    _check(values)
+    return values.T
 
 
-def _positions(forward: Forward, shift: Array) -> tuple[Array, Array | None, Array, Array, Array]:
-    """Return the positions of the elements' points relative to the magnet.
+def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the slopes of the elements' readings B.n by small displacements and rotations of the magnet.
+
+    Parameters
+    ----------
+    shift, tilt : pose about which the magnet moves, mm and rad, as in `analytic.hall.field_at`.
 
     Returns
     -------
-    m : magnet's axis, shape (3, 1, n).
-    axis_slopes : dm_i/ds_j at [j, i, n], 1/mm; None if the magnet does not tilt.
-    x, radial : points relative to the magnet's centre, mm, and their unit vectors across the axis, shape (3, m, n).
-    local : cylindrical coordinates (rho, 0, zeta) of the points in the magnet's frame, shape (m n, 3), mm.
+    by_shift : dB.n/ds_j of element k at [k, j], T/mm.
+    by_rotation : dB.n/dw_j at [k, j], T/rad; w is a rotation vector in the sensor's frame, added to the pose.
+
+    Raises
+    ------
+    BadInput
+        The design has no magnet, or a point of an element lies where the field is not defined.
     """
-    tilted = bool(forward.tau.any())
-    axis, axis_slopes = tilt_axis(forward.tau, shift) if tilted else (np.array([[0.0], [0.0], [1.0]]), None)
-    m = axis[:, None, :]
-    x = forward.points.T[:, :, None] - shift[:, None, :]
-    x[2] -= forward.design.H
-    zeta = _dot(m, x)
-    radial = x - zeta * m
-    rho = np.sqrt(_dot(radial, radial))
-    radial /= np.where(rho > 0, rho, 1.0)
-    local = np.zeros((rho.size, 3))
-    local[:, 0], local[:, 2] = rho.ravel(), zeta.ravel()
-    return m, axis_slopes, x, radial, local
-
-
-def _magnet(design: Design) -> tuple[float, float, float]:
-    """Return the magnet's radius and height, mm, and its polarisation along m, T."""
-    return design.magnet_diameter / 2, design.magnet_height, -design.polarisation
-
-
-def _normal(forward: Forward, B: Array) -> Array:
-    """Return the directions n of the readings; in mode magnitude n = B/|B|, since then B.n = |B|."""
-    if forward.mode == "component":
-        return forward.normals.T[:, :, None]
-    size = np.sqrt(_dot(B, B))
-    return np.asarray(B / np.where(size > 0, size, 1.0))
-
-
-def _mean(forward: Forward, values: Array, axis: int) -> Array:
-    """Return the mean over the points of each element, along `axis`."""
-    if len(forward.owners) == len(forward.elements):
-        return values
-    starts = np.searchsorted(forward.owners, np.arange(len(forward.elements)))
-    return np.asarray(np.add.reduceat(values, starts, axis=axis) / np.bincount(forward.owners)[:, None])
-
-
-def tilt_axis(tau: Array, shift: Array) -> tuple[Array, Array]:
-    """Return the magnet's axis m, shape (3, n), and its slopes dm_i/ds_j at [j, i, n], 1/mm, at shifts (3, n), mm."""
-    # m = (k x, k y, cos t) with k = sin(t)/rho = tau sinc(t): no division by rho, so the axis rho = 0 needs no case
-    x, y, z = shift
-    u = x * x + y * y
-    t, t_u, t_z = polynomial(tau, u, z)
-    square = t * t * u
-    angle = np.sqrt(square)
-    sinc, cos = np.sinc(angle / np.pi), np.cos(angle)
-    sinc_slope = np.where(
-        square > SMALL, (cos - sinc) / (2 * np.where(square > SMALL, square, 1.0)), square / 60 - 1 / 6
+    if not design.shape.has_magnet:
+        raise BadInput("this design has no magnet (magnet_diameter is 0), so there are no readings: give it a magnet")
+    elements = of_design(design)
+    axis = rotated(np.array([[0.0, 0.0, 1.0]]), np.array([tilt]))
+    values, by_shift, by_turn = np.empty((1, len(elements))), *np.empty((2, 1, len(elements), 3))
+    read_poses(
+        np.array([shift]), axis, _kernel(design, elements, NO_TILT, "component"), True, values, by_shift, by_turn
     )
-    tau_slopes = (2 * x * t_u, 2 * y * t_u, t_z)
-    u_slopes = (2 * x, 2 * y, 0.0)
-    k = sinc * t
-    slopes = np.empty((3, 3, shift.shape[1]))
-    for j in range(3):
-        d_square = 2 * t * u * tau_slopes[j] + t * t * u_slopes[j]
-        d_k = sinc * tau_slopes[j] + t * sinc_slope * d_square
-        slopes[j, 0], slopes[j, 1], slopes[j, 2] = x * d_k, y * d_k, -sinc / 2 * d_square
-    slopes[0, 0] += k
-    slopes[1, 1] += k
-    return np.stack([k * x, k * y, cos]), slopes
+    _check(values)
+    return by_shift[0], by_turn[0]
+
+
+def _check(values: Array) -> None:
+    if np.isnan(values).any():
+        raise BadInput(
+            "the field is infinite on the magnet's rim (r = radius, |z| = height/2), where a point of an element "
+            "lies: move the point off it"
+        )
 
 
 def rotation(tau: Array, shift: Array) -> Array:
     """Return the tilt at shifts (3, n), mm, as rotation vectors (rx, ry) of `analytic.hall.field_at`, (2, n), rad."""
     x, y, z = shift
-    t = polynomial(tau, x * x + y * y, z)[0]
+    t = np.polynomial.polynomial.polyval2d(x * x + y * y, z, tau)
     return np.stack(rotation_of(t * x, t * y))
 
 
-def _dot(a: Array, b: Array) -> Array:
-    """Return the scalar products of vectors whose components are in the first axis."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+@compiled
+def read(shift, kernel, slope, values, slopes):
+    """Fill the readings (n, k), T, at shifts (n, 3), mm, and, with `slope`, their slopes (n, k, 3), T/mm.
+
+    Where the field is not defined they are NaN.
+    """
+    tau, n, k = kernel[5], len(shift), values.shape[1]
+    axis, lean = np.empty((n, 3)), np.empty((n, 3, 3))
+    for p in range(n):
+        tilt_axis(tau, shift[p], axis[p], lean[p])
+    by_turn = np.empty((n if slope else 0, k, 3))
+    read_poses(shift, axis, kernel, slope, values, slopes, by_turn)
+    if not slope:
+        return
+    for p in range(n):
+        m = axis[p]
+        for i in range(k):
+            turn = cross(by_turn[p, i], m)
+            for j in range(3):
+                slopes[p, i, j] += lean[p, j, 0] * turn[0] + lean[p, j, 1] * turn[1] + lean[p, j, 2] * turn[2]
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Return the vector products of vectors whose components are in the first axis."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+@compiled
+def tilt_axis(tau, shift, axis, lean):
+    """Fill the magnet's axis m, shape (3,), and its slopes dm_i/ds_j at [j, i], 1/mm, at a shift (3,), mm."""
+    # m = (k x, k y, cos t) with k = sin(t)/rho = tau sinc(t): no division by rho, so the axis rho = 0 needs no case
+    x, y, z = shift[0], shift[1], shift[2]
+    u = x * x + y * y
+    t, t_u, t_z = polynomial(tau, u, z)
+    square = t * t * u
+    angle = math.sqrt(square)
+    cos = math.cos(angle)
+    small = square < SMALL
+    sinc = 1 - square / 6 if small else math.sin(angle) / angle
+    bend = square / 60 - 1 / 6 if small else (cos - sinc) / (2 * square)
+    k = sinc * t
+    axis[0], axis[1], axis[2] = k * x, k * y, cos
+    for j in range(3):
+        grow = 2 * x * t_u if j == 0 else 2 * y * t_u if j == 1 else t_z
+        wide = 2 * x if j == 0 else 2 * y if j == 1 else 0.0
+        d_square = 2 * t * u * grow + t * t * wide
+        d_k = sinc * grow + t * bend * d_square
+        lean[j, 0], lean[j, 1], lean[j, 2] = x * d_k, y * d_k, -sinc / 2 * d_square
+    lean[0, 0] += k
+    lean[1, 1] += k
+
+
+@compiled
+def read_poses(shift, axis, kernel, slope, values, by_shift, by_turn):
+    """Fill the readings (n, k) of poses, and with `slope` -g and B x n - x x g, shape (n, k, 3).
+
+    The magnet's centre is displaced by shift (n, 3), mm, and its axis is m, shape (n, 3).
+    """
+    points, normals, place, owners, share, _, magnitude, radius, half, J, series, disc, work = kernel
+    w = work[0]
+    distinct = 1 + np.max(place)
+    block = POINTS // distinct
+    for start in range(0, len(shift), block):
+        stop = min(start + block, len(shift))
+        for p in range(start, stop):
+            for i in range(len(points)):
+                _, _, rho, zeta = placed(points[i], shift[p], axis[p])
+                at = (p - start) * distinct + place[i]
+                set_point(at, rho, 0.0, zeta, radius, half, w)
+                correct_gap(at, rho, 0.0, radius, w)
+        compute((stop - start) * distinct, half / radius, series, disc, slope, work)
+        for p in range(start, stop):
+            values[p] = 0.0
+            if slope:
+                by_shift[p], by_turn[p] = 0.0, 0.0
+            for i in range(len(points)):
+                at, k, m = (p - start) * distinct + place[i], owners[i], axis[p]
+                x, u, rho, _ = placed(points[i], shift[p], m)
+                lean, along, lean_z, along_z = w[LEAN + at], w[ALONG + at], w[LEAN_Z + at], w[ALONG_Z + at]
+                b_u, b_m = J * lean * (rho / radius), J * along
+                B = (b_u * u[0] + b_m * m[0], b_u * u[1] + b_m * m[1], b_u * u[2] + b_m * m[2])
+                n = (normals[i, 0], normals[i, 1], normals[i, 2])
+                if magnitude:
+                    # n = B/|B|, since then B.n = |B|
+                    size = math.sqrt(B[0] * B[0] + B[1] * B[1] + B[2] * B[2])
+                    size = size if size > 0 else 1.0
+                    n = (B[0] / size, B[1] / size, B[2] / size)
+                on_m, on_u = n[0] * m[0] + n[1] * m[1] + n[2] * m[2], n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
+                values[p, k] += share[k] * (b_u * on_u + b_m * on_m)
+                if slope:
+                    # B_r/r, dB_r/dz = dB_z/dr and dB_z/dz, T/mm; dB_r/dr = -(dB_z/dz + B_r/r) by div B = 0
+                    ring, rz, zz = lean * J / radius, lean_z * (rho / radius) * J / radius, along_z * J / radius
+                    g_u, g_m = (-zz - 2 * ring) * on_u + rz * on_m, (zz - ring) * on_m + rz * on_u
+                    g = (
+                        ring * n[0] + g_u * u[0] + g_m * m[0],
+                        ring * n[1] + g_u * u[1] + g_m * m[1],
+                        ring * n[2] + g_u * u[2] + g_m * m[2],
+                    )
+                    turn, arm = cross(B, n), cross(x, g)
+                    for j in range(3):
+                        by_shift[p, k, j] -= share[k] * g[j]
+                        by_turn[p, k, j] += share[k] * (turn[j] - arm[j])
+
+
+@compiled
+def placed(point, shift, m):
+    """Return a point relative to the magnet's centre, its unit vector across the axis, its distance and height."""
+    x = (point[0] - shift[0], point[1] - shift[1], point[2] - shift[2])
+    zeta = m[0] * x[0] + m[1] * x[1] + m[2] * x[2]
+    u, v, w = x[0] - zeta * m[0], x[1] - zeta * m[1], x[2] - zeta * m[2]
+    rho = math.sqrt(u * u + v * v + w * w)
+    scale = 1 / rho if rho > 0 else 1.0
+    return x, (u * scale, v * scale, w * scale), rho, zeta
+
+
+@compiled
+def cross(a, b):
+    """Return the vector product of two vectors."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def polynomial(c, u, w):
+    """Return p = sum c[i, j] u^i w^j and its slopes along u and w, by Horner's rule."""
+    p, p_u, p_w = 0.0, 0.0, 0.0
+    for i in range(len(c) - 1, -1, -1):
+        q, q_w = 0.0, 0.0
+        for j in range(c.shape[1] - 1, -1, -1):
+            q_w = q_w * w + q
+            q = q * w + c[i, j]
+        p_u = p_u * u + p
+        p_w = p_w * u + q_w
+        p = p * u + q
+    return p, p_u, p_w

@@ -22,13 +22,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval2d
 
-from analytic.inverse.polynomials import least_squares, monotonic_fit, polynomial
+from analytic.inverse.forward_model import polynomial
 from geometry.arrays import Array
+from geometry.compiled import compiled
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 
 Sample = tuple[Load, Response]
+Powers = list[tuple[int, int]]
 
 ORDERS = (2, 6)
 """Highest powers of U and of w or r, if there are enough samples."""
@@ -38,6 +41,8 @@ SHARES = (0.25, 0.5, 0.75)
 MOST_ENDS = 60
 """Largest number of samples whose connecting lines are checked: 60 samples give 1770 lines, more cost time."""
 
+EXACT = 1e-20
+"""Sum of squares of a fit's errors over that of the values, below which all fits count as exact (rounding)."""
 ZERO_FORCE = 1e-9
 """Normal force up to which the plate exerts none, N: rounding."""
 ZERO_DEPTH = 1e-9
@@ -126,20 +131,20 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
     wide = min(ORDERS[0], shears - 1)
     # tilt, lateral force and shear are 0 at u = 0 for any coefficients, so only sheared samples determine them
     m, rest = moved, np.zeros(1)
-    tau = least_squares(U[m], w[m], tilt[m] / u[m], (wide, max(high - 1, 0)))
-    lateral = least_squares(U[m], w[m], f_t[m] / u[m], (wide, max(high - 1, 0)))
+    tau = _least_squares(U[m], w[m], tilt[m] / u[m], (wide, max(high - 1, 0)))
+    lateral = _least_squares(U[m], w[m], f_t[m] / u[m], (wide, max(high - 1, 0)))
     U_between, w_between = _between(u, w)
-    normal = monotonic_fit(
+    normal = _monotonic_fit(
         (np.append(U, rest), np.append(w, rest)), np.append(f_n, rest), (wide, high), (U_between, w_between), -1
     )
-    deep = monotonic_fit((U, r), depth, (wide, max(high, 3)), (U_between, np.cbrt(-w_between)), 1)
-    sheared = least_squares(U[m], r[m], shear[m] / u[m], (wide, max(high - 1, 0)))
+    deep = _monotonic_fit((U, r), depth, (wide, max(high, 3)), (U_between, np.cbrt(-w_between)), 1)
+    sheared = _least_squares(U[m], r[m], shear[m] / u[m], (wide, max(high - 1, 0)))
     errors = (
-        _worst(u * polynomial(tau, U, w)[0], tilt),
-        _worst(u * polynomial(lateral, U, w)[0], f_t),
-        _worst(polynomial(normal, U, w)[0], f_n),
-        _worst(polynomial(deep, U, r)[0], depth),
-        _worst(u * polynomial(sheared, U, r)[0], shear * m),
+        _worst(u * polyval2d(U, w, tau), tilt),
+        _worst(u * polyval2d(U, w, lateral), f_t),
+        _worst(polyval2d(U, w, normal), f_n),
+        _worst(polyval2d(U, r, deep), depth),
+        _worst(u * polyval2d(U, r, sheared), shear * m),
     )
     return Mechanics(tau, lateral, normal, deep, sheared, float(u.max()), float(-w.min()), errors)
 
@@ -152,33 +157,8 @@ def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
     force : (F_x, F_y, F_n), shape (3, n), N.
     slopes : dF_i/ds_j at [j, i, n], shape (3, 3, n), N/mm.
     """
-    x, y, w = shift
-    U = x * x + y * y
-    k, k_u, k_w = polynomial(mechanics.lateral, U, w)
-    n, n_u, n_w = polynomial(mechanics.normal, U, w)
-    slopes = np.stack(
-        [
-            np.stack([k + 2 * x * x * k_u, 2 * x * y * k_u, 2 * x * n_u]),
-            np.stack([2 * x * y * k_u, k + 2 * y * y * k_u, 2 * y * n_u]),
-            np.stack([x * k_w, y * k_w, n_w]),
-        ]
-    )
-    return np.stack([x * k, y * k, n]), slopes
-
-
-def normal_force(mechanics: Mechanics, w: Array, normal: Array) -> Array:
-    """Return the normal force of a plate that cannot pull, shape (n,), N.
-
-    A negative force becomes 0 above rest and where the fit's error explains it. It becomes NaN where the plate would
-    have to pull: there the polynomials are far from all samples.
-
-    Parameters
-    ----------
-    w : vertical shift of the magnet, shape (n,), mm.
-    normal : normal force by the polynomial, shape (n,), N.
-    """
-    pulls = (w < 0) & (normal < -(mechanics.errors[2] + ZERO_FORCE))
-    return np.asarray(np.where(pulls, np.nan, np.maximum(normal, 0.0)))
+    force, _, slopes = _at_shifts(mechanics, shift, contact=False)
+    return force, slopes
 
 
 def load(mechanics: Mechanics, shift: Array) -> Array:
@@ -186,34 +166,55 @@ def load(mechanics: Mechanics, shift: Array) -> Array:
 
     The depth is 0 where the magnet is above its position at rest.
     """
-    x, y, w = shift
-    U, r = x * x + y * y, np.cbrt(np.maximum(-w, 0.0))
-    ratio = polynomial(mechanics.shear, U, r)[0]
-    return np.stack([np.maximum(polynomial(mechanics.depth, U, r)[0], 0.0), x * ratio, y * ratio])
+    return _at_shifts(mechanics, shift, contact=False)[1]
 
 
 def force_and_load(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Array]:
     """Return force on the tip and load at shifts (3, n), mm, of a plate that cannot pull, and the force's slopes.
 
-    A plate that does not touch exerts no force: where the depth is 0 and no normal force presses the magnet down,
-    force and load are 0, whatever the polynomial of the lateral force gives. Where the plate would have to pull, both
-    are NaN.
+    A negative normal force becomes 0 above rest and where the fit's error explains it. Where the plate would have to
+    pull, force and load are NaN: there the polynomials are far from all samples. A plate that does not touch exerts
+    no force: where the depth is 0 and no normal force presses the magnet down, force and load are 0, whatever the
+    polynomial of the lateral force gives.
 
     Returns
     -------
     force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (3, n).
     slopes : as in `forces`.
     """
-    force, slopes = forces(mechanics, shift)
-    plate = load(mechanics, shift)
-    pressed = (shift[2] < 0) & (force[2] > mechanics.errors[2] + ZERO_FORCE)
-    force[2] = normal_force(mechanics, shift[2], force[2])
-    pulled = np.isnan(force[2])
-    free = ~pulled & ~pressed & (plate[0] <= ZERO_DEPTH)
-    for values in (force, plate):
-        values[:, pulled] = np.nan
-        values[:, free] = 0.0
+    return _at_shifts(mechanics, shift, contact=True)
+
+
+def _at_shifts(mechanics: Mechanics, shift: Array, *, contact: bool) -> tuple[Array, Array, Array]:
+    """Return what `force_and_load` does; without `contact` the polynomials as they are."""
+    n = shift.shape[1]
+    force, plate, slopes = np.empty((3, n)), np.empty((3, n)), np.empty((3, 3, n))
+    law = (mechanics.lateral, mechanics.normal, mechanics.depth, mechanics.shear)
+    fill_loads(np.ascontiguousarray(shift), law, mechanics.errors[2] + ZERO_FORCE, contact, force, plate, slopes)
     return force, plate, slopes
+
+
+@compiled
+def fill_loads(shift, law, least, contact, force, plate, slopes):
+    """Fill what `_at_shifts` returns; the fit explains normal forces of less than `least`, N."""
+    lateral, normal, depth, shear = law
+    for p in range(shift.shape[1]):
+        x, y, w = shift[0, p], shift[1, p], shift[2, p]
+        U, r = x * x + y * y, np.cbrt(max(-w, 0.0))
+        (k, k_u, k_w), (f, f_u, f_w) = polynomial(lateral, U, w), polynomial(normal, U, w)
+        d, g = max(polynomial(depth, U, r)[0], 0.0), polynomial(shear, U, r)[0]
+        force[0, p], force[1, p], force[2, p] = x * k, y * k, f
+        plate[0, p], plate[1, p], plate[2, p] = d, x * g, y * g
+        slopes[0, 0, p], slopes[0, 1, p], slopes[0, 2, p] = k + 2 * x * x * k_u, 2 * x * y * k_u, 2 * x * f_u
+        slopes[1, 0, p], slopes[1, 1, p], slopes[1, 2, p] = 2 * x * y * k_u, k + 2 * y * y * k_u, 2 * y * f_u
+        slopes[2, 0, p], slopes[2, 1, p], slopes[2, 2, p] = x * k_w, y * k_w, f_w
+        if not contact:
+            continue
+        force[2, p] = max(f, 0.0)
+        if w < 0 and f < -least:
+            force[:, p], plate[:, p] = np.nan, np.nan
+        elif (w >= 0 or f <= least) and d <= ZERO_DEPTH:
+            force[:, p], plate[:, p] = 0.0, 0.0
 
 
 def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array, Array]:
@@ -265,3 +266,63 @@ def _between(u: Array, w: Array) -> tuple[Array, Array]:
 def _worst(fitted: Sequence[float] | Array, true: Sequence[float] | Array) -> float:
     """Return the largest error of a fit at the samples."""
     return float(np.abs(np.asarray(fitted) - np.asarray(true)).max(initial=0.0))
+
+
+def _least_squares(u: Array, w: Array, values: Array, orders: tuple[int, int]) -> Array:
+    """Return the least-squares coefficients c[i, j]; with fewer samples than powers, the orders are reduced."""
+    wide, high = orders
+    while (wide + 1) * (high + 1) > len(values) and (wide or high):
+        wide, high = (wide - 1, high) if wide else (wide, high - 1)
+    return _coefficients(u, w, values, [(i, j) for i in range(wide + 1) for j in range(high + 1)])
+
+
+def _monotonic_fit(
+    places: tuple[Array, Array], values: Array, orders: tuple[int, int], between: tuple[Array, Array], sign: int
+) -> Array:
+    """Return the closest fit without a constant that is positive and monotonic between the samples.
+
+    The fits tried include all lower orders, and those whose mixed terms u^i w^j end at a lower j, because samples at
+    a single w do not determine them at others. If no fit qualifies, as for samples that decrease, the result
+    has the linear term alone.
+
+    Parameters
+    ----------
+    places, values : u and w of the samples, and the values to fit, each of shape (n,).
+    orders : highest powers of u and w.
+    between : u and w at which the fit and its slope are checked, each of shape (m,).
+    sign : required sign of the slope along w, 1 or -1.
+    """
+    best, least = _coefficients(*places, values, [(0, 1)]), math.inf
+    # of fits that differ by rounding only, the first and largest set of powers wins: the choice is reproducible
+    exact = float((EXACT * values**2).sum())
+    for powers in _choices(*orders):
+        if len(powers) <= len(values):
+            c = _coefficients(*places, values, powers)
+            misfit = max(float(((polyval2d(*places, c) - values) ** 2).sum()), exact)
+            p, slope = polyval2d(*between, c), polyval2d(*between, polyder(c, axis=1))
+            if misfit < least and (p > 0).all() and (sign * slope > 0).all():
+                best, least = c, misfit
+    return best
+
+
+def _choices(wide: int, high: int) -> list[Powers]:
+    """Return sets of powers (i, j) of u and w up to the orders `wide` and `high`, the largest set first."""
+    sets = {
+        tuple((i, j) for i in range(a + 1) for j in range(b + 1) if (i, j) != (0, 0) and (i == 0 or j <= mixed))
+        for a in range(wide + 1)
+        for b in range(1, high + 1)
+        for mixed in range(b + 1)
+    }
+    return sorted((list(powers) for powers in sets), key=lambda powers: (len(powers), powers), reverse=True)
+
+
+def _coefficients(u: Array, w: Array, values: Array, powers: Powers) -> Array:
+    """Return the least-squares coefficients c[i, j] of the given powers (i, j); all others are 0."""
+    # columns scaled to 1 keep the condition number low
+    scale_u, scale_w = (float(np.abs(v).max(initial=0.0)) or 1.0 for v in (u, w))
+    columns = np.column_stack([(u / scale_u) ** i * (w / scale_w) ** j for i, j in powers])
+    coefficients = np.linalg.lstsq(columns, values, rcond=1e-12)[0]
+    c = np.zeros(np.max(powers, axis=0) + 1)
+    for (i, j), value in zip(powers, coefficients, strict=True):
+        c[i, j] = value / (scale_u**i * scale_w**j)
+    return c

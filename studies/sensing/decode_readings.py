@@ -16,9 +16,8 @@ from studies.output import records
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from analytic.decode import Decoded, Decoder
+    from analytic.decode import Decoded, Decoder, Limit
     from analytic.inverse.response_surface import Mechanics
-    from analytic.inverse.workspace_limits import Limit
     from analytic.parts import Element
     from geometry.arrays import Array
     from studies.sensing.force_level_check import Gap
@@ -259,10 +258,10 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
 
 def _limit_of(coder: Decoder, field: Array) -> tuple[Limit | None, list[float]]:
     """Return the limit that a pose outside the workspace exceeds, and its shift, mm; None and NaN without a pose."""
-    from analytic.inverse import workspace_limits
+    from analytic.decode import exceeded_limit, poses_outside
 
-    pose = workspace_limits.poses_outside(coder, field)[0]
-    return workspace_limits.exceeded_limit(coder, pose), pose.tolist()
+    pose = poses_outside(coder, field)[0]
+    return exceeded_limit(coder, pose), pose.tolist()
 
 
 def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Array:

@@ -18,8 +18,7 @@ from studies.sensing.decode_readings import WHY, force_gap, in_tesla
 from studies.sensing.field_tables import read_rows
 
 if TYPE_CHECKING:
-    from analytic.decode import Decoded, Decoder, Status
-    from analytic.inverse.workspace_limits import Limit
+    from analytic.decode import Decoded, Decoder, Limit, Status
     from geometry.arrays import Array
 
 
@@ -132,12 +131,8 @@ def _summary(
 
 def _count_limits(coder: Decoder, decoded: Decoded, field: Array) -> dict[Limit | None, int]:
     """Count the rows that exceed each limit of the workspace."""
-    from analytic.inverse import workspace_limits
+    from analytic.decode import exceeded_limit, poses_outside
 
     rows = [k for k, status in enumerate(decoded.status) if status == "out_of_workspace"][:MOST_SEARCHED]
-    limits = (
-        [workspace_limits.exceeded_limit(coder, pose) for pose in workspace_limits.poses_outside(coder, field[rows])]
-        if rows
-        else []
-    )
+    limits = [exceeded_limit(coder, pose) for pose in poses_outside(coder, field[rows])]
     return dict(Counter(limits))

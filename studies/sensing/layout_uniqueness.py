@@ -184,7 +184,6 @@ def _magnets(design: Design) -> Iterator[Design]:
 def _own(design: Design, form: str) -> FormRow:
     """Return the figures of the design's own layout, with the least differences of readings."""
     from analytic import survey
-    from analytic.inverse import uniqueness_margin
 
     coder = coder_of(design, form, law_of(design, form))
     poses = survey.survey(coder, POSES)
@@ -192,7 +191,7 @@ def _own(design: Design, form: str) -> FormRow:
     differences = []
     for share in APART:
         apart = share * design.D
-        least = uniqueness_margin.least_difference(coder, poses, apart) if not figures.alike_percent else 0.0
+        least = survey.least_difference(coder, poses, apart) if not figures.alike_percent else 0.0
         differences.append(Difference(apart, least))
     return FormRow(form, figures, [coder.low.tolist(), coder.high.tolist()], tuple(differences))
 

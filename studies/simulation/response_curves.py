@@ -1,7 +1,7 @@
 """Readings of a vibrating sensor over the frequency: volts per mm and per N of each Hall element.
 
-The readings are linear in the magnet's small motion (`analytic.pose_slopes`); an element whose output lies at a rail
-reads nothing.
+The readings are linear in the magnet's small motion (`analytic.inverse.forward_model`); an element whose output lies
+at a rail reads nothing.
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ At = Callable[[Array], dict[str, Curves]]
 def evaluator(design: Design, sensor: VibratingSensor) -> At:
     """Return the function that gives the curves of a sensor at any frequencies in its band; it keeps its answers."""
     from analytic import hall
+    from analytic.inverse.forward_model import slopes_at
     from analytic.parts import of_design
-    from analytic.pose_slopes import slopes_at
 
     layout, response = of_design(design), sensor.state.response
     by_shift, by_rotation = slopes_at(design, response.shift, response.rotation)
