@@ -23,13 +23,13 @@ def curve(states):
 
 
 def test_full_slip_is_told_from_a_wrong_coefficient(curve):
-    assert coulomb_study.full_slip(curve).passed
+    assert coulomb_study.full_slip(curve)["passed"]
     wrong = coulomb_study.Curve(0.12, curve.shear_mm, curve.force_N, curve.normal_N)
-    assert not coulomb_study.full_slip(wrong).passed
+    assert not coulomb_study.full_slip(wrong)["passed"]
 
 
 def test_a_way_there_is_no_closed_loop(states):
-    assert not any(check.passed for check in coulomb_study.closed([*states, states[0]]))
+    assert not any(check["passed"] for check in coulomb_study.closed([*states, states[0]]))
 
 
 def test_files_of_the_study(tmp_path, curve, states):
@@ -48,7 +48,7 @@ def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
     monkeypatch.setattr(coulomb_study, "run", lambda **_: [check])
     status, out, err = run("validate", "friction", "--json")
     assert status == 3
-    assert strict(out) == [check.row()]
+    assert strict(out) == [check]
     assert "1 of 1 checks fail" in err
 
 
@@ -64,18 +64,18 @@ def test_the_judge_of_extremes_measures_the_cone():
 
 def test_coulombs_law_holds_under_a_tilted_plate():
     rough = replace(coulomb_study.SOLID, solid_size=0.5, solid_patch=0.15, friction_step_factor=8.0)
-    assert coulomb_study.tilted(rough, mu=0.05, depth=0.4, shear=0.25).passed
+    assert coulomb_study.tilted(rough, mu=0.05, depth=0.4, shear=0.25)["passed"]
 
 
 def test_a_part_that_stops_is_a_missed_check(monkeypatch, tmp_path):
     def stopped(*args, **options):
         raise coulomb_study.StoppedError("stopped at depth 0.5 mm")
 
-    passed = coulomb_study.Check("onset", "share", 1.0, 1.0, 0.0, 0.1, True)
+    passed = coulomb_study._check("onset", "share", 1.0, 1.0, 0.1)
     monkeypatch.setattr(coulomb_study, "onset", lambda level: [passed])
     monkeypatch.setattr(coulomb_study, "curve", stopped)
     monkeypatch.setattr(coulomb_study, "cycle", stopped)
     checks = coulomb_study.run(quick=True, folder=tmp_path)
-    assert [check.passed for check in checks] == [True, False, False, False, False, False]
-    assert "no measurement: stopped at depth 0.5 mm" in checks[-1].quantity
+    assert [check["passed"] for check in checks] == [True, False, False, False, False, False]
+    assert "no measurement: stopped at depth 0.5 mm" in checks[-1]["quantity"]
     assert "1 of 6 checks pass" in (tmp_path / "FRICTION.md").read_text("utf-8")

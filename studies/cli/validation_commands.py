@@ -35,14 +35,14 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         comparisons = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
-        [comparison.row() if as_json else comparison.printed() for comparison in comparisons],
+        comparisons if as_json else list(map(study.printed, comparisons)),
         as_json=as_json,
         title="Verification",
         brief=study.DETAILS,
         first=("target", "quantity", "computed", "published", "passed"),
         wide=wide,
     )
-    failed = [f"{comparison.target} ({comparison.quantity})" for comparison in comparisons if not comparison.passed]
+    failed = [f"{row['target']} ({row['quantity']})" for row in comparisons if not row["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(comparisons)} targets are missed: {', '.join(failed)}")
     return FAILED if failed else GOOD
@@ -65,13 +65,13 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         checks = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
-        [check.row() for check in checks],
+        checks,
         as_json=as_json,
         title="Friction",
         first=("quantity", "value", "expected", "passed"),
         wide=wide,
     )
-    failed = [check.quantity for check in checks if not check.passed]
+    failed = [check["quantity"] for check in checks if not check["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(checks)} checks fail: {'; '.join(failed)}")
     return FAILED if failed else GOOD
@@ -96,10 +96,10 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
         for result in study.run(quick=quick, folder=folder, command=command_line, progress=progress):
-            print(atomic_files.json_line(result.row()) if as_json else study.line(result), flush=True)
+            print(atomic_files.json_line(result) if as_json else study.line(result), flush=True)
             results.append(result)
     failed, unjudged = (
-        [result.scene for result in results if result.verdict == verdict] for verdict in ("fail", "not judged")
+        [result["scene"] for result in results if result["verdict"] == verdict] for verdict in ("fail", "not judged")
     )
     if unjudged:
         console.say(f"magtip: {len(unjudged)} of {len(results)} cases yield no measurement: {'; '.join(unjudged)}")

@@ -21,11 +21,10 @@ from geometry.bad_input import SolveFailed
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.output import records
-from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
-from studies.output.provenance import made, versions
-from studies.output.records import FlatRow
+from studies.output.provenance import versions
+from studies.validation import pages
+from studies.validation.pages import Row
 
 ABOUT = """\
 Coulomb friction is checked on the paper's sensor: onset of slip, full slip, a cycle of shear, and the other models.
@@ -60,30 +59,6 @@ SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
-    """One number of the study and its value by theory.
-
-    Attributes
-    ----------
-    check : the part of the study, for example "onset".
-    off : relative difference between value and expected value; absolute if the expected value is 0.
-    bound : the largest `off` that passes.
-    """
-
-    check: str
-    quantity: str
-    value: float
-    expected: float
-    off: float
-    bound: float
-    passed: bool
-
-    def row(self) -> FlatRow:
-        """Return the check as columns of friction.csv and JSON."""
-        return records.flat(self)
-
-
-@dataclass(frozen=True, slots=True)
 class Curve:
     """Tangential over normal force along a shear, after a press to DEPTH."""
 
@@ -99,7 +74,7 @@ class StoppedError(SolveFailed):
 
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> list[Check]:
+) -> list[Row]:
     """Run all checks; if a folder is given, write friction.csv, FRICTION.md and friction.png into it.
 
     Parameters
@@ -109,19 +84,19 @@ def run(
     """
     report_progress = progress or (lambda share, text: None)
     origin = versions()
-    checks: list[Check] = []
+    checks: list[Row] = []
     curves: list[Curve] = []
     loop: list[Solution] = []
 
-    def sheared(mu: float, farthest: float) -> list[Check]:
+    def sheared(mu: float, farthest: float) -> list[Row]:
         curves.append(curve(mu, farthest, 8, COARSE if quick else QUICK))
         return [full_slip(curves[-1])]
 
-    def cycled() -> list[Check]:
+    def cycled() -> list[Row]:
         loop.extend(cycle(0.2, COARSE if quick else QUICK))
         return closed(loop)
 
-    parts: list[tuple[str, Callable[[], list[Check]]]] = [("onset", partial(onset, QUICK_ONSET if quick else ONSET))]
+    parts: list[tuple[str, Callable[[], list[Row]]]] = [("onset", partial(onset, QUICK_ONSET if quick else ONSET))]
     parts += [(f"full slip, mu = {mu:g}", partial(sheared, mu, farthest)) for mu, farthest in MUS.items()]
     parts.append(("cycle", cycled))
     if not quick:
@@ -132,15 +107,20 @@ def run(
         try:
             checks += part()
         except StoppedError as stop:
-            checks.append(Check(name, f"no measurement: {stop}", NAN, NAN, NAN, NAN, passed=False))
+            checks.append(_check(name, f"no measurement: {stop}", NAN, NAN, NAN))
     if folder is not None:
         write(folder, checks, curves, loop, origin, command)
     return checks
 
 
-def _check(check: str, quantity: str, value: float, expected: float, bound: float) -> Check:
+def _check(check: str, quantity: str, value: float, expected: float, bound: float) -> Row:
+    """Return a number of the study and its value by theory.
+
+    `off` is the relative difference, absolute if 0 is expected; it passes up to `bound`.
+    """
     off = abs(value / expected - 1) if expected else abs(value)
-    return Check(check, quantity, value, expected, off, bound, bool(off <= bound))
+    row: Row = {"check": check, "quantity": quantity, "value": value, "expected": expected}
+    return row | {"off": off, "bound": bound, "passed": bool(off <= bound)}
 
 
 def _follow(
@@ -152,7 +132,7 @@ def _follow(
     return states
 
 
-def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Check]:
+def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Row]:
     """Check tangential force and stick area against Cattaneo and Mindlin, up to full slip and beyond."""
     design = paper()
     G, nu, radius = design.E / 2 / (1 + design.nu), design.nu, math.sqrt(design.R * depth)
@@ -181,7 +161,7 @@ def curve(mu: float, farthest: float, count: int, level: Accuracy) -> Curve:
     return Curve(mu, shears.tolist(), [s.response.force[0] for s in states], [s.response.force[2] for s in states])
 
 
-def full_slip(sheared: Curve) -> Check:
+def full_slip(sheared: Curve) -> Row:
     """Check the ratio of tangential to normal force in the last state of a curve, where the whole contact slips."""
     ratio = sheared.force_N[-1] / sheared.normal_N[-1]
     return _check("full slip", f"tangential / normal force, mu = {sheared.mu:g}", ratio, sheared.mu, 0.01)
@@ -194,7 +174,7 @@ def cycle(mu: float, level: Accuracy, steps: int = 10) -> list[Solution]:
     return _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
 
 
-def closed(states: Sequence[Solution]) -> list[Check]:
+def closed(states: Sequence[Solution]) -> list[Row]:
     """Check that a cycle closes, that its branches mirror each other, and that its area is the dissipated energy."""
     shear, force = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
     turn, back, end = shear.index(max(shear)), shear.index(min(shear)), len(shear) - 1
@@ -214,7 +194,7 @@ def closed(states: Sequence[Solution]) -> list[Check]:
     ]
 
 
-def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Check]:
+def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Row]:
     """Check the forces of a model of tetrahedra against the harmonic model, at partial and at full slip."""
     loads = [Load(depth=0.5, shear_x=shear, friction=mu) for shear in shears]
     solid = _follow(loads, SOLID, "ignored", model=model)
@@ -228,7 +208,7 @@ def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 
     return checks
 
 
-def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 2.5) -> Check:
+def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 2.5) -> Row:
     """Check full slip under a tilted plate. A response holds the tip's force along x and the plate's along z."""
     (state,) = _follow(
         [Load(depth=depth, shear_x=shear, friction=mu, plate_tilt=TILT)], level, "ignored", model="full"
@@ -243,28 +223,21 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
 
 def write(
     folder: Path,
-    checks: Sequence[Check],
+    checks: Sequence[Row],
     curves: Sequence[Curve],
     loop: Sequence[Solution],
     origin: str,
     command: str,
 ) -> None:
     """Write friction.csv, FRICTION.md and friction.png."""
-    write_table(folder / "friction.csv", [check.row() for check in checks], digits=9)
+    write_table(folder / "friction.csv", checks, digits=9)
     draw_friction(folder / "friction.png", curves, loop)
-    passed = sum(check.passed for check in checks)
-    lines = ["# Coulomb friction", "", f"{passed} of {len(checks)} checks pass.", ""]
-    lines += [
-        "| check | quantity | value | expected | relative difference | bound | |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for check in checks:
-        numbers = " | ".join(f"{value:.4g}" for value in (check.value, check.expected, check.off, check.bound))
-        verdict = "pass" if check.passed else "**fail**"
-        lines.append(f"| {check.check} | {check.quantity} | {numbers} | {verdict} |")
-    lines += ["", "![Shear after a press of 1 mm: onset of slip for several mu, and a cycle](friction.png)", ""]
-    lines += [*ABOUT.splitlines(), "", made(command, origin)]
-    write_text(folder / "FRICTION.md", "\n".join(lines) + "\n")
+    passed = f"{sum(check['passed'] for check in checks)} of {len(checks)} checks pass."
+    heads = {name: name for name in ("check", "quantity", "value", "expected")}
+    heads |= {"off": "relative difference", "bound": "bound", "passed": "passed"}
+    picture = "![Shear after a press of 1 mm: onset of slip for several mu, and a cycle](friction.png)"
+    blocks = ["# Coulomb friction", passed, pages.markdown(checks, heads, 4), picture, ABOUT]
+    pages.write(folder / "FRICTION.md", blocks, command, origin)
 
 
 def draw_friction(path: Path, curves: Sequence[Curve], cycle: Sequence[Solution]) -> None:

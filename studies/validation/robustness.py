@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.output import records
-from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
-from studies.output.provenance import made, versions
-from studies.output.records import FlatRow
-from studies.validation import robustness_checks, robustness_ends
+from studies.output.provenance import versions
+from studies.validation import pages, robustness_checks, robustness_ends
+from studies.validation.pages import Row
 from studies.validation.robustness_cases import cases
 from studies.validation.robustness_checks import Case, Measurement, StoppedError
 
@@ -40,56 +37,16 @@ between the points of integration (section meshes only).
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
-    """Result of a case; NaN where there is no number.
-
-    Attributes
-    ----------
-    status : status of the last state, "bad_input", or "crashed" after an exception.
-    check : measured quantity, or the reason why there is no measurement.
-    passed : whether the verdict is "pass".
-    ends : expected statuses, separated by spaces.
-    depth_mm, shear_mm, force_x_N, force_z_N : load and force of the last state.
-    inside_out_share : share of the silicone's volume that is inverted (J <= 0); section meshes only.
-    changes : fields that differ from the paper's design.
-    """
-
-    scene: str
-    verdict: Verdict
-    status: str
-    message: str
-    seconds: float
-    check: str
-    measured: float
-    bound: float
-    passed: bool
-    ends: str
-    model: str
-    accuracy: str
-    magnet: str
-    depth_mm: float
-    shear_mm: float
-    force_x_N: float
-    force_z_N: float
-    inside_out_share: float
-    changes: str
-
-    def row(self) -> FlatRow:
-        """Return the columns of extremes.csv and JSON."""
-        return records.flat(self)
-
-
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> Iterator[Result]:
+) -> Iterator[Row]:
     """Yield the result of each case; if a folder is given, write extremes.csv and EXTREMES.md at the end.
 
     Parameters
     ----------
     command : the command line that the report quotes.
     """
-    results: list[Result] = []
+    results: list[Row] = []
     origin = versions()
     chosen = cases(quick=quick)
     for i, case in enumerate(chosen):
@@ -101,8 +58,8 @@ def run(
         write(folder, results, origin, command)
 
 
-def examine(case: Case) -> Result:
-    """Return the result of one case; an exception has the status "crashed" and its text as the message."""
+def examine(case: Case) -> Row:
+    """Return the row of one case; an exception has the status "crashed" and its text as the message."""
     begin = time.perf_counter()
     measurement: Measurement | None = None
     status: str
@@ -149,41 +106,35 @@ def _verdict(case: Case, measurement: Measurement | None, status: str) -> Verdic
     return "pass" if measurement.measured <= _bound(case, measurement) else "fail"
 
 
-def _result(case: Case, measurement: Measurement | None, status: str, message: str, seconds: float) -> Result:
+def _result(case: Case, measurement: Measurement | None, status: str, message: str, seconds: float) -> Row:
+    """Return the columns of extremes.csv and JSON; NaN where there is no number.
+
+    `check` is the measured quantity, or the reason why there is no measurement; `changes` are the fields that differ
+    from the paper's design; load and force are those of the last state.
+    """
     end = measurement.solution if measurement else None
     measured = measurement.measured if measurement else None
     response = end.response if end else None
     verdict = _verdict(case, measurement, status)
-    return Result(
-        scene=case.name,
-        verdict=verdict,
-        status=status,
-        message=message,
-        seconds=seconds,
-        check=measurement.check if measurement else "none",
-        measured=NAN if measured is None else measured,
-        bound=NAN if measurement is None or measured is None else _bound(case, measurement),
-        passed=verdict == "pass",
-        ends=" ".join(case.ends),
-        model=end.model if end else case.model,
-        accuracy=case.accuracy.name,
-        magnet=case.magnet,
-        depth_mm=end.load.depth if end else NAN,
-        shear_mm=end.load.shear_x if end else NAN,
-        force_x_N=response.force[0] if response else NAN,
-        force_z_N=response.force[2] if response else NAN,
-        inside_out_share=robustness_checks.folded_share(end) if end and end.model == "axisymmetric" else NAN,
-        changes=" ".join(f"{name}={value:.9g}" for name, value in case.changes.items()),
-    )
+    inside_out = robustness_checks.folded_share(end) if end and end.model == "axisymmetric" else NAN
+    row: Row = {"scene": case.name, "verdict": verdict, "status": status, "message": message, "seconds": seconds}
+    row |= {"check": measurement.check if measurement else "none", "measured": NAN if measured is None else measured}
+    row["bound"] = NAN if measurement is None or measured is None else _bound(case, measurement)
+    row |= {"passed": verdict == "pass", "ends": " ".join(case.ends), "model": end.model if end else case.model}
+    row |= {"accuracy": case.accuracy.name, "magnet": case.magnet}
+    row |= {"depth_mm": end.load.depth if end else NAN, "shear_mm": end.load.shear_x if end else NAN}
+    row |= {f"force_{axis}_N": response.force[k] if response else NAN for k, axis in ((0, "x"), (2, "z"))}
+    changes = " ".join(f"{name}={value:.9g}" for name, value in case.changes.items())
+    return row | {"inside_out_share": inside_out, "changes": changes}
 
 
-def line(result: Result) -> str:
+def line(result: Row) -> str:
     """Return the result as a line of text: `pass  deep: ok in 0.5 s; force 0.0002, at most 0.005`."""
-    verdict = "FAIL" if result.verdict == "fail" else result.verdict
-    message = f"; {result.message}" if result.message else ""
-    measured = None if math.isnan(result.measured) else result.measured
-    text = _text(result.check, measured, result.bound)
-    return f"{verdict}  {result.scene}: {result.status} in {result.seconds:.1f} s; {text}{message}"
+    verdict = "FAIL" if result["verdict"] == "fail" else result["verdict"]
+    message = f"; {result['message']}" if result["message"] else ""
+    measured = None if math.isnan(result["measured"]) else result["measured"]
+    text = _text(result["check"], measured, result["bound"])
+    return f"{verdict}  {result['scene']}: {result['status']} in {result['seconds']:.1f} s; {text}{message}"
 
 
 def _text(check: str, measured: float | None, bound: float) -> str:
@@ -201,27 +152,13 @@ def counted(verdicts: Sequence[Verdict]) -> str:
     return f"{passed} of {len(verdicts)} cases pass, {failed} fail, {not_judged} {verb} not judged"
 
 
-def write(folder: Path, results: Sequence[Result], origin: str, command: str) -> None:
+def write(folder: Path, results: Sequence[Row], origin: str, command: str) -> None:
     """Write extremes.csv with all columns and the report EXTREMES.md."""
-    write_table(folder / "extremes.csv", [result.row() for result in results], digits=9)
-    heads = ["case", "status", "s", "check", "measured", "bound", "inverted", "verdict", "message"]
-    lines = ["# Extremes", "", f"{counted([result.verdict for result in results])}.", ""]
-    lines += ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
-    for result in results:
-        cells = [
-            result.scene,
-            result.status,
-            f"{result.seconds:.1f}",
-            result.check,
-            *(_number(value) for value in (result.measured, result.bound, result.inside_out_share)),
-            "pass" if result.passed else f"**{result.verdict}**",
-            result.message,
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    samples = [f"- {result.scene}: `{result.changes}`" for result in results if result.scene.startswith("sample")]
-    lines += ["", *ABOUT.splitlines(), "", *samples, "", made(command, origin)]
-    write_text(folder / "EXTREMES.md", "\n".join(lines) + "\n")
-
-
-def _number(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:.2g}"
+    write_table(folder / "extremes.csv", results, digits=9)
+    heads = {"scene": "case", "status": "status", "seconds": "s", "check": "check", "measured": "measured"}
+    heads |= {"bound": "bound", "inside_out_share": "inverted", "verdict": "verdict", "message": "message"}
+    bold = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in results]
+    samples = (f"{row['scene']}: `{row['changes']}`" for row in results if row["scene"].startswith("sample"))
+    counts = f"{counted([row['verdict'] for row in results])}."
+    blocks = ["# Extremes", counts, pages.markdown(bold, heads, 2), ABOUT, pages.listed(samples, "")]
+    pages.write(folder / "EXTREMES.md", blocks, command, origin)

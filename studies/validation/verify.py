@@ -8,18 +8,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
-from studies.output import records
-from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
-from studies.output.provenance import made, versions
-from studies.output.records import FlatRow
-from studies.validation.verification_target import Judged, Quantity, Target
-from studies.validation.verify_targets import targets
+from studies.output.provenance import versions
+from studies.validation import pages
+from studies.validation.pages import Row
+from studies.validation.verify_targets import Quantity, Target, targets
 
 ABOUT = """\
 Each target is checked by one of three numbers: the value on the finest mesh, its Richardson extrapolation, or the
@@ -31,50 +28,13 @@ pass.
 NAN = math.nan
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """A computed quantity and its published value; NaN where nothing was computed.
-
-    Attributes
-    ----------
-    computed : value on the finest mesh, or the order of convergence if that is checked.
-    extrapolated, order : limit and order of Richardson's extrapolation.
-    error_percent, tolerance_percent : percent of the published value.
-    judged : which number is checked against the tolerance.
-    seconds : time of all meshes of the target.
-    meshes : elements along a side, joined by hyphens.
-    message : reason why the problem was not solved, or empty.
-    """
-
-    target: str
-    quantity: str
-    published: float
-    computed: float
-    extrapolated: float
-    order: float
-    error_percent: float
-    tolerance_percent: float
-    judged: Judged
-    passed: bool
-    seconds: float
-    meshes: str
-    source: str
-    note: str
-    message: str
-
-    def row(self) -> FlatRow:
-        """Return the columns of verify.csv and JSON."""
-        return records.flat(self)
-
-    def printed(self) -> FlatRow:
-        """Return the columns of a printed table, with enough digits of the values."""
-        values = {"published": self.published, "computed": self.computed, "extrapolated": self.extrapolated}
-        return self.row() | {name: _number(value, 6) for name, value in values.items()}
+DETAILS = ("judged", "meshes", "source", "message", "note")
+"""Columns that the printed table leaves out."""
 
 
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> list[Comparison]:
+) -> list[Row]:
     """Solve all targets, and write verify.csv and VERIFY.md if a folder is given.
 
     Parameters
@@ -87,7 +47,7 @@ def run(
     One comparison per quantity.
     """
     origin, chosen = versions(), targets(quick=quick)
-    comparisons: list[Comparison] = []
+    comparisons: list[Row] = []
     for i, target in enumerate(chosen):
         comparisons += evaluate(target, i / len(chosen), progress)
     if folder is not None:
@@ -95,7 +55,7 @@ def run(
     return comparisons
 
 
-def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None) -> list[Comparison]:
+def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None) -> list[Row]:
     """Comparisons of one target; a problem that finds no solution fails with the reason in `message`.
 
     Parameters
@@ -120,10 +80,12 @@ def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None
     ]
 
 
-def _comparison(
-    target: Target, quantity: Quantity, family: Sequence[float], seconds: float, message: str
-) -> Comparison:
-    """Compare a quantity's values on the family of meshes, the finest last, with the published one."""
+def _comparison(target: Target, quantity: Quantity, family: Sequence[float], seconds: float, message: str) -> Row:
+    """Compare a quantity's values on the family of meshes, the finest last, with the published one.
+
+    `computed` is the value on the finest mesh, or the order of convergence if that is checked; `extrapolated` and
+    `order` are limit and order of Richardson's extrapolation; NaN where nothing was computed.
+    """
     computed = family[-1] if family else NAN
     extrapolated, order = richardson(target.meshes, family)
     if target.judged == "order" and family:
@@ -132,23 +94,23 @@ def _comparison(
         order = computed
     checked = extrapolated if target.judged == "extrapolated" and math.isfinite(extrapolated) else computed
     error = checked - quantity.published
-    return Comparison(
-        target=target.name,
-        quantity=quantity.name,
-        published=quantity.published,
-        computed=computed,
-        extrapolated=extrapolated,
-        order=order,
-        error_percent=100 * error / quantity.published,
-        tolerance_percent=100 * quantity.tolerance / quantity.published,
-        judged=target.judged,
-        passed=abs(error) <= quantity.tolerance,
-        seconds=seconds,
-        meshes="-".join(map(str, target.meshes)),
-        source=target.source,
-        note=target.note,
-        message=message,
-    )
+    return {
+        "target": target.name,
+        "quantity": quantity.name,
+        "published": quantity.published,
+        "computed": computed,
+        "extrapolated": extrapolated,
+        "order": order,
+        "error_percent": 100 * error / quantity.published,
+        "tolerance_percent": 100 * quantity.tolerance / quantity.published,
+        "judged": target.judged,
+        "passed": abs(error) <= quantity.tolerance,
+        "seconds": seconds,
+        "meshes": "-".join(map(str, target.meshes)),
+        "source": target.source,
+        "note": target.note,
+        "message": message,
+    }
 
 
 def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
@@ -177,29 +139,22 @@ def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float,
     return float(h + (h - g) * c**-p / (b**-p - c**-p)), p
 
 
-def write(folder: Path, comparisons: Sequence[Comparison], origin: str, command: str) -> None:
+def write(folder: Path, comparisons: Sequence[Row], origin: str, command: str) -> None:
     """Write verify.csv with 12 digits and the report VERIFY.md."""
-    write_table(folder / "verify.csv", [c.row() for c in comparisons], digits=12)
-    passed = sum(c.passed for c in comparisons)
-    heads = ["target", "quantity", "published", "computed", "extrapolated", "order", "error %", "allowed %", ""]
-    lines = ["# Verification", "", f"{passed} of {len(comparisons)} targets are met.", ""]
-    lines += ["| " + " | ".join([*heads, "meshes"]) + " |", "|---" * (len(heads) + 1) + "|"]
-    for c in comparisons:
-        values = [_number(value, 6) for value in (c.published, c.computed, c.extrapolated)]
-        errors = [_number(value, 3) for value in (c.order, c.error_percent, c.tolerance_percent)]
-        verdict = "pass" if c.passed else f"**fail** {c.message}".strip()
-        lines.append("| " + " | ".join([c.target, c.quantity, *values, *errors, verdict, c.meshes]) + " |")
-    lines += ["", *ABOUT.splitlines(), "", "Sources:", ""]
-    lines += [f"- {name}: {source}" for name, source in {c.target: c.source for c in comparisons}.items()]
-    lines += ["", "Notes:", ""]
-    lines += [f"- {name}: {note}" for name, note in {c.target: c.note for c in comparisons}.items() if note]
-    lines += ["", made(command, origin)]
-    write_text(folder / "VERIFY.md", "\n".join(lines) + "\n")
+    write_table(folder / "verify.csv", comparisons, digits=12)
+    met = f"{sum(c['passed'] for c in comparisons)} of {len(comparisons)} targets are met."
+    shown = [printed(c) | {"": "pass" if c["passed"] else f"**fail** {c['message']}".strip()} for c in comparisons]
+    heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
+    heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}
+    sources = {c["target"]: c["source"] for c in comparisons}
+    notes = {c["target"]: c["note"] for c in comparisons if c["note"]}
+    blocks = ["# Verification", met, pages.markdown(shown, heads), ABOUT]
+    blocks += ["Sources:", pages.listed(f"{name}: {text}" for name, text in sources.items())]
+    blocks += ["Notes:", pages.listed(f"{name}: {text}" for name, text in notes.items())]
+    pages.write(folder / "VERIFY.md", blocks, command, origin)
 
 
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}g}" if math.isfinite(value) else ""
-
-
-DETAILS = ("judged", "meshes", "source", "message", "note")
-"""Columns that the printed table leaves out."""
+def printed(comparison: Row) -> Row:
+    """Return a row with enough digits of the values, for a printed table."""
+    names = ("published", "computed", "extrapolated")
+    return comparison | {name: pages.cell(comparison[name], 6) for name in names}

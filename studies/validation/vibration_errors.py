@@ -24,15 +24,15 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.inputs.exit_status import FAILED, GOOD
-from studies.output import atomic_files, checkpoint, console, own_files, records
+from studies.output import atomic_files, checkpoint, console, own_files
 from studies.output.csv_tables import write_table
 from studies.output.goals import Goal, missed, verdict
-from studies.output.markdown_tables import markdown
-from studies.output.provenance import made, versions
-from studies.output.records import FlatRow
+from studies.output.provenance import versions
 from studies.simulation import response_curves, vibration_estimates
 from studies.simulation.response_curves import Complex, Curves
+from studies.validation import pages
 from studies.validation.error_study_cases import designs, rounded
+from studies.validation.pages import Row
 
 ABOUT = """\
 Twelve designs (those of `magtip validate accuracy`) vibrate with a rigid magnet: about two presses each,
@@ -56,6 +56,7 @@ FINE_DESIGNS = (0, 3, 6, 9)
 GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
 """Goals; estimate over error up to which it is sharp; estimate below which the reference is hardly better."""
 NAN = float("nan")
+FIGURES = ("static_error", "static_estimate", "largest_error", "difference", "holds", "sharp")
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
 APART = ("fem/results/error_estimates.py", "fem/results/error_estimate_rules.py")
 """Modules on which no kept solve depends."""
@@ -77,35 +78,6 @@ class Case:
         return [level for name, level in LEVELS.items() if fine or name != "fine"]
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """One quantity of one case at one level, over all frequencies.
-
-    Attributes
-    ----------
-    static_error, static_estimate : at the lowest frequency, relative.
-    largest_error : of all frequencies.
-    difference : median relative difference to the coarser mesh, over its amplification by resonances.
-    holds, sharp : shares of the frequencies, see ABOUT.
-    commit : that of the code that solved it.
-    """
-
-    design: int
-    kind: str
-    depth_mm: float
-    shear_mm: float
-    level: str
-    motion: str
-    quantity: str
-    static_error: float
-    static_estimate: float
-    largest_error: float
-    difference: float
-    holds: float
-    sharp: float
-    commit: str = ""
-
-
 def cases(*, quick: bool = False) -> list[Case]:
     """Return all cases; if quick, two of the first design."""
     chosen = []
@@ -123,12 +95,12 @@ def cases(*, quick: bool = False) -> list[Case]:
     return chosen
 
 
-def run(folder: Any = None, *, quick: bool = False, progress: Progress | None = None) -> list[Judged]:
+def run(folder: Any = None, *, quick: bool = False, progress: Progress | None = None) -> list[Row]:
     """Solve and judge all cases; solves in the folder's solves.jsonl by the same code are not repeated."""
     curves = Path(response_curves.__file__)
     code = checkpoint.digest([*checkpoint.modules("geometry", "fem", "analytic", apart=APART), curves])
     store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", code)
-    chosen, judged = cases(quick=quick), list[Judged]()
+    chosen, judged = cases(quick=quick), list[Row]()
     for i, case in enumerate(chosen):
         levels = case.levels[:1] if quick else case.levels
         truth = replace(REFERENCE, section_size=0.06, section_patch=0.003, harmonics=3) if quick else REFERENCE
@@ -144,9 +116,8 @@ def run(folder: Any = None, *, quick: bool = False, progress: Progress | None = 
         for level in levels:
             three = level, coarser(level), truth
             commit = store.commits_of(names[one] for one in three)
-            judged += [
-                replace(one, commit=commit) for one in judge(case, level, *(restored(solved[one]) for one in three))
-            ]
+            answers = [restored(solved[one]) for one in three]
+            judged += [row | {"commit": commit} for row in judge(case, level, *answers)]
     return judged
 
 
@@ -203,18 +174,23 @@ def restored(kept: Mapping[str, Any]) -> dict[str, Curves]:
 
 def judge(
     case: Case, level: Accuracy, fine: Mapping[str, Curves], coarse: Mapping[str, Curves], truth: Mapping[str, Curves]
-) -> list[Judged]:
-    """Return the errors and estimates of a case at a level; NaN for motions that one of the meshes does not have."""
+) -> list[Row]:
+    """Return the errors and estimates of a case at a level; NaN for motions that one of the meshes does not have.
+
+    Errors and estimates are relative, static ones those at the lowest frequency; `difference` is the median one to
+    the coarser mesh, over its amplification by resonances; `holds` and `sharp` are shares of the frequencies.
+    """
     load = case.load
     free = not load.depth
     scene = Scene(case.design, (load,), level, "rigid", "axisymmetric" if free else vibration_model(load))
     judged = []
-    place = case.number, case.kind, load.depth, load.shear_x, level.name
+    place: Row = {"design": case.number, "kind": case.kind, "depth_mm": load.depth, "shear_mm": load.shear_x}
+    place["level"] = level.name
     # a mesh on which the state is not reached has no motions
     for motion in sorted(fine.keys() | coarse.keys() | truth.keys()) or [""]:
         if any(motion not in curves for curves in (fine, coarse, truth)):
             names = QUANTITIES[3:] if free else QUANTITIES[:3]
-            judged += [Judged(*place, motion, name, NAN, NAN, NAN, NAN, NAN, NAN) for name in names]
+            judged += [place | {"motion": motion, "quantity": name} | dict.fromkeys(FIGURES, NAN) for name in names]
             continue
         one, other, true = fine[motion], coarse[motion], truth[motion]
         k = one.readers[0] if one.readers else 0
@@ -230,19 +206,10 @@ def judge(
             error = np.abs(g - g_true) / np.abs(g_true)
             slope = vibration_estimates.amplification(one.frequency, g)
             difference = np.abs(g - g_coarse) / np.maximum(np.abs(g), np.abs(g_coarse)) / slope
-            judged.append(
-                Judged(
-                    *place,
-                    motion,
-                    name,
-                    static_error=float(error[0]),
-                    static_estimate=float(estimate[0]),
-                    largest_error=float(error.max()),
-                    difference=float(np.median(difference)),
-                    holds=float(np.mean(estimate >= error)),
-                    sharp=float(np.mean((estimate <= SHARP * error) | (estimate <= RESOLVED))),
-                )
-            )
+            holds, sharp = estimate >= error, (estimate <= SHARP * error) | (estimate <= RESOLVED)
+            figures = (error[0], estimate[0], error.max(), np.median(difference), holds.mean(), sharp.mean())
+            row = place | {"motion": motion, "quantity": name}
+            judged.append(row | dict(zip(FIGURES, map(float, figures), strict=True)))
     return judged
 
 
@@ -251,52 +218,49 @@ def _known(values: Any) -> Any:
     return values
 
 
-def summary(judged: Sequence[Judged]) -> list[FlatRow]:
+def summary(judged: Sequence[Row]) -> list[Row]:
     """Return a row for each quantity, motion and kind of state: shares over all levels, errors of each level, %."""
     rows = []
     for quantity in QUANTITIES:
         for motion in ("z", "x"):
             for sheared in (False, True):
-                own = [
-                    one
-                    for one in judged
-                    if (one.quantity, one.motion, one.kind == "shear") == (quantity, motion, sheared)
-                ]
+                place = quantity, motion, sheared
+                own = [row for row in judged if (row["quantity"], row["motion"], row["kind"] == "shear") == place]
                 if not own:
                     continue
-                row: FlatRow = {"quantity": quantity, "motion": motion, "about": "a shear" if sheared else "a press"}
+                row: Row = {"quantity": quantity, "motion": motion, "about": "a shear" if sheared else "a press"}
                 if quantity == QUANTITIES[3]:
                     row["about"] = "rest"
                 for level in LEVELS:
-                    errors = [100 * one.largest_error for one in own if one.level == level]
+                    errors = [100 * one["largest_error"] for one in own if one["level"] == level]
                     row[f"{level}: 95 % of errors below, %"] = (
                         f"{np.quantile(errors, 0.95):.2g}" if errors else "not solved"
                     )
                 row["cases"] = len(own)
-                row["holds, %"] = f"{100 * np.mean([one.holds for one in own]):.0f}"
-                row["sharp, %"] = f"{100 * np.mean([one.sharp for one in own]):.0f}"
+                row["holds, %"] = f"{100 * np.mean([one['holds'] for one in own]):.0f}"
+                row["sharp, %"] = f"{100 * np.mean([one['sharp'] for one in own]):.0f}"
                 rows.append(row)
     return rows
 
 
-def goals(judged: Sequence[Judged]) -> list[Goal]:
+def goals(judged: Sequence[Row]) -> list[Goal]:
     """Return the goals of the study; a case without an answer misses them all."""
     posed = []
     for name, goal in (("holds", GOAL), ("sharp", SHARP_GOAL)):
-        share = 100 * float(np.mean([getattr(one, name) for one in judged])) if judged else None
+        share = 100 * float(np.mean([one[name] for one in judged])) if judged else None
         posed.append(Goal(name, share, 100 * goal, len(judged), "%", at_least=True))
     return posed
 
 
-def report(judged: Sequence[Judged], command: str, origin: str) -> str:
-    """Return the text of VIBRATION_ERRORS.md."""
-    lines = ["# Errors of vibrations", "", verdict(goals(judged)), ""]
-    lines += [f"- {goal}" for goal in goals(judged)]
-    lines += ["", *ABOUT.splitlines(), "", markdown(summary(judged)), ""]
+def write(folder: Path, judged: Sequence[Row], command: str, origin: str) -> None:
+    """Write vibration_errors.csv and VIBRATION_ERRORS.md."""
+    write_table(folder / "vibration_errors.csv", judged, digits=4)
+    posed = goals(judged)
     edges = f"{REFERENCE.section_size:g} D, and {REFERENCE.section_patch:g} D at the edge of a glued area"
-    lines += ["Errors are the largest over the frequencies of a case.", f"Edges of the reference are {edges}."]
-    lines += ["", checkpoint.solved_at(one.commit for one in judged), "", made(command, origin)]
-    return "\n".join(lines) + "\n"
+    text = f"Errors are the largest over the frequencies of a case.\nEdges of the reference are {edges}."
+    blocks = ["# Errors of vibrations", verdict(posed), pages.listed(map(str, posed)), ABOUT]
+    blocks += [pages.markdown(summary(judged)), text, checkpoint.solved_at(row["commit"] for row in judged)]
+    pages.write(folder / "VIBRATION_ERRORS.md", blocks, command, origin)
 
 
 def main(out: str, *, quick: bool = False) -> int:
@@ -306,9 +270,8 @@ def main(out: str, *, quick: bool = False) -> int:
     with atomic_files.results(out) as folder, console.progress(as_json=False) as progress:
         judged = run(folder, quick=quick, progress=progress)
         assert folder is not None
-        write_table(folder / "vibration_errors.csv", [records.flat(one) for one in judged], digits=4)
         command = f"python -m studies.validation.vibration_errors {out}{' --quick' if quick else ''}"
-        atomic_files.write_text(folder / "VIBRATION_ERRORS.md", report(judged, command, origin))
+        write(folder, judged, command, origin)
     lost = missed(goals(judged))
     for goal in lost:
         console.say(f"magtip: {goal}")
