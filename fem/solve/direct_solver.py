@@ -20,8 +20,6 @@ from fem.solve.inertia import UNKNOWN, Stability, count_negative
 from fem.solve.pardiso import FEW, Pardiso, SingularMatrixError, have_pardiso
 from geometry.arrays import Array, Ints
 
-SINGLE = 2_000
-"""Unknowns from which single precision is worth its check."""
 LARGEST_BACKWARD_ERROR = 1e-12
 """Largest residual of a known solution over the entries of the matrix and of the solution, up to which pivots without
 exchanges serve. Sections of nu 0 to 0.5, before and beyond an onset of instability, have at most 2e-15."""
@@ -54,34 +52,16 @@ class Solver:
     ) -> None:
         """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError.
 
-        order : for steps of Newton's method, which need no more than single precision: factors of all but small
-            symmetric matrices are then computed in it, in two thirds of the time, if it is accurate enough. Returns
-            the order (n,) in which PARDISO eliminates the unknowns of a large matrix; called at most once. Default:
-            PARDISO's own order, and double precision.
+        order : for steps of Newton's method, which need no more than single precision: factors of large symmetric
+            matrices are then computed in it, in two thirds of the time, if it is accurate enough. Returns the order
+            (n,) in which PARDISO eliminates the unknowns of a large matrix; called at most once. Default: PARDISO's
+            own order, and double precision.
         """
         self._symmetric = symmetric
         if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
         if self._use_pardiso:
-            handle = self._handles.get(symmetric)
-            if handle is None:
-                size = matrix.shape[0]
-                own = None if order is None or not symmetric or size < FEW else order()
-                single = order is not None and symmetric and size >= SINGLE
-                # pairs of pivots are rarely needed: factors in single precision are checked anyway
-                handle = Pardiso(
-                    matrix, symmetric=symmetric, match=not symmetric, order=own, single=single, pairs=not single
-                )
-                self._handles[symmetric] = handle
-            handle.factorise(matrix)
-            if not handle.is_accurate(matrix):
-                handle.close()
-                handle = self._handles[symmetric] = Pardiso(matrix, symmetric=True, match=False, order=handle.order)
-                handle.factorise(matrix)
-            if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: matching is needed
-                handle.close()
-                handle = self._handles[symmetric] = Pardiso(matrix, symmetric=symmetric, match=True)
-                handle.factorise(matrix)
+            self._factorise_by_pardiso(matrix, order if symmetric and matrix.shape[0] >= FEW else None)
             return
         if symmetric:
             self._ldl = self._ldl or Ldl(matrix)
@@ -92,6 +72,27 @@ class Solver:
         if self._order is None:
             self._order = nested_dissection(full)
         self._lu = _superlu(full[self._order][:, self._order])
+
+    def _factorise_by_pardiso(self, matrix: sp.csr_matrix, order: Callable[[], Ints] | None) -> None:
+        """Factorise by PARDISO; `order` for a large matrix in single precision."""
+        symmetric = self._symmetric
+        handle = self._handles.get(symmetric)
+        if handle is None:
+            own, single = (None, False) if order is None else (order(), True)
+            # pairs of pivots are rarely needed: factors in single precision are checked anyway
+            handle = Pardiso(
+                matrix, symmetric=symmetric, match=not symmetric, order=own, single=single, pairs=not single
+            )
+        handle.factorise(matrix)
+        if not handle.is_accurate(matrix):
+            handle.close()
+            handle = Pardiso(matrix, symmetric=True, match=False, order=handle.order)
+            handle.factorise(matrix)
+        if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: matching is needed
+            handle.close()
+            handle = Pardiso(matrix, symmetric=symmetric, match=True)
+            handle.factorise(matrix)
+        self._handles[symmetric] = handle
 
     def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
         """Return the Schur complement (c, c) of some unknowns of a symmetric matrix, given as its upper triangle.
@@ -111,11 +112,14 @@ class Solver:
             raise SingularMatrixError("the stiffness has entries that are not finite")
         same, self.kept, self.schur = np.array_equal(kept, self.kept), kept, None
         if self._use_pardiso:
-            schur = self._condense_by_pardiso(matrix, kept, same=same)
-            if schur is None:
+            if self._condensing is None or not same:
+                self._close_condensing()
+                self._condensing = Pardiso(matrix, symmetric=True, match=False, kept=kept)
+            upper = np.zeros((len(kept), len(kept)))
+            self._condensing.factorise(matrix, upper)
+            if self._condensing.iparm[13]:  # pivots were perturbed
                 return None
-            upper = np.triu(schur)
-            self.schur = upper + np.triu(upper, 1).T
+            self.schur = np.triu(upper) + np.triu(upper, 1).T
             return self.schur
         inner = np.setdiff1d(np.arange(matrix.shape[0]), kept)
         inside = matrix[inner][:, inner]
@@ -128,26 +132,6 @@ class Solver:
         rows = np.concatenate([part.tocoo().row for part in parts])
         self.schur = corner + np.triu(corner, 1).T - self._inside.condense(self._coupling.toarray(), rows)
         return self.schur
-
-    def _condense_by_pardiso(self, matrix: sp.csr_matrix, kept: Ints, *, same: bool) -> Array | None:
-        """Return the upper triangle (c, c) of the Schur complement; None where pivots were perturbed.
-
-        Pairs of pivots are tried only where single ones were perturbed, and kept for the matrices after that.
-
-        same : whether the unknowns `kept` are those of the last call.
-        """
-        for pairs in (False, True):
-            if self._condensing is None or not same or pairs > self._condensing.pairs:
-                if self._condensing is not None:
-                    self._condensing.close()
-                self._condensing = Pardiso(matrix, symmetric=True, match=False, kept=kept, pairs=pairs)
-            schur = np.zeros((len(kept), len(kept)))
-            self._condensing.factorise(matrix, schur)
-            if self._condensing.iparm[13] == 0:
-                return schur
-            if self._condensing.pairs:
-                break
-        return None
 
     def forward(self, b: Array) -> Array:
         """Return b (n,) with the entries of the unknowns kept replaced by b_c - K_ci K_ii^-1 b_i, for `backward`."""
@@ -209,6 +193,9 @@ class Solver:
         """Free the memory of the factorisations."""
         while self._handles:
             self._handles.popitem()[1].close()
+        self._close_condensing()
+
+    def _close_condensing(self) -> None:
         if self._condensing is not None:
             self._condensing.close()
             self._condensing = None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import functools
 import math
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,13 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
+from geometry.compiled import threads
 
 FEW = 10_000
-"""Unknowns up to which PARDISO uses one thread and minimum-degree ordering: half the time of nested dissection."""
+"""Unknowns up to which PARDISO uses one thread and minimum-degree ordering, half the time of nested dissection, and
+double precision."""
+SEQUENTIAL = 1
+"""MKL's number of its layer without threads."""
 LARGEST_ERROR = 1e-2
 """Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
 the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
@@ -38,8 +41,6 @@ def have_pardiso() -> bool:
 @functools.cache
 def _mkl() -> Any:
     """Return the MKL library, initialised by a first call; None if it is not installed."""
-    if "1" in (os.environ.get("MKL_NUM_THREADS"), os.environ.get("OMP_NUM_THREADS")):
-        os.environ.setdefault("MKL_THREADING_LAYER", "SEQUENTIAL")  # loads in half the time
     library = _library()
     if library is None:
         return None
@@ -47,6 +48,8 @@ def _mkl() -> Any:
         mkl = ctypes.CDLL(str(library))
     except OSError:
         return None
+    if threads() == 1:
+        mkl.MKL_Set_Threading_Layer(SEQUENTIAL)  # initialised in half the time
     mkl.MKL_Get_Max_Threads()
     return mkl
 
