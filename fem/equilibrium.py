@@ -178,19 +178,19 @@ def _walk_part(
             yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
 
 
-def _report_share(progress: Progress, done: int, count: int, whole: int, share: float, text: str) -> None:
+def _report_share(progress: Progress, done: int, count: int, total: int, share: float, text: str) -> None:
     """Report the completed share of a part, `count` loads after the first `done`, as a share of all `whole` loads."""
-    progress((done + share * count) / whole, text)
+    progress((done + share * count) / total, text)
 
 
 def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Solution:
     """Return the state with error estimates, if the coarser solve has reached the same load."""
     seconds = state.seconds + coarse_state.seconds
-    one, other = state.load, coarse_state.load
-    same = (one.depth, one.imposed_shear) == (other.depth, other.imposed_shear)
+    load, coarse_load = state.load, coarse_state.load
+    same = (load.depth, load.imposed_shear) == (coarse_load.depth, coarse_load.imposed_shear)
     if not same:
         return replace(state, seconds=seconds)
-    estimates = estimate_response(state.response, coarse_state.response, one, scene, state.model)
+    estimates = estimate_response(state.response, coarse_state.response, load, scene, state.model)
     return replace(state, seconds=seconds, estimates=estimates)
 
 

@@ -13,7 +13,7 @@ from fem.model import elements
 from fem.model.material import evaluate, law
 from fem.results import silicone_limits
 from fem.results.postprocess import read
-from fem.results.silicone_limits import SHARE, largest_eigenvalue, largest_strain
+from fem.results.silicone_limits import VOLUME_SHARE, largest_eigenvalue, largest_strain
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
@@ -130,7 +130,7 @@ def test_a_tenth_of_a_percent_of_the_volume_may_be_beyond():
     e = cube(8)
     u = np.zeros_like(e.nodes)
     u[:, 0] = e.nodes[:, 0] ** 2 / 2
-    assert largest_strain(e, u) == pytest.approx(SHARE, abs=0.02)
+    assert largest_strain(e, u) == pytest.approx(VOLUME_SHARE, abs=0.02)
 
 
 def test_the_strain_of_a_press_hardly_depends_on_the_mesh_or_on_the_model():

@@ -326,15 +326,15 @@ class ForcePath:
 
     def suits(self, load: Load) -> bool:
         """Return whether the mesh is that of a path to another load."""
-        D, own = self.scene.design.D, self._load
+        D, present = self.scene.design.D, self._load
         alike = (load.friction, load.plate_tilt, load.imperfection, load.shears_tip, load.direction) == (
-            own.friction, own.plate_tilt, own.imperfection, own.shears_tip, own.direction
+            present.friction, present.plate_tilt, present.imperfection, present.shears_tip, present.direction
         )  # fmt: skip
-        if own.bonds_contact:
-            return alike and math.isclose(load.depth, own.depth, rel_tol=SAME_MESH)
+        if present.bonds_contact:
+            return alike and math.isclose(load.depth, present.depth, rel_tol=SAME_MESH)
         if self.scene.solid:
             return alike
-        return alike and mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, own.depth / D)
+        return alike and mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
 
     def close(self) -> None:
         """Free the memory of the factorisations."""

@@ -47,7 +47,7 @@ SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
 MOST = 40
 """Largest number of modes that can be requested."""
-MOST_STEPS, CHECK_EVERY, EIGEN_TOLERANCE, NOTHING = 400, 3, 1e-6, 1e-14
+MOST_STEPS, CHECK_EVERY, EIGEN_TOLERANCE, VANISHING = 400, 3, 1e-6, 1e-14
 """Of Lanczos' method: most steps, ten for each of the most modes; steps between two checks, which cost as much as a
 step; relative residual of an eigenvalue, whose error is its square; and length of a vector, over the first
 eigenvalue, below which there are no further ones."""
@@ -95,20 +95,21 @@ def modes(
     return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
 
 
-def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float | None, ...]:
+def estimate_frequencies(found: Modes, coarse: Modes, scene: Scene) -> tuple[float | None, ...]:
     """Return the estimated errors of frequencies, from those on a mesh coarser by COARSER.
 
     The first, second, ... modes of each shape are compared.
     """
     left = {
-        name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
+        name: [f for f, s in zip(coarse.frequency, coarse.shape, strict=True) if s == name]
+        for name in set(found.shape)
     }
     rule = error_rule("modes", scene.magnet, "pressed frequency" if scene.loads[0].depth else "frequency")
     edge, unit = scene.accuracy.section_size, frequency_unit(scene.design)
     errors = []
-    for frequency, name in zip(one.frequency, one.shape, strict=True):
-        coarse = left[name].pop(0) if left[name] else None
-        errors.append(estimate_number(rule, frequency, coarse, edge, unit / frequency))
+    for frequency, name in zip(found.frequency, found.shape, strict=True):
+        value = left[name].pop(0) if left[name] else None
+        errors.append(estimate_number(rule, frequency, value, edge, unit / frequency))
     return tuple(errors)
 
 
@@ -123,7 +124,7 @@ def _solve_modes(scene: Scene, count: int) -> Modes:
     for name, block in blocks.items():
         if len(values[name]) < count and values[name][-1] < limit:
             values[name], _ = eigen(*block, count)
-    lowest = sorted((float(value), name) for name, own in values.items() for value in own)[:count]
+    lowest = sorted((float(value), name) for name, block_values in values.items() for value in block_values)[:count]
     if lowest[0][0] < 0:
         raise NoStateError(
             f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
@@ -220,18 +221,18 @@ def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]
     """
     M = M.copy()
     M.eliminate_zeros()  # most of the pattern is that of pressures and of pairs of different fields
-    whole, n = (M + sp.triu(M, 1).T).tocsr(), K.shape[0]
+    mass, n = (M + sp.triu(M, 1).T).tocsr(), K.shape[0]
     most = min(n, MOST_STEPS)
     V, MV, T = np.empty((most, n)), np.empty((most, n)), np.zeros((most, most))
     solver = Solver()
     try:
         solver.factorise(K)
         # a first vector in the range of K^-1 M has no part that M does not see
-        x = solver.solve(whole @ np.random.default_rng(0).normal(size=n))
+        x = solver.solve(mass @ np.random.default_rng(0).normal(size=n))
         for step in range(most):
-            Mx = whole @ x
+            Mx = mass @ x
             length = math.sqrt(max(x @ Mx, 0.0))
-            if step and (length < NOTHING * abs(T[0, 0]) or _settled(T[:step, :step], length, count)):
+            if step and (length < VANISHING * abs(T[0, 0]) or _settled(T[:step, :step], length, count)):
                 break
             V[step], MV[step] = x / length, Mx / length
             x = solver.solve(MV[step])

@@ -82,10 +82,10 @@ def small_shear(
     return estimated(scene, _solve_small_shear, estimate_small_shear) if estimate else _solve_small_shear(scene)
 
 
-def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> Estimates:
+def estimate_small_shear(found: SmallShear, coarse: SmallShear, scene: Scene) -> Estimates:
     """Return the estimated errors of a small shear, from that on a mesh coarser by COARSER."""
-    numbers = {name: (getattr(one, name), getattr(other, name)) for name in ("stiffness", "shift", "tilt")}
-    return estimate_numbers("small shear", numbers, scene, max(one.contact_radius / scene.design.D, LEAST_RADIUS))
+    numbers = {name: (getattr(found, name), getattr(coarse, name)) for name in ("stiffness", "shift", "tilt")}
+    return estimate_numbers("small shear", numbers, scene, max(found.contact_radius / scene.design.D, LEAST_RADIUS))
 
 
 def _solve_small_shear(scene: Scene) -> SmallShear:

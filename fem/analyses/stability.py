@@ -110,10 +110,10 @@ def critical(
     return estimated(scene, find, estimate_critical, lambda state: state.depth is not None)
 
 
-def estimate_critical(one: Critical, other: Critical, scene: Scene) -> Estimates:
+def estimate_critical(found: Critical, coarse: Critical, scene: Scene) -> Estimates:
     """Return the estimated errors of a critical state, from that on a mesh coarser by COARSER."""
-    numbers = {"depth": (one.depth, other.depth), "force": (one.force, other.force)}
-    base = max((one.depth or 0.0) / scene.design.D, LEAST_DEPTH)
+    numbers = {"depth": (found.depth, coarse.depth), "force": (found.force, coarse.force)}
+    base = max((found.depth or 0.0) / scene.design.D, LEAST_DEPTH)
     return estimate_numbers("critical", numbers, scene, base)
 
 

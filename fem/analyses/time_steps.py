@@ -128,7 +128,7 @@ class ViscousState:
     time : s.
     force : (3,) force along depth and shear x, y, over E D^2.
     work, absorbed : work of the plate, and of the isochoric stresses, since the beginning, over E D^3.
-    other : energy of the pressures and of the plate's springs.
+    elastic : energy of the pressures and of the plate's springs.
     axis : (3,) direction of the last motion, up to its sign.
     strain : (6, t, m, q) derivative of C/2 by the motion along the axis; None before any motion.
     errors : (b,) error of the force along the axis that each branch carries.
@@ -145,7 +145,7 @@ class ViscousState:
     errors: Array
     work: TimeIntegral
     absorbed: TimeIntegral
-    other: float = 0.0
+    elastic: float = 0.0
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     strain: Array | None = None
     largest: float = 0.0
@@ -230,16 +230,16 @@ def advance(
         return answer.reason
     after = with_stiffness(path_at(path, answer, position, plate), stiffness)
     points = measure(path.d.system, answer.state.u)
-    own = overstress.energy(points.C, points.J, points.mu)
-    other = answer.assembly.energy - points.integral(overstress.factor * points.W + own)
-    return _accept(state, after, points, dt, other, iterations)
+    viscous = overstress.energy(points.C, points.J, points.mu)
+    elastic = answer.assembly.energy - points.integral(overstress.factor * points.W + viscous)
+    return _accept(state, after, points, dt, elastic, iterations)
 
 
 def with_error_of_first(before: ViscousState, first: ViscousState, second: ViscousState) -> ViscousState:
     """Return the first state of a smooth motion with its error, which only a second, equal step can tell."""
-    kept = np.exp((before.time - first.time) / before.history.branches.times)
-    gained = (second.errors - kept**2 * before.errors) / (1 + kept)
-    return replace(first, errors=kept * before.errors + gained)
+    decay = np.exp((before.time - first.time) / before.history.branches.times)
+    gained = (second.errors - decay**2 * before.errors) / (1 + decay)
+    return replace(first, errors=decay * before.errors + gained)
 
 
 def _solve(
@@ -260,9 +260,9 @@ def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Arra
     if not state.past or dt == 0:
         # at a corner of the path the last state is the best guess, first with its contact
         return [(path.q, None)] if path.grip else [(path.q, path.overlap > 0), (path.q, None)]
-    times = np.array([*(one.time for one in state.past), state.time])
+    times = np.array([*(past.time for past in state.past), state.time])
     shares = [np.prod([(state.time + dt - b) / (a - b) for b in times if b != a]) for a in times]
-    guess = sum(share * q for share, q in zip(shares, (*(one.q for one in state.past), path.q), strict=True))
+    guess = sum(share * q for share, q in zip(shares, (*(past.q for past in state.past), path.q), strict=True))
     if path.grip:
         return [(np.asarray(guess), None), (path.q, None)]
     last = state.past[-1]
@@ -271,7 +271,7 @@ def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Arra
 
 
 def _accept(
-    state: ViscousState, path: PathState, points: PointState, dt: float, other: float, iterations: int
+    state: ViscousState, path: PathState, points: PointState, dt: float, elastic: float, iterations: int
 ) -> ViscousState:
     """Return the state after a converged step."""
     if not state.past:
@@ -289,7 +289,7 @@ def _accept(
         points=points,
         time=time,
         force=force,
-        other=other,
+        elastic=elastic,
         strain=strain,
         largest=max(state.largest, abs(float(force @ state.axis))),
         iterations=iterations,
@@ -327,14 +327,14 @@ def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
     return replace(
         after,
         absorbed=replace(after.absorbed, total=before.absorbed.total + gained),
-        work=replace(after.work, total=before.work.total + gained + after.other - before.other + slip),
+        work=replace(after.work, total=before.work.total + gained + after.elastic - before.elastic + slip),
     )
 
 
 def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array:
     """Return the errors (b,) of the force after a step, see the module docstring."""
-    own = before.history.branches
-    decayed = np.exp(-dt / own.times) * before.errors
+    branches = before.history.branches
+    decayed = np.exp(-dt / branches.times) * before.errors
     if not before.past or after.strain is None:
         return decayed
     last = before.past[-1]
@@ -343,9 +343,9 @@ def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array
     force = after.points.integral(viscoelasticity.contract(curved, after.strain))
 
     def gained(step: float) -> Array:
-        weight = viscoelasticity.curvature_weight(step / own.times)
-        return np.asarray(own.instantaneous * own.shares * own.times**2 * weight * force)
+        weight = viscoelasticity.curvature_weight(step / branches.times)
+        return np.asarray(branches.instantaneous * branches.shares * branches.times**2 * weight * force)
 
     # the curvature of the first step of a motion is known only after the second one
-    earlier = np.exp(-dt / own.times) * gained(first) if len(before.past) == 1 else 0.0
+    earlier = np.exp(-dt / branches.times) * gained(first) if len(before.past) == 1 else 0.0
     return np.asarray(decayed + gained(dt) + earlier)

@@ -71,7 +71,7 @@ BUDGET, LEAST_BUDGET = 0.5, 0.05
 """Shares of the permitted error that a single step may add: of what the errors carried so far leave, and at least."""
 SHORTEST_SHARE = 1e-4
 """Step over the duration of its part below which the path stops: it has then reached a limit."""
-SAFETY, GROWTH, LEAST = 0.8, 2.0, 0.25
+SAFETY, GROWTH, SHRINKAGE = 0.8, 2.0, 0.25
 """Share of the permitted error that a step aims at, and the largest and least ratio of a step to the last one."""
 HERTZ_SHARE = 0.3
 """Share of the force of a Hertz contact at the deepest load that errors refer to at least: at first touch the force
@@ -206,20 +206,20 @@ def _check(
     """Return the scene of the loads; raises BadInput where they are no path in time."""
     if not loads:
         raise BadInput("a path in time needs at least one load")
-    times = [0.0, *(one.time for one in loads)]
+    times = [0.0, *(timed.time for timed in loads)]
     for before, after in itertools.pairwise(times):
         if not before <= after < math.inf:
             raise BadInput(
                 f"times must be finite and must not decrease from 0 s on; got {after:g} s after {before:g} s"
             )
-    scene = Scene(design, tuple(one.load for one in loads), accuracy, magnet, model)
+    scene = Scene(design, tuple(timed.load for timed in loads), accuracy, magnet, model)
     if scene.solid:
         raise BadInput(f"model {scene.model} has no time steps: choose auto, axisymmetric or harmonic")
     glued: Load | None = None
-    for one in loads:
-        if one.load.bonds_contact and (glued is None or glued.depth != one.load.depth):
+    for timed in loads:
+        if timed.load.bonds_contact and (glued is None or glued.depth != timed.load.depth):
             raise BadInput("a plate that sticks needs one load for the press and a later one for the shear")
-        glued = one.load
+        glued = timed.load
     return scene
 
 
@@ -227,11 +227,11 @@ def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
     """Return the straight motions of a path, in units of D, each with the number of its smooth part."""
     segments: list[Segment] = []
     begin, start = 0.0, np.zeros(3)
-    for one in loads:
-        goal = scene.position(one.load)
-        segments.append(Segment(begin, one.time, start, goal, 0, one.load))
-        begin, start = one.time, goal
-    fastest = max(float(np.linalg.norm(one.velocity)) for one in segments)
+    for timed in loads:
+        goal = scene.position(timed.load)
+        segments.append(Segment(begin, timed.time, start, goal, 0, timed.load))
+        begin, start = timed.time, goal
+    fastest = max(float(np.linalg.norm(segment.velocity)) for segment in segments)
     run = 0
     for i, (before, after) in enumerate(itertools.pairwise(segments), 1):
         jump = before.end == before.begin or after.end == after.begin
@@ -249,7 +249,7 @@ def _follow(
     run, end = -1, segments[-1].end
     with contextlib.closing(path):
         for segment in segments:
-            duration = sum(one.end - one.begin for one in segments if one.run == segment.run)
+            duration = sum(part.end - part.begin for part in segments if part.run == segment.run)
             if segment.run != run:
                 run = segment.run
                 path.begin_motion(segment, duration)
@@ -270,7 +270,8 @@ def _follow(
 def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
     """Return the present state in the user's units."""
     state, scene = path.state, path.scene
-    unit, kept, friction = scene.design.E * scene.design.D**3, state.history.stored(state.points), state.path.friction
+    unit, friction = scene.design.E * scene.design.D**3, state.path.friction
+    stored_by_branches = state.history.stored(state.points)
     found = TimedState(
         time=state.time,
         load=load,
@@ -279,9 +280,9 @@ def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
         slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.path.skin.weights),
         time_error=state.error / max(state.largest, path.least_force) if state.error else 0.0,
         work=state.work.total * unit,
-        stored=(kept + state.other) * unit,
+        stored=(stored_by_branches + state.elastic) * unit,
         # without branches the silicone is elastic: what is left is an error of the integrals
-        dissipated=(state.absorbed.total - kept) * unit if len(state.history.branches.times) else 0.0,
+        dissipated=(state.absorbed.total - stored_by_branches) * unit if len(state.history.branches.times) else 0.0,
         friction_dissipated=state.path.dissipated * unit,
         step=path.steps,
         iterations=path.iterations,
@@ -453,15 +454,15 @@ def _choose_next_step(path: TimedPath, before: ViscousState, tried: ViscousState
     """Set the length of the next step after one of length dt, and return whether that one is accurate enough."""
     decayed = np.exp(-dt / before.history.branches.times) * before.errors
     gained = float(np.abs(tried.errors - decayed).sum())
-    whole = path.control.tolerance / time_steps.CERTAINTY * max(tried.largest, path.least_force)
-    allowed = max(LEAST_BUDGET * whole, BUDGET * (whole - float(np.abs(decayed).sum())))
+    permitted = path.control.tolerance / time_steps.CERTAINTY * max(tried.largest, path.least_force)
+    allowed = max(LEAST_BUDGET * permitted, BUDGET * (permitted - float(np.abs(decayed).sum())))
     ratio = GROWTH if gained == 0 else (SAFETY * allowed / gained) ** (1 / 3)
     if gained > allowed and dt / 2 > shortest:
-        path.next_step = max(LEAST, min(ratio, 0.9)) * dt
+        path.next_step = max(SHRINKAGE, min(ratio, 0.9)) * dt
         return False
     # after the first two steps of a motion a third one of their length, from which the energies are integrated well
     growth = GROWTH if len(before.past) > 1 else 1.0
-    path.next_step = min(growth, max(LEAST, ratio)) * dt
+    path.next_step = min(growth, max(SHRINKAGE, ratio)) * dt
     return True
 
 

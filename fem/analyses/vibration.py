@@ -173,9 +173,9 @@ def plate_loads(state: PathState, plate: Plate, motions: tuple[Motion, ...]) -> 
     at_state = system.state(state.q)
     here, moved = system.assemble(at_state, plate), [_moved(plate, motion) for motion in motions]
     # the springs are linear: moving the plate with the body held changes the residual by the load
-    loads = [here.residual - system.assemble(at_state, one, tangent=False).residual for one in moved]
+    loads = [here.residual - system.assemble(at_state, displaced, tangent=False).residual for displaced in moved]
     before = _plate_force(state, at_state, plate)
-    held = np.stack([_plate_force(state, at_state, one) - before for one in moved], axis=1)
+    held = np.stack([_plate_force(state, at_state, displaced) - before for displaced in moved], axis=1)
     return here, np.stack(loads, axis=1), held[[("x", "z").index(motion) for motion in motions]]
 
 
@@ -253,12 +253,12 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
         return np.asarray((weights * values).reshape(len(values), -1, t).sum(axis=1).ravel())
 
     area = over_lines(np.ones(weights.shape))
-    own = np.where(area > 0, area, 1.0)
-    at_rest = en * over_lines(overlap) / own
+    divisor = np.where(area > 0, area, 1.0)
+    at_rest = en * over_lines(overlap) / divisor
     # the skin's displacement is linear in the unknowns, that of the magnet's surface is not
     normal = plate.frame[2]
     moves = [over_lines(_rise(skin, system.state(state.q + v).u - at_state.u, normal)) for v in V.T]
-    changes = en * np.stack(moves, axis=1) / own[:, None]
+    changes = en * np.stack(moves, axis=1) / divisor[:, None]
     plate_moves = en * np.array([[-normal @ _motion_vector(motion) for motion in block.motions]] * len(area))
     if system.elements.angles.fields == ORDER_FIELDS:  # the first of its two angles is 0, where the cosine is 1
         cosines = np.cos((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES))
@@ -491,7 +491,7 @@ def _solve_part(
     y = system.solve(c, eigenvalues)
     k = len(block.motions)
     force = np.full((len(f), 2, k), np.nan, dtype=np.complex128)
-    kept = np.full((len(f), k), np.nan)
+    amplitude = np.full((len(f), k), np.nan)
     if block.plate is None:
         y = y * eigenvalues[:, None, None]
     else:
@@ -499,10 +499,10 @@ def _solve_part(
         force[:] = 0.0
         force[:, rows] = (block.held - system.b.T @ y) * E * D
         if part.pressure is not None:
-            kept = _kept_amplitude(part.pressure, y) * D
+            amplitude = _kept_amplitude(part.pressure, y) * D
     pose = part.pose @ y
     swap = (0, 2, 1)
-    return force.transpose(swap), pose[:, :2].transpose(swap), pose[:, 2] / D, kept
+    return force.transpose(swap), pose[:, :2].transpose(swap), pose[:, 2] / D, amplitude
 
 
 def _kept_amplitude(pressure: ContactPressure, y: Complex) -> Array:
@@ -514,7 +514,7 @@ def _kept_amplitude(pressure: ContactPressure, y: Complex) -> Array:
     area = np.cumsum(pressure.area[order], axis=1) / pressure.area.sum()
     # the area that a line stands for lies half below and half above its own amplitude; that of the edge is 0
     middle = area - pressure.area[order] / (2 * pressure.area.sum())
-    kept = np.empty((len(y), y.shape[2]))
-    for i, j in np.ndindex(kept.shape):
-        kept[i, j] = np.interp(LOST_AREA, np.append(0.0, middle[i, :, j]), np.append(0.0, rising[i, :, j]))
-    return kept
+    amplitude = np.empty((len(y), y.shape[2]))
+    for i, j in np.ndindex(amplitude.shape):
+        amplitude[i, j] = np.interp(LOST_AREA, np.append(0.0, middle[i, :, j]), np.append(0.0, rising[i, :, j]))
+    return amplitude

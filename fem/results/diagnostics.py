@@ -133,13 +133,13 @@ def inverted_share(d: Discretisation, u: Array) -> float:
     # inversion begins at corners, but a corner on the axis has no 1 / r: the grid stays slightly inside
     points = 1 / (dim + 1) + (1 - OFF_CORNER) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
     e = elements.build(d.mesh, axisymmetric=d.revolved, angles=d.elements.angles, points=points)
-    folded = whole = 0.0
+    folded = total = 0.0
     for at in range(0, len(e.cells), FOLD_BATCH):
         part = slice(at, at + FOLD_BATCH)
         G = elements.gradient(e, part, u)
         J, volumes = 1 + strains(G.reshape(9, -1))[0], elements.volumes(e, part).ravel()
-        folded, whole = folded + float(volumes[J <= 0].sum()), whole + float(volumes.sum())
-    return folded / whole
+        folded, total = folded + float(volumes[J <= 0].sum()), total + float(volumes.sum())
+    return folded / total
 
 
 def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] | None, tuple[float, float] | None]:

@@ -36,7 +36,7 @@ from geometry.arrays import Array
 from geometry.bad_input import BadInput
 from geometry.loads import Load, Response
 
-NOTHING = 1e-12
+ROUNDING = 1e-12
 """Tilts (rad) and numbers of a tangent below this are rounding errors, to which no error is relative. Forces and
 shifts have no such bound: they are small at small loads."""
 
@@ -71,21 +71,21 @@ def estimated(
     return answer if coarse is None else replace(answer, estimates=estimate(answer, coarse, scene))
 
 
-def estimate_response(one: Response, other: Response, load: Load, scene: Scene, model: str) -> Estimates:
+def estimate_response(found: Response, coarse: Response, load: Load, scene: Scene, model: str) -> Estimates:
     """Return the estimated errors of the response to one load of a scene.
 
     Parameters
     ----------
-    one, other : the response, and the response on the coarser mesh.
+    found, coarse : the response, and the response on the coarser mesh.
     load : load of the response; less than the scene's where the path stopped early.
     scene : scene of the response.
     model : model of the response; before a shear it may still be axisymmetric.
     """
     case, accuracy = load_case(load, scene), scene.accuracy
-    if load.imperfection and not load.shears_tip and one.shift[0] * other.shift[0] < 0:
-        other = _mirrored(other)
+    if load.imperfection and not load.shears_tip and found.shift[0] * coarse.shift[0] < 0:
+        coarse = _mirrored(coarse)
     edge = accuracy.solid_size if scene.solid else accuracy.section_size
-    radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
+    radius = max(found.contact_radius / scene.design.D, LEAST_RADIUS)
     growth = _growth_beyond_study(case, load, scene)
     # the coarser solve of a model with one harmonic has two: the whole difference is an error of the model
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
@@ -93,29 +93,29 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     def estimate(
         name: str,
         value: Sequence[float],
-        coarse: Sequence[float],
+        coarse_value: Sequence[float],
         base: float = radius,
         case: LoadCase = case,
-        nothing: float = 0.0,
+        rounding: float = 0.0,
     ) -> float | None:
-        difference = _relative_difference(value, coarse, nothing)
+        difference = _relative_difference(value, coarse_value, rounding)
         rule = error_rule(case, scene.magnet, name)
         return (
             None if difference is None or rule is None else _bounded_error(rule, difference, edge, base, growth, sure)
         )
 
-    tilt = estimate("tilt", (one.tilt, one.tilt_y), (other.tilt, other.tilt_y), nothing=NOTHING)
+    tilt = estimate("tilt", (found.tilt, found.tilt_y), (coarse.tilt, coarse.tilt_y), rounding=ROUNDING)
     upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
-    sideways, along = None, _force_along_shear(one, load)
+    sideways, along = None, _force_along_shear(found, load)
     if along:
-        own = load.coulomb is None or case == "tilted friction"
-        share = abs(along) / math.hypot(*one.force)
+        of_case = load.coulomb is None or case == "tilted friction"
+        share = abs(along) / math.hypot(*found.force)
         sideways = estimate(
-            "sideways", (along,), (_force_along_shear(other, load),), share, case if own else "friction"
+            "sideways", (along,), (_force_along_shear(coarse, load),), share, case if of_case else "friction"
         )
     return Estimates(
-        force=estimate("force", one.force, other.force),
-        shift=estimate("shift", one.shift, other.shift),
+        force=estimate("force", found.force, coarse.force),
+        shift=estimate("shift", found.shift, coarse.shift),
         # the tilt of tetrahedra under an upright press is mesh noise
         tilt=None if tilt is None or (upright and tilt > 1) else tilt,
         sideways=sideways,
@@ -123,19 +123,19 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
 
 
 def estimate_number(
-    rule: ErrorRule | None, one: float | None, other: float | None, edge: float, base: float
+    rule: ErrorRule | None, number: float | None, coarse: float | None, edge: float, base: float
 ) -> float | None:
     """Return the estimated error of a number; None where it is 0, or one of both meshes has none.
 
     Parameters
     ----------
-    one, other : the number, and the number on the coarser mesh.
+    number, coarse : the number, and the number on the coarser mesh.
     edge : edge length of the section over D.
     base : base of the rule.
     """
-    if rule is None or one is None or other is None:
+    if rule is None or number is None or coarse is None:
         return None
-    difference = _relative_difference((one,), (other,), NOTHING)
+    difference = _relative_difference((number,), (coarse,), ROUNDING)
     return None if difference is None else _bounded_error(rule, difference, edge, base)
 
 
@@ -152,8 +152,8 @@ def estimate_numbers(
     edge, magnet = scene.accuracy.section_size, scene.magnet
     return Estimates(
         **{
-            name: estimate_number(error_rule(kind, magnet, name), one, other, edge, base)
-            for name, (one, other) in numbers.items()
+            name: estimate_number(error_rule(kind, magnet, name), number, coarse, edge, base)
+            for name, (number, coarse) in numbers.items()
         }
     )
 
@@ -231,10 +231,10 @@ def _force_along_shear(response: Response, load: Load) -> float:
     return (response.force[0] * load.shear_x + response.force[1] * load.shear_y) / load.shear
 
 
-def _relative_difference(one: Sequence[float], other: Sequence[float], nothing: float) -> float | None:
+def _relative_difference(value: Sequence[float], coarse: Sequence[float], rounding: float) -> float | None:
     """Return the distance of two vectors over the length of the first; None if that is at most `nothing`."""
-    size = math.hypot(*one)
-    return None if size <= nothing else math.dist(one, other) / size
+    size = math.hypot(*value)
+    return None if size <= rounding else math.dist(value, coarse) / size
 
 
 def _bounded_error(

@@ -59,12 +59,12 @@ def revolve(field: Field) -> Body:
     """
     if field.angles.harmonics == 0:
         return Body(field.mesh, field.u, field.p[:, 0], field.vertices)
-    section, half, whole = field.mesh, 2 * SECTORS, field.angles.sines
-    rays = _rays(whole)
+    section, half, full_turn = field.mesh, 2 * SECTORS, field.angles.sines
+    rays = _rays(full_turn)
     corners = len(section.p[0])
     on_axis = section.doflocs[0] < 1e-9 * section.doflocs.max()
     # a corner of the solid is a corner of the section on a ray: the half plane at the angle pi ray / half
-    straight = _wedges(section, on_axis[:corners], whole)
+    straight = _wedges(section, on_axis[:corners], full_turn)
     used, t = np.unique(straight, return_inverse=True)
     node, ray = used // rays, used % rays
     x = section.doflocs
@@ -75,7 +75,7 @@ def revolve(field: Field) -> Body:
     ray %= rays
     angle = np.pi * ray / half
     # the series at the angles of the rays
-    series = angular_fields.fields_at(np.pi * np.arange(rays) / half, field.angles.harmonics, sines=whole)
+    series = angular_fields.fields_at(np.pi * np.arange(rays) / half, field.angles.harmonics, sines=full_turn)
     E = np.einsum("ijt,tjf->tif", angular_fields.rotations(series.theta), series.E)
     u = np.einsum("nif,nf->ni", E[ray], field.u[node])
     where = np.full(len(x[0]), -1)
@@ -86,15 +86,15 @@ def revolve(field: Field) -> Body:
     return Body(skfem.MeshTet2(places, mesh.t), u, p, vertices)
 
 
-def _rays(whole: bool) -> int:
+def _rays(full_turn: bool) -> int:
     """Return the number of rays, two to a wedge; on the whole body the last one is followed by the first."""
-    return 4 * SECTORS if whole else 2 * SECTORS + 1
+    return 4 * SECTORS if full_turn else 2 * SECTORS + 1
 
 
-def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_], whole: bool) -> NDArray[np.int64]:
+def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_], full_turn: bool) -> NDArray[np.int64]:
     """Return the corners (m, 4) of the tetrahedra, section node times the number of rays plus ray; no flat ones."""
     a, b, c = np.sort(section.t, axis=0)[:, :, None]
-    wedges, rays = 2 * SECTORS if whole else SECTORS, _rays(whole)
+    wedges, rays = 2 * SECTORS if full_turn else SECTORS, _rays(full_turn)
     lower, upper = 2 * np.arange(wedges), 2 * np.arange(1, wedges + 1) % rays
 
     def at(node: NDArray[np.int64], ray: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -125,14 +125,14 @@ def _edges(
     for i, j, m in ((0, 1, 3), (1, 2, 4), (0, 2, 5)):
         for first, second, between in triangle[[i, j, m]].T:
             middle[min(first, second), max(first, second)] = between
-    one, other = mesh.edges
-    first, second = node[one], node[other]
+    start, end = mesh.edges
+    first, second = node[start], node[end]
     between = np.array(
         [i if i == j else middle[min(i, j), max(i, j)] for i, j in zip(first, second, strict=True)], dtype=np.int64
     )
     # a node on the axis is on every ray: an edge from it lies on the ray of its other end
-    a = np.where(on_axis[first], ray[other], ray[one])
-    b = np.where(on_axis[second], ray[one], ray[other])
+    a = np.where(on_axis[first], ray[end], ray[start])
+    b = np.where(on_axis[second], ray[start], ray[end])
     # between the last ray and the first one of a whole body
     around = np.where(np.abs(a - b) > 2, 4 * SECTORS, 0)
     return np.concatenate([node, between]), np.concatenate([ray, (a + b + around) // 2])

@@ -14,8 +14,8 @@ the crease is one of the silicone.
 The principal stretches are the square roots of the eigenvalues of C = F^T F; the largest principal nominal strain at
 a point is lambda_1 - 1. Its maximum over the body is no property of the body: at the edge of the bonded magnet and of
 the clamped base it grows with every finer mesh. So the volume decides: the strain of a state, a measure of how far it
-is from tearing, is the value that `SHARE` of the silicone's volume stays below, by the volumes of the integration
-points.
+is from tearing, is the value that `VOLUME_SHARE` of the silicone's volume stays below, by the volumes of the
+integration points.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ REACH = 1.1
 """Factor on the logarithmic strains of a state that has no next one: the next state would have had larger strains."""
 STEPS, BATCH = 200, 256
 """Steps in which the strain at the loss of stability is searched for, and elements per batch."""
-SHARE = 0.999
+VOLUME_SHARE = 0.999
 """Share of the silicone's volume that stays below the strain of a state."""
 
 
@@ -148,7 +148,7 @@ def crease_ratio(state: PathState) -> float | None:
 
 
 def largest_strain(e: Elements, u: Array) -> float:
-    """Return the largest principal nominal strain that `SHARE` of the volume stays below.
+    """Return the largest principal nominal strain that `VOLUME_SHARE` of the volume stays below.
 
     A value of 0.3 is an elongation of 30 %.
 
@@ -159,7 +159,7 @@ def largest_strain(e: Elements, u: Array) -> float:
     strain, volume = _strains(e, u), elements.volumes(e, slice(None)).ravel()
     order = np.argsort(strain)
     below = np.cumsum(volume[order])
-    return float(np.interp(SHARE * below[-1], below, strain[order]))
+    return float(np.interp(VOLUME_SHARE * below[-1], below, strain[order]))
 
 
 def _strains(e: Elements, u: Array) -> Array:

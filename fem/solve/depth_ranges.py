@@ -72,8 +72,8 @@ def harmonics_at(scene: Scene, depth: float) -> int:
     >>> harmonics_at(scene, 0.1), harmonics_at(scene, 0.02)
     (4, 6)
     """
-    own, needed = scene.accuracy.harmonics, orders_needed(scene, depth)
-    return max(own, min(needed, MOST_HARMONICS))
+    least, needed = scene.accuracy.harmonics, orders_needed(scene, depth)
+    return max(least, min(needed, MOST_HARMONICS))
 
 
 def harmonics_missing(scene: Scene, depth: float) -> int:
@@ -96,11 +96,11 @@ def orders_needed(scene: Scene, depth: float) -> int:
     fills an angle of about a / (R sin t) to each side, so the number of orders that resolve it grows like x = sin t
     sqrt(R / d), see OFF_AXIS.
     """
-    own = scene.accuracy.harmonics
+    least = scene.accuracy.harmonics
     if not scene.plate_tilt or depth <= FIRST_TOUCH:
-        return own
+        return least
     away = math.sin(abs(scene.plate_tilt)) * math.sqrt(scene.shape.R / depth)
-    return own + math.ceil(OFF_AXIS * away)
+    return least + math.ceil(OFF_AXIS * away)
 
 
 def graded_depth(depth: float) -> float:

@@ -47,7 +47,7 @@ EASY = 7
 GROWTH = 1.5
 """Ratio of an increment to the easy one before. A failed increment is halved, so a factor of 2 would repeat the
 length that failed."""
-SURE = 0.01
+LONGEST_DOUBTFUL = 0.01
 """Longest increment over D whose result is accepted if it is the first with an unstable direction or crushed
 silicone. Longer ones are halved: they may land on an unstable branch beside the stable one."""
 CRUSHED = 0.25
@@ -55,8 +55,8 @@ CRUSHED = 0.25
 element folded flat (J of 0.1 to 0.2 at its points), on which a long increment may land. At the edges of a glued area
 or of the magnet J stays above 0.35."""
 ONSET_HALVINGS = 3
-"""Halvings of the increment in which the first unstable direction appeared: SURE / 8 is 1 % of a depth of D / 8;
-`fem.analyses.stability` computes a critical depth more accurately."""
+"""Halvings of the increment in which the first unstable direction appeared: LONGEST_DOUBTFUL / 8 is 1 % of a depth of
+D / 8; `fem.analyses.stability` computes a critical depth more accurately."""
 
 
 _watch: ContextVar[Callable[[float], None] | None] = ContextVar("watch", default=None)
@@ -144,7 +144,7 @@ def follow_segment(
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)
         tolerance = PREDICTED_TOLERANCE if rough else _tolerance(state, passed=predicts or target < 1)
-        tried = apply_increment(solver, state, position, tolerance, sure=step * length <= SURE)
+        tried = apply_increment(solver, state, position, tolerance, sure=step * length <= LONGEST_DOUBTFUL)
         iterations += tried.iterations
         if tried.state is not None:
             state, place = tried.state, target
