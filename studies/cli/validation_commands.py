@@ -344,19 +344,18 @@ def assumption(
     command_line = command(assumption, locals())
     from studies.exploration.needed_paths import Processes
     from studies.output.provenance import versions
-    from studies.validation import assumption_report, beam_assumption
+    from studies.validation import beam_assumption
 
     origin = versions(("matplotlib",))
     source = study or beam_assumption.STUDY
     plan = beam_assumption.plan_of(source)
-    atomic_files.check_apart([*atomic_files.inside(out, assumption_report.FILES), store], [source])
+    atomic_files.check_apart([*atomic_files.inside(out, beam_assumption.FILES), store], [source])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         result = beam_assumption.run(plan, progress, Processes(workers, scheduler), store)
         if folder is not None:
-            assumption_report.write(folder, result, origin, command_line)
-    rows = [records.flat(row) for row in result.shares]
+            beam_assumption.write(folder, result, origin, command_line)
     console.report(
-        rows,
+        result.shares,
         as_json=as_json,
         title="Share of the cells within 5 and 10 %",
         first=("quantity", "level", "magnet_height_over_D", "within_10_percent"),

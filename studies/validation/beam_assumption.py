@@ -6,7 +6,6 @@ finite-element model and all levels of the formulas, and its axes L, the size of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,11 +17,11 @@ from geometry.messages import Progress
 from studies.exploration import sweep_request
 from studies.exploration.needed_paths import Processes
 from studies.exploration.study_cases import Cases, Plan
+from studies.output.csv_tables import write_table
 from studies.simulation import beam_cells
 from studies.simulation.beam_cells import Cells, Columns
-from studies.validation import beam_regions, beam_sentences, reading_split
-from studies.validation.beam_regions import BestRow, ShareRow
-from studies.validation.reading_split import SplitCell, SplitMean
+from studies.validation import beam_maps, beam_regions, pages, reading_split
+from studies.validation.pages import Row
 
 STUDY = Path(__file__).resolve().parents[1] / "examples" / "beam_assumption.toml"
 """The shipped study."""
@@ -30,23 +29,48 @@ CELL, WITH_HEIGHT = ("L", "magnet_height", "nu", "depth", "shear"), ("magnet_dia
 """Axes that make a cell, and those that may follow the magnet's height."""
 
 
+FILES = (
+    *("ASSUMPTION.md", "sweep.csv", "shares.csv", "best.csv", "readings.csv"),
+    *("press_force.png", "sinking.png", "shear_force.png", "sideways_shift.png", "tilt.png"),
+    *("best_level.png", "readings.png"),
+)
+"""Files that `write` writes into a folder."""
+
+INTRODUCTION = """\
+The paper treats its sensor as a uniform cantilever: press force (5) with area (7), shear force (6), a magnet that
+neither stiffens the beam nor tilts. Here these formulas, and every level above them, stand against finite elements of
+the same sensor over L/D, height of the magnet, depth, shear and Poisson's ratio. D is {D:g} mm and E is {E:g} MPa:
+lengths scale with D, forces with E D^2, and no error depends on either. The shear is that of a plate stuck to the
+tip.
+
+Errors are formula against finite elements, in %. Those of readings are in % of full scale, the largest change from
+rest of the same sensor. A cell is one design under one load."""
+
+NOTES = """\
+- The plate is frictionless in presses; a tip that is free to slide buckles sideways at the critical depth, and the
+  axisymmetric press beyond it holds the tip on the axis.
+- The Hall elements stay where they are in the base of the sensor (S1 {below:.3g} mm below its surface). They do not
+  enter the mechanics, and a short beam with a tall magnet need not be buildable with them.
+- Levels tip, magnet and finite were calibrated for L/D 1.1 to 4, depths to D/4 and shears to 0.3 D; outside of that
+  their errors here are those of an extrapolation."""
+
+
+SHARES = """\
+Levels paper and finite at nu = {nu:g}; shares.csv has all levels and all nu. A block is the largest one of
+neighbouring cells that are all within the bound."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Assumption:
-    """The design and the table of the sweep, and what follows from it.
-
-    Attributes
-    ----------
-    grids : cells of each body, presses and shears.
-    parts : parts of the readings' errors in each state of the largest nu.
-    """
+    """The design and the table of the sweep, the cells of each body, presses and shears, and what follows."""
 
     design: Design
     table: Columns
     grids: list[Cells]
-    shares: list[ShareRow]
-    best: list[BestRow]
-    parts: list[SplitCell]
-    means: list[SplitMean]
+    shares: list[Row]
+    best: list[Row]
+    parts: list[Row]
+    means: list[Row]
     sentences: list[str]
 
 
@@ -115,5 +139,37 @@ def judged(table: Columns, design: Design) -> Assumption:
     best = beam_regions.best_rows(table, main)
     parts = reading_split.split_cells(table, main, design)
     means = reading_split.split_means(parts, beam_regions.SLENDER)
-    lines: Sequence[str] = beam_sentences.sentences(table, grids, shares, best, means)
-    return Assumption(design, table, grids, shares, best, parts, means, list(lines))
+    lines = beam_regions.sentences(table, grids, shares, means)
+    return Assumption(design, table, grids, shares, best, parts, means, lines)
+
+
+def write(folder: Path, assumption: Assumption, origin: str, command: str) -> None:
+    """Write ASSUMPTION.md, the tables and the maps into an existing folder."""
+    from studies.exploration.study_rows import flat_rows
+
+    tables = {"shares": assumption.shares, "best": assumption.best, "readings": assumption.parts}
+    for name, rows in (tables | {"sweep": list(flat_rows(assumption.table))}).items():
+        write_table(folder / f"{name}.csv", rows)
+    pictures = beam_maps.draw(folder, assumption.table, assumption.grids, assumption.means)
+    design, nu = assumption.design, max(grid.body.nu for grid in assumption.grids)
+    chosen = [row for row in assumption.shares if row["nu"] == nu and row["level"] in ("paper", "finite")]
+    shown = [{name: value for name, value in row.items() if name != "nu"} for row in chosen]
+    blocks = [
+        "# Where the beam assumption holds",
+        INTRODUCTION.format(D=design.D, E=design.E),
+        pages.listed(assumption.sentences),
+        "## Maps",
+        *(f"![{name.removesuffix('.png')}]({name})\n\n{text}" for name, text in pictures.items()),
+        "## Within 5 and 10 %",
+        SHARES.format(nu=nu),
+        pages.markdown(shown),
+        "## Best level by region",
+        "The level of least root mean square error; best.csv.",
+        pages.markdown(assumption.best),
+        "## Readings by the paper's formulas",
+        "Root mean squares in % of full scale; readings.csv has all states.",
+        pages.markdown(assumption.means),
+        "## Notes",
+        NOTES.format(below=design.l0 - design.H),
+    ]
+    pages.write(folder / "ASSUMPTION.md", blocks, command, origin)

@@ -13,7 +13,8 @@ from analytic import beam
 from studies.output.table_plots import COLOURS, sheet
 from studies.simulation.beam_cells import QUANTITIES, Body, Cells, Columns, Kind, all_errors
 from studies.validation.beam_regions import best_levels
-from studies.validation.reading_split import PARTS, SplitMean
+from studies.validation.pages import Row
+from studies.validation.reading_split import PARTS
 
 BOUNDS = (-100, -50, -20, -10, -5, 5, 10, 20, 50, 100)
 """Bounds of the colours, %."""
@@ -21,7 +22,7 @@ SMALL = {"font.size": 9, "axes.labelsize": 9, "xtick.labelsize": 7.5, "ytick.lab
 NAMES: dict[Kind, str] = {"press": "d/D", "shear": "d/D, shear/D"}
 
 
-def draw(folder: Path, table: Columns, grids: Sequence[Cells], means: Sequence[SplitMean]) -> dict[str, str]:
+def draw(folder: Path, table: Columns, grids: Sequence[Cells], means: Sequence[Row]) -> dict[str, str]:
     """Write all maps and return their names, each with the text below it in the report."""
     nu = max(grid.body.nu for grid in grids)
     texts = {}
@@ -160,16 +161,16 @@ def _hatches(grids: Sequence[Cells]) -> list[Any]:
     return [*handles, Patch(facecolor="#cccccc", label="impossible, or no formula")]
 
 
-def split_bars(path: Path, means: Sequence[SplitMean]) -> None:
+def split_bars(path: Path, means: Sequence[Row]) -> None:
     """Draw the parts of the readings' errors: a panel for each kind of load, a group of bars for each sensor."""
-    kinds = list(dict.fromkeys(row.load for row in means))
+    kinds = list(dict.fromkeys(row["load"] for row in means))
     with sheet(path, 7.5, 0.8 + 2.3 * len(kinds), dpi=200, style=SMALL) as figure:
         for axis, load in zip(figure.subplots(len(kinds), 1, squeeze=False).ravel(), kinds, strict=True):
-            own = [row for row in means if row.load == load]
+            own = [row for row in means if row["load"] == load]
             for k, (part, colour) in enumerate(zip(PARTS, COLOURS, strict=False)):
-                heights = [getattr(row, f"{part}_percent_FS") for row in own]
+                heights = [row[f"{part}_percent_FS"] for row in own]
                 axis.bar(np.arange(len(own)) + 0.17 * (k - 2), heights, 0.17, color=colour, label=part)
-            names = [f"{row.magnet_height_over_D:.3g} D\n{row.slenderness.removeprefix('L/D ')}" for row in own]
+            names = [f"{row['magnet_height_over_D']:.3g} D\n{row['slenderness'].removeprefix('L/D ')}" for row in own]
             axis.set_xticks(np.arange(len(own)), names)
             axis.set(yscale="log", ylim=(0.1, 3000), ylabel="error (% of full scale)", title=load)
         axis.set_xlabel("height of the magnet, and L/D")

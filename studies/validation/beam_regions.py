@@ -1,23 +1,24 @@
-"""Regions in which a formula stays within 5 % or 10 %, and the best level of the formulas in each region."""
+"""Regions in which a formula stays within 5 % or 10 %, the best level in each region, and what follows from them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry.arrays import Array
-from studies.simulation.beam_cells import QUANTITIES, Body, Bools, Cells, Columns, Kind, all_errors
+from studies.simulation.beam_cells import QUANTITIES, Body, Bools, Cells, Columns, Kind, all_errors, errors
+from studies.validation.pages import Row
+from studies.validation.reading_split import PARTS
 
 BOUNDS = (5.0, 10.0)
 """Errors that bound a region, %."""
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(NamedTuple):
     """Neighbouring lengths and loads: first and last index of each."""
 
     first_load: int
@@ -26,53 +27,9 @@ class Block:
     last_length: int
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """Number of cells."""
         return (self.last_load - self.first_load + 1) * (self.last_length - self.first_length + 1)
-
-
-@dataclass(frozen=True, slots=True)
-class ShareRow:
-    """Share of the judged cells of a body in which a level is within the bounds, and its typical and largest error.
-
-    Attributes
-    ----------
-    leaning_of_these_percent : share of the cells within 10 % that are deeper than the critical depth of a free tip.
-    within_5_block, within_10_block : the largest block of neighbouring cells within the bound, in words.
-    """
-
-    quantity: str
-    level: str
-    magnet_height_over_D: float
-    nu: float
-    cells: int
-    within_5_percent: float
-    within_10_percent: float
-    leaning_of_these_percent: float
-    median_error_percent: float
-    largest_error_percent: float
-    within_5_block: str
-    within_10_block: str
-
-
-@dataclass(frozen=True, slots=True)
-class BestRow:
-    """The level of least root mean square error in a region, beside the paper's.
-
-    Attributes
-    ----------
-    best_in_percent : share of the region's cells in which this level has the least error of all levels.
-    """
-
-    quantity: str
-    region: str
-    cells: int
-    best_level: str
-    rms_error_percent: float
-    within_10_percent: float
-    best_in_percent: float
-    paper_rms_error_percent: float
-    paper_within_10_percent: float
 
 
 def share(error: Array, bound: float) -> float:
@@ -99,7 +56,7 @@ def largest_block(inside: Bools) -> Block | None:
             whole &= inside[last]
             for begin, end in _runs(whole):
                 block = Block(first, last, begin, end)
-                if best is None or (block.count, end - begin) > (best.count, best.last_length - best.first_length):
+                if best is None or (block.size, end - begin) > (best.size, best.last_length - best.first_length):
                     best = block
     return best
 
@@ -128,8 +85,12 @@ def _span(low: float, high: float) -> str:
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
-def share_rows(table: Columns, grids: Sequence[Cells]) -> list[ShareRow]:
-    """Return a row for each quantity, level and body."""
+def share_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
+    """Return a row for each quantity, level and body: shares of the judged cells within the bounds, errors, blocks.
+
+    `leaning_of_these_percent` is the share of the cells within 10 % that are deeper than the critical depth of a free
+    tip; a block is the largest one of neighbouring cells within the bound, in words.
+    """
     rows = []
     for grid in grids:
         for quantity in QUANTITIES[grid.kind]:
@@ -137,19 +98,17 @@ def share_rows(table: Columns, grids: Sequence[Cells]) -> list[ShareRow]:
                 known = error[np.isfinite(error)]
                 if not len(known):
                     continue
-                blocks = [block_text(grid, largest_block(np.abs(error) <= bound)) for bound in BOUNDS]
-                shares = [share(error, bound) for bound in BOUNDS]
-                largest = float(known[np.abs(known).argmax()])
-                typical = float(np.median(np.abs(known)))
-                body = grid.body
                 near = np.abs(error) <= BOUNDS[-1]
-                leaning = 100 * float(grid.leans[near].mean()) if near.any() else math.nan
-                figures = (len(known), shares[0], shares[1], leaning, typical, largest)
-                rows.append(ShareRow(quantity, level, body.height, body.nu, *figures, blocks[0], blocks[1]))
+                five, ten = (block_text(grid, largest_block(np.abs(error) <= bound)) for bound in BOUNDS)
+                place = {"quantity": quantity, "level": level, "magnet_height_over_D": grid.body.height}
+                row = place | {"nu": grid.body.nu, "cells": len(known)}
+                row |= {"within_5_percent": share(error, BOUNDS[0]), "within_10_percent": share(error, BOUNDS[1])}
+                row["leaning_of_these_percent"] = 100 * float(grid.leans[near].mean()) if near.any() else math.nan
+                row["median_error_percent"] = float(np.median(np.abs(known)))
+                row["largest_error_percent"] = float(known[np.abs(known).argmax()])
+                rows.append(row | {"within_5_block": five, "within_10_block": ten})
     return rows
 
-
-# Best level
 
 SLENDER: dict[str, Callable[[float], bool]] = {
     "L/D below 1.1": lambda ratio: ratio < 1.1,
@@ -168,7 +127,7 @@ BODIES: dict[str, Callable[[Body], bool]] = {
 }
 
 
-def best_rows(table: Columns, grids: Sequence[Cells]) -> list[BestRow]:
+def best_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
     """Return the best level in each region: body, slenderness and depth; regions without a cell are left out."""
     rows = []
     kinds: tuple[Kind, ...] = ("press", "shear")
@@ -196,8 +155,12 @@ def _picked(
     return {level: error[chosen] for level, error in errors.items()}
 
 
-def best_row(quantity: str, region: str, picked: Sequence[Mapping[str, Array]]) -> list[BestRow]:
-    """Return the row of a region from the errors of its bodies, or nothing without a cell."""
+def best_row(quantity: str, region: str, picked: Sequence[Mapping[str, Array]]) -> list[Row]:
+    """Return the row of a region from the errors of its bodies, or nothing without a cell.
+
+    The best level has the least root mean square error; `best_in_percent` is the share of the region's cells in which
+    it has the least error of all levels.
+    """
     if not picked:
         return []
     errors = {level: np.concatenate([each[level] for each in picked]) for level in picked[0]}
@@ -210,19 +173,10 @@ def best_row(quantity: str, region: str, picked: Sequence[Mapping[str, Array]]) 
     best, names = int(rms.argmin()), list(errors)
     winner = np.abs(stacked).argmin(axis=0)
     paper = names.index("paper")
-    return [
-        BestRow(
-            quantity,
-            region,
-            int(known.sum()),
-            names[best],
-            float(rms[best]),
-            share(stacked[best], 10.0),
-            100 * float((winner == best).mean()),
-            float(rms[paper]),
-            share(stacked[paper], 10.0),
-        )
-    ]
+    figures = {"quantity": quantity, "region": region, "cells": int(known.sum()), "best_level": names[best]}
+    row = figures | {"rms_error_percent": float(rms[best]), "within_10_percent": share(stacked[best], 10.0)}
+    row |= {"best_in_percent": 100 * float((winner == best).mean()), "paper_rms_error_percent": float(rms[paper])}
+    return [row | {"paper_within_10_percent": share(stacked[paper], 10.0)}]
 
 
 def best_levels(errors: Mapping[str, Array]) -> tuple[NDArray[np.int64], Array]:
@@ -231,3 +185,162 @@ def best_levels(errors: Mapping[str, Array]) -> tuple[NDArray[np.int64], Array]:
     known = np.isfinite(sizes).any(axis=0)
     filled = np.where(np.isfinite(sizes), sizes, np.inf)
     return np.where(known, filled.argmin(axis=0), -1), np.where(known, filled.min(axis=0), np.nan)
+
+
+# Sentences
+
+FORMULAS = {"press force": "formula (5)", "shear force": "formula (6)"}
+SHORT = next(iter(SLENDER))
+"""Range of the shortest beams."""
+SHALLOW = 0.06
+"""Depth over D up to which a press is called light."""
+
+
+def sentences(table: Columns, grids: Sequence[Cells], shares: Sequence[Row], means: Sequence[Row]) -> list[str]:
+    """Return the findings that the tables do not show: where the paper's formulas hold, readings, failures."""
+    nu = max(grid.body.nu for grid in grids)
+    main = [row for row in shares if row["nu"] == nu]
+    presses, shears = ([g for g in grids if (g.kind, g.body.nu) == (kind, nu)] for kind in ("press", "shear"))
+    lines = overall_sentences(main)
+    for quantity in FORMULAS:
+        lines += [range_sentence(row) for row in main if (row["quantity"], row["level"]) == (quantity, "paper")]
+    lines += light_press_sentence(table, presses) + shear_sign_sentence(table, shears)
+    return lines + reading_sentences(means) + buckling_sentences(table, grids)
+
+
+def overall_sentences(rows: Sequence[Row]) -> list[str]:
+    """Return in which share of all cells the paper's formula, and level finite, are within 10 %."""
+    lines = []
+    for quantity, name in FORMULAS.items():
+        parts = []
+        for level in ("paper", "finite"):
+            own = [row for row in rows if (row["quantity"], row["level"]) == (quantity, level)]
+            cells = sum(row["cells"] for row in own)
+            if cells:
+                share = sum(row["cells"] * row["within_10_percent"] for row in own) / cells
+                parts.append(f"{name if level == 'paper' else 'level finite'} in {share:.0f} %")
+        if parts:
+            lines.append(f"{_capital(quantity)}, all bodies: within 10 % are {' and '.join(parts)} of the cells.")
+    return lines
+
+
+def range_sentence(row: Row) -> str:
+    """Return where the paper's formula holds for one body."""
+    body = Body(row["magnet_height_over_D"], row["nu"]).name
+    name = FORMULAS[row["quantity"]]
+    if not row["within_10_percent"]:
+        return (
+            f"{_capital(body)}, {row['quantity']}: {name} is never within 10 %; its median error is "
+            f"{row['median_error_percent']:.0f} %."
+        )
+    five = f"within 5 % {_where(row['within_5_block'])} ({row['within_5_percent']:.0f} % of all cells)"
+    return (
+        f"{_capital(body)}, {row['quantity']}: {name} is within 10 % {_where(row['within_10_block'])} "
+        f"({row['within_10_percent']:.0f} % of all cells) and {five}; its median error is "
+        f"{row['median_error_percent']:.0f} %.{_leaning(row)}"
+    )
+
+
+def _leaning(row: Row) -> str:
+    """Return how many of the presses within 10 % a tip that slides freely would not reach."""
+    if not row["leaning_of_these_percent"] > 0:
+        return ""
+    return (
+        f" But {row['leaning_of_these_percent']:.0f} % of the cells within 10 % are presses at which a tip that "
+        "slides freely has buckled sideways."
+    )
+
+
+def _where(block: str) -> str:
+    return block if block == "nowhere" else f"for {block}"
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def light_press_sentence(table: Columns, grids: Sequence[Cells]) -> list[str]:
+    """Return the errors of formula (5) in light presses."""
+    values = [errors(table, grid, "paper", "press force")[grid.loads[:, 0] <= SHALLOW].ravel() for grid in grids]
+    known = np.concatenate(values) if values else np.empty(0)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return []
+    line = (
+        f"In light presses (d/D to {SHALLOW:g}) formula (5) is off by {known.min():+.0f} to {known.max():+.0f} %: "
+        "with its area (7) the whole beam is as narrow as its contact, which begins at a point."
+    )
+    return [line]
+
+
+def shear_sign_sentence(table: Columns, grids: Sequence[Cells]) -> list[str]:
+    """Return how often formula (6) is too stiff."""
+    values = [errors(table, grid, "paper", "shear force").ravel() for grid in grids]
+    known = np.concatenate(values) if values else np.empty(0)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return []
+    line = (
+        f"Formula (6) is too stiff in {100 * (known > 0).mean():.0f} % of the shears: it ignores the compression by "
+        "the press, the shear of a thick beam and the contact that gives way."
+    )
+    return [line]
+
+
+def reading_sentences(means: Sequence[Row]) -> list[str]:
+    """Return which part of the error of the readings is largest, by kind of load and range of L/D."""
+    lines = []
+    for load in dict.fromkeys(row["load"] for row in means):
+        for slenderness in dict.fromkeys(row["slenderness"] for row in means):
+            own = [row for row in means if (row["load"], row["slenderness"]) == (load, slenderness)]
+            if not own:
+                continue
+            weights = [row["states"] for row in own]
+            rms = {
+                part: float(np.sqrt(np.average([row[f"{part}_percent_FS"] ** 2 for row in own], weights=weights)))
+                for part in PARTS
+            }
+            lines.append(
+                f"Readings in a {load}, {slenderness}: the paper's are off by {rms['total']:.0f} % of full scale "
+                f"(rms). The mechanics contribute {rms['mechanics']:.0f} %, the ignored tilt {rms['tilt']:.0f} % and "
+                f"the field (3) {rms['field']:.0f} %; a dipole in its place would add {rms['dipole']:.0f} %."
+            )
+    if any(row["slenderness"] == SHORT for row in means):
+        lines.append(
+            f"In beams of {SHORT} the magnet lies just above the base and hardly sinks, so that full scale is small "
+            "and errors exceed it; the paper's elements do not suit such beams."
+        )
+    return lines
+
+
+def buckling_sentences(table: Columns, grids: Sequence[Cells]) -> list[str]:
+    """Return what the finite elements did not reach, what gave way, and where a free tip would buckle."""
+    presses, shears = ([grid for grid in grids if grid.kind == kind] for kind in ("press", "shear"))
+    lines = []
+    leaning, judged = (
+        (
+            sum(int(flags.sum()) for flags in each)
+            for each in zip(*((g.leans & g.judged, g.judged) for g in presses), strict=True)
+        )
+        if presses
+        else (0, 0)
+    )
+    if leaning:
+        lines.append(
+            f"{leaning} of {judged} presses are deeper than a tip that slides freely on the plate could go without "
+            "buckling sideways; there the errors are those of a press that holds the tip on the axis."
+        )
+    given = sum(int(grid.gave_way.sum()) for grid in shears)
+    if given:
+        lines.append(
+            f"In {given} of {sum(int(grid.answered.sum()) for grid in shears)} shears the pressed beam gives way: it "
+            "no longer resists the shear, no formula error is stated, and the maps are hatched."
+        )
+    failed = sum(int((grid.possible & ~grid.answered).sum()) for grid in grids)
+    impossible = sum(int((~grid.possible).sum()) for grid in grids)
+    cells = sum(grid.row.size for grid in grids)
+    lines.append(
+        f"Of {cells} cells the finite elements did not reach {failed}, and {impossible} are impossible because the "
+        "magnet does not fit the beam or leaves less silicone than the depth."
+    )
+    return lines

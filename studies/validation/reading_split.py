@@ -15,8 +15,7 @@ are in the base of the sensor; L changes the distance to the magnet. A state who
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -27,44 +26,14 @@ from geometry.design import Design
 from studies.exploration.study_cases import varied
 from studies.inputs.user_input import Value
 from studies.simulation.beam_cells import Body, Cells, Columns
+from studies.validation.pages import Row
 
 PARTS = ("total", "mechanics", "tilt", "field", "dipole")
 
 
-@dataclass(frozen=True, slots=True)
-class SplitCell:
-    """Parts of the error of one element in one state, % of full scale."""
-
-    magnet_height_over_D: float
-    L_over_D: float
-    depth_over_D: float
-    shear_over_D: float
-    element: str
-    total_percent_FS: float
-    mechanics_percent_FS: float
-    tilt_percent_FS: float
-    field_percent_FS: float
-    dipole_percent_FS: float
-
-
-@dataclass(frozen=True, slots=True)
-class SplitMean:
-    """Root mean squares of the parts over the states of one kind and one range of L/D, % of full scale."""
-
-    load: str
-    magnet_height_over_D: float
-    slenderness: str
-    states: int
-    total_percent_FS: float
-    mechanics_percent_FS: float
-    tilt_percent_FS: float
-    field_percent_FS: float
-    dipole_percent_FS: float
-
-
-def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> list[SplitCell]:
+def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> list[Row]:
     """Return the parts in every judged state of the bodies with a magnet; `design` is that of the sweep."""
-    rows: list[SplitCell] = []
+    rows: list[Row] = []
     for body in dict.fromkeys(grid.body for grid in grids if grid.body.height):
         own = [grid for grid in grids if grid.body == body]
         for column, slenderness in enumerate(own[0].slenderness.tolist()):
@@ -74,7 +43,7 @@ def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> list[
     return rows
 
 
-def _sensor(table: Columns, design: Design, body: Body, slenderness: float, states: Array) -> list[SplitCell]:
+def _sensor(table: Columns, design: Design, body: Body, slenderness: float, states: Array) -> list[Row]:
     """Return the parts in the states of one sensor; NaN where a pose is unknown.
 
     Parameters
@@ -88,18 +57,15 @@ def _sensor(table: Columns, design: Design, body: Body, slenderness: float, stat
     if known.any():
         percent[:, known] = _parts(design, fem[known], tilt[known], formula[known])
     D = design.D
-    return [
-        SplitCell(
-            body.height,
-            slenderness,
-            float(table["depth_mm"][row] / D),
-            float(table["shear_mm"][row] / D),
-            element.name,
-            *percent[:, k, number].tolist(),
-        )
-        for k, row in enumerate(states.tolist())
-        for number, element in enumerate(layout)
-    ]
+    names = [f"{part}_percent_FS" for part in PARTS]
+    rows = []
+    for k, row in enumerate(states.tolist()):
+        place = {"magnet_height_over_D": body.height, "L_over_D": slenderness}
+        place |= {f"{name}_over_D": float(table[f"{name}_mm"][row] / D) for name in ("depth", "shear")}
+        for number, element in enumerate(layout):
+            parts = dict(zip(names, percent[:, k, number].tolist(), strict=True))
+            rows.append(place | {"element": element.name} | parts)
+    return rows
 
 
 def _parts(design: Design, fem: Array, tilt: Array, formula: Array) -> Array:
@@ -148,27 +114,19 @@ def readings(design: Design, shift: Array, tilt: Array, field: hall.Field = "exa
     return np.column_stack(values)
 
 
-def split_means(rows: Sequence[SplitCell], slender: dict[str, Callable[[float], bool]]) -> list[SplitMean]:
-    """Return root mean squares by kind of load, height of the magnet and range of L/D."""
+def split_means(rows: Sequence[Row], slender: Mapping[str, Callable[[float], bool]]) -> list[Row]:
+    """Return root mean squares in % of full scale by kind of load, height of the magnet and range of L/D."""
     means = []
-    kinds: dict[str, Callable[[SplitCell], bool]] = {
-        "press": lambda row: not row.shear_over_D,
-        "shear": lambda row: bool(row.shear_over_D),
-    }
-    for load, of_kind in kinds.items():
-        for height in sorted({row.magnet_height_over_D for row in rows}):
+    known = [row for row in rows if math.isfinite(row["total_percent_FS"])]
+    for load in ("press", "shear"):
+        for height in sorted({row["magnet_height_over_D"] for row in rows}):
             for name, inside in slender.items():
-                own = [
-                    row
-                    for row in rows
-                    if of_kind(row) and row.magnet_height_over_D == height and inside(row.L_over_D)
-                ]
-                own = [row for row in own if math.isfinite(row.total_percent_FS)]
+                own = [row for row in known if bool(row["shear_over_D"]) == (load == "shear")]
+                own = [row for row in own if row["magnet_height_over_D"] == height and inside(row["L_over_D"])]
                 if own:
-                    states = len({(row.L_over_D, row.depth_over_D, row.shear_over_D) for row in own})
-                    means.append(SplitMean(load, height, name, states, *(_rms(own, part) for part in PARTS)))
+                    states = len({(row["L_over_D"], row["depth_over_D"], row["shear_over_D"]) for row in own})
+                    place = {"load": load, "magnet_height_over_D": height, "slenderness": name, "states": states}
+                    columns = (f"{part}_percent_FS" for part in PARTS)
+                    rms = {name: float(np.sqrt(np.mean([row[name] ** 2 for row in own]))) for name in columns}
+                    means.append(place | rms)
     return means
-
-
-def _rms(rows: Sequence[SplitCell], part: str) -> float:
-    return float(np.sqrt(np.mean([getattr(row, f"{part}_percent_FS") ** 2 for row in rows])))
