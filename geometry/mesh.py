@@ -23,8 +23,7 @@ from skfem import MeshTet1, MeshTet2, MeshTri2
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
 from geometry.meshing.mesh_quality import with_exact_volumes
-from geometry.meshing.section_grading import TIP
-from geometry.section import section
+from geometry.section import TIP, section
 
 Parts = Literal["regions", "hole", "none"]
 

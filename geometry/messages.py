@@ -1,8 +1,7 @@
-"""Progress and warnings of long computations."""
+"""Progress of long computations, and the start of a warning."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 
 Progress = Callable[[float, str], None]
@@ -10,14 +9,3 @@ Progress = Callable[[float, str], None]
 
 WARNING = "magtip: warning: "
 """Start of every line that holds a warning."""
-
-
-@functools.cache
-def warn_once(text: str) -> None:
-    """Log a warning, but only the first time that this process asks for the same text.
-
-    Without a handler for the logger "magtip", `logging` writes the plain text to standard error.
-    """
-    import logging
-
-    logging.getLogger("magtip").warning("%s%s", WARNING, text)

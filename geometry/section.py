@@ -8,12 +8,27 @@ from each other (Poisson-disc sampling of a quadtree). The points are smoothed a
 (Persson and Strang, SIAM Review 46, 2004). Delaunay's criterion is applied in the image of the plane under the
 logarithm of the position relative to the tip. This map is conformal, and allows edges at the tip that are seven
 orders of magnitude shorter than elsewhere.
+
+Where a plate is glued to a part of the skin and the rest is free, the displacement of an incompressible solid grows
+as sqrt(s) with the distance s from the edge, and the stress as 1 / sqrt(s). Polynomials approximate this badly: with
+ordinary elements the shear force converges with the first power of their size. An isoparametric quadratic element
+contains sqrt(s) exactly if the middle nodes of those edges that end at the singular node lie at a quarter of their
+length (Henshell and Shaw, Int. J. Numer. Methods Eng. 9, 1975; Barsoum, ibid. 10, 1976). Here they lie at the share
+PLACE, a little farther away: s = (4 PLACE - 1) t + (2 - 4 PLACE) t^2 along an edge of unit length with the element's
+coordinate t. At a quarter, the map is singular at the node. And under a large shear only a part of the edge stays
+where it was glued: elsewhere the plate touches more skin, and the strain is finite.
+
+A frictionless press is different: there the gap opens as s^(3/2). These elements then show small waves where the
+contact ends, see `fem.model.symmetry_models`. Presses that nothing is glued to keep the middle nodes in the middle,
+and so do plates that are glued under a tilt, where the edge lies at several radii, and natural frequencies and
+vibrations about a press.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -28,21 +43,138 @@ from skfem.quadrature import get_quadrature
 from geometry.arrays import Array, Ints
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
-from geometry.meshing.edge_singularity import SingularEdges
-from geometry.meshing.section_grading import FILLET, TIP, Grading, grading, pairs
-from geometry.meshing.section_outline import Curve, modulus, outline, room
 
 Points = NDArray[np.complex128]
 
-SPACING, STEPS = 0.85, 10
-"""Least distance of points inside as a fraction of the edge length, and number of smoothing steps."""
-NEAR_END = np.geomspace(1e-10, 0.5, 200)
-FRACTIONS = np.unique(np.concatenate([NEAR_END, 1 - NEAR_END, np.linspace(0, 1, 201)]))
-"""Fractions of a curve's length at which the edge length is evaluated; dense at the ends, where it may be tiny."""
-BATCH = 64
-"""Number of points that `_thinned` compares at once."""
-SLOPES = np.array([skfem.ElementTriP2().lbasis(get_quadrature(skfem.ElementTriP2, 6)[0], i)[1] for i in range(6)])
-"""Derivatives of a triangle's quadratic shape functions at quadrature points, shape (6, 2, q)."""
+# The outline
+
+SMALLEST = 1e-9
+"""Length, in units of D, below which a length counts as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A straight line, or an arc about `centre` from `bearing[0]` to `bearing[1]`, angles from +z towards +r."""
+
+    name: str
+    start: complex
+    end: complex
+    centre: complex | None = None
+    bearing: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def length(self) -> float:
+        if self.centre is None:
+            return abs(self.end - self.start)
+        return abs(self.start - self.centre) * abs(self.bearing[1] - self.bearing[0])
+
+    def at(self, t: Array) -> Points:
+        """Return the points at fractions t of the length, shape (n,); both ends are exact."""
+        if self.centre is None:
+            points = np.asarray(self.start + (self.end - self.start) * t, dtype=np.complex128)
+        else:
+            angle = self.bearing[0] + (self.bearing[1] - self.bearing[0]) * t
+            points = self.centre + abs(self.start - self.centre) * (np.sin(angle) + 1j * np.cos(angle))
+        points[t == 0], points[t == 1] = self.start, self.end
+        return points
+
+
+def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:
+    """Return the curves of the outline: base, skin and axis, then the magnet's outline from its top to its bottom.
+
+    magnet : "hole", "meshed" or "none". rim : radius of a ring that divides the dome into two curves.
+    """
+    R, H, a, b, rho = shape.R, shape.H, shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
+    tip, equator, top, bottom = complex(0, shape.L), complex(R, H), complex(0, H + b), complex(0, H - b)
+    curves = [
+        Curve("base", 0j, complex(R)),
+        Curve("skin", complex(R), equator),
+        *_dome(shape, rim),
+    ]
+    if magnet == "none":
+        return [*curves, Curve("axis", tip, 0j)]
+    curves += [Curve("axis", tip, top), Curve("axis", bottom, 0j)]
+    if magnet == "meshed":
+        curves.append(Curve("axis", top, bottom))
+    tiny = SMALLEST * shape.D
+    # an edge radius that equals a, b or 0 up to rounding is set to it: otherwise a curve of almost no length remains
+    rho = next((whole for whole in (a, b, 0.0) if abs(rho - whole) < tiny), rho)
+    up, down, upper, lower = complex(a - rho, H + b), complex(a - rho, H - b), H + (b - rho), H - (b - rho)
+    parts = [
+        Curve("magnet", top, up),
+        Curve("magnet", up, complex(a, upper), complex(a - rho, upper), (0.0, math.pi / 2)),
+        Curve("magnet", complex(a, upper), complex(a, lower)),
+        Curve("magnet", complex(a, lower), down, complex(a - rho, lower), (math.pi / 2, math.pi)),
+        Curve("magnet", down, bottom),
+    ]
+    return curves + [part for part in parts if part.length >= tiny]
+
+
+def _dome(shape: Shape, rim: float | None) -> list[Curve]:
+    """Return the dome from the equator to the tip, in two arcs if a ring divides it."""
+    R, centre = shape.R, complex(0, shape.H)
+    stops = [(math.pi / 2, complex(R, shape.H)), (0.0, complex(0, shape.L))]
+    if rim is not None and SMALLEST < rim / R < 1 - SMALLEST:
+        angle = math.asin(rim / R)
+        stops.insert(1, (angle, centre + R * complex(math.sin(angle), math.cos(angle))))
+    return [Curve("skin", x, y, centre, (a, b)) for (a, x), (b, y) in itertools.pairwise(stops)]
+
+
+def modulus(x: Points) -> Array:
+    """Return the absolute values of complex numbers, with the same digits on every processor."""
+    absolute: Array = np.sqrt(x.real * x.real + x.imag * x.imag)
+    return absolute
+
+
+def room(shape: Shape, x: Points) -> Array:
+    """Return the least distance of points, shape (n,), from base, skin and magnet; negative outside the silicone."""
+    dome = shape.R - modulus(x - 1j * shape.H)
+    room: Array = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
+    if not shape.has_magnet:
+        return room
+    a, b, rho = shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
+    dr, dz = x.real - (a - rho), np.abs(x.imag - shape.H) - (b - rho)
+    outside = modulus(np.maximum(dr, 0) + 1j * np.maximum(dz, 0))
+    return np.minimum(room, outside + np.minimum(np.maximum(dr, dz), 0) - rho)
+
+
+# The target edge length; all lengths are in units of D
+
+TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
+"""Edge length at a feature as a fraction of the size: at the tip (by default), at the clamped corner (R, 0), at a
+sharp edge and at a rounded edge of the magnet."""
+LEAST_CLAMP, CORNER = 0.012, 0.012
+"""Least edge lengths at the clamped corner and at a sharp edge of the magnet, in units of D.
+
+Both are singularities: smaller elements there gain no accuracy and become inverted (J <= 0) under load. At the clamp
+this bound changes the force of a press to 3/8 D by less than 0.1 %.
+"""
+FILLET, ARC, GAP = 0.75, 0.1, 0.42
+"""Largest edge lengths at a fillet and in a thin layer.
+
+FILLET is a fraction of the fillet's radius (by default). ARC is a fraction of the root of D times the radius; with
+it, parabolas in place of arcs change the volume by less than 1e-5. GAP is a fraction of the layer's thickness.
+"""
+TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
+"""Growth of the edge length per unit of distance: from the tip (TIP_GROWTH) and from other features (GROWTH).
+
+For sizes below FULL_TIP_GROWTH and FULL_GROWTH, in units of D, the growth is reduced in proportion to the size, so
+that half the size gives half of every edge length.
+"""
+GLUED_GROWTH = 0.5
+"""Growth from the edge of a glued area: more than from the tip, for the elements there are graded themselves."""
+DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
+"""Largest edge length along the dome as a fraction of the size, the angle from the tip up to which it applies, rad,
+and its growth inwards.
+
+The edge of the contact area then always lies in small elements. In larger elements, forces would scatter with the
+position of this edge.
+"""
+_BEARINGS = np.linspace(0, DOME_REACH, 61)[1:]
+DOME_POINTS = np.sin(_BEARINGS) + 1j * np.cos(_BEARINGS)
+"""Sources along the dome of unit radius about 0."""
+BLOCK = 32
+"""Number of successive points that `Grading.along` looks up together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +187,126 @@ class Settings:
     fillet: float
     magnet: Literal["hole", "meshed", "none"]
     glued: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Grading:
+    """The target edge length as a function of the point, in units of D.
+
+    Attributes
+    ----------
+    size : greatest edge length.
+    source : points with a smaller edge length, shape (m,); the first one is the tip.
+    least : edge length at each source, shape (m,).
+    growth : growth of the edge length per distance from each source, shape (m,).
+    """
+
+    size: float
+    source: Points
+    least: Array
+    growth: Array
+
+    def __call__(self, x: Points) -> Array:
+        """Return the target edge length at points, shape (n,)."""
+        wanted: Array = np.minimum(self.size, self._lengths(x).min(axis=1))
+        return wanted
+
+    def along(self, x: Points) -> Array:
+        """Return the target edge length at successive points, shape (n,): the same bits as `__call__`, but faster.
+
+        The points are divided into blocks. For each block, only those sources are evaluated that can determine the
+        edge length somewhere in it.
+        """
+        blocks = x[np.minimum(np.arange(len(x) + -len(x) % BLOCK), len(x) - 1)].reshape(-1, BLOCK)
+        middle = (blocks[:, 0] + blocks[:, -1]) / 2
+        # within a block, the edge length of a source differs by at most `change` from that at the block's middle
+        length, change = self._lengths(middle), np.abs(blocks - middle[:, None]).max(axis=1)[:, None] * self.growth
+        most = np.minimum(self.size, (length + change).min(axis=1)) + SMALLEST
+        block, i = np.nonzero(length - change <= most[:, None])
+        r, z = blocks.real[block] - self.source.real[i, None], blocks.imag[block] - self.source.imag[i, None]
+        near = np.sqrt(r * r + z * z)
+        near *= self.growth[i, None]
+        near += self.least[i, None]
+        first = np.flatnonzero(np.diff(block, prepend=-1))
+        wanted = np.full(blocks.shape, self.size)
+        wanted[block[first]] = np.minimum(self.size, np.minimum.reduceat(near, first))
+        return wanted.ravel()[: len(x)]
+
+    def _lengths(self, x: Points) -> Array:
+        """Return the edge length that each source requires at each point, shape (n, m)."""
+        length: Array = cdist(pairs(x), pairs(self.source))
+        length *= self.growth
+        length += self.least
+        return length
+
+    def reduced(self) -> Grading:
+        """Return the grading without sources that have no effect: another source requires less everywhere.
+
+        The tip always stays.
+        """
+        more = (self.least - SMALLEST > self._lengths(self.source).T) & (self.growth >= self.growth[:, None])
+        used = np.append(0, 1 + np.flatnonzero(~np.any(more, axis=0)[1:]))
+        return Grading(self.size, self.source[used], self.least[used], self.growth[used])
+
+
+def pairs(x: Points) -> Array:
+    """Return complex numbers, shape (n,), as real and imaginary parts, shape (n, 2)."""
+    return np.ascontiguousarray(x).view(np.float64).reshape(-1, 2)
+
+
+def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
+    """Return the grading of a section: its sources are the features that require edges shorter than the size."""
+    from_tip, from_others = TIP_GROWTH * min(1, s.size / FULL_TIP_GROWTH), GROWTH * min(1, s.size / FULL_GROWTH)
+    corner = min(s.size, max(LEAST_CLAMP, CLAMP * s.size))
+    along_dome = np.minimum(s.tip_size + TIP_GROWTH * shape.R * DOME_POINTS.real, DOME * s.size)
+    # points, edge lengths there, and growth away from them
+    sources: list[tuple[Points, Array | float, float]] = [
+        (np.array([1j * shape.L]), s.tip_size, from_tip),
+        (np.array([complex(shape.R)]), corner, from_others),
+        (1j * shape.H + shape.R * DOME_POINTS, along_dome, DOME_GROWTH),
+    ]
+    if s.ring is not None:
+        r = min(s.ring[0], shape.R)
+        point = np.array([complex(r, shape.H + math.sqrt(shape.R**2 - r**2))])
+        sources.append((point, min(s.ring[1], s.size), GLUED_GROWTH if s.glued else TIP_GROWTH))
+    for curve in curves:
+        x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
+        want = _magnet_lengths(shape, curve, x, s) if curve.name == "magnet" else np.full(len(x), curve.length)
+        sources.append((x[want < s.size], want[want < s.size], from_others))
+    least = np.concatenate([np.broadcast_to(length, len(x)) for x, length, _ in sources])
+    growth = np.repeat([rate for _, _, rate in sources], [len(x) for x, _, _ in sources])
+    return Grading(s.size, np.concatenate([x for x, _, _ in sources]), least, growth).reduced()
+
+
+def _magnet_lengths(shape: Shape, curve: Curve, x: Points, s: Settings) -> Array:
+    """Return the edge lengths that points on the magnet's outline require, shape (n,)."""
+    want: Array = np.minimum(min(s.size, curve.length), GAP * room(shape.without_magnet(), x))
+    if curve.centre is not None:
+        radius = abs(curve.start - curve.centre)
+        want = np.minimum(want, min(ROUND_EDGE * s.size, s.fillet * radius, ARC * math.sqrt(radius)))
+    elif shape.magnet_edge_radius < SMALLEST:
+        corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
+        want = np.where(corner, np.minimum(want, max(CORNER, SHARP_EDGE * s.size)), want)
+    if s.magnet == "meshed":
+        want = np.minimum(want, min(shape.magnet_height, shape.magnet_diameter / 2) / 2)
+    return want
+
+
+# The mesh
+
+SPACING, STEPS = 0.85, 10
+"""Least distance of points inside as a fraction of the edge length, and number of smoothing steps."""
+NEAR_END = np.geomspace(1e-10, 0.5, 200)
+FRACTIONS = np.unique(np.concatenate([NEAR_END, 1 - NEAR_END, np.linspace(0, 1, 201)]))
+"""Fractions of a curve's length at which the edge length is evaluated; dense at the ends, where it may be tiny."""
+BATCH = 64
+"""Number of points that `_thinned` compares at once."""
+SLOPES = np.array([skfem.ElementTriP2().lbasis(get_quadrature(skfem.ElementTriP2, 6)[0], i)[1] for i in range(6)])
+"""Derivatives of a triangle's quadratic shape functions at quadrature points, shape (6, 2, q)."""
+PLACE = 0.3
+"""Place of the middle nodes as a share of the edge's length from the singular node. For the paper's sensor, a press
+of 1 mm and a shear of 3 mm, section size 0.16 D, 0.012 D at the edge and four harmonics, the force is 0.09 % off at
+0.3, 0.11 % at 0.25, 0.25 % at 0.35, and 0.91 % at 0.5, which is the middle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +347,7 @@ def section(
     rim : radius of a ring on the dome that gets a node, and edge length there: the edge of a contact area.
     fillet : largest edge length at a fillet of the magnet, as a fraction of its radius.
     magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
-    glued : whether the area inside the ring will be glued; triangles at the ring are then graded towards it, see
-        `meshing.edge_singularity`.
+    glued : whether the area inside the ring will be glued; triangles at the ring are then graded towards it.
 
     Returns
     -------
@@ -129,13 +380,14 @@ def section(
 
 
 def _grade_ring(mesh: Any, shape: Shape, radius: float) -> None:
-    """Move the middle nodes of the sides that end at the ring of a radius, in place."""
+    """Move the middle nodes of the sides that end at a ring along their parabolas to the share PLACE, in place."""
     at = np.array([[radius], [shape.H + math.sqrt(max(shape.R**2 - radius**2, 0.0))]])
     node = int(np.argmin(np.square(mesh.p - at).sum(axis=0)))
     start, end = mesh.facets.astype(np.int64)
     middle = np.flatnonzero((start == node) | (end == node))
     far = start[middle] + end[middle] - node
-    SingularEdges(np.full(len(middle), node), far, mesh.nvertices + middle).move(mesh.doflocs)
+    x, middle, t = mesh.doflocs, mesh.nvertices + middle, PLACE
+    x[:, middle] = (1 - t) * (1 - 2 * t) * x[:, [node]] + 4 * t * (1 - t) * x[:, middle] + t * (2 * t - 1) * x[:, far]
     around = mesh.doflocs[:, mesh.dofs.element_dofs[:, (mesh.t == node).any(axis=0)]]
     (a, b), (c, d) = np.einsum("ikt,kjq->ijtq", around, SLOPES)
     if (a * d - b * c).min() <= 0:
@@ -155,7 +407,7 @@ def _triangulated(unit: Shape, s: Settings) -> tuple[list[Array], Points, Ints, 
     """
     domain = unit.without_magnet() if s.magnet == "meshed" else unit
     curves = outline(unit, s.magnet, s.ring and s.ring[0])
-    sizing = grading(unit, curves, s.size, s.tip_size, s.ring, s.fillet, s.magnet == "meshed", s.glued)
+    sizing = grading(unit, curves, s)
     cuts = _cuts(curves, sizing)
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)

@@ -13,18 +13,10 @@ from fem.model import elements, symmetry_models
 from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load
-from geometry.meshing.edge_singularity import PLACE, SingularEdges
-from geometry.section import section
+from geometry.section import PLACE, section
 
 SHAPE = paper().shape.scaled(1 / 8)
 RIM = (0.3, 0.012)
-
-
-def test_middle_nodes_move_along_their_parabola():
-    """On the parabola y = 4 x (1 - x) through both ends and the middle, the node moves to x = PLACE."""
-    x = np.array([[0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
-    SingularEdges(np.array([0]), np.array([1]), np.array([2])).move(x)
-    assert x[:, 2] == pytest.approx([PLACE, 4 * PLACE * (1 - PLACE)])
 
 
 def test_only_sides_at_the_rim_are_graded():

@@ -13,7 +13,7 @@ from fem.model.symmetry_models import Discretisation
 from fem.scene import Scene
 from geometry.design import Shape
 from geometry.loads import Magnet
-from geometry.meshing.section_grading import FILLET
+from geometry.section import FILLET
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from fem.model.nonlinear_system import NONE, System
 from geometry.arrays import Array
 from geometry.design import Shape
 from geometry.loads import Magnet
-from geometry.meshing.section_grading import FILLET
+from geometry.section import FILLET
 from geometry.section import section as section_mesh
 
 Model = Literal["axisymmetric", "harmonic", "half", "full"]
@@ -202,7 +202,7 @@ def _release_next_point(skin: Surface, shape: Shape, radius: float) -> Surface:
     """Return the skin of a section without contact at that point outside a glued area that is next to its edge.
 
     At the share 0.03 of the facet's length from the edge, the point would touch in the press, by the waves that
-    graded elements have there (see `geometry.meshing.edge_singularity`), and hold the skin that should open as soon
+    graded elements have there (see `geometry.section`), and hold the skin that should open as soon
     as the plate moves: a small shear of a long sensor would be 5 % too stiff.
 
     radius : undeformed radius of the area's edge.
