@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from analytic.hall import FLIP, converted, half_sides, rotated
 from analytic.magnet import field_or_nan
-from analytic.parts import AXES, common_values, positions
+from analytic.parts import AXES, common_values
 from geometry.arrays import Array
+from geometry.cad import element_positions
 from geometry.design import Design
 
 ELEMENTS = len(AXES)
@@ -104,7 +105,10 @@ def _sites(designs: Sequence[Design], plate: Array) -> tuple[_Sites, NDArray[np.
     first = np.unique(site, return_index=True)[1]
     chosen = [designs[k] for k in first]
     magnet = np.array([(design.magnet_diameter, design.magnet_height) for design in chosen])
-    rest, centres = np.array([design.H for design in chosen]), np.array([positions(design) for design in chosen])
+    rest, centres = (
+        np.array([design.H for design in chosen]),
+        np.array([element_positions(design) for design in chosen]),
+    )
     return _Sites(magnet, plate[first], rest, centres), site
 
 

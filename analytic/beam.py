@@ -158,7 +158,7 @@ def shear_stiffness(design: Design) -> float:
     >>> round(shear_stiffness(paper()), 3)
     0.827
     """
-    return 3 * design.E * (math.pi * design.D**4 / 64) / design.L**3
+    return 3 * buckling.bending_stiffness(design) / design.L**3
 
 
 def _sticking_share(load: Load, normal: float, stiffness: float) -> float:

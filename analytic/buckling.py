@@ -22,6 +22,11 @@ FREE, GUIDED = math.pi / 2, 4.493409457909064
 """Smallest roots of cos x = 0 (free tip) and tan x = x (tip that may rotate but not move sideways)."""
 
 
+def bending_stiffness(design: Design) -> float:
+    """E I of the section, N mm^2."""
+    return design.E * math.pi * design.D**4 / 64
+
+
 def euler(design: Design, end: float = FREE) -> float:
     """Euler's load (end / H)^2 E I, N.
 
@@ -29,7 +34,7 @@ def euler(design: Design, end: float = FREE) -> float:
     >>> round(euler(paper(), GUIDED) / euler(paper()), 3)
     8.183
     """
-    return (end / design.H) ** 2 * design.E * math.pi * design.D**4 / 64
+    return (end / design.H) ** 2 * bending_stiffness(design)
 
 
 def shear_stiffness(design: Design) -> float:
@@ -46,7 +51,7 @@ def sideways_stiffness(design: Design) -> float:
     >>> round(sideways_stiffness(paper()), 3)
     0.554
     """
-    bending = design.L**3 / (3 * design.E * math.pi * design.D**4 / 64)
+    bending = design.L**3 / (3 * bending_stiffness(design))
     return 1 / (bending + design.L / shear_stiffness(design))
 
 

@@ -39,9 +39,6 @@ from geometry.design import BadInput, Design
 SINGULAR = 1e-9
 """Singular value of the scaled slopes, over the largest, up to which the readings do not determine a direction: above
 the rounding of slopes by differences, and a millionth of what a useful layout has."""
-CLEAR = 1e-6
-"""Determinant of the normal equations of scaled slopes (1 for orthogonal slopes) above which these are solved: their
-rounding error is below 1e-9 of sigma there."""
 STEP = 1e-4
 """Half of the distance over which readings are differenced, over D. The field varies over lengths of about D, so that
 the relative error of the slopes is about 1e-8 from the curvature, and 1e-9 from rounding."""
@@ -116,23 +113,10 @@ def _deviations(weighted: Array, K: Array) -> Array:
     """
     length = np.linalg.norm(weighted, axis=1)
     scale = np.where(length > 0, length, 1.0)[:, None, :]
-    A, K = weighted / scale, K / scale
-    # far from singular slopes, the normal equations give the same in a tenth of the time of singular values
-    normal = A.transpose(0, 2, 1) @ A
-    clear = np.linalg.det(normal) > CLEAR
-    sigma = np.empty(K.shape[:2])
-    inverse = np.linalg.inv(normal[clear])
-    sigma[clear] = np.sqrt(((K[clear] @ inverse) * K[clear]).sum(axis=2))
-    sigma[~clear] = _near_singular(A[~clear], K[~clear])
-    return sigma
-
-
-def _near_singular(A: Array, K: Array) -> Array:
-    """Return sigma, shape (n, 3), N, by singular values, from scaled slopes as in `_deviations`."""
-    _, values, turn = np.linalg.svd(A, full_matrices=False)
+    _, values, turn = np.linalg.svd(weighted / scale, full_matrices=False)
     lost = (values <= SINGULAR * values[:, :1])[:, None, :]
     # the force's slopes along the singular directions; rounding in them must not make a determined component infinite
-    along = np.einsum("nij,nkj->nik", K, turn)
+    along = np.einsum("nij,nkj->nik", K / scale, turn)
     size = np.linalg.norm(along, axis=2, keepdims=True)
     along = np.where(np.abs(along) > SINGULAR * size, along, 0.0)
     undetermined = ((along != 0) & lost).any(axis=2)

@@ -4,10 +4,6 @@ The grid covers x and y from -side to side and the magnet's sinking from 0 to si
 and 0.01 mm give 601 x 601 x 301 poses of three readings each. Without tilt, two numbers determine every reading:
 B_rho and B_z at a distance rho from the magnet's axis and a height Z above its centre. They fit in a two-dimensional
 table.
-
-A table too large for a search tree in memory is searched in its file. An index holds the smallest and largest
-readings of each block of 16 x 16 x 16 poses. The search reads only blocks that may hold an entry nearer than the best
-so far.
 """
 
 from __future__ import annotations
@@ -15,16 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic.hall import plates
 from analytic.inverse.forward_model import Forward, readings_at
 from analytic.magnet import cylinder_field
 from geometry.arrays import Array
 from geometry.design import BadInput
-
-SIDE = 16
-"""Edge of a block, in poses: smaller blocks enlarge the index, larger ones lengthen each read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,60 +70,6 @@ def slab(forward: Forward, grid: Grid, i: int, block: int = 8192) -> Array:
         part = slice(start, start + block)
         readings[part] = readings_at(forward, np.ascontiguousarray(shift[:, part])).T
     return readings.reshape(len(y), len(z), -1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BlockIndex:
-    """Index of a table: smallest and largest readings in each of its n blocks.
-
-    Attributes
-    ----------
-    table : readings of all poses, shape (n_x, n_y, n_z, 3), T; may be a memory map.
-    low, high : smallest and largest readings of each block, shape (n, 3), T.
-    corner : index (i, j, k) of the first entry of each block, shape (n, 3).
-    """
-
-    table: Array
-    low: Array
-    high: Array
-    corner: NDArray[np.int64]
-
-
-def block_index(table: Array) -> BlockIndex:
-    """Return the index of a table, which reads all of it once, one layer of blocks at a time."""
-    starts = [np.arange(0, n, SIDE) for n in table.shape[:3]]
-    low: list[Array] = []
-    high: list[Array] = []
-    for i in starts[0]:
-        part = np.asarray(table[i : i + SIDE])
-        for bounds, reduce in ((low, np.minimum), (high, np.maximum)):
-            row = reduce.reduceat(reduce.reduceat(reduce.reduce(part, axis=0), starts[1], axis=0), starts[2], axis=1)
-            bounds.append(row.reshape(-1, table.shape[3]))
-    corner = np.stack(np.meshgrid(*starts, indexing="ij"), axis=-1).reshape(-1, 3)
-    return BlockIndex(table, np.concatenate(low), np.concatenate(high), corner)
-
-
-def nearest(index: BlockIndex, field: Array) -> tuple[tuple[int, int, int], int]:
-    """Return the index (i, j, k) of the entry nearest to the readings (3,), T, and the number of blocks read."""
-    # the distance to a block's bounds is a lower bound of the distance to its entries: once it exceeds the best
-    # distance so far, no remaining block can hold a nearer entry
-    gap = np.maximum(np.maximum(index.low - field, field - index.high), 0.0)
-    bound = (gap * gap).sum(axis=1)
-    best, place, count = np.inf, (0, 0, 0), 0
-    k = int(bound.argmin())
-    while bound[k] < best:
-        i, j, l = index.corner[k].tolist()
-        part = np.asarray(index.table[i : i + SIDE, j : j + SIDE, l : l + SIDE])
-        distance = ((part - field) ** 2).sum(axis=3)
-        at = int(distance.argmin())
-        if distance.flat[at] < best:
-            best = float(distance.flat[at])
-            a, b, c = np.unravel_index(at, distance.shape)
-            place = (i + int(a), j + int(b), l + int(c))
-        count += 1
-        bound[k] = np.inf
-        k = int(bound.argmin())
-    return place, count
 
 
 def meridian_table(forward: Forward, grid: Grid) -> tuple[Array, float]:

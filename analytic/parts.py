@@ -20,9 +20,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from analytic import reading_noise
+from geometry.cad import element_positions
 from geometry.design import BadInput, Design
 
-__all__ = ["CHIPS", "Chip", "Element", "of_design", "positions"]
+__all__ = ["CHIPS", "Chip", "Element", "of_design"]
 
 Vector = tuple[float, float, float]
 
@@ -125,18 +126,8 @@ def of_design(design: Design) -> tuple[Element, ...]:
     average = design.hall_noise_floor if three else 0.0, int(design.hall_average)
     return tuple(
         Element(name, place, axis, *common_values(design), unit, *average)
-        for name, place, axis in zip(names, positions(design), AXES, strict=True)
+        for name, place, axis in zip(names, element_positions(design), AXES, strict=True)
     )
-
-
-def positions(design: Design) -> tuple[Vector, Vector, Vector]:
-    """Return the positions of the three elements of the design's layout, mm."""
-    s1 = design.H - design.l0
-    if design.hall_layout != "three":
-        chip = (design.chip_x, 0.0, s1)
-        return chip, chip, chip
-    s23 = s1 + design.c
-    return (0.0, 0.0, s1), (design.f, 0.0, s23), (0.0, design.f, s23)
 
 
 def common_values(design: Design) -> tuple[float, float, float, float, float, float, float]:

@@ -147,6 +147,16 @@ def distance(box: BoundBox, other: BoundBox) -> float:
     return math.hypot(*gaps)
 
 
+def element_positions(design: Design) -> tuple[Corner, Corner, Corner]:
+    """Return the centres of the Hall plates of S1, S2 and S3, or three times that of a chip, mm."""
+    s1 = design.H - design.l0
+    if design.hall_layout != "three":
+        chip = (design.chip_x, 0.0, s1)
+        return chip, chip, chip
+    s23 = s1 + design.c
+    return (0.0, 0.0, s1), (design.f, 0.0, s23), (0.0, design.f, s23)
+
+
 def beam(design: Design | Shape) -> Solid:
     """Return the outer form of the silicone, mm: a cylinder with a hemisphere, from z = 0 to the tip at z = L."""
     R = design.D / 2

@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import hall, lookup
-from analytic.inverse import forward_model
 from geometry.design import BadInput, paper
 from studies.output import own_files
 from studies.sensing import lookup_table
@@ -152,20 +151,6 @@ def test_another_table_does_not_go_on_from_it(run, strict, tmp_path, monkeypatch
     monkeypatch.setattr(lookup, "slab", slab)
     status, out, _ = run("table", "paper", "--step", 0.5, "--set", "l0=8", "--out", "t.npy", "--json")
     assert (status, strict(out)[0]["resumed"]) == (0, 0)
-
-
-def test_nearest_entry_by_blocks_is_that_of_all():
-    rng = np.random.default_rng(2)
-    model = forward_model.model(paper())
-    grid = lookup.Grid(3.0, 3.0, 0.15)
-    table = np.stack([lookup.slab(model, grid, i) for i in range(grid.shape[0])])
-    index = lookup.block_index(table)
-    shift = rng.uniform([-3, -3, -3], [3, 3, 0], (40, 3)).T.copy()
-    for field in [*forward_model.readings_at(model, shift).T, np.array([1.0, -1.0, 0.5])]:
-        place, looked = lookup.nearest(index, field)
-        distance = ((table - field) ** 2).sum(axis=3)
-        assert distance[place] == distance.min()
-        assert 1 <= looked < len(index.low)
 
 
 def test_the_papers_grid():

@@ -35,10 +35,9 @@ from geometry.design import Design
 
 THIN, SPHERE, CENTRE, INCLUSION, LEAST, THINNING = 1.335, 0.75, 0.18, 1.55, 0.4, 1.4
 ENOUGH = 200
-"""Halvings of an interval; it ends when the middle is one of the ends."""
-BRACKET, FEW = 1e-13, 30
-"""Half the width of the interval in which bisection evaluates the press, over the depth: 450 times the rounding error
-of the depth; and most steps of the search for it, which takes about five."""
+"""Most steps of Newton's method, of which a handful suffice."""
+ROUNDING = 1e-15
+"""Rounding error of the depth, over the depth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,46 +80,33 @@ def press(design: Design, depth: float, terms: Terms) -> Press:
     def excess(above: float) -> float:
         return above + column(dome(above))[0] - depth
 
-    # bisection to the last bit: no tolerance that a derivative by differences would show
-    known_below, known_above = _bracket(excess, depth)
-    low, high = 0.0, depth
-    for _ in range(ENOUGH):
-        above = (low + high) / 2
-        if above in (low, high):
-            break
-        if above <= known_below or (above < known_above and excess(above) < 0):
-            low = above
-        else:
-            high = above
-    above = (low + high) / 2
+    # to the last digits: a tolerance would show in derivatives by differences
+    above = false_position(excess, 0.0, depth, ROUNDING * depth)
     force = dome(above)
     below, stretch = column(force)
     contact = math.cbrt(3 * force * design.R / (4 * effective_modulus(design)))
     return Press(force, above, below, contact, stretch)
 
 
-def _bracket(excess: Callable[[float], float], depth: float) -> tuple[float, float]:
-    """Return an interval around the root of `excess`, outside which rounding errors cannot change its sign.
+def false_position(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
+    """Return the root of a growing function between `low`, where it is below 0, and `high` (Illinois method).
 
-    `excess` is -depth at 0, grows at a rate of at least 1, and is not negative at `depth`: the magnet's centre sinks
-    when the dome is flattened.
+    It ends where the function is at most the tolerance, or the interval has no inner number; at an end that has no
+    root beyond it. In plain Python, for SciPy's import would cost more than all formulas together.
     """
-    low, high, under, over = 0.0, depth, -depth, excess(depth)
-    width, last = BRACKET * depth, 0.0
-    for _ in range(FEW):
-        if not under < 0 < over:
-            break
-        # false position (Illinois): a fifth of the evaluations of a bisection to the same width
+    under, over, last = function(low), function(high), 0.0
+    middle = high if over <= 0 else low
+    while under < 0 < over:
         middle = high - over * (high - low) / (over - under)
-        off = excess(middle)
-        if abs(off) <= width / 2:
-            return middle - width, middle + width
+        off = function(middle)
+        if abs(off) <= tolerance or not low < middle < high:
+            break
         if off < 0:
             low, under, over = middle, off, over / 2 if last < 0 else over
         else:
             high, over, under = middle, off, under / 2 if last > 0 else under
         last = off
-    return 0.0, depth
+    return middle
 
 
 def effective_modulus(design: Design) -> float:

@@ -36,7 +36,7 @@ import math
 from dataclasses import dataclass, replace
 
 from analytic import buckling
-from analytic.beam_terms.press_terms import Press, Terms, floor, press
+from analytic.beam_terms.press_terms import Press, Terms, false_position, floor, press
 from geometry.design import Design
 
 DOME, ROLLS, PATCH = 0.1, 0.25, 1 / 5
@@ -89,7 +89,7 @@ class Bent:
 
 def cantilever(design: Design, shear: float, pressed: Press) -> ShearState:
     """Solve Timoshenko's cantilever with a free tip."""
-    L, H, B, S = design.L, design.H, bending_stiffness(design), buckling.shear_stiffness(design)
+    L, H, B, S = design.L, design.H, buckling.bending_stiffness(design), buckling.shear_stiffness(design)
     Q = shear / (L**3 / (3 * B) + L / S)
     shift = Q * (H**2 * (3 * L - H) / (6 * B) + H / S)
     turn = Q * (H * (2 * L - H) / (2 * B) + 1 / (2 * S))
@@ -126,30 +126,10 @@ def _inclined(
         lean = max((bent.force - nudged.force) / (NUDGE * pressed.force), 0.0) * shear**2 / 2
         return now, bent, press(design, max(depth - lean, 0.0), terms)
 
-    # the press force P must equal that of the depth which P itself leaves: a root between 0 and the force of the
-    # upright beam, found by false position (Illinois), which never leaves the bracket
-    low, high = 0.0, pressed.force
-    over, short = follow(low)[2].force, follow(high)[2].force - high
-    P, last = high, 0.0
-    while short < 0 < over and high - low > SETTLED * pressed.force:
-        P = high - short * (high - low) / (short - over)
-        off = follow(P)[2].force - P
-        if abs(off) <= SETTLED * pressed.force:
-            break
-        if off > 0:
-            low, over, short = P, off, short / 2 if last > 0 else short
-        else:
-            high, short, over = P, off, over / 2 if last < 0 else over
-        last = off
-    if over <= 0:
-        P = 0.0
+    # the press force P must equal that of the depth which P itself leaves; it is at most that of the upright beam
+    P = false_position(lambda P: P - follow(P)[2].force, 0.0, pressed.force, SETTLED * pressed.force)
     now, bent, there = follow(P)
     return now, bent, P, there.below + _lowering(now, bent, P, shear)
-
-
-def bending_stiffness(design: Design) -> float:
-    """E I, N mm^2."""
-    return design.E * math.pi * design.D**4 / 64
 
 
 def bend(design: Design, column: Column, P: float) -> Bent:
@@ -201,7 +181,7 @@ def _column(design: Design, pressed: Press, terms: Terms, grip: float | None) ->
     return Column(
         length=length - (pressed.below if terms.finite else 0.0),
         offset=offset,
-        bending=bending_stiffness(design) * (stretch**2 + 2 / stretch) / (3 * stretch**2),
+        bending=buckling.bending_stiffness(design) * (stretch**2 + 2 / stretch) / (3 * stretch**2),
         shearing=buckling.shear_stiffness(design) * stretch,
         arm=arm + offset,
         reach=reach + offset,
@@ -211,10 +191,7 @@ def _column(design: Design, pressed: Press, terms: Terms, grip: float | None) ->
 
 
 def _lowering(column: Column, bent: Bent, P: float, shear: float) -> float:
-    """Lowering of the magnet by the inclination of the column: integral of psi w' - psi^2/2, by Simpson's rule.
-
-    In plain Python, for SciPy's import would cost more than all formulas together.
-    """
+    """Lowering of the magnet by the inclination of the column: integral of psi w' - psi^2/2, by Simpson's rule."""
     S, B = column.shearing, column.bending
     f, pieces = 1 + P / S, 8
     total = 0.0

@@ -15,7 +15,7 @@ import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from geometry.cad import moved
+from geometry.cad import element_positions, moved
 from geometry.design import Design
 
 if TYPE_CHECKING:
@@ -100,10 +100,8 @@ LEAD = 6.0
 
 def places(design: Design) -> dict[str, Vector]:
     """Return the centre of each part's Hall plate in the sensor's frame, mm."""
-    s1, s23 = design.H - design.l0, design.H - design.l0 + design.c
-    if design.hall_layout != "three":
-        return {design.hall_layout: (design.chip_x, 0.0, s1)}
-    return {"S1": (0.0, 0.0, s1), "S2": (design.f, 0.0, s23), "S3": (0.0, design.f, s23)}
+    names = ("S1", "S2", "S3") if design.hall_layout == "three" else (design.hall_layout,) * 3
+    return dict(zip(names, element_positions(design), strict=True))
 
 
 def heights(design: Design) -> tuple[float, float]:

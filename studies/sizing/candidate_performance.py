@@ -23,9 +23,9 @@ import numpy as np
 from analytic import force_resolution
 from analytic.clearance import wall_gaps
 from analytic.force_resolution import Loaded
-from analytic.parts import positions
 from geometry.arrays import Array
 from geometry.base import LEAST_GAP
+from geometry.cad import element_positions
 from geometry.fabrication.hall_bodies import SS495A
 from studies.exploration.solved_paths import frequency_unit
 from studies.sizing.candidate_variables import Variant
@@ -295,7 +295,7 @@ def _clearance(variants: Sequence[Variant], loaded: Loaded, depth: Array) -> Arr
         design = each.design
         if design.hall_layout != "three":
             continue
-        _, side, other = positions(design)
+        _, side, other = element_positions(design)
         beside = min(float(wall_gaps(design, place, shifts[k]).min()) for place in (side, other))
         above = design.L - depth[k] - side[2] - SS495A.height / 2
         gaps[k] = min(beside - SS495A.depth, above) - LEAST_GAP
