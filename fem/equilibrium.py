@@ -13,7 +13,7 @@ import contextlib
 import functools
 import math
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 
 import skfem
@@ -24,8 +24,7 @@ from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Model, Scene
 from fem.solution import Solution
-from fem.solve.depth_ranges import split_by_mesh
-from fem.solve.load_case_models import path_models
+from fem.solve.load_case_models import path_models, split_by_mesh
 from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
 from fem.solve.path_state import PathState, at_rest
@@ -136,51 +135,23 @@ def walk(
     ------
     One solution per load, as soon as it is solved. Where a solve stops early, the last solution is the last converged
     state, with its status and message.
-
     """
-    coarse = scene.coarser() if estimate and mesh is None else None
-    return _walk(scene, coarse, progress, mesh)
-
-
-def _walk(
-    scene: Scene, coarse: Scene | None, progress: Progress | None, mesh: skfem.MeshTet2 | None
-) -> Iterator[Solution]:
-    """Solve all parts of the path one after the other; `coarse` is the scene with the coarser mesh."""
-    done = 0
+    coarse, done = scene.coarser() if estimate and mesh is None else None, 0
     for loads in split_by_mesh(scene):
-        report = (
-            None
-            if progress is None
-            else functools.partial(_report_share, progress, done, len(loads), len(scene.loads))
-        )
-        coarse_part = None if coarse is None else replace(coarse, loads=loads)
-        states = _walk_part(replace(scene, loads=loads), coarse_part, report, mesh)
-        with contextlib.closing(states):
+        report = None if progress is None else functools.partial(_report, progress, done, len(scene.loads))
+        states = _follow(replace(scene, loads=loads), report, watch=coarse is not None, mesh=mesh)
+        coarse_states = None if coarse is None else _follow(replace(coarse, loads=loads), None)
+        with contextlib.closing(states), contextlib.closing(coarse_states or states):
             for state in states:
-                yield state
+                coarse_state = None if coarse_states is None else next(coarse_states, None)
+                yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
         if state.status not in ("ok", "unstable"):
             return
         done += len(loads)
 
 
-def _walk_part(
-    scene: Scene, coarse: Scene | None, progress: Progress | None, mesh: skfem.MeshTet2 | None
-) -> Generator[Solution]:
-    """Solve for the states of loads that share a mesh, each with error estimates from the coarser solve."""
-    states = _follow(scene, progress, watch=coarse is not None, mesh=mesh)
-    if coarse is None:
-        yield from states
-        return
-    coarse_states = _follow(coarse, None)
-    with contextlib.closing(states), contextlib.closing(coarse_states):
-        for state in states:
-            coarse_state = next(coarse_states, None)
-            yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
-
-
-def _report_share(progress: Progress, done: int, count: int, total: int, share: float, text: str) -> None:
-    """Report the completed share of a part, `count` loads after the first `done`, as a share of all `whole` loads."""
-    progress((done + share * count) / total, text)
+def _report(progress: Progress, done: int, total: int, count: int, text: str) -> None:
+    progress((done + count) / total, text)
 
 
 def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Solution:
@@ -195,15 +166,19 @@ def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Sol
 
 
 def _follow(
-    scene: Scene, progress: Progress | None, *, watch: bool = False, mesh: skfem.MeshTet2 | None = None
+    scene: Scene,
+    report: Callable[[int, str], None] | None,
+    *,
+    watch: bool = False,
+    mesh: skfem.MeshTet2 | None = None,
 ) -> Generator[Solution]:
-    """Solve for the states of loads that share a mesh."""
+    """Solve for the states of loads that share a mesh; report the number of those that are solved."""
     begin = time.perf_counter()
     with contextlib.closing(ScenePath(scene, mesh, check_stability=watch)) as path:
         for i, load in enumerate(scene.loads):
-            if progress is not None:
+            if report is not None:
                 shear = math.hypot(*load.imposed_shear)
-                progress(i / len(scene.loads), f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
+                report(i, f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
             stop = path.go(scene.position(load))
             seconds, begin = time.perf_counter() - begin, time.perf_counter()
             state = path.solution(path.state, load, stop, seconds)

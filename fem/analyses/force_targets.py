@@ -9,8 +9,8 @@ The depth is the first one at which a press from rest on has the force along z. 
 this depth, during which the normal force changes. Each state is that of `fem.equilibrium.walk` under the load that
 results; its force is the wanted one within `fem.solve.loading_curve.FORCE_TOLERANCE`.
 
-Light touches and glued plates have a mesh that depends on the depth (`fem.solve.depth_ranges`). There the search is
-repeated on the mesh of the depth that it has led to.
+Light touches and glued plates have a mesh that depends on the depth (`fem.solve.load_case_models`). There the search
+is repeated on the mesh of the depth that it has led to.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from fem.model import coulomb_friction
 from fem.results.postprocess import tip_force
 from fem.scene import Model, Scene
 from fem.solution import Solution
-from fem.solve.depth_ranges import mesh_range
+from fem.solve.load_case_models import mesh_range
 from fem.solve.loading_curve import CurvePoint, ForceNotReached, LoadingCurve
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState

@@ -35,7 +35,7 @@ from fem.model import coulomb_friction, viscoelasticity
 from fem.model.viscoelasticity import Branches
 from fem.results import diagnostics
 from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin
-from fem.results.postprocess import read_response
+from fem.results.postprocess import reached_load, read_response
 from fem.scene import Model, Scene
 from fem.solution import Facts, Status
 from fem.solve import load_increments
@@ -260,10 +260,10 @@ def _follow(
                     text = f"{path.state.path.d.model}: until {segment.end:.4g} s"
                     progress(path.state.time / end if end else 1.0, text)
                 if stop:
-                    yield _read(path, path.reached_load(segment.load), stop)
+                    yield _read(path, reached_load(path.state.path, segment.load, path.scene), stop)
                     return
                 if every_step and path.state.time < segment.end:
-                    yield _read(path, path.reached_load(segment.load))
+                    yield _read(path, reached_load(path.state.path, segment.load, path.scene))
             yield _read(path, segment.load)
 
 
@@ -389,12 +389,6 @@ class TimedPath:
         """Free the memory of the factorisations."""
         self.kept.solver.close()
         self._path.close()
-
-    def reached_load(self, load: Load) -> Load:
-        """Return the load at the present position, of the kind of `load`."""
-        depth, *along = self.state.path.position * self.scene.design.D
-        shear = np.array(along) @ self.scene.turn
-        return replace(load, depth=max(float(depth), 0.0), shear_x=float(shear[0]), shear_y=float(shear[1]))
 
 
 def march(path: TimedPath, segment: Segment, duration: float) -> Iterator[Stop]:

@@ -20,7 +20,7 @@ from fem.results import silicone_limits
 from fem.results.lateral_stiffness import StabilityMargin
 from fem.scene import Scene
 from fem.solution import CREASE, Diagnosed, Facts, Remark, Status
-from fem.solve.depth_ranges import harmonics_missing
+from fem.solve.load_case_models import harmonics_at, orders_needed
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
@@ -62,7 +62,8 @@ def diagnose(
     """
     facts = gather(state, found, scene.design.D, stop, margin, touched=touched)
     if state.d.revolved:
-        facts = replace(facts, harmonics_missing=harmonics_missing(scene, float(state.position[0])))
+        depth = float(state.position[0])
+        facts = replace(facts, harmonics_missing=orders_needed(scene, depth) - harmonics_at(scene, depth))
     found = replace(found, facts=facts, status=classify(facts))
     return replace(found, message=describe(found, scene.design))
 

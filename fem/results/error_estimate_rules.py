@@ -84,7 +84,7 @@ LEAST_SHARE = 0.2
 in the study 11 % are smaller."""
 LEAST_RADIUS = 0.06
 """Contact radius over D below which the usual difference no longer grows. The lightest presses of the study have
-0.07; below, the mesh is graded to the contact (`fem.solve.depth_ranges`)."""
+0.07; below, the mesh is graded to the contact (`fem.solve.load_case_models`)."""
 LEAST_DEPTH = 0.15
 """Critical depth over D below which the usual difference no longer decreases: slender beams buckle at smaller depths
 than the study has, whose smallest is 0.12."""
@@ -107,8 +107,8 @@ ON_LIMIT = 1.001
 """Load over such a limit up to which it counts as on the limit: the loads of the study are rounded to four digits."""
 ORDER_POWER = 5.0
 """Power of the number of orders with which errors under a tilted plate decrease, for a load that has fewer orders
-than it needs (`fem.solve.depth_ranges.orders_needed`). On the paper's sensor under 40 degrees at D/40, which needs
-11, forces with 4, 5, 6 and 8 orders were off by 22, 13, 7 and about 1 %."""
+than it needs (`fem.solve.load_case_models.orders_needed`). On the paper's sensor under 40 degrees at D/40, which
+needs 11, forces with 4, 5, 6 and 8 orders were off by 22, 13, 7 and about 1 %."""
 DEPTH_POWER = 1.5
 """Power of the depth with which errors are expected to grow beyond the deepest presses of the study. At four times
 the largest depth of scene press (`magtip solve paper --depth 3.6`) the force at level standard differs from that at

@@ -31,7 +31,7 @@ from fem.results.error_estimate_rules import (
 )
 from fem.scene import Scene
 from fem.solution import Estimates
-from fem.solve.depth_ranges import harmonics_at, orders_needed
+from fem.solve.load_case_models import harmonics_at, orders_needed
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
 from geometry.loads import Load, Response

@@ -48,7 +48,7 @@ def read(
     design, friction = scene.design, state.friction
     D, E = design.D, design.E
     solution = Solution(
-        load=_reached_load(state, load, scene) if stop else load,
+        load=reached_load(state, load, scene) if stop else load,
         response=read_response(state, scene),
         energy=state.energy * d.symmetry * E * D**3,
         model=d.model,
@@ -69,12 +69,12 @@ def read(
     return diagnostics.diagnose(solution, state, scene, stop, margin)
 
 
-def _reached_load(state: PathState, load: Load, scene: Scene) -> Load:
-    """Return the load that a path had reached when it stopped before the requested one."""
+def reached_load(state: PathState, load: Load, scene: Scene) -> Load:
+    """Return the load that a path has reached on its way to another one."""
     depth, *along = state.position * scene.design.D
     x, y = np.array(along) @ scene.turn
-    moved = {"shear_x": float(x), "shear_y": float(y)} if load.shears_tip else {}
-    return replace(load, depth=float(depth), **moved)
+    moved = {"shear_x": float(x), "shear_y": float(y)} if load.shears_tip or any(along) else {}
+    return replace(load, depth=max(float(depth), 0.0), **moved)
 
 
 def read_response(state: PathState, scene: Scene) -> Response:

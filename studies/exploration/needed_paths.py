@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from analytic import beam
 from fem.accuracy import LEVELS, Accuracy, coarser
 from fem.scene import Scene
-from fem.solve.depth_ranges import harmonics_at
+from fem.solve.load_case_models import harmonics_at
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet

@@ -4,7 +4,7 @@ The finite elements use lengths over D and stresses over E, so geometrically sim
 a path (see `fem.scene.Scene.dimensionless`). The states of a path differ in their position only, the depth and the
 shear of the plate over D:
 
-- a press: all depths; a frictionless press does not depend on the other depths (see `fem.solve.depth_ranges`), and
+- a press: all depths; a frictionless press does not depend on the other depths (`fem.solve.load_case_models`), and
   with friction or an imperfection the path leads straight from rest to the depth;
 - a shear under a plate, glued or with Coulomb friction: all shears in one direction at one depth, because the path is
   a press to this depth and then a shear that only grows;

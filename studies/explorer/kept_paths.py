@@ -22,7 +22,7 @@ from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Solution
-from fem.solve.depth_ranges import graded_depth
+from fem.solve.load_case_models import graded_depth
 from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
 from fem.solve.path_state import FIRST_TOUCH, PathState
