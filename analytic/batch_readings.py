@@ -45,24 +45,6 @@ class BatchReadings:
     saturated: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sites:
-    """Magnets with the elements below them, k of them.
-
-    Attributes
-    ----------
-    magnet : diameter and height, mm, shape (k, 2); 0 for no magnet.
-    plate : side of the elements' plates, mm, shape (k,); 0 for points.
-    rest : height of the magnet's centre at rest, mm, shape (k,).
-    centres : positions of the elements, mm, shape (k, 3, 3).
-    """
-
-    magnet: Array
-    plate: Array
-    rest: Array
-    centres: Array
-
-
 def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: Array, tilt: Array) -> BatchReadings:
     """Return the readings of n rows; row i belongs to the design `designs[owner[i]]`.
 
@@ -83,33 +65,27 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
             np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS), dtype=np.bool_)
         )
     values = np.array([common_values(design) for design in designs])
-    sites, site_of_design = _sites(designs, values[:, -1])
-    site = site_of_design[owner]
-    with_magnet = sites.magnet[site, 0] > 0
+    numbers: dict[tuple[float | str, ...], int] = {}
+    # by a dictionary of fields, because the positions would cost a sweep over E more than all else
+    of_design = np.array([numbers.setdefault(SITE(design), len(numbers)) for design in designs])
+    sites = np.array([_site(designs[k], values[k, -1]) for k in np.unique(of_design, return_index=True)[1]])
+    site = of_design[owner]
+    with_magnet = sites[site, 1] > 0
     rows = np.flatnonzero(with_magnet & np.isfinite(shift).all(axis=1) & np.isfinite(tilt).all(axis=1))
     chosen, number = _distinct(site[rows], *shift[rows].T, *tilt[rows].T)
     distinct = rows[chosen]
     scale = np.array([design.polarisation for design in designs])[owner[rows]]
     measured = np.full((len(owner), ELEMENTS), np.nan)
-    measured[rows] = scale[:, None] * _unit_fields(sites, site[distinct], shift[distinct], tilt[distinct])[number]
+    measured[rows] = scale[:, None] * _unit_fields(sites[site[distinct]], shift[distinct], tilt[distinct])[number]
     gain, null, low, high, _, step, _ = values[owner].T[:, :, None]
     output, saturated = converted(null + gain * measured, low, high, step)
     return BatchReadings(measured, output, saturated)
 
 
-def _sites(designs: Sequence[Design], plate: Array) -> tuple[_Sites, NDArray[np.int64]]:
-    """Return the distinct sites of designs whose elements have these plates, and the number of each design's."""
-    numbers: dict[tuple[float | str, ...], int] = {}
-    # a dictionary of fields first: it costs a sweep over E and gains less than the positions
-    site = np.array([numbers.setdefault(SITE(design), len(numbers)) for design in designs])
-    first = np.unique(site, return_index=True)[1]
-    chosen = [designs[k] for k in first]
-    magnet = np.array([(design.magnet_diameter, design.magnet_height) for design in chosen])
-    rest, centres = (
-        np.array([design.H for design in chosen]),
-        np.array([element_positions(design) for design in chosen]),
-    )
-    return _Sites(magnet, plate[first], rest, centres), site
+def _site(design: Design, plate: float) -> list[float]:
+    """Return plate, diameter and height of the magnet, height of its centre at rest, positions of elements, mm."""
+    centres = [value for position in element_positions(design) for value in position]
+    return [plate, design.magnet_diameter, design.magnet_height, design.H, *centres]
 
 
 def _distinct(*columns: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -128,45 +104,35 @@ def _distinct(*columns: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray
     return order[new], number
 
 
-def _unit_fields(sites: _Sites, site: NDArray[np.int64], shift: Array, tilt: Array) -> Array:
-    """Return B.n of the elements at a remanence of 1 T, shape (n, 3), of rows with a magnet and a pose."""
-    fields = np.empty((len(site), ELEMENTS))
-    if not len(site):
-        return fields
+def _unit_fields(sites: Array, shift: Array, tilt: Array) -> Array:
+    """Return B.n of the elements at a remanence of 1 T, shape (n, 3), of rows with a magnet and a pose.
+
+    `sites` has the `_site` of each row, shape (n, 13).
+    """
+    fields = np.empty((len(sites), ELEMENTS))
     # one call of the field serves all rows whose magnets and numbers of points are equal
-    kind = _distinct(*sites.magnet.T, sites.plate > 0)[1][site]
-    sorted_rows = np.argsort(kind, kind="stable")
-    for rows in np.split(sorted_rows, np.flatnonzero(np.diff(kind[sorted_rows])) + 1):
-        members, member = np.unique(site[rows], return_inverse=True)
-        points = _points(sites, members)
-        diameter, height = sites.magnet[members[0]].tolist()
-        for start in range(0, len(rows), BLOCK):
-            part = slice(start, start + BLOCK)
-            at = rows[part]
-            fields[at] = _block(diameter / 2, height, points[member[part]], shift[at], tilt[at])
+    kind = _distinct(sites[:, 1], sites[:, 2], sites[:, 0] > 0)[1]
+    order = np.argsort(kind, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(kind[order])) + 1):
+        for at in np.split(rows, range(BLOCK, len(rows), BLOCK)):
+            if len(at):
+                fields[at] = _block(sites[at], shift[at], tilt[at])
     return fields
 
 
-def _points(sites: _Sites, members: NDArray[np.int64]) -> Array:
-    """Return the points of some sites, all or none of them with plates, shape (k, 3, 4 or 1, 3).
-
-    The second axis is that of the elements. Points are relative to the magnet's centre at rest, mm.
-    """
-    centres, plate = sites.centres[members], sites.plate[members]
+def _block(sites: Array, shift: Array, tilt: Array) -> Array:
+    """Return `_unit_fields` of rows whose magnets and numbers of points are equal."""
+    plate, (diameter, height) = sites[:, 0], sites[0, 1:3].tolist()
+    # relative to the magnet's centre at rest, shape (n, 3, points of an element, 3)
+    centres = sites[:, 4:].reshape(-1, ELEMENTS, 3) - sites[:, 3, None, None] * [0.0, 0.0, 1.0]
     points = centres[:, :, None]
     if plate.any():
         sides = [half_sides(np.array(axis), plate[:, None]) for axis in AXES]
         aside, across = (np.stack(side, axis=1) for side in zip(*sides, strict=True))
         points = np.stack([centres + i * aside + j * across for i in (-1, 1) for j in (-1, 1)], axis=2)
-    points[..., 2] -= sites.rest[members, None, None]
-    return points
-
-
-def _block(radius: float, height: float, points: Array, shift: Array, tilt: Array) -> Array:
-    """Return B.n of the elements at a remanence of 1 T, shape (n, 3), at points (n, 3, 4 or 1, 3)."""
-    move, turn = shift[:, None, None, :], tilt[:, None, None, :]
-    local = np.ascontiguousarray(FLIP * rotated(points - move, -turn)).reshape(-1, 3)
-    field = field_or_nan(local, radius, height, 1.0)
+    turn = tilt[:, None, None, :]
+    local = np.ascontiguousarray(FLIP * rotated(points - shift[:, None, None, :], -turn)).reshape(-1, 3)
+    field = field_or_nan(local, diameter / 2, height, 1.0)
     normals = np.array(AXES)[:, None, :]
     measured = (rotated(FLIP * field.reshape(points.shape), turn) * normals).sum(axis=-1).mean(axis=-1)
     measured[np.isnan(measured).any(axis=1)] = np.nan

@@ -10,7 +10,7 @@ Each level answers a load with the same `Response`:
 | magnet | rigid magnet: layers above and below it | rigid above the magnet's lower face | depth to 0.06 D |
 | finite | neo-Hookean at finite strain | inclined tip, rolling dome | depth to D/4, shear to 0.3 D |
 
-The terms are in `analytic.beam_terms.press_terms` and `analytic.beam_terms.shear_terms`. `magtip validate ladder`
+The terms are in `analytic.press_terms` and `analytic.shear_terms`. `magtip validate ladder`
 tabulates the error of each level over the design space. Lengths in mm, E in MPa, forces in N.
 
 The paper: Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7).
@@ -21,8 +21,8 @@ from __future__ import annotations
 import math
 
 from analytic import buckling
-from analytic.beam_terms.press_terms import Press, Terms, press
-from analytic.beam_terms.shear_terms import ShearState, cantilever, shear_response
+from analytic.press_terms import Press, Terms, press
+from analytic.shear_terms import ShearState, cantilever, shear_response
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load
 

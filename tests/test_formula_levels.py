@@ -6,9 +6,8 @@ from dataclasses import replace
 import mpmath
 import pytest
 
-from analytic import beam, buckling
-from analytic.beam_terms import press_terms, shear_terms
-from analytic.beam_terms.press_terms import Terms
+from analytic import beam, buckling, press_terms, shear_terms
+from analytic.press_terms import Terms
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.validation import formula_levels

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from analytic import press_terms
 from analytic.beam import TERMS
-from analytic.beam_terms import press_terms
 from geometry.design import Design
 
 RNG = np.random.default_rng(7)

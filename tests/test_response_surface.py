@@ -1,4 +1,4 @@
-"""Forces between a few states of a model: no fold, no tension, and what the states must have."""
+"""Forces between a few states of a model: no fold, no tension, what the states must have, and shifts under forces."""
 
 import dataclasses
 
@@ -111,3 +111,33 @@ def test_shears_of_unlike_contact_make_no_law():
         response_surface.of_samples([*press, *shears, slid])
     with pytest.raises(BadInput, match="no grip"):
         response_surface.of_samples([*press, held])
+
+
+@pytest.fixture(scope="module", params=["paper", "finite"])
+def level_law(request):
+    return response_surface.of_formula(lambda load: beam.solve(paper(), load, request.param), 2.0, 2.0)
+
+
+def test_forces_come_back(level_law):
+    low, high = response_surface.workspace(paper(), level_law)
+    normal, tangential = (v.ravel() for v in np.meshgrid(np.linspace(0.5, 3, 6), np.linspace(0, 0.6, 5)))
+    u, w = response_surface.shifts_of_forces(level_law, low, high, tangential, normal)
+    force, _ = response_surface.forces(level_law, np.stack([u, np.zeros_like(u), w]))
+    assert_allclose(force[0], tangential, atol=1e-7)
+    assert_allclose(force[2], normal, atol=1e-7)
+    assert (w < 0).all()
+
+
+def test_no_force_is_rest(level_law):
+    low, high = response_surface.workspace(paper(), level_law)
+    shifts = response_surface.shifts_of_forces(level_law, low, high, np.array([0.0, 0.0]), np.array([0.0, 1.0]))
+    assert_allclose(np.array(shifts)[:, 0], 0, atol=1e-9)
+
+
+def test_forces_beyond_the_mechanics_have_no_shift(level_law):
+    low, high = response_surface.workspace(paper(), level_law)
+    u, w = response_surface.shifts_of_forces(
+        level_law, low, high, np.array([0.0, 50.0, 0.0]), np.array([1.0, 1.0, 500.0])
+    )
+    assert np.isfinite([u[0], w[0]]).all()
+    assert np.isnan([u[1:], w[1:]]).all()

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analytic import beam, parts
-from analytic.beam_terms import press_terms, shear_terms
+from analytic import beam, parts, press_terms, shear_terms
 from geometry.design import LEAST_ALPHA, LEAST_WALL, POLES, Design
 from geometry.loads import STEEPEST
 from studies.explorer import offline_model

@@ -177,7 +177,7 @@ def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0
     import numpy as np
 
     from analytic import survey
-    from analytic.inverse import force_inversion, response_surface
+    from analytic.inverse import response_surface
 
     law = coder.mechanics
     assert law is not None
@@ -191,7 +191,7 @@ def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0
             indexing="ij",
         )
     )
-    u, w = force_inversion.shifts_of_forces(law, coder.low, coder.high, F_t, F_n)
+    u, w = response_surface.shifts_of_forces(law, coder.low, coder.high, F_t, F_n)
     # rounded, so that a force along an axis has no component of 1e-16 across it
     e = np.round([np.cos(angle), np.sin(angle)], 15)
     shift = np.stack([u * e[0], u * e[1], w])

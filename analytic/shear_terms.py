@@ -36,7 +36,7 @@ import math
 from dataclasses import dataclass, replace
 
 from analytic import buckling
-from analytic.beam_terms.press_terms import Press, Terms, false_position, floor, press
+from analytic.press_terms import Press, Terms, false_position, floor, press
 from geometry.design import Design
 
 DOME, ROLLS, PATCH = 0.1, 0.25, 1 / 5
