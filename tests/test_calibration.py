@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.validation.calibration import FEWEST, conformal_quantile, quantiles_by_region
+from studies.validation.surrogate_fit import FEWEST, conformal_quantile, quantiles_by_region
 
 
 def test_intervals_hold_nine_of_ten_new_points():

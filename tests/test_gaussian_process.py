@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 from studies.surrogate.gaussian_process import GaussianProcess, correlation, with_constant
-from studies.validation import length_scales
+from studies.validation import surrogate_fit
 
 RNG = np.random.default_rng(0)
 X = RNG.random((40, 2))
@@ -55,13 +55,13 @@ def test_left_out_predictions_are_those_of_training_without_the_point():
 
 def test_the_slopes_of_the_likelihood_are_those_of_differences():
     logs = np.log([0.5, 0.9, 1e-4])
-    slope = length_scales._misfit(logs, X, Y)[1]
-    assert slope == pytest.approx(optimize.approx_fprime(logs, lambda z: length_scales._misfit(z, X, Y)[0]), rel=1e-3)
+    slope = surrogate_fit._misfit(logs, X, Y)[1]
+    assert slope == pytest.approx(optimize.approx_fprime(logs, lambda z: surrogate_fit._misfit(z, X, Y)[0]), rel=1e-3)
 
 
 def test_an_input_without_effect_gets_a_long_length_scale():
     y = np.sin(4 * X[:, :1])
-    process = length_scales.fitted(X, y)
+    process = surrogate_fit.fitted(X, y)
     assert process.lengths[1] > 5 * process.lengths[0]
     x = RNG.random((200, 2))
     assert np.abs(process.predict(x)[0] - np.sin(4 * x[:, :1])).max() < 0.02

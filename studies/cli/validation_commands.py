@@ -15,7 +15,7 @@ from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console, own_files, records
+from studies.output import atomic_files, console, own_files
 
 
 def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -495,10 +495,10 @@ def surrogate(
     from studies.exploration.needed_paths import Processes
     from studies.output.goals import missed
     from studies.output.provenance import versions
-    from studies.validation import surrogate_report, surrogate_study, surrogate_test
+    from studies.validation import surrogate_study, surrogate_test
 
     extent = surrogate_study.FEW if quick else surrogate_study.Extent()
-    atomic_files.check_apart(atomic_files.inside(out, surrogate_report.FILES), [store])
+    atomic_files.check_apart(atomic_files.inside(out, surrogate_test.FILES), [store])
     with (
         stores.opened(store or stores.default()) as states,
         atomic_files.results(out) as folder,
@@ -507,9 +507,9 @@ def surrogate(
         result = surrogate_study.run(extent, states, Processes(workers, scheduler), progress)
         rows = surrogate_test.summaries(result.errors)
         if folder is not None:
-            surrogate_report.write(folder, result, extent.first, versions(("matplotlib",)), command_line)
+            surrogate_test.write(folder, result, extent.first, versions(("matplotlib",)), command_line)
     console.report(
-        [records.flat(row) for row in rows],
+        rows,
         as_json=as_json,
         title="Errors on unseen beams",
         first=("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent"),

@@ -8,9 +8,9 @@ if it holds every value that this estimate allows.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,66 +18,42 @@ from geometry.arrays import Array
 from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.prediction import CRITICAL, Beams, Quantity
 from studies.surrogate.surrogate_file import Group, Surrogate
-from studies.validation.calibration import quantiles_by_region
-from studies.validation.surrogate_fit import TrainingSet
+from studies.validation.surrogate_fit import TrainingSet, quantiles_by_region
 from studies.validation.training_beams import Beams as TrainingBeams
 from studies.validation.training_states import States
 
 PRESS_KIND, SHEAR_KIND, MODE_KIND, CRITICAL_KIND = "press", "shear", "mode", "critical depth"
 """Kinds of states."""
-MAGNET = ("magnet_diameter_over_D", "magnet_height_over_D")
+BEAM = ("L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
 HALF = 0.5
 """Share of the range of the depths, in their roots, beyond which a press is deep."""
 
 
-@dataclass(frozen=True, slots=True)
-class StateError:
-    """Error of one quantity in one state.
-
-    Attributes
-    ----------
-    kind : press, shear, critical depth or mode.
-    error_percent, interval_percent : error, and half width of the 90 % interval, of the yardstick.
-    fem_error_percent : estimated error of the finite elements themselves, of the yardstick; NaN if it is unknown.
-    """
-
-    beam: int
-    kind: str
-    quantity: str
-    L_over_D: float
-    magnet_diameter_over_D: float
-    magnet_height_over_D: float
-    nu: float
-    depth_over_D: float
-    shear_over_D: float
-    fem: float
-    surrogate: float
-    error_percent: float
-    interval_percent: float
-    fem_error_percent: float
-
-    @property
-    def score(self) -> float:
-        """Largest distance of the truth over the half width; infinite where any of the three is unknown."""
-        score = (abs(self.error_percent) + self.fem_error_percent) / self.interval_percent
-        return score if math.isfinite(score) else math.inf
-
-    @property
-    def covered(self) -> bool:
-        """Whether the interval holds the truth."""
-        return self.score <= 1.0
+Errors = Any
+"""A DataFrame with a row for each quantity of each state: beam, kind (press, shear, critical depth, mode), quantity,
+the beam's numbers, depth_over_D, shear_over_D, fem, surrogate, and in percent of the yardstick error_percent,
+interval_percent (half width of the 90 % interval) and fem_error_percent (NaN if it is unknown)."""
 
 
-def errors(surrogate: Surrogate, states: TrainingSet) -> list[StateError]:
+def scores(rows: Errors) -> Array:
+    """Return the largest distance of the truth over the half width; infinite where any of the three is unknown."""
+    score = (rows.error_percent.abs() + rows.fem_error_percent) / rows.interval_percent
+    return np.where(np.isfinite(score), score, np.inf)
+
+
+def errors(surrogate: Surrogate, states: TrainingSet) -> Errors:
     """Return the errors of a surrogate in all states of a set."""
+    import pandas as pd
+
     predicted = _predicted(surrogate, states.beams)
-    return [*_presses(states, predicted), *_shears(states, predicted), *_modes(states, predicted)]
+    tables = [*_presses(states, predicted), *_shears(states, predicted), _modes(states, predicted)]
+    return pd.concat(tables, ignore_index=True)
 
 
-def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States) -> list[StateError]:
+def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States) -> Errors:
     """Return the errors of the critical depths by `fem.analyses.stability` of the first beams, within the range."""
     if not len(critical.depth):
-        return []
+        return errors(surrogate, states).iloc[:0]
     first = states.beams[: len(critical.depth)]
     predicted = _predicted(surrogate, first)
     deepest, true = predicted.deepest[:, None], critical.quantities["depth"]
@@ -87,14 +63,14 @@ def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States)
     shown = np.where(exists, true, np.nan)
     column = Quantity(value, value * predicted.critical_spread[:, None])
     one = replace(critical, depth=shown, quantities={"depth": shown})
-    return list(_rows(first, CRITICAL_KIND, "depth", one, "depth", column, value))
+    return _rows(first, CRITICAL_KIND, "depth", one, "depth", column, value)
 
 
 def _predicted(surrogate: Surrogate, b: TrainingBeams) -> Beams:
     return Beams(b.L, b.diameter, b.height, b.nu, b.edge, surrogate)
 
 
-def recalibrated(surrogate: Surrogate, rows: Sequence[StateError]) -> Surrogate:
+def recalibrated(surrogate: Surrogate, rows: Errors) -> Surrogate:
     """Return the surrogate with intervals scaled to the errors of random beams, by quantity and region.
 
     The intervals of presses are scaled apart in light and in deep ones.
@@ -106,17 +82,17 @@ def recalibrated(surrogate: Surrogate, rows: Sequence[StateError]) -> Surrogate:
     )
 
 
-def _scaled(group: Group, kind: str, rows: Sequence[StateError]) -> Group:
+def _scaled(group: Group, kind: str, rows: Errors) -> Group:
     quantiles: dict[str, Array] = {}
     for name, values in group.quantiles.items():
         wanted = (CRITICAL_KIND, "depth") if name == CRITICAL else (kind, name)
-        own = [row for row in rows if (row.kind, row.quantity) == wanted]
-        if not own:
+        own = rows[(rows.kind == wanted[0]) & (rows.quantity == wanted[1])]
+        if own.empty:
             quantiles[name] = values
         elif wanted[0] == PRESS_KIND:
             # light and deep presses apart: the error of a light one is that of the contact's mesh
             deep = _shares(own) > HALF
-            factors = [_factors([row for row, at in zip(own, part, strict=True) if at]) for part in (~deep, deep)]
+            factors = [_factors(own[part]) for part in (~deep, deep)]
             quantiles[name] = values * np.where(prediction.root_shares() > HALF, factors[1], factors[0])
         else:
             # the quantiles of shears have the regions twice: above light and above deep presses
@@ -124,77 +100,73 @@ def _scaled(group: Group, kind: str, rows: Sequence[StateError]) -> Group:
     return replace(group, quantiles=quantiles)
 
 
-def _factors(rows: Sequence[StateError]) -> Array:
+def _factors(rows: Errors) -> Array:
     """Return the quantile of the beams' scores in each region, shape (REGIONS, 1)."""
-    scores: dict[int, float] = {}
-    for row in rows:
-        scores[row.beam] = max(scores.get(row.beam, 0.0), row.score)
-    first = {row.beam: row for row in rows}
-    L, diameter, height = _columns([first[beam] for beam in scores], "L_over_D", *MAGNET)
-    region = prediction.beam_region(L, diameter, height)
-    return quantiles_by_region(np.array(list(scores.values()))[:, None], region, prediction.REGIONS)
+    beams = rows.assign(score=scores(rows)).groupby("beam", sort=False)
+    first, worst = beams.first(), beams["score"].max().to_numpy()
+    region = prediction.beam_region(*(first[name].to_numpy() for name in BEAM))
+    return quantiles_by_region(worst[:, None], region, prediction.REGIONS)
 
 
-def _shares(rows: Sequence[StateError]) -> Array:
+def _shares(rows: Errors) -> Array:
     """Return where the depth of each press lies in the range of the depths, 0 to 1 in the roots."""
-    L, diameter, height, depth = _columns(rows, "L_over_D", *MAGNET, "depth_over_D")
     low = np.sqrt(surrogate_range.SHALLOWEST)
-    high = np.sqrt(surrogate_range.deepest(L, diameter, height))
-    return np.asarray((np.sqrt(depth) - low) / (high - low))
+    high = np.sqrt(surrogate_range.deepest(*(rows[name].to_numpy() for name in BEAM)))
+    return np.asarray((np.sqrt(rows.depth_over_D.to_numpy()) - low) / (high - low))
 
 
-def _columns(rows: Sequence[StateError], *names: str) -> list[Array]:
-    return [np.array([getattr(row, name) for row in rows]) for name in names]
-
-
-def _presses(states: TrainingSet, predicted: Beams) -> Iterator[StateError]:
+def _presses(states: TrainingSet, predicted: Beams) -> Iterator[Errors]:
     press = states.press
     for name, quantity in predicted.press(press.depth).items():
         rod = 1 - quantity.value if name == "sideways_ratio" else quantity.value
         column = {"force": "force_z", "shift": "shift_z"}.get(name, name)
-        yield from _rows(states.beams, PRESS_KIND, name, press, column, quantity, rod)
+        yield _rows(states.beams, PRESS_KIND, name, press, column, quantity, rod)
 
 
-def _shears(states: TrainingSet, predicted: Beams) -> Iterator[StateError]:
+def _shears(states: TrainingSet, predicted: Beams) -> Iterator[Errors]:
     shear = states.shear
     found = predicted.shear(shear.depth, shear.shear, beyond_stable=True)
     rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
     for name, quantity in found.items():
-        yield from _rows(states.beams, SHEAR_KIND, name, shear, name, quantity, rods[name])
+        yield _rows(states.beams, SHEAR_KIND, name, shear, name, quantity, rods[name])
 
 
-def _modes(states: TrainingSet, predicted: Beams) -> Iterator[StateError]:
+def _modes(states: TrainingSet, predicted: Beams) -> Errors:
     quantity = predicted.first_mode(states.beams.density_ratio)
     column = Quantity(quantity.value[:, None], quantity.half_width[:, None])
-    yield from _rows(states.beams, MODE_KIND, "frequency", states.mode, "frequency", column, column.value)
+    return _rows(states.beams, MODE_KIND, "frequency", states.mode, "frequency", column, column.value)
 
 
 def _rows(
     b: TrainingBeams, kind: str, name: str, states: States, column: str, quantity: Quantity, rod: Array
-) -> Iterator[StateError]:
-    """Yield the errors of one quantity, arrays (n, k), without the states that do not exist.
+) -> Errors:
+    """Return the errors of one quantity, arrays (n, k), without the states that do not exist.
 
     Parameters
     ----------
     column : name of the quantity in the states; those count the magnet's sinking as negative.
     """
+    import pandas as pd
+
     true = states.quantities[column] * (-1.0 if column == "shift_z" else 1.0)
     own = states.errors.get(column, np.full(true.shape, np.nan))
-    for k, i in np.argwhere(~np.isnan(true)):
-        unit = 100 / abs(float(rod[k, i]))
-        yield StateError(
-            beam=int(k),
-            kind=kind,
-            quantity=name,
-            L_over_D=float(b.L[k]),
-            magnet_diameter_over_D=float(b.diameter[k]),
-            magnet_height_over_D=float(b.height[k]),
-            nu=float(b.nu[k]),
-            depth_over_D=float(states.depth[k, i]),
-            shear_over_D=float(states.shear[k, i]),
-            fem=float(true[k, i]),
-            surrogate=float(quantity.value[k, i]),
-            error_percent=unit * float(quantity.value[k, i] - true[k, i]),
-            interval_percent=unit * float(quantity.half_width[k, i]),
-            fem_error_percent=unit * float(own[k, i]),
-        )
+    at = np.nonzero(~np.isnan(true))
+    beam, unit = at[0], 100 / np.abs(rod[at])
+    return pd.DataFrame(
+        {
+            "beam": beam,
+            "kind": kind,
+            "quantity": name,
+            "L_over_D": b.L[beam],
+            "magnet_diameter_over_D": b.diameter[beam],
+            "magnet_height_over_D": b.height[beam],
+            "nu": b.nu[beam],
+            "depth_over_D": states.depth[at],
+            "shear_over_D": states.shear[at],
+            "fem": true[at],
+            "surrogate": quantity.value[at],
+            "error_percent": unit * (quantity.value[at] - true[at]),
+            "interval_percent": unit * quantity.half_width[at],
+            "fem_error_percent": unit * own[at],
+        }
+    )

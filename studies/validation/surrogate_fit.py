@@ -1,24 +1,44 @@
 """From finite-element states of beams to a surrogate: outputs, length scales, calibrated errors.
 
 The forms of the outputs are those of `studies.surrogate.prediction`.
+
+Intervals. An interval is the prediction plus or minus q g y, with the spread g of the Gaussian process, the yardstick
+y of the quantity, and the quantile q of scores. A score is (|error| + own error of the finite elements) / (g y), so
+that the interval is one for the converged answer and not for a mesh. With the ceil(0.9 (n + 1))-th smallest of n
+scores it holds the truth of a beam that is drawn like those of the scores with a probability of at least 0.9 (Vovk
+et al. 2005; Lei et al. 2018). That needs independent scores. The errors in the states of one beam are correlated, so
+a beam has a single score: the largest one of its states. An interval then holds in all of them.
+
+The quantiles are found in two steps. The errors of the training beams, each predicted from all others, tell by region
+and node how large errors are there (the jackknife; Barber et al. 2021). Training beams are not drawn like a user's,
+and know the errors at the nodes only. So random beams at random depths and shears, on which nothing else depends,
+scale the intervals: the quantile of their scores over their half widths, by quantity and region, multiplies the first
+ones. It is that of the region's beams alone.
+
+Length scales. With the outputs' variances and trends at their best values, the logarithm of the restricted likelihood
+is, up to a constant (Rasmussen and Williams 2006, section 2.7),
+
+    -2 l = sum_q (N - m) log s_q^2 + q (log det K + log det H^T K^-1 H),   s_q^2 = y_q P y_q / (N - m),
+
+with P the precision of `GaussianProcess.inverse` and m the number of coefficients of the trend.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg, optimize
 
 from geometry.arrays import Array
 from studies.surrogate import prediction, surrogate_range
-from studies.surrogate.gaussian_process import GaussianProcess
+from studies.surrogate.gaussian_process import ROOT5, GaussianProcess, with_constant
 from studies.surrogate.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
 from studies.surrogate.surrogate_file import Group, Surrogate
-from studies.validation.calibration import quantiles_by_region
-from studies.validation.length_scales import fitted
 from studies.validation.training_beams import Beams, joined
 from studies.validation.training_states import States
 
@@ -195,3 +215,79 @@ def press_at(beams: Beams, logs: Mapping[str, Array], depth: Array) -> dict[str,
         "force": depth**1.5 * np.exp(prediction.through_roots(logs["force"], share)),
         "shift": depth * np.exp(prediction.through_roots(logs["shift"], share)),
     }
+
+
+# Intervals
+
+COVERAGE = 0.9
+FEWEST = 20
+"""Least number of scores of a region with a quantile of its own; the others share that of all beams. Of 20 scores it
+is the second largest."""
+
+
+def conformal_quantile(scores: Array) -> Array:
+    """Return the conformal quantile of scores (n, ...), shape (...); an unknown score (NaN) counts as infinite.
+
+    >>> float(conformal_quantile(np.arange(1.0, 100.0)))
+    90.0
+    """
+    n = len(scores)
+    rank = min(math.ceil(COVERAGE * (n + 1)), n)
+    return np.asarray(np.sort(np.nan_to_num(scores, nan=np.inf), axis=0)[rank - 1])
+
+
+def quantiles_by_region(scores: Array, region: NDArray[np.int64], regions: int) -> Array:
+    """Return the quantiles of scores (n, nodes) in each region, shape (regions, nodes)."""
+    result = np.empty((regions, scores.shape[1]))
+    for k in range(regions):
+        own = scores[region == k]
+        result[k] = conformal_quantile(own if len(own) >= FEWEST else scores)
+    return result
+
+
+# Length scales
+
+LENGTHS, NUGGETS = (0.05, 50.0), (1e-8, 1e-2)
+"""Bounds of the length scales, over the spread of the input, and of the nugget."""
+
+
+def fitted(x: Array, y: Array, start: Array | None = None) -> GaussianProcess:
+    """Return the process whose length scales and nugget are the most likely ones for points (N, p), outputs (N, q).
+
+    Parameters
+    ----------
+    start : length scales and nugget to begin from, shape (p + 1,).
+    """
+    scale = x.std(axis=0)
+    begin = np.append(2 * scale, 1e-5) if start is None else start
+    bounds = [(np.log(LENGTHS[0] * s), np.log(LENGTHS[1] * s)) for s in scale]
+    bounds.append((np.log(NUGGETS[0]), np.log(NUGGETS[1])))
+    # outputs of different size count alike
+    unit = (y - y.mean(axis=0)) / y.std(axis=0)
+    best = optimize.minimize(
+        _misfit, np.log(begin), args=(x, unit), jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 60}
+    )
+    return GaussianProcess(x, y, np.exp(best.x[:-1]), float(np.exp(best.x[-1])))
+
+
+def _misfit(logs: Array, x: Array, y: Array) -> tuple[float, Array]:
+    """Return -l / (N q) and its derivatives by the logarithms of length scales and nugget."""
+    lengths, nugget = np.exp(logs[:-1]), np.exp(logs[-1])
+    (count, outputs), terms = y.shape, x.shape[1] + 1
+    process = GaussianProcess(x, y, lengths, float(nugget))
+    P = process.inverse
+    Py = P @ y
+    power = np.einsum("nq,nq->q", y, Py)
+    whitened = linalg.solve_triangular(process.factor, with_constant(x), lower=True)
+    determinant = 2 * np.log(np.diag(process.factor)).sum() + np.linalg.slogdet(whitened.T @ whitened)[1]
+    value = (count - terms) * np.log(power).sum() + outputs * determinant
+    # d(-2 l) = outputs tr(P dK) - (N - m) sum_q Py_q dK Py_q / power_q
+    S = outputs * P - (count - terms) * (Py / power) @ Py.T
+    scaled = x / lengths
+    distance = np.sqrt(np.maximum(((scaled[:, None] - scaled[None]) ** 2).sum(axis=2), 0.0))
+    a = ROOT5 * distance
+    # c'(r) / r = -5/3 (1 + a) exp(-a), so dK by log l_i is 5/3 (1 + a) exp(-a) times the squared difference in x_i
+    common = S * (5 / 3) * (1 + a) * np.exp(-a)
+    slopes = [float((common * (scaled[:, i, None] - scaled[None, :, i]) ** 2).sum()) for i in range(len(lengths))]
+    slopes.append(float(nugget * np.trace(S)))
+    return float(value) / (2 * count * outputs), np.array(slopes) / (2 * count * outputs)

@@ -23,7 +23,7 @@ from studies.output.provenance import versions
 from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.gaussian_process import GaussianProcess, correlation
 from studies.surrogate.surrogate_file import Surrogate
-from studies.validation.state_errors import StateError, critical_errors, errors, recalibrated
+from studies.validation.state_errors import Errors, critical_errors, errors, recalibrated
 from studies.validation.surrogate_fit import TrainingSet, surrogate_of
 from studies.validation.training_beams import Beams, random_beams, regional_beams, training_beams
 from studies.validation.training_states import States, critical_depths, first_modes, presses, shear_depth, shears
@@ -91,10 +91,13 @@ class Result:
     failed: tuple[int, int]
 
     @property
-    def errors(self) -> list[StateError]:
+    def errors(self) -> Errors:
         """Errors in all states of the test."""
+        import pandas as pd
+
         unseen = self.test.set, self.test.critical
-        return errors(self.surrogate, unseen[0]) + critical_errors(self.surrogate, *unseen)
+        tables = errors(self.surrogate, unseen[0]), critical_errors(self.surrogate, *unseen)
+        return pd.concat(tables, ignore_index=True)
 
 
 def run(extent: Extent, store: Store, processes: Processes, progress: Progress | None = None) -> Result:

@@ -1,4 +1,4 @@
-"""Errors of the surrogate on beams that training has not seen, and whether its intervals hold.
+"""Errors of the surrogate on beams that training has not seen, whether its intervals hold, and its files.
 
 Errors are in percent of the yardstick of the quantity: of the value itself, of the length of the vector of force or
 shift in a shear, of the loss 1 - k/k_0 of the sideways stiffness, of the critical depth. An interval holds the truth
@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -20,13 +21,15 @@ from analytic import beam
 from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.loads import Load
-from studies.output.goals import Goal
-from studies.surrogate import surrogate_range
+from studies.output.atomic_files import atomic
+from studies.output.csv_tables import write_table
+from studies.output.goals import Goal, missed, verdict
+from studies.surrogate import surrogate_file, surrogate_range
 from studies.surrogate.prediction import DEEP, SLENDER, THICK, WIDE, Beams
-from studies.validation.calibration import COVERAGE
-from studies.validation.length_scales import fitted
-from studies.validation.state_errors import StateError
-from studies.validation.surrogate_fit import TrainingSet, press_outputs
+from studies.validation import pages
+from studies.validation.pages import Row
+from studies.validation.state_errors import Errors, scores
+from studies.validation.surrogate_fit import COVERAGE, TrainingSet, fitted, press_outputs
 from studies.validation.surrogate_study import Result
 from studies.validation.training_beams import DIAMETER_MM, random_beams
 
@@ -37,91 +40,56 @@ DOUBT = 0.01
 is refused by chance about once in as many goals as there are in a table."""
 FINITE_NODES, FEWEST = 5, 30
 """Depths of training within the range of level finite in most beams; least number of beams of a comparison."""
-REGIONS: dict[str, Callable[[StateError], bool]] = {
-    "all": lambda _: True,
-    f"slender, L/D above {SLENDER:g}": lambda one: one.L_over_D > SLENDER,
-    "slender, thin magnet": lambda one: one.L_over_D > SLENDER and one.magnet_height_over_D <= THICK,
-    f"thick magnet, above {THICK:g} D": lambda one: one.magnet_height_over_D > THICK,
-    "wide thin magnet": lambda one: one.magnet_diameter_over_D > WIDE and one.magnet_height_over_D <= THICK,
-    f"wide thin magnet, L/D to {SLENDER:g}": lambda one: (
-        one.magnet_diameter_over_D > WIDE and one.magnet_height_over_D <= THICK and one.L_over_D <= SLENDER
-    ),
-    f"deep, depth above {DEEP:g} D": lambda one: one.kind in ("press", "shear") and one.depth_over_D > DEEP,
-    "nu below 0.49": lambda one: one.nu < 0.49,
+REGIONS: dict[str, Callable[[Errors], Any]] = {
+    "all": lambda rows: rows.beam == rows.beam,
+    f"slender, L/D above {SLENDER:g}": lambda rows: rows.L_over_D > SLENDER,
+    "slender, thin magnet": lambda rows: (rows.L_over_D > SLENDER) & (rows.magnet_height_over_D <= THICK),
+    f"thick magnet, above {THICK:g} D": lambda rows: rows.magnet_height_over_D > THICK,
+    "wide thin magnet": lambda rows: _wide_thin(rows),
+    f"wide thin magnet, L/D to {SLENDER:g}": lambda rows: _wide_thin(rows) & (rows.L_over_D <= SLENDER),
+    f"deep, depth above {DEEP:g} D": lambda rows: rows.kind.isin(["press", "shear"]) & (rows.depth_over_D > DEEP),
+    "nu below 0.49": lambda rows: rows.nu < 0.49,
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """Errors of a quantity in a region.
-
-    Attributes
-    ----------
-    median_percent, p95_percent, largest_percent : of the errors; NaN if any of them is unknown.
-    covered_percent : share of states whose interval holds the truth.
-    interval_percent, fem_error_percent : median half width, and median own error of the finite elements.
-    covered_beams_percent : share of beams of which every interval holds the truth.
-    least_covered_percent : its goal, the least share that is likely if nine of ten beams are covered.
-    """
-
-    kind: str
-    quantity: str
-    region: str
-    beams: int
-    states: int
-    median_percent: float
-    p95_percent: float
-    largest_percent: float
-    covered_percent: float
-    interval_percent: float
-    fem_error_percent: float
-    covered_beams_percent: float
-    least_covered_percent: float
+def _wide_thin(rows: Errors) -> Any:
+    return (rows.magnet_diameter_over_D > WIDE) & (rows.magnet_height_over_D <= THICK)
 
 
-@dataclass(frozen=True, slots=True)
-class Trend:
-    """95th percentiles of left-out errors of the press force with different trends, or of a formula alone, %."""
-
-    compared: str
-    beams: int
-    surrogate_percent: float
-    formula_percent: float
-
-
-def summaries(rows: Sequence[StateError]) -> list[Summary]:
+def summaries(rows: Errors) -> list[Row]:
     """Return the statistics of each quantity in each region: over all first, then region by region."""
-    quantities = list(dict.fromkeys((row.kind, row.quantity) for row in rows))
     table = []
-    for region, belongs in REGIONS.items():
-        for kind, name in quantities:
-            own = [row for row in rows if (row.kind, row.quantity) == (kind, name) and belongs(row)]
-            if own:
-                table.append(_summary(kind, name, region, own))
+    quantities = rows[["kind", "quantity"]].drop_duplicates()
+    for region, inside in REGIONS.items():
+        own = rows[inside(rows)]
+        for kind, name in quantities.itertuples(index=False):
+            some = own[(own.kind == kind) & (own.quantity == name)]
+            if not some.empty:
+                table.append({"kind": kind, "quantity": name, "region": region, **_summary(some)})
     return table
 
 
-def _summary(kind: str, name: str, region: str, rows: Sequence[StateError]) -> Summary:
-    sizes = np.abs([row.error_percent for row in rows])
-    covered: dict[int, bool] = {}
-    for row in rows:
-        covered[row.beam] = covered.get(row.beam, True) and row.covered
-    count = len(covered)
-    return Summary(
-        kind=kind,
-        quantity=name,
-        region=region,
-        beams=count,
-        states=len(rows),
-        median_percent=float(np.median(sizes)),
-        p95_percent=float(np.percentile(sizes, 95)),
-        largest_percent=float(sizes.max()),
-        covered_percent=100 * float(np.mean([row.covered for row in rows])),
-        interval_percent=float(np.median([row.interval_percent for row in rows])),
-        fem_error_percent=float(np.median([row.fem_error_percent for row in rows])),
-        covered_beams_percent=100 * sum(covered.values()) / count,
-        least_covered_percent=100 * least_covered(count) / count,
-    )
+def _summary(rows: Errors) -> Row:
+    """Return the statistics of a quantity; NaN if any error is unknown.
+
+    `covered_beams_percent` is the share of beams of which every interval holds the truth; its goal,
+    `least_covered_percent`, is the least share that is likely if nine of ten beams are covered.
+    """
+    sizes = rows.error_percent.abs().to_numpy()
+    covered = scores(rows) <= 1.0
+    beams = rows.assign(covered=covered).groupby("beam")["covered"].all()
+    return {
+        "beams": len(beams),
+        "states": len(rows),
+        "median_percent": float(np.median(sizes)),
+        "p95_percent": float(np.percentile(sizes, 95)),
+        "largest_percent": float(sizes.max()),
+        "covered_percent": 100 * float(covered.mean()),
+        "interval_percent": float(np.median(rows.interval_percent.to_numpy())),
+        "fem_error_percent": float(np.median(rows.fem_error_percent.to_numpy())),
+        "covered_beams_percent": 100 * int(beams.sum()) / len(beams),
+        "least_covered_percent": 100 * least_covered(len(beams)) / len(beams),
+    }
 
 
 def least_covered(count: int) -> int:
@@ -133,20 +101,22 @@ def least_covered(count: int) -> int:
     return int(stats.binom.ppf(DOUBT, count, COVERAGE))
 
 
-def goals(table: Sequence[Summary]) -> list[Goal]:
+def goals(table: Sequence[Row]) -> list[Goal]:
     """Return the goals of the errors and of the coverage, for each quantity and region."""
     found = []
     for row in table:
-        name = f"{row.kind}, {row.quantity}, {row.region}"
-        if row.kind in ("press", "shear") and row.quantity in GOALS:
-            bound = GOALS[row.quantity]
-            found.append(Goal(f"{name}: 95th percentile of the errors", row.p95_percent, bound, row.states, "%"))
-        covered, least = row.covered_beams_percent, row.least_covered_percent
-        found.append(Goal(f"{name}: beams that the intervals hold", covered, least, row.beams, "%", at_least=True))
+        name = f"{row['kind']}, {row['quantity']}, {row['region']}"
+        if row["kind"] in ("press", "shear") and row["quantity"] in GOALS:
+            bound = GOALS[row["quantity"]]
+            found.append(
+                Goal(f"{name}: 95th percentile of the errors", row["p95_percent"], bound, row["states"], "%")
+            )
+        covered, least = row["covered_beams_percent"], row["least_covered_percent"]
+        found.append(Goal(f"{name}: beams that the intervals hold", covered, least, row["beams"], "%", at_least=True))
     return found
 
 
-def trends(result: Result) -> list[Trend]:
+def trends(result: Result) -> list[Row]:
     """Compare the surrogate's forms with formulas as trends, and the formula of level finite alone with it.
 
     As a trend, a formula divides the force, and the process interpolates the ratio.
@@ -162,7 +132,7 @@ def trends(result: Result) -> list[Trend]:
                 _left_out_percent(features[rows], values[rows])
                 for values in (logs[:, :nodes], logs[:, :nodes] - forms)
             )
-            table.append(Trend(f"level {level} as trend, against none", int(rows.sum()), own, other))
+            table.append(_trend(f"level {level} as trend, against none", int(rows.sum()), own, other))
     test = result.test.set
     b = test.beams
     predicted = Beams(b.L, b.diameter, b.height, b.nu, b.edge, result.surrogate).press(test.press.depth)["force"]
@@ -175,8 +145,13 @@ def trends(result: Result) -> list[Trend]:
             100 * float(np.percentile(np.abs(v - truth)[inside] / truth[inside], 95)) for v in values
         )
         name = "level finite alone, in its range, on unseen beams"
-        table.append(Trend(name, int(inside.any(axis=1).sum()), surrogate, formula))
+        table.append(_trend(name, int(inside.any(axis=1).sum()), surrogate, formula))
     return table
+
+
+def _trend(compared: str, beams: int, surrogate: float, formula: float) -> Row:
+    """Return 95th percentiles of errors of the press force without a formula and with one, %."""
+    return {"compared": compared, "beams": beams, "surrogate_percent": surrogate, "formula_percent": formula}
 
 
 def _left_out_percent(x: Array, y: Array) -> float:
@@ -213,3 +188,118 @@ def designs_per_second(result: Result, count: int = 10_000) -> Mapping[str, floa
     beams.first_mode(b.density_ratio)
     end = time.process_time()
     return {"press": count / (press - begin), "press, shear, critical depth and mode": count / (end - begin)}
+
+
+# Files
+
+FILES = ("SURROGATE.md", "surrogate.npz", "summary.csv", "errors.csv", "errors.png")
+
+INTRODUCTION = """\
+The surrogate predicts force, shift, tilt, contact radius and largest strain of a press and of a glued shear, the
+critical depth and the first mode, from finite elements at level {accuracy} of {beams} beams. The docstrings of
+`studies/surrogate/prediction.py` and `gaussian_process.py` say what it interpolates, and how; that of
+`studies/validation/surrogate_fit.py` says how the intervals are calibrated.
+
+Range: L/D 0.75 to 4, magnet diameter 0.2 to 0.8 D and height 0.1 to 0.8 D with at least 0.04 D of silicone around it,
+nu 0.45 to 0.5, law neo-Hookean; depths from 0.01 D (shears: 0.03 D) to 0.375 D or 0.4 of the silicone on the axis
+(less above wide magnets, 0.28 at 0.8 D, where the free skin of a deeper press creases), glued shears to 0.375 D or
+0.35 L. The first {first} training beams are the corners of the range and fill it evenly (Sobol points, of which two
+in three lie on a face); the others were added where intervals were widest. A press or shear beyond the depth to which
+the press is known to stay stable is refused by all verbs.
+
+The test: {test} random beams that training has not seen, at random depths and shears, which serve for nothing else.
+Errors are in percent of the value; those of force and shift in a shear in percent of the vector's length, that of the
+sideways stiffness in percent of its loss. {failed}
+
+An interval refers to the answer of infinitely fine meshes. The estimated error of level {accuracy} itself
+(`fem_error_percent`; for contact radius, strain, sideways stiffness, modes and critical depths the difference from a
+mesh coarser by half) is added to the error before the two are compared with the half width, in the calibration on
+{calibration} random beams and in the test. The interval of a quantity should hold in all states of nine beams out of
+ten. The goal of a region is the share of covered beams below which chance leads in 1 % of all tests, if nine of ten
+beams are covered. Beams of calibration and test are drawn evenly from six regions: three kinds of magnets, thick,
+wide and thin, narrow and thin, in short and slender beams.
+
+Left out of the range are bases with less than 0.15 D of silicone below the magnet: it hardly moves there, and errors
+are several times as large."""
+
+TRENDS = """\
+Would a formula below the surrogate help? 95th percentiles of the errors of the press force, %: of left-out training
+beams where a formula is the trend, of unseen beams where it stands alone. A formula that is evaluated for each state
+also takes 0.03 (level paper) to 3 ms (level finite), beyond the 0.1 ms that 10 000 designs a second leave."""
+
+
+def write(folder: Path, result: Result, first: int, origin: str, command: str) -> list[Goal]:
+    """Write the report into an existing folder; return the goals."""
+    rows = result.errors
+    table = summaries(rows)
+    posed = goals(table)
+    speed = designs_per_second(result)
+    with atomic(folder / "surrogate.npz") as temporary:
+        surrogate_file.write(temporary, result.surrogate)
+    write_table(folder / "summary.csv", table)
+    write_table(folder / "errors.csv", rows.to_dict("records"))
+    draw(folder / "errors.png", rows)
+    about = result.surrogate.about
+    lost_training, lost_test = result.failed
+    failed = (
+        f"{lost_training} training beams and {lost_test} test beams are left out because a state failed."
+        if lost_training or lost_test
+        else "No state failed."
+    )
+    introduction = INTRODUCTION.format(
+        accuracy=about["accuracy"],
+        beams=about["beams"],
+        first=first,
+        test=about["test_beams"],
+        failed=failed,
+        calibration=about["calibration_beams"],
+    )
+    size = (folder / "surrogate.npz").stat().st_size / 1e6
+    blocks = [
+        "# Surrogate of the finite elements",
+        introduction,
+        "## Errors on unseen beams",
+        pages.markdown(table),
+        verdict(posed),
+        pages.listed(map(str, missed(posed)), ""),
+        "![Errors and intervals](errors.png)",
+        "## Cost",
+        f"The file has {size:.2g} MB. On one core, with intervals: "
+        + "; ".join(f"{name} {value:,.0f} designs/s" for name, value in speed.items())
+        + " (CPU time, after the first call, which takes some 0.1 s).",
+        "## Formulas as trend",
+        TRENDS,
+        pages.markdown(trends(result)),
+    ]
+    pages.write(folder / "SURROGATE.md", blocks, command, origin)
+    return posed
+
+
+def draw(file: Path, rows: Errors) -> None:
+    """Draw the error of force and tilt over the half width of its interval, for presses and shears."""
+    from studies.output.table_plots import log_numbers, sheet
+
+    kinds = (("press", ("force",)), ("shear", ("force_x", "force_z")), ("shear", ("tilt",)))
+    with sheet(file, 10.0, 3.6) as figure:
+        axes = figure.subplots(1, len(kinds), sharey=True)
+        for axis, (kind, names) in zip(axes, kinds, strict=True):
+            for name, colour, marker in zip(names, ("#0072B2", "#D55E00"), ("o", "^"), strict=False):
+                own = rows[(rows.kind == kind) & (rows.quantity == name)]
+                axis.loglog(
+                    own.interval_percent,
+                    own.error_percent.abs().clip(lower=1e-3),
+                    marker,
+                    color=colour,
+                    markersize=3,
+                    alpha=0.5,
+                    label=name.replace("_", " along "),
+                )
+            ends = np.array([0.05, 50.0])
+            axis.plot(ends, ends, "k-", linewidth=0.8, label="error = half width")
+            axis.set_xlabel("half width of the 90 % interval (%)")
+            log_numbers(axis, "x")
+            axis.set_title(f"{kind}: {' and '.join(names).replace('_', ' along ')}", fontsize=10)
+            axis.grid(alpha=0.3)
+            axis.legend(fontsize=8, loc="upper left")
+        axes[0].set_ylabel("error on unseen beams (%)")
+        log_numbers(axes[0], "y")
