@@ -160,7 +160,7 @@ class ElementAssembly:
         if self._strained is not u:
             self._strained = None  # until all batches have the strains of u
             e = self._elements
-            g = (self._slopes @ u[e.cells]).reshape(len(e.cells), -1, 3, u.shape[1])
+            g = (self._slopes @ u.take(e.cells, axis=0)).reshape(len(e.cells), -1, 3, u.shape[1])
             for batch in self._batches:
                 (t, n), own = batch.w.shape, g[batch.part]
                 G = np.swapaxes(self._V, 1, 2) @ own.transpose(2, 3, 0, 1).reshape(3, -1, n)
@@ -183,7 +183,7 @@ class ElementAssembly:
         self.least_volume_change(u)
         e, C, M, energy = self._elements, self._elements.angles.C, self._elements.pressure_shape, 0.0
         (m, q), f, n = e.weights.shape, u.shape[1], p.shape[1]
-        S, change, nodal = np.empty((m, q, 3, f)), np.empty((m, q, n)), M @ p[self._corners]
+        S, change, nodal = np.empty((m, q, 3, f)), np.empty((m, q, n)), M @ p.take(self._corners, axis=0)
         data = self._constant.copy() if tangent else np.empty(0)
         for batch in self._batches:
             part = batch.part

@@ -87,7 +87,7 @@ class Surface:
     def displacement(self, u: Array) -> Array:
         """Return the displacements of the points, shape (k, q, 3), for nodal fields (n, fields)."""
         return np.asarray(
-            (u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self.spread).reshape(self.points.shape)
+            (u.take(self.nodes, axis=0).reshape(len(self.nodes), len(self.spread)) @ self.spread).reshape(self.points.shape)
         )
 
     @functools.cached_property
@@ -117,7 +117,7 @@ class Surface:
 
     def upward_displacement(self, u: Array) -> Array:
         """Return the displacements of the points along z, shape (k, q), for nodal fields (n, fields)."""
-        return np.asarray(u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self.upward_spread)
+        return np.asarray(u.take(self.nodes, axis=0).reshape(len(self.nodes), len(self.spread)) @ self.upward_spread)
 
     def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
         """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.
