@@ -128,7 +128,7 @@ def walk(
         unknown where that mesh does not resolve the gripped skin. Also check whether an axisymmetric press would be
         stable sideways; if not, the message says so.
     progress : called with the completed share of the path and a text.
-    mesh : tetrahedra in units of D to solve on, see `fem.model.symmetry_models.solid`; errors are then not
+    mesh : tetrahedra in units of D to solve on, see `fem.model.symmetry_models`; errors are then not
         estimated.
 
     Yields

@@ -7,8 +7,8 @@ import skfem
 
 from fem.model import elements, rigid_inclusion, viscoelasticity
 from fem.model.material import Law, lame, law
-from fem.model.mesh_specification import specification
 from fem.model.nonlinear_system import System
+from fem.model.symmetry_models import specification
 from fem.scene import Scene
 from fem.solve.press import solve_press
 from geometry.design import paper

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.model import plate_contact, symmetry_models
+from fem.model import plate_contact
 from fem.model.plate_contact import Plate
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve import active_set
 from fem.solve.active_set import KeptTangent
 from fem.solve.direct_solver import Solver
@@ -19,7 +20,7 @@ DEPTH = 0.06
 
 def sensor(harmonics=0):
     shape = Design().shape.scaled(1 / 8)
-    return symmetry_models.section(shape, 0.4998, "ignored", 0.2, 0.08, harmonics=harmonics).system
+    return MeshSpecification(shape, 0.4998, "ignored", 0.2, 0.08, harmonics=harmonics).build().system
 
 
 def plate(stiffness=1e4):

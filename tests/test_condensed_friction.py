@@ -7,7 +7,8 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
-from fem.model import plate_contact, symmetry_models
+from fem.model import plate_contact
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve import load_increments
 from fem.solve.condensed_friction import CondensedFriction, contact_zone
 from fem.solve.direct_solver import Solver
@@ -51,7 +52,7 @@ def test_a_path_to_and_fro_ends_in_the_states_of_plain_steps_after_fewer_iterati
 
 def rest(mu):
     """A coarse section at rest under a plate with friction, and the plate after a press and a shear of 0.02 D."""
-    d = symmetry_models.section(paper().shape.scaled(0.1), 0.4998, "ignored", 0.25, 0.1, harmonics=1)
+    d = MeshSpecification(paper().shape.scaled(0.1), 0.4998, "ignored", 0.25, 0.1, harmonics=1).build()
     state = at_rest(d, mu=mu)
     return state, state.plate_at(np.array([0.02, 0.02, 0.0]))
 
@@ -101,7 +102,7 @@ def touching(state, q, held):
 
 
 def test_friction_keeps_the_stiffness_of_an_earlier_state():
-    d = symmetry_models.section(paper().shape.scaled(0.1), 0.4998, "ignored", 0.25, 0.1, harmonics=1)
+    d = MeshSpecification(paper().shape.scaled(0.1), 0.4998, "ignored", 0.25, 0.1, harmonics=1).build()
     state, solver = at_rest(d, mu=0.3), Solver()
     system, q = d.system, state.q
     condensed = []

@@ -9,8 +9,9 @@ import scipy.sparse.linalg as spla
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve, trace
-from fem.model import coulomb_friction, symmetry_models
+from fem.model import coulomb_friction
 from fem.model.plate_contact import KAPPA, Plate
+from fem.model.symmetry_models import MeshSpecification
 from fem.scene import choose_model
 from fem.solve.direct_solver import Solver
 from fem.solve.pardiso import have_pardiso
@@ -62,7 +63,7 @@ def test_tractions_stay_in_the_cone_and_slip_only_dissipates():
 def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
     rng = np.random.default_rng(3)
     shape = Design().shape.scaled(1 / 8)
-    system = symmetry_models.section(shape, 0.4998, "rigid", 0.16, 0.08, harmonics=harmonics).system
+    system = MeshSpecification(shape, 0.4998, "rigid", 0.16, 0.08, harmonics=harmonics).build().system
     points = system.surface.weights.shape
     before = history(rng, points, 0.5)
     flat = Plate(
@@ -93,7 +94,7 @@ def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
 
 def test_sticking_contact_is_symmetric():
     shape = Design().shape.scaled(1 / 8)
-    system = symmetry_models.section(shape, 0.4998, "ignored", 0.16, 0.08).system
+    system = MeshSpecification(shape, 0.4998, "ignored", 0.16, 0.08).build().system
     flat = Plate(
         shape.L - 0.1, 50.0, np.zeros(2), friction=coulomb_friction.at_rest(1e3, system.surface.weights.shape)
     )

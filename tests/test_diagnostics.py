@@ -8,7 +8,7 @@ import pytest
 
 from fem.accuracy import FINE, QUICK, STANDARD
 from fem.equilibrium import solve, trace
-from fem.model import symmetry_models
+from fem.model.symmetry_models import MeshSpecification
 from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.scene import Scene
@@ -28,7 +28,9 @@ SCENE = Scene(paper(), (Load(depth=0.4),), QUICK, "ignored")
 def pressed():
     """The all-silicone beam on a coarse section, pressed by 0.4 mm."""
     p = Path(
-        at_rest(symmetry_models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))
+        at_rest(
+            MeshSpecification(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125).build()
+        )
     )
     assert not p.go(0.05, np.zeros(2))
     p.close()
@@ -95,10 +97,10 @@ def test_what_is_inside_out_is_counted(harmonics):
     """With u_z = - z^2 / (2 h) all that lies above h is inside out."""
     shape, h = paper().shape.without_magnet().scaled(1 / 8), 0.5
     if harmonics is None:
-        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.25, 0.25, half=True)
+        d = MeshSpecification(shape, 0.4998, "ignored", 0.25, 0.25, body="half").build()
         along = 2
     else:
-        d = symmetry_models.section(shape, 0.4998, "ignored", 0.2, 0.2, harmonics=harmonics)
+        d = MeshSpecification(shape, 0.4998, "ignored", 0.2, 0.2, harmonics=harmonics).build()
         along = d.elements.angles.fields - harmonics - 1
     u = np.zeros(d.system.fixed.shape)
     u[:, along] = -(d.elements.nodes[:, -1] ** 2) / (2 * h)

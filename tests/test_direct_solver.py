@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from fem.model import symmetry_models
 from fem.model.plate_contact import Plate
+from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.solve import pardiso
 from fem.solve.direct_solver import Solver
@@ -41,9 +41,9 @@ def upper(matrix):
 
 
 def test_both_linear_solvers_agree():
-    system = symmetry_models.section(
-        Design().shape.scaled(1 / 8), 0.4998, "rigid", 0.16, 0.08, rim=(0.2, 0.04)
-    ).system
+    system = (
+        MeshSpecification(Design().shape.scaled(1 / 8), 0.4998, "rigid", 0.16, 0.08, rim=(0.2, 0.04)).build().system
+    )
     q = np.zeros(system.size)
     q[system.n_free + system.n_rigid :] = 0.1 * RNG.normal(size=system.n_pressure)
     here = system.assemble(system.state(q), Plate(1.125 - 0.1, 50.0, np.zeros(2)))
@@ -78,7 +78,7 @@ def buckling(request):
     not dominate most of their rows.
     """
     shape = Design(L=40.0).shape.scaled(1 / 8)
-    path = Path(at_rest(symmetry_models.section(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02))))
+    path = Path(at_rest(MeshSpecification(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02)).build()))
     (sideways,), tangents = SidewaysModel(path.state.d).orders, []
     for depth in (0.03, 0.1):
         assert not path.go(depth, np.zeros(2))

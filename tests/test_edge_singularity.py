@@ -9,7 +9,8 @@ import skfem
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
-from fem.model import elements, symmetry_models
+from fem.model import elements
+from fem.model.symmetry_models import MeshSpecification
 from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load
@@ -35,7 +36,7 @@ def test_only_sides_at_the_rim_are_graded():
 
 def test_one_point_outside_the_rim_has_no_contact():
     models = [
-        symmetry_models.section(SHAPE, 0.4998, "rigid", 0.16, 0.08, rim=RIM, harmonics=1, glued=way).system.surface
+        MeshSpecification(SHAPE, 0.4998, "rigid", 0.16, 0.08, rim=RIM, harmonics=1, glued=way).build().system.surface
         for way in (False, True)
     ]
     plain, glued = ((skin.weights == 0).reshape(len(skin.weights), -1, skin.angles) for skin in models)

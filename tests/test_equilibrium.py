@@ -9,7 +9,7 @@ from scipy.integrate import simpson
 
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve, trace
-from fem.model import symmetry_models
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve.load_stepping import Path
 from fem.solve.path_state import at_rest, with_harmonics
 from geometry.design import BadInput, Design, paper
@@ -136,7 +136,7 @@ def test_shear_direction_only_turns_the_answer():
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
 def test_a_press_is_an_equilibrium_of_any_number_of_harmonics(magnet):
     shape = paper().shape.scaled(1 / 8)
-    low, high = (symmetry_models.section(shape, 0.4998, magnet, 0.12, 0.06, harmonics=n) for n in (0, 3))
+    low, high = (MeshSpecification(shape, 0.4998, magnet, 0.12, 0.06, harmonics=n).build() for n in (0, 3))
     path = Path(at_rest(low))
     assert path.go(0.1, np.zeros(2)) == ""
     raised = with_harmonics(path.state, high)

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.model import symmetry_models
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve import extrapolation
 from fem.solve.path_state import PastState, at_rest
 from geometry.design import paper
 
-REST = at_rest(symmetry_models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))
+REST = at_rest(
+    MeshSpecification(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125).build()
+)
 RNG = np.random.default_rng(6)
 CURVE = RNG.normal(size=(3, len(REST.q)))
 

@@ -8,7 +8,7 @@ import pytest
 from analytic import buckling
 from fem.accuracy import QUICK
 from fem.analyses import stability
-from fem.model import symmetry_models
+from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel, estimate_margin, measure_lateral_stiffness
 from fem.solve.inertia import Stability
 from fem.solve.load_stepping import Path
@@ -21,7 +21,7 @@ BEAM = Design(L=40.0)
 @pytest.fixture
 def path():
     shape = BEAM.shape.scaled(1 / BEAM.D)
-    path = Path(at_rest(symmetry_models.section(shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003))))
+    path = Path(at_rest(MeshSpecification(shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003)).build()))
     yield path
     path.close()
 

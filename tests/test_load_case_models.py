@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fem.accuracy import QUICK, STANDARD
-from fem.model.mesh_specification import specification
+from fem.model.symmetry_models import specification
 from fem.scene import Scene
 from fem.solve import load_case_models
 from fem.solve.load_case_models import PRESS_FILLET, path_models

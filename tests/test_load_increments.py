@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from fem.model import symmetry_models
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve import extrapolation, load_increments
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import apply_increment, follow_segment
@@ -27,7 +27,7 @@ def solver():
 
 
 def section(harmonics=0):
-    return symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=harmonics)
+    return MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=harmonics).build()
 
 
 def pressed(solver, mu=None):

@@ -7,7 +7,7 @@ import pytest
 
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import trace
-from fem.model import symmetry_models
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve import load_increments
 from fem.solve.load_stepping import Path
 from fem.solve.path_state import at_rest
@@ -45,7 +45,7 @@ def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monke
         return replace(answer, reason="step_inverted") if plate.height < shape.L - 0.3 else answer
 
     monkeypatch.setattr(load_increments, "newton", stubborn)
-    p = Path(at_rest(symmetry_models.section(shape, 0.4998, "ignored", 0.25, 0.125)))
+    p = Path(at_rest(MeshSpecification(shape, 0.4998, "ignored", 0.25, 0.125).build()))
     assert p.go(0.4, np.zeros(2)) == "step_inverted"
     assert 0.25 <= p.state.position[0] < 0.3
     system = p.state.d.system

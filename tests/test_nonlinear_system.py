@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.model import angular_fields, elements, rigid_inclusion, symmetry_models
+from fem.model import angular_fields, elements, rigid_inclusion
 from fem.model.material import lame
 from fem.model.nonlinear_system import NONE, System
 from fem.model.plate_contact import Plate
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import newton
 from geometry.design import Design
@@ -54,9 +55,13 @@ def half_ball():
 
 
 def sensor(harmonics=0):
-    return symmetry_models.section(
-        Design().shape.scaled(1 / 8), 0.4998, "rigid", 0.16, 0.08, rim=(0.2, 0.04), harmonics=harmonics
-    ).system
+    return (
+        MeshSpecification(
+            Design().shape.scaled(1 / 8), 0.4998, "rigid", 0.16, 0.08, rim=(0.2, 0.04), harmonics=harmonics
+        )
+        .build()
+        .system
+    )
 
 
 PRESS = {"cylinder": 1.0, "cube": 1.0, "half ball": 1.0, "sensor": 1.125, "one harmonic": 1.125, "harmonics": 1.125}

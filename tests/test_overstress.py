@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from fem.model import symmetry_models, viscoelasticity
+from fem.model import viscoelasticity
 from fem.model.nonlinear_system import State, System
+from fem.model.symmetry_models import MeshSpecification
 from fem.model.viscoelasticity import Branches
 from geometry.arrays import Array
 from geometry.design import paper
@@ -14,7 +15,7 @@ BRANCHES = Branches(np.array([0.2, 0.1]), np.array([0.5, 5.0]), 1 / 0.7)
 
 def _system(harmonics: int) -> System:
     shape = paper().shape.scaled(1 / paper().D)
-    return symmetry_models.section(shape, 0.49, "rigid", 0.5, 0.5, harmonics=harmonics).system
+    return MeshSpecification(shape, 0.49, "rigid", 0.5, 0.5, harmonics=harmonics).build().system
 
 
 def _deformed(system: System, seed: int, size: float = 2e-4) -> Array:

@@ -7,6 +7,7 @@ import pytest
 
 from fem.model import symmetry_models
 from fem.model.plate_contact import KAPPA, SECTION_KAPPA
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve import path_state
 from fem.solve.path_state import PathState, at_rest
 from geometry.design import paper
@@ -16,7 +17,7 @@ RNG = np.random.default_rng(5)
 
 
 def section(harmonics=0):
-    return symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=harmonics)
+    return MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=harmonics).build()
 
 
 @pytest.fixture

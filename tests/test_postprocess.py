@@ -7,7 +7,8 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
-from fem.model import rigid_inclusion, symmetry_models
+from fem.model import rigid_inclusion
+from fem.model.symmetry_models import MeshSpecification
 from fem.results.postprocess import read_pose
 from fem.solve import load_increments
 from geometry.design import paper
@@ -19,10 +20,10 @@ def test_a_body_that_turns_tilts_by_that_angle(model):
     shape = paper().shape.scaled(1 / 8)
     motion = np.array([0.1, -0.2, 0.3])
     if model == "harmonic":
-        d = symmetry_models.section(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2)
+        d = MeshSpecification(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2).build()
         u = rigid_inclusion.section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
     else:
-        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.3, 0.3, half=model == "half")
+        d = MeshSpecification(shape, 0.4998, "ignored", 0.3, 0.3, body="half" if model == "half" else "full").build()
         u = rigid_inclusion.solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
     shift, tilt = read_pose(d, u, np.zeros(d.system.size))
     np.testing.assert_allclose(shift, [0.1, 0, -0.2], atol=1e-12)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.model import symmetry_models
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve import predictor
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import follow_segment
@@ -28,7 +28,10 @@ def solvers():
 @pytest.fixture(scope="module")
 def gripped():
     """A gripped tip at rest, in a model with two harmonics and a predictor with one."""
-    one, two = (symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=n, around=2) for n in (1, 2))
+    one, two = (
+        MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=n, skin_harmonics=2).build()
+        for n in (1, 2)
+    )
     return with_predictor(at_rest(two, grip=0.3), one)
 
 
@@ -73,8 +76,8 @@ def test_one_that_was_left_behind_says_nothing(gripped, solvers):
 
 
 def test_a_section_leads_tetrahedra_to_the_state_that_increments_lead_to(solvers):
-    solid = symmetry_models.solid(SHAPE, 0.4998, "ignored", 0.6, 0.3, half=True)
-    section = symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1)
+    solid = MeshSpecification(SHAPE, 0.4998, "ignored", 0.6, 0.3, body="half").build()
+    section = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1).build()
     pressed, sheared = np.array([0.05, 0.0, 0.0]), np.array([0.05, 0.05, 0.0])
     alone = at_rest(solid)
     state, _ = predict(*solvers, with_predictor(alone, section), pressed)
@@ -88,8 +91,8 @@ def test_a_section_leads_tetrahedra_to_the_state_that_increments_lead_to(solvers
 
 
 def test_a_prediction_that_inverts_a_tetrahedron_is_made_in_two_halves(solvers):
-    solid = symmetry_models.solid(SHAPE, 0.4998, "ignored", 0.6, 0.3, half=True)
-    section = symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1)
+    solid = MeshSpecification(SHAPE, 0.4998, "ignored", 0.6, 0.3, body="half").build()
+    section = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1).build()
     pressed, rest = np.array([0.05, 0.0, 0.0]), with_predictor(at_rest(solid), section)
     raised: list[float] = []
 
@@ -108,7 +111,7 @@ def test_a_prediction_that_inverts_a_tetrahedron_is_made_in_two_halves(solvers):
 
 
 def test_a_press_on_another_mesh_leads_to_the_state_that_increments_lead_to(solvers):
-    rough, fine = (symmetry_models.section(SHAPE, 0.4998, "ignored", size, size / 2) for size in (0.3, 0.2))
+    rough, fine = (MeshSpecification(SHAPE, 0.4998, "ignored", size, size / 2).build() for size in (0.3, 0.2))
     pressed = np.array([0.1, 0.0, 0.0])
     other = follow_segment(solvers[1], at_rest(rough), pressed).state
     state, iterations = correct_press(solvers[0], at_rest(fine), other, pressed)

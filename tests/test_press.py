@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fem.accuracy import QUICK
-from fem.model.mesh_specification import specification
+from fem.model.symmetry_models import specification
 from fem.scene import Scene
 from fem.solve import press
 from fem.solve.press import find_press, measure_contact_edge, solve_press

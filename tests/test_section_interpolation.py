@@ -5,6 +5,7 @@ import pytest
 
 from fem.model import symmetry_models
 from fem.model.section_interpolation import interpolate_section
+from fem.model.symmetry_models import MeshSpecification
 from geometry.design import paper
 
 SHAPE = paper().shape.scaled(1 / 8)
@@ -13,8 +14,8 @@ SHAPE = paper().shape.scaled(1 / 8)
 @pytest.fixture(scope="module")
 def systems():
     """A section with two harmonics and half a solid, with the magnet."""
-    section = symmetry_models.section(SHAPE, 0.4998, "rigid", 0.25, 0.125, harmonics=2)
-    solid = symmetry_models.solid(SHAPE, 0.4998, "rigid", 0.6, 0.4, half=True)
+    section = MeshSpecification(SHAPE, 0.4998, "rigid", 0.25, 0.125, harmonics=2).build()
+    solid = MeshSpecification(SHAPE, 0.4998, "rigid", 0.6, 0.4, body="half").build()
     return section.system, solid.system
 
 

@@ -1,12 +1,14 @@
 """The blocks of single orders against the whole tangent of a section with harmonics, and the pose they give."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fem.model import single_order, symmetry_models
 from fem.model.gradient_recovery import build_recovery
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.load_stepping import Path
 from fem.solve.path_state import about, at_rest, glue, with_harmonics
@@ -26,11 +28,11 @@ def eigenvalues(state):
 @functools.cache
 def press(magnet):
     """State of a press, and a model with harmonics on its mesh."""
-    build = functools.partial(symmetry_models.section, SHAPE, 0.4998, magnet, 0.25, 0.1, rim=(EDGE, 0.03))
-    path = Path(at_rest(build()))
+    section = MeshSpecification(SHAPE, 0.4998, magnet, 0.25, 0.1, rim=(EDGE, 0.03))
+    path = Path(at_rest(section.build()))
     path.go(0.1, np.zeros(2))
     path.close()
-    return path.state, build(harmonics=HARMONICS)
+    return path.state, replace(section, harmonics=HARMONICS).build()
 
 
 def test_eigenvalues_of_all_orders_are_those_of_the_whole_tangent():
@@ -72,7 +74,7 @@ def test_raised_fields_are_those_of_one_harmonic():
     state = about(low, single_order.build(low.d, 1))
     shift = np.zeros(state.u.shape)
     shift[:, 2] = 0.5  # w_-1 alone is a displacement along x
-    harmonic = symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.1, rim=(EDGE, 0.03), harmonics=1)
+    harmonic = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.1, rim=(EDGE, 0.03), harmonics=1).build()
     displacement, gradient = build_recovery(harmonic.elements, SHAPE.H, mirrored=True)(
         single_order.raise_fields(shift)
     )

@@ -24,8 +24,8 @@ import scipy.sparse as sp
 
 from fem.accuracy import STANDARD, Accuracy
 from fem.model import angular_fields, rigid_inclusion, single_order
-from fem.model.mesh_specification import specification
 from fem.model.nonlinear_system import ON_AXIS, System
+from fem.model.symmetry_models import specification
 from fem.results.error_estimate_rules import error_rule
 from fem.results.error_estimates import estimate_number, estimated
 from fem.results.lateral_stiffness import SidewaysModel

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.analyses.vibration import plate_loads
 from fem.model import plate_contact, single_order
-from fem.model.mesh_specification import MeshSpecification, specification
+from fem.model.symmetry_models import MeshSpecification, specification
 from fem.results.error_estimate_rules import LEAST_RADIUS
 from fem.results.error_estimates import estimate_numbers, estimated
 from fem.results.lateral_stiffness import integrate_normal_force

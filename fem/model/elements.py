@@ -86,9 +86,8 @@ class Surface:
 
     def displacement(self, u: Array) -> Array:
         """Return the displacements of the points, shape (k, q, 3), for nodal fields (n, fields)."""
-        return np.asarray(
-            (u.take(self.nodes, axis=0).reshape(len(self.nodes), len(self.spread)) @ self.spread).reshape(self.points.shape)
-        )
+        values = u.take(self.nodes, axis=0).reshape(len(self.nodes), len(self.spread))
+        return np.asarray((values @ self.spread).reshape(self.points.shape))
 
     @functools.cached_property
     def radii(self) -> Array:

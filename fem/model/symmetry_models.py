@@ -23,6 +23,7 @@ from fem.model.elements import Elements, Surface
 from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.material import Law, lame, neo_hookean
 from fem.model.nonlinear_system import NONE, System
+from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.design import Shape
 from geometry.loads import Magnet
@@ -71,88 +72,92 @@ class Discretisation:
         return self.elements.dim == 2
 
 
-def section(
-    shape: Shape,
-    nu: float,
-    magnet: Magnet,
-    size: float,
-    tip_size: float,
-    law: Law = neo_hookean,
-    *,
-    harmonics: int = 0,
-    sines: bool = False,
-    rim: tuple[float, float] | None = None,
-    push: float = 0.0,
-    around: int = 0,
-    fillet: float = FILLET,
-    glued: bool = False,
-) -> Discretisation:
-    """Build the model of a section of revolution with clamped base.
+@dataclass(frozen=True, slots=True)
+class MeshSpecification:
+    """A section of revolution or a solid of tetrahedra with clamped base, its material and its loads.
 
-    Parameters
+    Callers vary its fields and then build the model. Lengths are over D.
+
+    Attributes
     ----------
-    size, tip_size : edge lengths of the mesh and at its tip, over D.
-    sines : whether the harmonics include sine orders.
-    rim : radius and edge length where the contact area will end, see `geometry.section.section`.
-    push : dead force along x, distributed over the dome, over E D^2; requires harmonics.
-    around : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
-    fillet, glued : see `geometry.section.section`.
+    shape, nu, magnet : shape of the beam, Poisson's ratio, and "rigid" or "ignored".
+    size, tip_size : edge lengths of the mesh, and at its tip.
+    law : law of the silicone, with stresses over E.
+    body : "section", or tetrahedra of "half" the solid (y >= 0) or of the "full" solid.
+    fillet : edge length at the magnet's fillet over the fillet's radius, on a section.
+    rim : undeformed radius at which the contact area will end, and edge length there; None for no refinement.
+    glued : whether the area inside the rim will be glued, see `geometry.section.section`; that of a solid always is.
+    push : dead force along x, distributed over the dome, over E D^2; a section requires harmonics.
+    harmonics : number of harmonics on a section; 0 is axisymmetric.
+    skin_harmonics : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
+    sines : whether the harmonics include sine orders, for a load without a plane of symmetry.
+    mesh : tetrahedral mesh in units of D to use instead of a new one (with a hole for a rigid magnet); sizes and rim
+        are then ignored.
     """
-    rigid = magnet == "rigid"
-    mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if rigid else "none", glued)
-    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics, sines=sines)
+
+    shape: Shape
+    nu: float
+    magnet: Magnet
+    size: float
+    tip_size: float
+    law: Law = neo_hookean
+    body: Literal["section", "half", "full"] = "section"
+    fillet: float = FILLET
+    rim: tuple[float, float] | None = None
+    glued: bool = False
+    push: float = 0.0
+    harmonics: int = 0
+    skin_harmonics: int = 0
+    sines: bool = False
+    mesh: skfem.MeshTet2 | None = None
+
+    def build(self) -> Discretisation:
+        """Build the model; specifications with equal sizes share one mesh."""
+        return _build_section(self) if self.body == "section" else _build_solid(self)
+
+    @property
+    def hole(self) -> Literal["hole", "none"]:
+        """What a mesh has in place of the magnet."""
+        return "hole" if self.magnet == "rigid" else "none"
+
+
+def specification(scene: Scene, size: float, tip_size: float) -> MeshSpecification:
+    """Return the specification of a section of a scene's beam with these edge lengths over D."""
+    return MeshSpecification(scene.shape, scene.design.nu, scene.magnet, size, tip_size, scene.law)
+
+
+def _build_section(spec: MeshSpecification) -> Discretisation:
+    shape, harmonics = spec.shape, spec.harmonics
+    mesh = _section_mesh(shape, spec.size, spec.tip_size, spec.rim, spec.fillet, spec.hole, spec.glued)
+    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics, sines=spec.sines)
     fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
-    fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics, sines=sines))] = True
-    skin = elements.surface(
-        mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
-    )
-    held = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
-    body = rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles) if rigid else None
-    dead = distribute_push(skin, fixed.shape, shape.H, push) if push else None
-    if glued and rim is not None:
-        skin = _release_next_point(skin, shape, rim[0])
-    system = System(e, skin, *lame(1.0, nu), fixed, held, body, dead, law=law)
+    fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics, sines=spec.sines))] = True
+    angles = 4 * max(harmonics, spec.skin_harmonics) + 4 if harmonics else None
+    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5, angles=angles)
+    held = elements.boundary_nodes(mesh, "magnet") if spec.magnet == "rigid" else NONE
+    body = rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles) if len(held) else None
+    dead = distribute_push(skin, fixed.shape, shape.H, spec.push) if spec.push else None
+    if spec.glued and spec.rim is not None:
+        skin = _release_next_point(skin, shape, spec.rim[0])
+    system = System(e, skin, *lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
 
-def solid(
-    shape: Shape,
-    nu: float,
-    magnet: Magnet,
-    size: float,
-    tip_size: float,
-    law: Law = neo_hookean,
-    *,
-    half: bool,
-    rim: tuple[float, float] | None = None,
-    push: float = 0.0,
-    mesh: skfem.MeshTet2 | None = None,
-) -> Discretisation:
-    """Build the model of a solid of tetrahedra with clamped base.
-
-    Parameters
-    ----------
-    size, tip_size : edge lengths of the mesh and at its tip, over D.
-    half : model only y >= 0.
-    rim : radius and edge length where the contact area will end, see `geometry.mesh.tetrahedra`.
-    push : dead force along x, distributed over the dome, over E D^2.
-    mesh : mesh in units of D to use instead of a new one (with a hole for a rigid magnet); sizes and rim are then
-        ignored.
-    """
-    rigid = magnet == "rigid"
-    mesh = mesh or _solid_mesh(shape, size, tip_size, rim, half, "hole" if rigid else "none")
+def _build_solid(spec: MeshSpecification) -> Discretisation:
+    half, shape = spec.body == "half", spec.shape
+    mesh = spec.mesh or _solid_mesh(shape, spec.size, spec.tip_size, spec.rim, half, spec.hole)
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
     if half:
         fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    glued = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
-    body = rigid_inclusion.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if rigid else None
+    held = elements.boundary_nodes(mesh, "magnet") if spec.magnet == "rigid" else NONE
+    body = rigid_inclusion.solid(e.nodes[held] - [0, 0, shape.H], 3 if half else 6) if len(held) else None
     symmetry = 2.0 if half else 1.0
-    dead = distribute_push(skin, fixed.shape, shape.H, push / symmetry) if push else None
-    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
+    dead = distribute_push(skin, fixed.shape, shape.H, spec.push / symmetry) if spec.push else None
+    system = System(e, skin, *lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
     return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
 
 

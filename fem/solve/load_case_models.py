@@ -18,7 +18,7 @@ from typing import Literal
 import skfem
 
 from fem.accuracy import QUICK
-from fem.model.mesh_specification import MeshSpecification, specification
+from fem.model.symmetry_models import MeshSpecification, specification
 from fem.scene import MOST_HARMONICS, Scene
 from fem.solve.load_stepping import PathModels
 from fem.solve.path_state import FIRST_TOUCH, PathState

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.model.mesh_specification import MeshSpecification
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import Segment, follow_segment
 from fem.solve.newton import Stop

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem.model import plate_contact
-from fem.model.mesh_specification import MeshSpecification
 from fem.model.plate_contact import Plate
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve.load_stepping import Path, PathModels
 from fem.solve.newton import STOPPED, NoStateError, Stop
 from fem.solve.path_state import PathState, at_rest, glue

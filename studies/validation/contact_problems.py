@@ -9,7 +9,8 @@ import numpy as np
 
 from fem.accuracy import LEVELS
 from fem.equilibrium import trace
-from fem.model import plate_contact, symmetry_models
+from fem.model import plate_contact
+from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, newton
@@ -49,7 +50,7 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     design, size = paper(), LEVELS[level].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
-    path = Path(at_rest(symmetry_models.section(shape, design.nu, magnet, size, tip)))
+    path = Path(at_rest(MeshSpecification(shape, design.nu, magnet, size, tip).build()))
     forces, factors, solver = [], np.array([1.0, 3.0, 10.0]), Solver()
     try:
         reason, state = path.go(depth, np.zeros(2)), path.state
