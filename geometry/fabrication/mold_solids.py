@@ -121,7 +121,7 @@ def slab(s: Sizes, radius: float, low: float, high: float) -> Solid:
 
     x, y = (max(centre[k] for centre in s.centres) for k in (0, 1))
     if x == y == 0:
-        # one cavity: faces of revolution, whose gaps `part_separation.least_gap` measures fast
+        # one cavity: faces of revolution about one axis
         return turned([(0, low, 0), (radius, low, 0), (radius, high, 0), (0, high, 0)])
     points: list[tuple[float, float, float]] = []
     edges: list[Any] = []
