@@ -1,8 +1,11 @@
-"""The errors that a user can meet: input that cannot be used, and problems without an answer; words of remedies."""
+"""The errors that a user can meet, words of remedies, and the ranges of input fields."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class BadInput(ValueError):
@@ -57,3 +60,31 @@ def closest(word: str, words: Iterable[str]) -> str | None:
     # difflib distinguishes case, and would rate "d" and "D" as entirely different
     same = [other for other in known if other.casefold() == word.casefold()]
     return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)
+
+
+def quantity(default: float | None, unit: str, low: float, high: float, text: str = "", **about: Any) -> Any:
+    """Return a dataclass field of a number from `low` to `high`, both included, in a unit ("1": a pure number).
+
+    text : description. about : further metadata, such as `whole`: True for a count, which must be an int.
+    """
+    metadata = {"unit": unit, "low": low, "high": high, "text": text, **about}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def in_range(spec: dataclasses.Field[Any], value: object) -> float:
+    """Return the value of a field made by `quantity`; raise BadInput if its type is wrong or it is out of range."""
+    about = spec.metadata
+    low, high, unit = about["low"], about["high"], "" if about["unit"] == "1" else f" {about['unit']}"
+    whole = about.get("whole", False)
+    if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
+        kind = "whole number" if whole else "number"
+        kind += f" ({about['text']})" if about["text"] else f" from {low:g} to {high:g}{unit}"
+        raise BadInput(f"{spec.name} must be a {kind}; got {value!r}")
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        number = math.inf if value > 0 else -math.inf
+    # a NaN fails this comparison, and so is refused as well
+    if not low <= number <= high:
+        raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {number:g}{unit}")
+    return number

@@ -16,13 +16,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from geometry.bad_input import nearest
+from geometry.bad_input import in_range, nearest, quantity
 from geometry.cad import beam, cut, overlap, turned
 from geometry.design import BadInput, Design
 from geometry.fabrication import element_seats, engraved_marks
 from geometry.fabrication.element_seats import WEB, Block, Seats
 from geometry.fabrication.hall_bodies import CHIPS, SS495A, Vector, heights, places
-from geometry.fabrication.printability import PROCESSES, Check, Range, at_least, at_most
+from geometry.fabrication.printability import PROCESSES, Check, at_least, at_most
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -47,17 +47,6 @@ SCREW = 2.2
 
 RECESS = 0.4
 """Depth of the recess of a round base, mm: two common layers of filament printing, enough to feel the rim."""
-
-RANGES = {
-    "outer": Range(0.1, 4000.0),
-    "thickness": Range(1.0, 1200.0),
-    "seat_fit": Range(0.0, 1.0),
-    "seat_wall": Range(0.4, 10.0),
-    "recess": Range(0.0, 10.0),
-    "recess_gap": Range(0.0, 1.0),
-    "screw": Range(0.0, 10.0),
-    "marks": Range(0, 1, "", whole=True),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,22 +74,22 @@ class Base:
     """
 
     shape: str = "square"
-    outer: float | None = None
-    thickness: float | None = None
-    seat_fit: float | None = None
-    seat_wall: float = 1.2
-    recess: float | None = None
-    recess_gap: float | None = None
-    screw: float | None = None
-    marks: int = 0
+    outer: float | None = quantity(None, "mm", 0.1, 4000.0)
+    thickness: float | None = quantity(None, "mm", 1.0, 1200.0)
+    seat_fit: float | None = quantity(None, "mm", 0.0, 1.0)
+    seat_wall: float = quantity(1.2, "mm", 0.4, 10.0)
+    recess: float | None = quantity(None, "mm", 0.0, 10.0)
+    recess_gap: float | None = quantity(None, "mm", 0.0, 1.0)
+    screw: float | None = quantity(None, "mm", 0.0, 10.0)
+    marks: int = quantity(0, "1", 0, 1, whole=True)
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise BadInput(f"there is no shape {self.shape!r} of the base: {nearest(str(self.shape), SHAPES)}")
-        for name, bounds in RANGES.items():
-            value: object = getattr(self, name)
-            if value is not None or name in ("seat_wall", "marks"):
-                bounds.check(name, value)
+        for spec in dataclasses.fields(self):
+            value: object = getattr(self, spec.name)
+            if spec.name != "shape" and (value is not None or spec.default is not None):
+                in_range(spec, value)
 
     @property
     def is_round(self) -> bool:

@@ -17,7 +17,7 @@ from operator import attrgetter
 from typing import Any
 
 from geometry.bad_input import BadInput as BadInput
-from geometry.bad_input import nearest, no_effect
+from geometry.bad_input import in_range, nearest, no_effect, quantity
 
 __all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
 
@@ -67,13 +67,6 @@ OF_TIME = ("loss_factor", "loss_low", "loss_high", "prony", "modulus")
 
 LEAST_ALPHA = 0.01
 """Least magnitude of an exponent of Ogden's law: the energy divides by the exponent, so 0 is impossible."""
-
-
-def _quantity(default: float, unit: str, low: float, high: float, text: str, *, assumed: bool) -> Any:
-    return field(
-        default=default,
-        metadata={"unit": unit, "low": low, "high": high, "text": text, "assumed": assumed},
-    )
 
 
 def _choice(default: str, choices: Iterable[str], text: str, *, assumed: bool) -> Any:
@@ -157,40 +150,40 @@ class Design:
     geometry.bad_input.BadInput: L must exceed the tip radius D/2 = 4 mm; got 3 mm
     """
 
-    D: float = _quantity(8.0, "mm", 0.1, 200, "diameter of the beam", assumed=False)
-    L: float = _quantity(9.0, "mm", 0.05, 4000, "total length of the beam, tip included", assumed=False)
-    f: float = _quantity(5.0, "mm", 0.01, 1000, "distance of S2 and S3 from the axis", assumed=False)
-    E: float = _quantity(1.0, "MPa", 1e-4, 1e4, "Young's modulus of the silicone at small strain", assumed=False)
-    nu: float = _quantity(
+    D: float = quantity(8.0, "mm", 0.1, 200, "diameter of the beam", assumed=False)
+    L: float = quantity(9.0, "mm", 0.05, 4000, "total length of the beam, tip included", assumed=False)
+    f: float = quantity(5.0, "mm", 0.01, 1000, "distance of S2 and S3 from the axis", assumed=False)
+    E: float = quantity(1.0, "MPa", 1e-4, 1e4, "Young's modulus of the silicone at small strain", assumed=False)
+    nu: float = quantity(
         0.4998, "1", 0.0, 0.5, "Poisson's ratio (0.4998: bulk modulus 0.83 GPa at E = 1 MPa)", assumed=True
     )
     law: str = _choice("neo-hookean", LAWS, f"law of the silicone: {', '.join(LAWS)}", assumed=True)
-    mooney_share: float = _quantity(0.0, "1", 0.0, 1.0, "Mooney-Rivlin: C01 / (C10 + C01)", assumed=True)
-    yeoh_2: float = _quantity(0.0, "1", -100, 100, "Yeoh: C20 / C10", assumed=True)
-    yeoh_3: float = _quantity(0.0, "1", -100, 100, "Yeoh: C30 / C10", assumed=True)
-    ogden_alpha1: float = _quantity(2.0, "1", -30, 30, "Ogden: first exponent", assumed=True)
-    ogden_alpha2: float = _quantity(-2.0, "1", -30, 30, "Ogden: second exponent", assumed=True)
-    ogden_share: float = _quantity(0.0, "1", 0.0, 1.0, "Ogden: mu_2 / (mu_1 + mu_2)", assumed=True)
-    magnet_diameter: float = _quantity(4.0, "mm", 0.0, 200, "diameter of the magnet (0: none)", assumed=False)
-    magnet_height: float = _quantity(2.0, "mm", 0.0, 200, "height of the magnet (0: none)", assumed=True)
-    magnet_edge_radius: float = _quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
-    remanence: float = _quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet", assumed=True)
+    mooney_share: float = quantity(0.0, "1", 0.0, 1.0, "Mooney-Rivlin: C01 / (C10 + C01)", assumed=True)
+    yeoh_2: float = quantity(0.0, "1", -100, 100, "Yeoh: C20 / C10", assumed=True)
+    yeoh_3: float = quantity(0.0, "1", -100, 100, "Yeoh: C30 / C10", assumed=True)
+    ogden_alpha1: float = quantity(2.0, "1", -30, 30, "Ogden: first exponent", assumed=True)
+    ogden_alpha2: float = quantity(-2.0, "1", -30, 30, "Ogden: second exponent", assumed=True)
+    ogden_share: float = quantity(0.0, "1", 0.0, 1.0, "Ogden: mu_2 / (mu_1 + mu_2)", assumed=True)
+    magnet_diameter: float = quantity(4.0, "mm", 0.0, 200, "diameter of the magnet (0: none)", assumed=False)
+    magnet_height: float = quantity(2.0, "mm", 0.0, 200, "height of the magnet (0: none)", assumed=True)
+    magnet_edge_radius: float = quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
+    remanence: float = quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet", assumed=True)
     magnet_north: str = _choice("down", POLES, "north pole of the magnet: down (to the base) or up", assumed=False)
-    density: float = _quantity(1080, "kg/m3", 1, 25000, "density of the silicone", assumed=True)
-    magnet_density: float = _quantity(7500, "kg/m3", 1, 25000, "density of the magnet (NdFeB)", assumed=True)
-    l0: float = _quantity(7.2, "mm", 0.0, 1000, "distance from S1 up to the magnet's centre at rest", assumed=True)
-    c: float = _quantity(2.0, "mm", -1000, 1000, "height of S2 and S3 above S1", assumed=True)
-    hall_gain: float = _quantity(31.25, "V/T", 1e-3, 1e6, "gain of a Hall element (SS495A)", assumed=True)
-    hall_null: float = _quantity(2.5, "V", 0.0, 100, "output of a Hall element in zero field", assumed=True)
-    hall_low: float = _quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
-    hall_high: float = _quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
-    hall_noise: float = _quantity(0.0, "V", 0.0, 10, "noise (rms) of a Hall element's output", assumed=True)
-    hall_noise_density: float = _quantity(0.0, "V/sqrt(Hz)", 0.0, 1, "white noise of the output", assumed=True)
-    hall_bandwidth: float = _quantity(1000.0, "Hz", 1e-3, 1e9, "noise bandwidth of one sample", assumed=True)
-    hall_noise_floor: float = _quantity(0.0, "V", 0.0, 10, "noise (rms) that no average reduces", assumed=True)
-    hall_average: float = _quantity(1.0, "1", 1, 1e6, "number of samples that each reading averages", assumed=True)
-    hall_step: float = _quantity(0.0, "V", 0.0, 10, "step of the analog-to-digital converter (0: none)", assumed=True)
-    hall_plate: float = _quantity(
+    density: float = quantity(1080, "kg/m3", 1, 25000, "density of the silicone", assumed=True)
+    magnet_density: float = quantity(7500, "kg/m3", 1, 25000, "density of the magnet (NdFeB)", assumed=True)
+    l0: float = quantity(7.2, "mm", 0.0, 1000, "distance from S1 up to the magnet's centre at rest", assumed=True)
+    c: float = quantity(2.0, "mm", -1000, 1000, "height of S2 and S3 above S1", assumed=True)
+    hall_gain: float = quantity(31.25, "V/T", 1e-3, 1e6, "gain of a Hall element (SS495A)", assumed=True)
+    hall_null: float = quantity(2.5, "V", 0.0, 100, "output of a Hall element in zero field", assumed=True)
+    hall_low: float = quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
+    hall_high: float = quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
+    hall_noise: float = quantity(0.0, "V", 0.0, 10, "noise (rms) of a Hall element's output", assumed=True)
+    hall_noise_density: float = quantity(0.0, "V/sqrt(Hz)", 0.0, 1, "white noise of the output", assumed=True)
+    hall_bandwidth: float = quantity(1000.0, "Hz", 1e-3, 1e9, "noise bandwidth of one sample", assumed=True)
+    hall_noise_floor: float = quantity(0.0, "V", 0.0, 10, "noise (rms) that no average reduces", assumed=True)
+    hall_average: float = quantity(1.0, "1", 1, 1e6, "number of samples that each reading averages", assumed=True)
+    hall_step: float = quantity(0.0, "V", 0.0, 10, "step of the analog-to-digital converter (0: none)", assumed=True)
+    hall_plate: float = quantity(
         0.0, "mm", 0.0, 10, "side of a Hall element's square plate (0: a point)", assumed=True
     )
     hall_layout: str = _choice(
@@ -199,12 +192,12 @@ class Design:
         "three: one-axis elements S1, S2, S3; else a 3-axis chip l0 below the magnet",
         assumed=False,
     )
-    chip_x: float = _quantity(
+    chip_x: float = quantity(
         0.0, "mm", -1000, 1000, "distance of a 3-axis chip from the beam's axis, along x", assumed=False
     )
-    loss_factor: float = _quantity(0.1, "1", 0.0, 1.0, "tan(delta) of the silicone (0: elastic)", assumed=True)
-    loss_low: float = _quantity(0.01, "Hz", 1e-6, 1e6, "least frequency with this loss factor", assumed=True)
-    loss_high: float = _quantity(1000.0, "Hz", 1e-6, 1e6, "greatest frequency with this loss factor", assumed=True)
+    loss_factor: float = quantity(0.1, "1", 0.0, 1.0, "tan(delta) of the silicone (0: elastic)", assumed=True)
+    loss_low: float = quantity(0.01, "Hz", 1e-6, 1e6, "least frequency with this loss factor", assumed=True)
+    loss_high: float = quantity(1000.0, "Hz", 1e-6, 1e6, "greatest frequency with this loss factor", assumed=True)
     prony: str = _words("", "measured branches g:tau g:tau ..., tau in s (empty: loss_factor holds)", assumed=True)
     modulus: str = _choice(
         "long-term", ("long-term", "instantaneous"), "which modulus E is, at rest or after a step", assumed=True
@@ -379,18 +372,7 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
 
             parse_branches(value)
         return " ".join(value.split())
-    low, high, unit = spec.metadata["low"], spec.metadata["high"], spec.metadata["unit"]
-    unit = "" if unit == "1" else f" {unit}"
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise BadInput(f"{spec.name} must be a number ({spec.metadata['text']}); got {value!r}")
-    try:
-        number = float(value)
-    except OverflowError:  # a whole number of more than 308 digits
-        number = math.inf if value > 0 else -math.inf
-    # a NaN fails this comparison, and so is refused as well
-    if not low <= number <= high:
-        raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {number:g}{unit}")
-    return number
+    return in_range(spec, value)
 
 
 def paper() -> Design:

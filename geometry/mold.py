@@ -17,10 +17,10 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from geometry.bad_input import nearest
+from geometry.bad_input import in_range, nearest, quantity
 from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
 from geometry.design import LEAST_WALL, BadInput, Design
-from geometry.fabrication.printability import PROCESSES, Process, Range
+from geometry.fabrication.printability import PROCESSES, Process
 
 LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
@@ -42,27 +42,6 @@ BOLT_PITCH = 20.0
 
 TEARDROP = 1.5
 """Height of a hole above its centre, in radii: a roof of 45°, which prints without support, ends at 2^(1/2)."""
-
-RANGES = {
-    "shrink": Range(0.0, 0.2, ""),
-    "pocket_gap": Range(-20.0, 20.0),
-    "pin_edge": Range(0.0, 100.0),
-    "draft": Range(0.0, 5.0, "degrees"),
-    "wall": Range(0.4, 100.0),
-    "floor": Range(0.4, 100.0),
-    "lid": Range(0.4, 100.0),
-    "skirt": Range(0.1, 4000.0),
-    "fit": Range(0.0, 2.0),
-    "pry_gap": Range(0.0, 100.0),
-    "vents": Range(1, 24, "", whole=True),
-    "vent_diameter": Range(0.01, 100.0),
-    "tip_vent": Range(0.0, 10.0),
-    "columns": Range(1, 10, "", whole=True),
-    "rows": Range(1, 10, "", whole=True),
-    "split": Range(0, 1, "", whole=True),
-    "marks": Range(0, 1, "", whole=True),
-    "dowel": Range(0.1, 100.0),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,24 +78,24 @@ class Mold:
     """
 
     process: str = "fdm"
-    shrink: float = 0.0
-    pocket_gap: float = 0.0
-    pin_edge: float | None = None
-    draft: float = 0.0
-    wall: float | None = None
-    floor: float | None = None
-    lid: float | None = None
-    skirt: float | None = None
-    fit: float | None = None
-    pry_gap: float = 1.0
-    vents: int = 4
-    vent_diameter: float | None = None
-    tip_vent: float = 0.0
-    columns: int = 1
-    rows: int = 1
-    split: int = 0
-    marks: int = 0
-    dowel: float | None = None
+    shrink: float = quantity(0.0, "1", 0.0, 0.2)
+    pocket_gap: float = quantity(0.0, "mm", -20.0, 20.0)
+    pin_edge: float | None = quantity(None, "mm", 0.0, 100.0)
+    draft: float = quantity(0.0, "degrees", 0.0, 5.0)
+    wall: float | None = quantity(None, "mm", 0.4, 100.0)
+    floor: float | None = quantity(None, "mm", 0.4, 100.0)
+    lid: float | None = quantity(None, "mm", 0.4, 100.0)
+    skirt: float | None = quantity(None, "mm", 0.1, 4000.0)
+    fit: float | None = quantity(None, "mm", 0.0, 2.0)
+    pry_gap: float = quantity(1.0, "mm", 0.0, 100.0)
+    vents: int = quantity(4, "1", 1, 24, whole=True)
+    vent_diameter: float | None = quantity(None, "mm", 0.01, 100.0)
+    tip_vent: float = quantity(0.0, "mm", 0.0, 10.0)
+    columns: int = quantity(1, "1", 1, 10, whole=True)
+    rows: int = quantity(1, "1", 1, 10, whole=True)
+    split: int = quantity(0, "1", 0, 1, whole=True)
+    marks: int = quantity(0, "1", 0, 1, whole=True)
+    dowel: float | None = quantity(None, "mm", 0.1, 100.0)
 
     def __post_init__(self) -> None:
         if self.process not in PROCESSES:
@@ -124,7 +103,7 @@ class Mold:
         for spec in dataclasses.fields(self):
             value: object = getattr(self, spec.name)
             if spec.name != "process" and (value is not None or spec.default is not None):
-                RANGES[spec.name].check(spec.name, value)
+                in_range(spec, value)
         if self.split and self.rows > 1:
             raise BadInput(
                 f"rows must be 1 when split is 1, as B is split along a row; got {self.rows}: set rows=1 or split=0"

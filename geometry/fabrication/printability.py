@@ -1,4 +1,4 @@
-"""Limits of printing: processes, ranges of a maker's choices, overhangs and bridges. Lengths in mm, areas in mm².
+"""Limits of printing: processes, overhangs and bridges. Lengths in mm, areas in mm².
 
 Parts are printed without supports. A face that points downwards may lean by at most 45° from the vertical, unless it
 lies on the printer's bed or is the level roof of a pocket that is narrow enough to be bridged. The limits are rules
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from geometry.cad import moved
-from geometry.design import BadInput
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -54,32 +53,6 @@ FLAT = 1e-4
 
 The same number is the tolerance of heights, as a fraction of the part's height.
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """The range of a maker's choice, both ends included.
-
-    Attributes
-    ----------
-    low, high : ends of the range, in `unit`.
-    unit : unit in messages; empty for a pure number.
-    whole : True for a count, which must be an int.
-    """
-
-    low: float
-    high: float
-    unit: str = "mm"
-    whole: bool = False
-
-    def check(self, name: str, value: object) -> None:
-        """Raise a BadInput that names the range if the value lies outside it or has the wrong type."""
-        unit = f" {self.unit}" if self.unit else ""
-        if isinstance(value, bool) or not isinstance(value, int if self.whole else (int, float)):
-            kind = "whole number" if self.whole else "number"
-            raise BadInput(f"{name} must be a {kind} from {self.low:g} to {self.high:g}{unit}; got {value!r}")
-        if not self.low <= value <= self.high:
-            raise BadInput(f"{name} must lie between {self.low:g} and {self.high:g}{unit}; got {value:g}{unit}")
 
 
 @dataclass(frozen=True, slots=True)
