@@ -8,9 +8,9 @@ import pytest
 
 from fem.accuracy import QUICK
 from studies.validation import claim_states, other_answers, press_answers
-from studies.validation.claim_answers import verdict
+from studies.validation.claim_errors import HeightRow, SplitRow, TipRow, formula, height_row
 from studies.validation.claim_states import Press, States
-from studies.validation.press_errors import HeightRow, formula, height_row
+from studies.validation.press_answers import verdict
 from studies.validation.sensor_figures import (
     CostRow,
     FactorFigures,
@@ -20,7 +20,6 @@ from studies.validation.sensor_figures import (
     ResponseFigures,
     response_figures,
 )
-from studies.validation.shear_errors import SplitRow, TipRow
 
 DEPTH = np.linspace(0.25, 3.0, 12)
 NAN = math.nan

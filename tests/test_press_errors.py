@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from studies.validation import claim_states, press_errors
+from studies.validation import claim_errors, claim_states
+from studies.validation.claim_errors import Voltages
 from studies.validation.claim_states import Press
-from studies.validation.press_errors import Voltages
 
 approx = pytest.approx
 DEPTH = np.linspace(0.25, 3.0, 12)
@@ -20,33 +20,33 @@ def press(force, sinking=None, height=2.0):
 
 
 def test_the_true_modulus_is_in_the_middle_of_the_interval():
-    force = press_errors.formula(DEPTH) / 0.6
-    low, high = press_errors.modulus_interval(press_errors.formula(DEPTH), force, 0.05 * force)
+    force = claim_errors.formula(DEPTH) / 0.6
+    low, high = claim_errors.modulus_interval(claim_errors.formula(DEPTH), force, 0.05 * force)
     assert (low, high) == approx((0.6 / 1.05, 0.6 / 0.95))
 
 
 def test_an_interval_ends_where_the_error_is_the_bound():
     """At both ends some depth has exactly the error that is allowed, and no depth a larger one."""
-    predicted, force = press_errors.formula(DEPTH), 0.9 * DEPTH**1.8
+    predicted, force = claim_errors.formula(DEPTH), 0.9 * DEPTH**1.8
     slack = np.full_like(force, 0.3 * force.max())
-    for E in press_errors.modulus_interval(predicted, force, slack):
-        assert press_errors.error_of_largest(predicted, force, E) == approx(30)
+    for E in claim_errors.modulus_interval(predicted, force, slack):
+        assert claim_errors.error_of_largest(predicted, force, E) == approx(30)
 
 
 def test_no_modulus_mends_another_law():
     predicted, force = DEPTH**2, DEPTH**1.5
-    assert press_errors.modulus_interval(predicted, force, 0.05 * force) is None
-    assert press_errors.modulus_interval(predicted, force, np.full_like(force, 0.5 * force.max())) is not None
+    assert claim_errors.modulus_interval(predicted, force, 0.05 * force) is None
+    assert claim_errors.modulus_interval(predicted, force, np.full_like(force, 0.5 * force.max())) is not None
 
 
 def test_each_depth_from_the_first_that_fits():
     """d^2 over d^1.5 grows by 10.5 % from 1.5 / 1.105^2 to 1.5."""
     depth = np.array([0.5, 1.0, 1.3, 1.4, 1.5])
-    assert press_errors.each_depth_from(depth, depth**2, depth**1.5) == 1.3
+    assert claim_errors.each_depth_from(depth, depth**2, depth**1.5) == 1.3
 
 
 def test_a_sensor_that_is_the_formula_has_no_error():
-    row = press_errors.height_row(press(press_errors.formula(DEPTH)))
+    row = claim_errors.height_row(press(claim_errors.formula(DEPTH)))
     assert row.best_E_MPa == approx(1.0)
     assert row.best_error_percent_of_largest == approx(0, abs=1e-5)
     assert row.error_percent_of_largest == row.worst_error_percent == 0
@@ -56,16 +56,16 @@ def test_a_sensor_that_is_the_formula_has_no_error():
 
 
 def test_twice_the_force_is_half_the_modulus():
-    row = press_errors.height_row(press(2 * press_errors.formula(DEPTH)))
+    row = claim_errors.height_row(press(2 * claim_errors.formula(DEPTH)))
     assert row.best_E_MPa == approx(0.5)
     assert row.worst_error_percent == approx(-50)
     assert row.best_E_S1_error_percent < 2
 
 
 def test_presses_that_stop_have_a_row_without_answers():
-    force = press_errors.formula(DEPTH)
+    force = claim_errors.formula(DEPTH)
     force[-2:] = np.nan
-    row = press_errors.height_row(press(force))
+    row = claim_errors.height_row(press(force))
     assert row.reached_mm == DEPTH[-3]
     assert np.isnan(row.best_E_MPa)
 

@@ -7,7 +7,7 @@ import pytest
 from analytic import beam
 from geometry.design import paper
 from geometry.loads import Response
-from studies.validation import shear_errors
+from studies.validation import claim_errors
 from studies.validation.claim_states import Sheared
 
 approx = pytest.approx
@@ -22,7 +22,7 @@ def sheared(stiffness=STIFFNESS, lever=LEVER, tilt=0.0):
 
 
 def test_a_stiffer_beam_needs_a_larger_modulus():
-    row = shear_errors.tip_row(sheared(stiffness=STIFFNESS / 2))
+    row = claim_errors.tip_row(sheared(stiffness=STIFFNESS / 2))
     assert row.worst_error_percent == approx(100)
     assert row.best_E_MPa == approx(2)
     assert row.best_error_percent == approx(0, abs=1e-9)
@@ -32,12 +32,12 @@ def test_a_stiffer_beam_needs_a_larger_modulus():
 def test_states_that_were_not_reached_are_left_out():
     whole = sheared()
     short = dataclasses.replace(whole, responses=(*whole.responses[:2], None, None))
-    assert shear_errors.tip_row(short).last_error_percent == approx(0, abs=1e-9)
-    assert [row.shear_mm for row in shear_errors.split(short)] == [1.0]
+    assert claim_errors.tip_row(short).last_error_percent == approx(0, abs=1e-9)
+    assert [row.shear_mm for row in claim_errors.split(short)] == [1.0]
 
 
 def test_the_papers_own_beam_has_no_error():
-    for row in shear_errors.split(sheared()):
+    for row in claim_errors.split(sheared()):
         assert row.error_N == approx(0, abs=1e-5)
 
 
@@ -50,8 +50,8 @@ def test_the_papers_own_beam_has_no_error():
     ],
 )
 def test_each_cause_is_its_own_part(changed, part):
-    rows = shear_errors.split(sheared(**changed))
+    rows = claim_errors.split(sheared(**changed))
     assert len(rows) == 3
-    assert shear_errors.share(rows, part) == approx(100, abs=0.1)
+    assert claim_errors.share(rows, part) == approx(100, abs=0.1)
     for row in rows:
         assert row.tilt_N + row.geometry_N + row.force_law_N == approx(row.error_N)

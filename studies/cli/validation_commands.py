@@ -297,11 +297,11 @@ def claims(
     command_line = command(claims, locals())
     from studies.exploration import store as stores
     from studies.output.provenance import versions
-    from studies.validation import claim_states, claims_report, paper_claims
+    from studies.validation import claim_states, paper_claims
 
     origin = versions(("matplotlib",))
     extent = claim_states.QUICK_EXTENT if quick else claim_states.Extent()
-    atomic_files.check_apart(atomic_files.inside(out, claims_report.FILES), [store])
+    atomic_files.check_apart(atomic_files.inside(out, paper_claims.FILES), [store])
     with (
         stores.opened(store or stores.default()) as states,
         atomic_files.results(out) as folder,
@@ -309,7 +309,7 @@ def claims(
     ):
         results = paper_claims.run(extent, states, progress)
         if folder is not None:
-            claims_report.write(folder, results, origin, command_line)
+            paper_claims.write(folder, results, origin, command_line)
     rows = [answer.row() if as_json else answer.printed() for answer in results.answers]
     console.report(rows, as_json=as_json, title="The paper's claims", first=("claim", "verdict"), wide=wide)
     return GOOD

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from geometry.design import paper
-from studies.validation.claim_answers import Answer, least, most, verdict
-from studies.validation.press_errors import PUBLISHED
+from studies.validation.claim_errors import PUBLISHED, SplitRow, TipRow, share
+from studies.validation.press_answers import Answer, least, most, verdict
 from studies.validation.sensor_figures import (
     CYCLE_DEPTH,
     CYCLE_SPEED,
@@ -21,7 +21,6 @@ from studies.validation.sensor_figures import (
     ResponseFigures,
     table_entries,
 )
-from studies.validation.shear_errors import SplitRow, TipRow, share
 
 LARGE = 10.0
 """Error in % above which an error counts as much larger than the 5 % that the paper claims for presses."""

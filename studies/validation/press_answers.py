@@ -1,16 +1,18 @@
-"""Answers to the claims about presses: force, voltage of S1, largest forces."""
+"""Answers to the paper's claims: the rule that makes a verdict, and the answers about presses."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from studies.output import records
+from studies.output.records import FlatRow
 from studies.simulation.comparison_findings import spans
-from studies.validation.claim_answers import Answer, least, most, verdict
-from studies.validation.claim_states import FRICTION, Press, States
-from studies.validation.press_errors import (
+from studies.validation.claim_errors import (
     BOUND,
     MODULI,
     PUBLISHED,
@@ -18,6 +20,74 @@ from studies.validation.press_errors import (
     formula,
     relative_errors,
 )
+from studies.validation.claim_states import FRICTION, Press, States
+
+Verdict = Literal["reproduced", "refuted", "not decidable"]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer to one claim.
+
+    Attributes
+    ----------
+    claim : the claim in a few words.
+    paper : the paper's value.
+    computed : our figures, in one cell of a table.
+    verdict : whether the figures reproduce or refute the claim, or why neither is possible: the claim depends on
+        something that the paper does not state or that the models leave out.
+    text : the reasons, in sentences.
+    commands : command lines that show parts of the answer.
+    figures : the figures under names with units.
+    """
+
+    claim: str
+    paper: str
+    computed: str
+    verdict: Verdict
+    text: str
+    commands: tuple[str, ...]
+    figures: dict[str, float]
+
+    def row(self) -> FlatRow:
+        """Return the row for JSON."""
+        return records.flat(self)
+
+    def printed(self) -> FlatRow:
+        """Return the columns of the printed table and of claims.csv."""
+        return {"claim": self.claim, "paper": self.paper, "computed": self.computed, "verdict": self.verdict}
+
+
+def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Sequence[float] = ()) -> Verdict:
+    """Return the verdict on a claim that depends on values which the paper does not give.
+
+    Parameters
+    ----------
+    holds : whether the claim holds for all values that the paper leaves open.
+    holds_for_other_values : whether it holds for some of them.
+    figures : those that the other two compare; the claim is not decidable if one is unknown, or if there is none.
+
+    >>> verdict(holds=False, holds_for_other_values=True, figures=[3.0])
+    'not decidable'
+    >>> verdict(holds=False, figures=[3.0]), verdict(holds=False, figures=[float("nan")]), verdict(holds=True)
+    ('refuted', 'not decidable', 'not decidable')
+    """
+    if not figures or any(math.isnan(figure) for figure in figures):
+        return "not decidable"
+    if holds:
+        return "reproduced"
+    return "not decidable" if holds_for_other_values else "refuted"
+
+
+def least(figures: Iterable[float]) -> float:
+    """Return the least figure that is known; NaN if none is."""
+    return min((figure for figure in figures if math.isfinite(figure)), default=math.nan)
+
+
+def most(figures: Iterable[float]) -> float:
+    """Return the largest figure that is known; NaN if none is."""
+    return max((figure for figure in figures if math.isfinite(figure)), default=math.nan)
+
 
 PERCENT = 100 * BOUND
 CLAIMED = ((1.0, 3.0), (5.0, 9.0), (10.0, 18.0))
