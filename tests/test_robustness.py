@@ -13,7 +13,7 @@ from fem.solve.inertia import Stability
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs.exit_status import FAILED, GOOD
-from studies.validation import robustness, robustness_checks, robustness_ends
+from studies.validation import robustness, robustness_checks
 from studies.validation.robustness_checks import Case, press
 
 SCENES = {scene.name: scene for scene in robustness.cases(quick=True)}
@@ -87,7 +87,7 @@ def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypa
     assert (near["verdict"], near["measured"], near["bound"]) == (
         "pass",
         pytest.approx(0.05 / 0.9),
-        robustness_ends.ONSET,
+        robustness_checks.ONSET,
     )
     assert "a force 0.01, at most 0.001" in near["check"]
     far = ended(monkeypatch, unstable(0.8, 0.9), unstable(0.5, 0.6))

@@ -12,7 +12,7 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.output.csv_tables import write_table
 from studies.output.provenance import versions
-from studies.validation import pages, robustness_checks, robustness_ends
+from studies.validation import pages, robustness_checks
 from studies.validation.pages import Row
 from studies.validation.robustness_cases import cases
 from studies.validation.robustness_checks import Case, Measurement, StoppedError
@@ -69,7 +69,7 @@ def examine(case: Case) -> Row:
         status, message = ("crashed", "") if end is None else (end.status, end.message)
     except BadInput as error:
         status, message = "bad_input", str(error)
-        measurement = robustness_ends.refused(case)
+        measurement = robustness_checks.refused(case)
     except Exception as error:
         # the study exists to find unforeseen failures, so that every exception becomes a row
         status, message = "crashed", f"{type(error).__name__}: {error}"
@@ -82,7 +82,7 @@ def _measured(case: Case) -> Measurement:
     end = states[-1]
     reached = end.status == "ok" or (end.status == "unstable" and "ok" in case.ends)
     try:
-        measurement = case.measure(case, states) if reached else robustness_ends.stopped(case, end)
+        measurement = case.measure(case, states) if reached else robustness_checks.stopped(case, end)
     except StoppedError as stop:
         measurement = Measurement(end, f"no comparison: the other solve {stop}", None)
     # beyond the onset of an instability a failed check proves nothing: the path may have taken another branch
@@ -90,7 +90,7 @@ def _measured(case: Case) -> Measurement:
     if settled or end.facts.onset is None:
         return measurement
     text = _text(measurement.check, measurement.measured, _bound(case, measurement))
-    return robustness_ends.onset(case, end, text)
+    return robustness_checks.onset(case, end, text)
 
 
 def _bound(case: Case, measurement: Measurement) -> float:
