@@ -305,12 +305,16 @@ class Design:
                 names_by_reason.setdefault(reason, []).append(name)
         return [no_effect(names, reason) for reason, names in names_by_reason.items()]
 
-    def warnings(self) -> list[str]:
-        """Return warnings about a sensor that can be computed but not built, or that is probably not intended."""
+    def warnings(self, *, base_limits_l0: bool = False) -> list[str]:
+        """Return warnings about a sensor that can be computed but not built, or that is probably not intended.
+
+        base_limits_l0 : True where the caller names the larger limit that the base sets to l0, so that the limit of
+            the beam is left out.
+        """
         texts = []
         s1, s23 = self.H - self.l0, self.H - self.l0 + self.c
         chip = self.hall_layout != "three"
-        if s1 > 0 and not (chip and abs(self.chip_x) >= self.R):
+        if s1 > 0 and not base_limits_l0 and not (chip and abs(self.chip_x) >= self.R):
             name = "the chip" if chip else "S1"
             texts.append(
                 f"{name} would lie inside the beam, {s1:.3g} mm above the base: raise l0 above {self.H:g} mm"

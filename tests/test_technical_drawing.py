@@ -151,3 +151,13 @@ def test_every_text_has_a_halo_and_is_drawn_again_over_it():
             n.text for n, h in zip(shown, halo, strict=True) if not h
         }
         assert "paint-order" not in text
+
+
+@pytest.mark.parametrize("turn", [60.0, 120.0, 170.0])
+def test_the_box_of_an_arc_holds_its_outermost_points(turn):
+    """Arcs of a unit circle on both sides of the x axis, up to an angle on either side."""
+    x, y = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    view = View("arc")
+    view.paths.append(([[Piece((x, -y), (x, y), (1.0, 0.0), 1.0)]], "outline"))
+    top = 1.0 if turn > 90 else y
+    assert view.box == pytest.approx((x, 1.0, -top, top), abs=1e-12)

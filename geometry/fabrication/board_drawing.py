@@ -69,6 +69,7 @@ def board(design: Design, plan: Plan) -> str:
     else:
         _chip(space, design)
         _text(space, BELOW, -plan.half, -plan.half - 4.5 * LETTER)
+        _text(space, f"Chip: {design.hall_layout}, pin 1 at the least x and y.", -plan.half, -plan.half - 6 * LETTER)
     _axes(space, plan.half)
     _text(space, NOTE, -plan.half, -plan.half - 3 * LETTER)
     text = io.StringIO()
@@ -97,7 +98,9 @@ def _leaded(space: Any, design: Design) -> None:
     _rectangle(space, "HALL", 0, middle, p.width, p.thickness)
     for name, (x, y, _) in places(design).items():
         _circle(space, "HALL", x, y, 0.2)
-        _text(space, name, x + 0.3, y + 0.3)
+        # beside the body, where no pad lies; that of S1 has none
+        beside = (x - p.depth + p.thickness + 0.15, y + 0.3) if name == "S2" else (x + 0.3, y + p.thickness)
+        _text(space, name, *((x - p.height / 2 + 0.3, y - p.width / 2 + 0.3) if name == "S1" else beside))
     for x, y in pads(design):
         _circle(space, "PADS", x, y, PAD / 2)
         _circle(space, "PADS", x, y, DRILL / 2)
@@ -109,10 +112,9 @@ def _chip(space: Any, design: Design) -> None:
     x, y, _ = places(design)[design.hall_layout]
     _rectangle(space, "HALL", x, y, chip.length, chip.width)
     _circle(space, "HALL", x, y, 0.2)
-    _text(space, design.hall_layout, x - chip.length / 2, y + 0.3)
     for pad_x, pad_y in pads(design):
         _rectangle(space, "PADS", pad_x, pad_y, pattern.width, pattern.length)
-    _text(space, "1", x - chip.length / 2 - LETTER, y - pattern.rows / 2)
+    _text(space, "1", x - chip.length / 2 - LETTER, y - pattern.rows / 2 - LETTER / 2)
 
 
 def _axes(space: Any, half: float) -> None:

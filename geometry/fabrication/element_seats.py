@@ -29,6 +29,10 @@ CLOSE = 1e-9
 """Rounding of sums of lengths, mm."""
 
 
+class ShortOfBase(BadInput):
+    """An l0 that leaves too little of the base between an element and the beam."""
+
+
 @dataclass(frozen=True, slots=True)
 class Block:
     """A box with sides along x, y and z: its corner of least x, y and z, and the lengths of its sides, mm."""
@@ -90,7 +94,7 @@ def three_elements(design: Design, where: dict[str, Vector], fit: float, wall: f
     p, (_, _, z1), (_, _, z23) = SS495A, where["S1"], where["S2"]
     roof = z1 + p.depth + fit
     if not roof <= -WEB:
-        raise BadInput(
+        raise ShortOfBase(
             f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base between S1 and the "
             f"beam; got {design.l0:g} mm"
         )
@@ -182,7 +186,7 @@ def chip_seat(design: Design, where: dict[str, Vector], fit: float, thickness: f
     chip, (middle, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
     roof = z - chip.plate + chip.height + fit
     if not roof <= -WEB:
-        raise BadInput(
+        raise ShortOfBase(
             f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base over the chip; "
             f"got {design.l0:g} mm"
         )

@@ -211,7 +211,21 @@ def _pieces(edges: Iterable[Any], first: int, second: int) -> list[Piece]:
 
 
 def _ends(piece: Piece) -> list[Point]:
-    return [piece.start, piece.end, *([piece.middle] if piece.middle else [])]
+    """Return the ends of a piece and, of an arc, those of its outermost points that lie on it."""
+    (x, y), (u, v) = piece.start, piece.end
+    if piece.middle is None:
+        return [piece.start, piece.end]
+    (p, q), r = piece.middle, piece.radius
+    # the centre lies on the line from the arc's middle through the middle of its chord
+    back = math.dist(((x + u) / 2, (y + v) / 2), (p, q)) / r
+    cx, cy = p + ((x + u) / 2 - p) / back, q + ((y + v) / 2 - q) / back
+
+    # a point of the circle lies on the arc if it is on the same side of the chord as the arc's middle
+    def side(point: Point) -> float:
+        return (u - x) * (point[1] - y) - (v - y) * (point[0] - x)
+
+    outer = [(cx + r, cy), (cx, cy + r), (cx - r, cy), (cx, cy - r)]
+    return [piece.start, piece.end, *(point for point in outer if side(point) * side(piece.middle) > 0)]
 
 
 def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
@@ -310,7 +324,7 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
     for (s, t), towards in heads:
         corners = [xy(s, t), xy(s + towards * ARROW, t - 0.4), xy(s + towards * ARROW, t + 0.4)]
         out.append('<path class="arrow" d="M' + "L".join(f"{x:.3f} {y:.3f}" for x, y in corners) + 'Z"/>')
-    x, y = xy(middle, at - 0.9)
+    x, y = xy(middle, at - 1.2)
     turn = f' transform="rotate(-90 {x:.3f} {y:.3f})"' if upright else ""
     out.append(_text(x, y, text, anchor="middle", more=turn))
     return "\n".join(out)

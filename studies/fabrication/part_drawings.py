@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from geometry.base import Plan
 from geometry.design import Design
+from geometry.fabrication.board_drawing import pads
 from geometry.fabrication.hall_bodies import places
 from geometry.fabrication.technical_drawing import Dimension, Piece, View, number, sheet
 from geometry.mold import BOLT, BOLT_HOLE, Mold, Sizes
@@ -31,7 +32,7 @@ def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mappi
     own = View(side.title, list(side.paths)), View(above.title, list(above.paths))
     return {
         "sensor": _sensor_sheet(design, plan, parts, bodies, side, above),
-        "base": _base_sheet(plan, parts["base"], *own),
+        "base": _base_sheet(design, plan, parts["base"], *own),
     }
 
 
@@ -51,9 +52,9 @@ def _sensor_sheet(
     side.dims += [((-R, 0), (0, L), "left", 1, f"L = {number(L)}"), ((-R, 0), (0, H), "left", 0, number(H))]
     if "magnet" in parts:
         a, b = design.magnet_diameter / 2, design.magnet_height / 2
-        side.dims.append(((a, H - b), (a, H + b), "right", 0, number(2 * b)))
+        side.dims.append(((a, H - b), (a, H + b), "right", 1, number(2 * b)))
         side.dims.append(((-a, H), (a, H), "above", 1, f"magnet Ø{number(2 * a)}"))
-    side.dims.append(((0, H), (x1, z1), "right", 1, f"l0 = {number(design.l0)}"))
+    side.dims.append(((0, H), (x1, z1), "right", 0, f"l0 = {number(design.l0)}"))
     if design.hall_layout != "three" and design.chip_x:
         x_text = f"chip_x = {number(design.chip_x)}"
         side.dims.append(((0, z1), (x1, z1), "below", 0, x_text))
@@ -66,7 +67,7 @@ def _sensor_sheet(
         x, y, _ = where[name]
         if x or y:
             above.projection(body)
-            beside = (9.0, -3.0 if y else -7.0) if "S2" in where else (-4.0, -16.0)
+            beside = ((13.0, -6.0) if y else (5.0, -14.0)) if "S2" in where else (-4.0, -16.0)
             above.labels.append(((x, y), name, beside))
     if "S2" in where:
         f = design.f
@@ -93,7 +94,7 @@ def _sensor_sheet(
     return sheet("Sensor", [[side], [above]], notes)
 
 
-def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
+def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View) -> str:
     """Return the sheet of the base; `side` and `above` already show it, the view from below is added."""
     below = View("From below")
     below.projection(base, below=True)
@@ -122,6 +123,10 @@ def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
             side.dims.append(((p.half, 0), (x + a, z), "right", 2, number(abs(z))))
             above.dims.append(((0, 0), (x, y), "below", 0, number(x)))
             above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
+    if design.hall_layout != "three":
+        # seen from below, x runs to the left
+        x, y = pads(design)[0]
+        below.labels.append(((-x, y), "pin 1", (4.0, 3.5)))
     above.dims += _outline(plan, 1)
     notes = ["printed as it stands, underside down, without supports"]
     if p.marks:
@@ -157,18 +162,18 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
         ((-x - s.rim, s.lid), (-x - s.rim, s.bottom), "left", 1, number(s.lid - s.bottom)),
         ((x + s.rim, 0), (x + s.rim, s.lid), "right", 0, number(s.lid)),
         ((x + s.rim, 0), (x + s.rim, -s.skirt), "right", 1, number(s.skirt)),
-        ((x + s.rim, s.bottom), (x + s.rim, s.bottom + s.floor), "right", 0, number(s.floor)),
+        ((-x - s.rim, s.bottom), (-x - s.rim, s.bottom + s.floor), "left", 0, number(s.floor)),
     ]
     if s.pin_radius > 0:
         r = s.pin_radius
-        side.dims.append(((left - r, -s.pin_depth), (left + r, -s.pin_depth), "above", 0, f"pin Ø{number(2 * r)}"))
+        side.dims.append(((left - r, -s.pin_depth), (left + r, -s.pin_depth), "above", 1, f"pin Ø{number(2 * r)}"))
         side.dims.append(((x, -s.pin_depth), (x + r, 0), "right", 2, number(s.pin_depth)))
     side.dims.append(
         (
             (x + s.vent_ring - s.vent_diameter / 2, s.lid),
             (x + s.vent_ring + s.vent_diameter / 2, s.lid),
             "above",
-            1,
+            0,
             f"vent Ø{number(s.vent_diameter)}",
         )
     )

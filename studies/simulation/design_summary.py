@@ -147,34 +147,37 @@ class MeshReport:
 
 def report_of(design: Design) -> DesignReport:
     """Return a design with its derived values, the names of the assumed fields, and warnings."""
-    derived, failures = derived_values(design)
+    derived, failures, base_limits_l0 = derived_values(design)
     names = [each.name for each in dataclasses.fields(Design)]
     assumed = [name for name in names if origin(name, design) == "assumed" and name not in design.unused_fields()]
-    warnings = design.warnings()
     # a base asks for more room over the elements than the beam does: one limit of l0, the larger one
-    if derived.outer_size.assembled_size_mm is None and any("l0 must be at least" in text for text in failures):
-        warnings = [text for text in warnings if "would lie inside the beam" not in text or "raise l0" not in text]
+    warnings = design.warnings(base_limits_l0=base_limits_l0)
     return DesignReport(design, derived, assumed, [*warnings, *failures])
 
 
-def derived_values(design: Design) -> tuple[DerivedValues, list[str]]:
-    """Return the derived values, and a sentence for each that is unknown or whose element is saturated."""
+def derived_values(design: Design) -> tuple[DerivedValues, list[str], bool]:
+    """Return the derived values, a sentence for each that is unknown or whose element is saturated, and whether l0 is
+    too small for the base.
+    """
     from analytic import hall
     from analytic.magnet import resting_distance
     from analytic.parts import of_design
     from geometry.base import Base, plan
     from geometry.cad import beam_volume, magnet_volume
+    from geometry.fabrication.element_seats import ShortOfBase
 
     body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
     positions, _ = hall.elements(design)
     first, second, third = positions.tolist()
     failures: list[str] = []
     base_plan = rest = None
+    base_limits_l0 = False
     # a design can have a field at the elements but no base that carries them, and the reverse
     try:
         base_plan = plan(design, Base())
     except BadInput as error:
         failures.append(f"the size of the assembled sensor is unknown: {error}")
+        base_limits_l0 = isinstance(error, ShortOfBase)
     try:
         rest = hall.readings(design)
         names = [element.name for element in of_design(design)]
@@ -197,7 +200,7 @@ def derived_values(design: Design) -> tuple[DerivedValues, list[str]]:
         rest_saturated=None if rest is None else list(rest.saturated),
         magnets_apart_mm=resting_distance(design),
     )
-    return derived, failures
+    return derived, failures, base_limits_l0
 
 
 def outer_size(design: Design, plan: Plan | None) -> OuterSize:
