@@ -69,7 +69,6 @@ LONGEST = (
     "test_kept_paths",
     "test_design_range",
     "test_field_regions",
-    "test_preparation",
 )
 """Files with the longest tests, the longest first."""
 

@@ -19,7 +19,10 @@ from urllib.parse import urlencode
 from browser import Browser
 from explorer_scripts import DRAG, GO, REST, SET, SETTLED
 
-from fem import preparation
+from fem.accuracy import QUICK
+from fem.equilibrium import solve
+from geometry.design import paper
+from geometry.loads import Load
 
 ROOT = Path(__file__).resolve().parent.parent
 NOISE = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Network.loadingFailed")
@@ -30,7 +33,7 @@ NOISE = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"
 def server(port=0, design="paper"):
     """Start `magtip explore`; yields its process and the address of the page."""
     # a page waits for a minute at most, and both workers would compile the same functions at once
-    preparation.prepare()
+    solve(paper(), Load(depth=0.5, shear_x=0.2), QUICK)
     line = [sys.executable, "-m", "studies.cli", "explore", design, "--no-browser", "--port", str(port)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(line, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True) as process:

@@ -33,19 +33,20 @@ SWEEPS = 12
 
 
 class Law(Protocol):
-    """A law with its constants, which writes energies (n,), stresses (9, n) and, with `tangent`, tangents (9, 9, n).
+    """A law with its constants, which writes energies (n,), stresses (9, n) and tangents (9, 9, n).
 
     Parameters
     ----------
     G, Jm1, Hm1 : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
     mu, p : (n,) shear moduli and pressures; both times weights give results times these weights.
+    A : for the tangents; of no points, (9, 9, 0), where they are not wanted.
     step : 2 if only the components 0, 2, 4, 6, 8 differ from zero, those of an axisymmetric deformation: other
         entries of tangents may then not be written; 1 for all nine.
     """
 
     def __call__(
         self, G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-        tangent: bool, step: int = 1,
+        step: int = 1,
     ) -> None: ...  # fmt: skip
 
 
@@ -77,7 +78,7 @@ def evaluate(
     Jm1, Hm1 = strains(flat)
     mu, p = (np.broadcast_to(np.asarray(v, dtype=np.float64), shape).reshape(n).copy() for v in (mu, p))
     W, P, A = np.empty(n), np.empty((9, n)), np.zeros((9, 9, n if tangent else 0))
-    law(flat, Jm1, Hm1, mu, p, W, P, A, tangent=tangent)
+    law(flat, Jm1, Hm1, mu, p, W, P, A)
     return W.reshape(shape), P.reshape(3, 3, *shape), A.reshape(9, 9, *shape) if tangent else A
 
 
@@ -130,7 +131,7 @@ def kinematics(G, Jm1, Hm1):
 
 
 @compiled
-def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent, step):
+def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, step):
     """Write what `neo_hookean` does."""
     n = len(mu)
     s, excess, rest, by_F, by_H = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -154,7 +155,7 @@ def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent, step):
         row, a, b, c = P[e], G[e], Hm1[e], H[e]
         for x in range(n):
             row[x] = s[x] * (a[x] - b[x]) + rest[x] * c[x]
-    if tangent:
+    if A.shape[2]:
         for e in range(9):
             row, c = F[e], H[e]
             for x in range(n):
@@ -200,7 +201,7 @@ def _write_tangent(X, H, cross, A, step):
 
 
 @compiled
-def add_pressure(Jm1, Hm1, p, W, P, A, tangent, step):
+def add_pressure(Jm1, Hm1, p, W, P, A, step):
     """Add energy p (J - 1), stress p J H and tangent p J (H_iJ H_kL - H_iL H_kJ), H = F^-T; `step` as in `Law`."""
     n, H, pJ = len(p), _add_unit(Hm1), np.empty(len(p))
     for x in range(n):
@@ -210,7 +211,7 @@ def add_pressure(Jm1, Hm1, p, W, P, A, tangent, step):
         row, a = P[e], H[e]
         for x in range(n):
             row[x] += pJ[x] * a[x]
-    if tangent:
+    if A.shape[2]:
         for e in range(0, 9, step):
             for d in range(0, 9, step):
                 row, a, b, c, f = A[e, d], H[e], H[d], H[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
@@ -285,7 +286,7 @@ def _add_inverse_tangent(H, C, own, A):
 
 
 @compiled
-def _yeoh(mu, c2, c3, W, P, A, tangent, step):
+def _yeoh(mu, c2, c3, W, P, A, step):
     """Turn the neo-Hookean law with modulus 1 into `yeoh`, a polynomial of its energy."""
     n = len(mu)
     first, second = np.empty(n), np.empty(n)
@@ -294,7 +295,7 @@ def _yeoh(mu, c2, c3, W, P, A, tangent, step):
         first[x] = mu[x] * (1 + 2 * c2 * y + 3 * c3 * y * y)
         second[x] = 2 * mu[x] * (2 * c2 + 6 * c3 * y)
         W[x] = mu[x] / 2 * y * (1 + c2 * y + c3 * y * y)
-    if tangent:
+    if A.shape[2]:
         for e in range(0, 9, step):
             for d in range(0, 9, step):
                 row, a, b = A[e, d], P[e], P[d]
@@ -344,10 +345,10 @@ def _quotient(beta, d, around):
 
 
 @compiled
-def _ogden(G, mu, alphas, shares, W, P, A, spatial, material, tangent):
+def _ogden(G, mu, alphas, shares, W, P, A, spatial, material):
     """Write energy and stress of `ogden` without pressure, point by point.
 
-    With `tangent`, A receives the tangents in the principal frame, and spatial and material the matrices (9, n) that
+    A receives the tangents in the principal frame, and spatial and material the matrices (9, n) that
     turn these to the frame of F.
     """
     n = len(mu)
@@ -374,7 +375,7 @@ def _ogden(G, mu, alphas, shares, W, P, A, spatial, material, tangent):
                 t[a] += 2 * share / alpha * power
                 s[a] += 2 * share * (1 + power)
                 for b in range(3):
-                    if tangent and a != b:
+                    if A.shape[2] and a != b:
                         theta[a, b] += weight * _quotient(alpha - 2, h[a] - h[b], h[a] + h[b])
         W[x] = mu[x] * energy
         mean = (t[0] + t[1] + t[2]) / 3
@@ -387,7 +388,7 @@ def _ogden(G, mu, alphas, shares, W, P, A, spatial, material, tangent):
             P[i, x] = 0.0
             for a in range(3):
                 P[i, x] += spatial[i // 3 * 3 + a, x] * stress[a] * material[i % 3 * 3 + a, x]
-        if tangent:
+        if A.shape[2]:
             _write_principal_tangent(x, mu[x], stress, s, theta, constant + mean, h, A)
 
 
@@ -422,19 +423,19 @@ def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
 
 def neo_hookean(
     G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    tangent: bool, step: int = 1,
+    step: int = 1,
 ) -> None:  # fmt: skip
     """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3); parameters as of `Law`.
 
     P = mu J^-2/3 (F - I1/3 F^-T) is evaluated as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T], which keeps its digits at
     small strain. With s = mu J^-2/3, its tangent is s 1 - 2/3 s (F H + H F) + s I1/3 (H_iL H_kJ + 2/3 H H), H = F^-T.
     """
-    _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent, step)
+    _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, step)
 
 
 def mooney_rivlin(
     G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    tangent: bool, step: int = 1, share: float,
+    step: int = 1, share: float,
 ) -> None:  # fmt: skip
     """Isochoric Mooney-Rivlin law, W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)], I' of J^-1/3 F.
 
@@ -446,12 +447,12 @@ def mooney_rivlin(
     share : C01 / (C10 + C01), with C10 + C01 = mu / 2. The others are those of `Law`; all components are written.
     """
     W2, Q, B = np.empty_like(W), np.empty_like(P), np.empty_like(A)
-    _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, tangent, 1)
-    _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, tangent, 1)
+    _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, 1)
+    _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, 1)
     W += W2
     T, own = np.empty_like(P), np.empty_like(P)
     _add_inverse_stress(Hm1, Q, P, T, own)
-    if tangent:
+    if A.shape[2]:
         H, C = _add_unit(Hm1), np.empty_like(A)
         _exchange_indices(B, C)
         _transform(H, T, C, C)
@@ -460,7 +461,7 @@ def mooney_rivlin(
 
 def yeoh(
     G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    tangent: bool, step: int = 1, c2: float, c3: float,
+    step: int = 1, c2: float, c3: float,
 ) -> None:  # fmt: skip
     """Isochoric Yeoh law, W = mu/2 (x + c2 x^2 + c3 x^3) with x = I1' - 3, I1' of J^-1/3 F.
 
@@ -468,14 +469,14 @@ def yeoh(
     ----------
     c2, c3 : C20 / C10 and C30 / C10, with C10 = mu / 2. The others are those of `Law`.
     """
-    _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, tangent, step)
-    _yeoh(mu, c2, c3, W, P, A, tangent, step)
-    add_pressure(Jm1, Hm1, p, W, P, A, tangent, step)
+    _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, step)
+    _yeoh(mu, c2, c3, W, P, A, step)
+    add_pressure(Jm1, Hm1, p, W, P, A, step)
 
 
 def ogden(
     G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    tangent: bool, step: int = 1, alphas: tuple[float, ...], shares: tuple[float, ...],
+    step: int = 1, alphas: tuple[float, ...], shares: tuple[float, ...],
 ) -> None:  # fmt: skip
     """Isochoric Ogden law, W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), l of J^-1/3 F.
 
@@ -490,7 +491,7 @@ def ogden(
         components are written.
     """
     spatial, material = np.empty_like(P), np.empty_like(P)
-    _ogden(G, mu, np.array(alphas, dtype=np.float64), np.array(shares), W, P, A, spatial, material, tangent)
-    if tangent:
+    _ogden(G, mu, np.array(alphas, dtype=np.float64), np.array(shares), W, P, A, spatial, material)
+    if A.shape[2]:
         _transform(spatial, material, A, A)
-    add_pressure(Jm1, Hm1, p, W, P, A, tangent, step)
+    add_pressure(Jm1, Hm1, p, W, P, A, step)

@@ -38,7 +38,7 @@ from geometry.arrays import Array
 KAPPA, SECTION_KAPPA = 3e3, 3e4
 """Stiffness numbers kappa, see the module docstring: KAPPA for tetrahedra and for Coulomb friction, SECTION_KAPPA for
 all other sections."""
-GLUE_REACH = 0.0025
+LARGEST_GLUED_GAP = 0.0025
 """Largest distance from a tilted plate at which a section is glued, over the depth. With 0 and with 0.005 the forces
 of glued shears at level quick differ from finer sections and from tetrahedra by up to 1.7 %, in opposite
 directions."""
@@ -262,8 +262,8 @@ def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: 
     """Return the plate with the facets glued to it whose mean distance from the axis is below `radius`.
 
     Under a tilted plate a section's facets are glued, at each angle, where their mean distance from the plate is
-    below GLUE_REACH times the depth. A few orders cannot follow the plate exactly: gluing the whole contact area
-    makes the tip too stiff, and gluing only what is pressed too soft.
+    below LARGEST_GLUED_GAP times the depth. A few orders cannot follow the plate exactly: gluing the whole contact
+    area makes the tip too stiff, and gluing only what is pressed too soft.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: 
     out = surface.radii
     if plate.tilt and surface.angles > 1:
         depth = float(overlap(surface, np.zeros_like(u), plate).max())
-        out, radius = -overlap(surface, u, plate), GLUE_REACH * depth
+        out, radius = -overlap(surface, u, plate), LARGEST_GLUED_GAP * depth
     elif radius is None:
         out, radius = distance_from_pressure_centre(surface, u, plate), contact_radius(surface, u, plate)
     tied = (average_over_facets(surface, out) < radius) & (surface.points[..., 2] > above)

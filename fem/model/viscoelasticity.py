@@ -251,22 +251,23 @@ class Overstress:
 
 
 def add_overstress(
-    viscous: Overstress, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array, *, tangent: bool
+    viscous: Overstress, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array
 ) -> None:
     """Add what a time step adds to the law, at the points of a batch, to energies, stresses and tangents.
 
     Parameters
     ----------
     mu, w : (n,) moduli and weights at the points.
+    A : of no points where tangents are not wanted.
     """
     if viscous.H is not None:
-        add_dead_stress(G, viscous.H, w, W, P, A, tangent)
+        add_dead_stress(G, viscous.H, w, W, P, A)
     for one in viscous.branches:
-        add_branch(G, Jm1, one.A, one.b, one.share * mu, w, W, P, A, tangent)
+        add_branch(G, Jm1, one.A, one.b, one.share * mu, w, W, P, A)
 
 
 @compiled
-def add_dead_stress(G, H, w, W, P, A, tangent):
+def add_dead_stress(G, H, w, W, P, A):
     """Add energy H : (C - 1) / 2, stress F H, and tangent delta_ik H_JL, times the weights."""
     n = len(w)
     weighted = np.empty((6, n))
@@ -284,7 +285,7 @@ def add_dead_stress(G, H, w, W, P, A, tangent):
                 force = a[x] * first[x] + b[x] * second[x] + c[x] * third[x]
                 row[x] += own[x] + force
                 W[x] += slope[x] * (own[x] + force / 2)
-            if tangent:
+            if A.shape[2]:
                 for L in range(3):
                     out, stress = A[3 * i + J, 3 * i + L], weighted[PLACES[J, L]]
                     for x in range(n):
@@ -309,7 +310,7 @@ def _sandwich(X, a, b):
 
 
 @compiled
-def add_branch(G, Jm1, A0, b0, mu, w, W, P, A, tangent):
+def add_branch(G, Jm1, A0, b0, mu, w, W, P, A):
     """Add a branch of the law "finite", `branch_stress`, with A0 (6, n), b0 and mu (n,).
 
     With X = A0 + b Cbar and Y = det(X)^(1/3) X^-1, dY = det(X)^(1/3) b (Xi (Xi : dCbar) / 3 - Xi dCbar Xi), where
@@ -341,7 +342,7 @@ def add_branch(G, Jm1, A0, b0, mu, w, W, P, A, tangent):
             for J in range(3):
                 for I in range(3):
                     P[3 * i + J, x] += F[i, I] * S[PLACES[I, J]]
-        if not tangent:
+        if not A.shape[2]:
             continue
         twice = 0.0
         for a in range(6):

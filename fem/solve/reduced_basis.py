@@ -37,7 +37,7 @@ TOLERANCE, ACCEPTED = 1e-9, 1e-6
 """Largest error at any frequency, see the module docstring, and largest one where rounding errors end its fall."""
 MOST_ROUNDS = 40
 """Most rounds, each with one factorisation; a sensor under a plate needs some ten."""
-PATIENCE = 3
+STALLED_ROUNDS = 3
 """Rounds without a smaller error after which it is one of rounding."""
 DEPENDENT = 1e-9
 """Length of a vector's displacements beyond those of the basis, over the length of the vector with its pressures,
@@ -182,7 +182,7 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
             worst = int(np.argmax(errors))
             if best is None or errors[worst] < best.error:
                 best = replace(system, error=float(errors[worst]))
-            if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + PATIENCE:
+            if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + STALLED_ROUNDS:
                 break
             residual = _residual(problem, basis.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
     finally:

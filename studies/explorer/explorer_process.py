@@ -193,10 +193,8 @@ def _finite(value: Any) -> Any:
 
 def warm(answers: Answers) -> None:
     """Import and compile what requests need, by a small solve of each kind."""
-    from fem import preparation
     from studies.explorer.explorer_state import request_of
 
-    preparation.prepare()
     for load in ({"depth": 0.5}, {"depth": 0.5, "shear": 0.2}):
         message = {"parts": ["state", "sensor3d"], "state": {"load": load}}
         # the first answer is the picture

@@ -177,7 +177,7 @@ def reese_block(
 
 def _coupled(
     G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    tangent: bool, step: int = 1,
+    step: int = 1,
 ) -> None:  # fmt: skip
     """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added: a
     `fem.model.material.Law`.
@@ -186,10 +186,10 @@ def _coupled(
     """
     W[:] = mu / 2 * (2 * G[::4].sum(axis=0) + np.square(G).sum(axis=0) - 2 * np.log1p(Jm1))
     P[:] = mu * (G - Hm1)
-    if tangent:
+    if A.shape[2]:
         H = Hm1.reshape(3, 3, -1) + np.eye(3)[..., None]
         A[:] = mu * (np.eye(9)[..., None] + np.einsum("iLn,kJn->iJkLn", H, H).reshape(A.shape))
-    material.add_pressure(Jm1, Hm1, p, W, P, A, tangent, step)
+    material.add_pressure(Jm1, Hm1, p, W, P, A, step)
 
 
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
