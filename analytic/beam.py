@@ -139,7 +139,7 @@ def _paper(design: Design, load: Load) -> Response:
         )
     area = math.pi * (design.D * load.depth - load.depth**2)
     normal = design.E * area * load.depth / design.L
-    stiffness = shear_stiffness(design)
+    stiffness = cantilever_stiffness(design)
     share = _sticking_share(load, normal, stiffness)
     tip_x, tip_y = share * load.shear_x, share * load.shear_y
     ratio = design.H / design.L
@@ -151,11 +151,11 @@ def _paper(design: Design, load: Load) -> Response:
     )
 
 
-def shear_stiffness(design: Design) -> float:
+def cantilever_stiffness(design: Design) -> float:
     """3 E I / L^3 of equation (6), N/mm.
 
     >>> from geometry.design import paper
-    >>> round(shear_stiffness(paper()), 3)
+    >>> round(cantilever_stiffness(paper()), 3)
     0.827
     """
     return 3 * buckling.bending_stiffness(design) / design.L**3

@@ -222,8 +222,8 @@ def converted(raw: Array, low: Array, high: Array, step: Array) -> tuple[Array, 
     `raw` is the output before the converter; a step of 0 means no converter.
     """
     # the converter rounds before the rails limit: a rail need not be a whole number of steps
-    whole = np.where(step > 0, np.round(raw / np.where(step > 0, step, 1.0)) * step, raw)
-    return np.clip(whole, low, high), (raw <= low) | (raw >= high)
+    rounded = np.where(step > 0, np.round(raw / np.where(step > 0, step, 1.0)) * step, raw)
+    return np.clip(rounded, low, high), (raw <= low) | (raw >= high)
 
 
 def averaged(elements: Sequence[Element], raw: Array, noise: np.random.Generator) -> tuple[Array, NDArray[np.bool_]]:
@@ -236,8 +236,8 @@ def averaged(elements: Sequence[Element], raw: Array, noise: np.random.Generator
     slow = floor * noise.standard_normal(len(raw)) if floor.any() else 0.0
     samples, at_rails = converted(raw + slow + rms * draws, low, high, step)
     # elements may average different numbers of samples
-    kept = np.arange(len(samples))[:, None] < count
-    return (samples * kept).sum(axis=0) / count, np.asarray((at_rails & kept).any(axis=0))
+    used = np.arange(len(samples))[:, None] < count
+    return (samples * used).sum(axis=0) / count, np.asarray((at_rails & used).any(axis=0))
 
 
 def _values(elements: Sequence[Element], *names: str) -> list[Array]:

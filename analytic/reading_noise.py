@@ -73,8 +73,8 @@ def of_average(noise: float, step: float = 0.0, floor: float = 0.0, count: int =
     (0.0010004, 0.000279)
     """
     bias = rounding_bias(noise, step)
-    one = math.hypot(noise, step / math.sqrt(12))
-    return math.hypot(floor, math.sqrt(one**2 / count + bias**2 * (1 - 1 / count)))
+    error = math.hypot(noise, step / math.sqrt(12))
+    return math.hypot(floor, math.sqrt(error**2 / count + bias**2 * (1 - 1 / count)))
 
 
 def rounding_bias(noise: float, step: float) -> float:

@@ -84,27 +84,27 @@ def _triangle(relaxation: Relaxation, half: float, hold: float) -> Loop:
     """Return the loop of strokes of constant speed."""
     g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     z, rest = half / (2 * tau), hold / tau
-    held, whole = np.exp(-rest), np.exp(-2 * z - rest)
+    held, decayed = np.exp(-rest), np.exp(-2 * z - rest)
     moved = -np.expm1(-2 * z)
-    gap = g / z * np.expm1(-z) * np.expm1(-z - rest) / (1 + whole)
-    end = g / (2 * z) * moved / (1 + whole)
+    gap = g / z * np.expm1(-z) * np.expm1(-z - rest) / (1 + decayed)
+    end = g / (2 * z) * moved / (1 + decayed)
     # (1 - E) (1 + H) / (1 + E H) = (1 - E) + (1 - E)^2 H / (1 + E H)
     straight = np.where(z < SMALL, 2 * z**2 - 4 * z**3 / 3 + 2 * z**4 / 3 - 4 * z**5 / 15, 2 * z - moved)
-    area = g / (2 * z**2) * (straight - moved**2 * held / (1 + whole))
+    area = g / (2 * z**2) * (straight - moved**2 * held / (1 + decayed))
     return Loop(float(gap.sum()), relaxation.rest + 2 * float(end.sum()), float(area.sum()))
 
 
 def _sine(relaxation: Relaxation, half: float, hold: float) -> Loop:
     """Return the loop of strokes that follow a sine."""
     g, tau = np.array(relaxation.shares), np.array(relaxation.times)
-    s, whole = np.pi * tau / half, np.exp(-half / tau)
-    kept = _kept(tau, half, hold)
-    gap = g * s / (1 + s**2) * (1 + s * np.exp(-half / (2 * tau)) * kept)
-    area = g * np.pi / 4 * s / (1 + s**2) + g / 2 * (s**2 / (1 + s**2)) ** 2 * (1 + whole) * kept
+    s, decayed = np.pi * tau / half, np.exp(-half / tau)
+    rested = _rested(tau, half, hold)
+    gap = g * s / (1 + s**2) * (1 + s * np.exp(-half / (2 * tau)) * rested)
+    area = g * np.pi / 4 * s / (1 + s**2) + g / 2 * (s**2 / (1 + s**2)) ** 2 * (1 + decayed) * rested
     return Loop(float(gap.sum()), 2 * _largest_of_sine(relaxation, half, hold), float(area.sum()))
 
 
-def _kept(tau: Array, half: float, hold: float) -> Array:
+def _rested(tau: Array, half: float, hold: float) -> Array:
     """Return (1 - H) / (1 + H E): what a rest adds to a sine that never rests."""
     return np.asarray(-np.expm1(-hold / tau) / (1 + np.exp(-(hold + half) / tau)))
 
@@ -117,7 +117,7 @@ def _largest_of_sine(relaxation: Relaxation, half: float, hold: float) -> float:
     s = np.pi * tau / half
     time = np.linspace(half / 2, half, SAMPLES)[:, None]
     angle = np.pi * time / half
-    branches = np.sin(angle) - s * np.cos(angle) + s * _kept(tau, half, hold) * np.exp(-time / tau)
+    branches = np.sin(angle) - s * np.cos(angle) + s * _rested(tau, half, hold) * np.exp(-time / tau)
     force = -relaxation.rest / 2 * np.cos(angle[:, 0]) + (g / 2 * s / (1 + s**2) * branches).sum(axis=1)
     best = int(force.argmax())
     if not 0 < best < SAMPLES - 1:

@@ -144,7 +144,7 @@ def bend(design: Design, column: Column, P: float) -> Bent:
     # psi, w and omega are linear in Q and beta: pairs hold their factors
     psi = (-f / B * s**2 * c, s * sine)
     w = (-(f**2) / B * s**3 * t + s / S, f * s**2 * c)
-    omega = tuple(turn * (1 + P / (2 * S)) + own for turn, own in zip(psi, (1 / (2 * S), 0.0), strict=True))
+    omega = tuple(turn * (1 + P / (2 * S)) + sheared for turn, sheared in zip(psi, (1 / (2 * S), 0.0), strict=True))
     a = [shift + column.reach * turn for shift, turn in zip(w, omega, strict=True)]
     a[0] += give
     b = [hold * turn + P * shift for shift, turn in zip(w, omega, strict=True)]

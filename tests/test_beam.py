@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analytic.beam import shear_stiffness, solve
+from analytic.beam import cantilever_stiffness, solve
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
@@ -15,7 +15,7 @@ approx = pytest.approx
 def test_numbers_of_the_paper():
     assert solve(paper(), Load(depth=3)).force == (0, 0, approx(15.708, abs=5e-4))
     assert solve(paper(), Load(depth=1)).force[2] == approx(7 * math.pi / 9, rel=1e-14)
-    assert shear_stiffness(paper()) == approx(0.827, abs=5e-4)
+    assert cantilever_stiffness(paper()) == approx(0.827, abs=5e-4)
     sheared = solve(paper(), Load(shear_x=3.1, grip=2))
     assert sheared.force[0] == approx(3.1 * 0.82740, rel=1e-4)
 
@@ -63,7 +63,7 @@ def test_friction():
     assert slid.force[:2] == (0, 0)
     assert slid.shift[:2] == (0, 0)
     assert slid.force[2] == stuck.force[2] > 0
-    assert math.hypot(*stuck.force[:2]) == approx(1.5 * shear_stiffness(paper()))
+    assert math.hypot(*stuck.force[:2]) == approx(1.5 * cantilever_stiffness(paper()))
     assert under(10.0) == stuck
     assert under(0.0) == slid
     slips = under(0.05)

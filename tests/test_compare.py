@@ -59,7 +59,7 @@ def test_shear_rows_carry_the_tilt_and_its_absence(found):
     assert math.isnan(still["shift_x_error_percent"])
     assert moved["fem_tilt_rad"] > 0.02
     assert moved["analytic_tilt_rad"] == 0
-    assert moved["analytic_force_x_N"] == pytest.approx(beam.shear_stiffness(paper()))
+    assert moved["analytic_force_x_N"] == pytest.approx(beam.cantilever_stiffness(paper()))
     shift = (moved["fem_shift_x_mm"], 0.0, moved["fem_shift_z_mm"])
     for name, tilt in (("fem", moved["fem_tilt_rad"]), ("untilted", 0.0)):
         seen = hall.readings(paper(), shift=shift, tilt=(0.0, tilt))

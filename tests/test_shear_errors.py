@@ -11,7 +11,7 @@ from studies.validation import claim_errors
 from studies.validation.claim_states import Sheared
 
 approx = pytest.approx
-STIFFNESS, LEVER = beam.shear_stiffness(paper()), paper().H / paper().L
+STIFFNESS, LEVER = beam.cantilever_stiffness(paper()), paper().H / paper().L
 SHEARS = (0.0, 1.0, 2.0, 3.0)
 
 

@@ -169,8 +169,8 @@ def starts_of(field, table):
     for _, side, apart, x, y, z in hits:
         # neighbouring cells overlap by their margins, so one pose often lies in several of them
         new = True
-        for other, a, b, c in starts:
-            new = new and (other != side or (a - x) ** 2 + (b - y) ** 2 + (c - z) ** 2 > apart * apart)
+        for its_side, a, b, c in starts:
+            new = new and (its_side != side or (a - x) ** 2 + (b - y) ** 2 + (c - z) ** 2 > apart * apart)
         if new:
             starts.append((side, x, y, z))
     return starts

@@ -143,10 +143,10 @@ def _order(counts: tuple[int, int, int], folded: list[int]) -> tuple[Ints, Ints]
         after.append(0)
         for cell in cells[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK].ravel().tolist():
             first = cells.size + PARTS**3 * split[cell] if cell in split else cell
-            own = [-1, *range(first, first + PARTS**3)] if cell in split else [cell]
-            after += range(len(order) + 1, len(order) + 1 + len(own))
-            after[len(order)] = len(order) + len(own)
-            order += own
+            boxes = [-1, *range(first, first + PARTS**3)] if cell in split else [cell]
+            after += range(len(order) + 1, len(order) + 1 + len(boxes))
+            after[len(order)] = len(order) + len(boxes)
+            order += boxes
         after[block] = len(order)
     return np.array(order), np.array(after)
 

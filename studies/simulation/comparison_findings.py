@@ -126,7 +126,7 @@ def _shear_figures(design: Design, shear: Sequence[ShearRow], elements: Sequence
         if row.shear_mm and math.isfinite(row.force_x_N.fem) and math.isfinite(row.force_x_N.fem_homogeneous)
     ]
     figures = {"shear_depth_mm": shear[0].depth_mm if shear else NAN}
-    figures["shear_stiffness_N_per_mm"] = beam.shear_stiffness(design)
+    figures["shear_stiffness_N_per_mm"] = beam.cantilever_stiffness(design)
     for label, row in zip(("first", "last"), (moved[0], moved[-1]) if moved else (), strict=False):
         figures |= _per_mm(label, row)
     rigid = [(row.shear_mm, row.force_x_N.error_percent) for row in moved]

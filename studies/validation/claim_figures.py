@@ -179,7 +179,7 @@ def figure_11(path: Path, sheared: Sequence[Sheared]) -> None:
     with canvas(path, 1, 1) as (figure, axes):
         axis = axes[0]
         ends = np.array([0.0, FARTHEST])
-        axis.plot(ends, beam.shear_stiffness(paper()) * ends, "--", color=ANALYTIC, label="formula (6)")
+        axis.plot(ends, beam.cantilever_stiffness(paper()) * ends, "--", color=ANALYTIC, label="formula (6)")
         colours = (FEM, OTHER, HOMOGENEOUS, COLOURS[4])
         for each, colour, marker in zip(sheared, colours, "osd^", strict=False):
             shear, force = compared(each)
