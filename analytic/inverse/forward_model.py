@@ -136,7 +136,7 @@ def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
     """
     n, k = shift.shape[1], len(forward.elements)
     values, slopes = np.empty((n, k)), np.empty((n, k, 3))
-    read(np.ascontiguousarray(shift.T), forward.kernel, True, values, slopes)
+    read(np.ascontiguousarray(shift.T), forward.kernel, values, slopes)
     _check(values)
     return values.T, slopes.transpose(2, 1, 0)
 
@@ -144,7 +144,7 @@ def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
 def readings_at(forward: Forward, shift: Array) -> Array:
     """Return the readings of `readings_with_slopes` alone, shape (k, n), T."""
     values = np.empty((shift.shape[1], len(forward.elements)))
-    read(np.ascontiguousarray(shift.T), forward.kernel, False, values, np.empty((0, 0, 3)))
+    read(np.ascontiguousarray(shift.T), forward.kernel, values, np.empty((0, 0, 3)))
     _check(values)
     return values.T
 
@@ -171,9 +171,8 @@ def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple
     elements = of_design(design)
     axis = rotated(np.array([[0.0, 0.0, 1.0]]), np.array([tilt]))
     values, by_shift, by_turn = np.empty((1, len(elements))), *np.empty((2, 1, len(elements), 3))
-    read_poses(
-        np.array([shift]), axis, _kernel(design, elements, NO_TILT, "component"), True, values, by_shift, by_turn
-    )
+    kernel = _kernel(design, elements, NO_TILT, "component")
+    read_poses(np.array([shift]), axis, kernel, values, by_shift, by_turn)
     _check(values)
     return by_shift[0], by_turn[0]
 
@@ -194,8 +193,8 @@ def rotation(tau: Array, shift: Array) -> Array:
 
 
 @compiled
-def read(shift, kernel, slope, values, slopes):
-    """Fill the readings (n, k), T, at shifts (n, 3), mm, and, with `slope`, their slopes (n, k, 3), T/mm.
+def read(shift, kernel, values, slopes):
+    """Fill the readings (n, k), T, at shifts (n, 3), mm, and, if it is not empty, their slopes (n, k, 3), T/mm.
 
     Where the field is not defined they are NaN.
     """
@@ -203,11 +202,9 @@ def read(shift, kernel, slope, values, slopes):
     axis, lean = np.empty((n, 3)), np.empty((n, 3, 3))
     for p in range(n):
         tilt_axis(tau, shift[p], axis[p], lean[p])
-    by_turn = np.empty((n if slope else 0, k, 3))
-    read_poses(shift, axis, kernel, slope, values, slopes, by_turn)
-    if not slope:
-        return
-    for p in range(n):
+    by_turn = np.empty((len(slopes), k, 3))
+    read_poses(shift, axis, kernel, values, slopes, by_turn)
+    for p in range(len(slopes)):
         m = axis[p]
         for i in range(k):
             turn = cross(by_turn[p, i], m)
@@ -241,14 +238,15 @@ def tilt_axis(tau, shift, axis, lean):
 
 
 @compiled
-def read_poses(shift, axis, kernel, slope, values, by_shift, by_turn):
-    """Fill the readings (n, k) of poses, and with `slope` -g and B x n - x x g, shape (n, k, 3).
+def read_poses(shift, axis, kernel, values, by_shift, by_turn):
+    """Fill the readings (n, k) of poses, and, if they are not empty, -g and B x n - x x g, shape (n, k, 3).
 
     The magnet's centre is displaced by shift (n, 3), mm, and its axis is m, shape (n, 3).
     """
     points, normals, place, owners, share, _, magnitude, radius, half, J, series, disc, work = kernel
-    w = work[0]
-    distinct = 1 + np.max(place)
+    w, slope, distinct = work[0], len(by_shift) > 0, 0
+    for i in range(len(place)):
+        distinct = max(distinct, place[i] + 1)
     block = POINTS // distinct
     for start in range(0, len(shift), block):
         stop = min(start + block, len(shift))
@@ -260,9 +258,10 @@ def read_poses(shift, axis, kernel, slope, values, by_shift, by_turn):
                 correct_gap(at, rho, 0.0, radius, w)
         compute((stop - start) * distinct, half / radius, series, disc, slope, work)
         for p in range(start, stop):
-            values[p] = 0.0
-            if slope:
-                by_shift[p], by_turn[p] = 0.0, 0.0
+            for k in range(len(share)):
+                values[p, k] = 0.0
+                for j in range(3 if slope else 0):
+                    by_shift[p, k, j] = by_turn[p, k, j] = 0.0
             for i in range(len(points)):
                 at, k, m = (p - start) * distinct + place[i], owners[i], axis[p]
                 x, u, rho, _ = placed(points[i], shift[p], m)

@@ -68,7 +68,8 @@ class Search:
             *(table.fold, table.corners, table.corner_sign),
         )
         # the way to a pose inside may lead through shifts a little outside
-        self._box = low, high, 3 * table.edge[0]
+        pad = 3 * table.edge[0]
+        self._box = low, high, low - pad, high + pad, REACH * float(np.linalg.norm(table.edge[0]))
         self._weights, self._tolerance = weights, tolerance
         self._scratch = tuple(np.empty((1, *shape)) for shape in ((3,), (k,), (k, 3)) * 2)
 
@@ -107,37 +108,41 @@ def poses_of(field, kernel, table, box, weights, tolerance, scratch):
     count : number n of poses; the arrays are longer.
     misfit : whether a converged pose in the workspace does not fit the readings.
     """
-    low, high, pad = box
+    low, high, floor, roof, reach = box
     s, A = scratch[0], scratch[2]
     starts = starts_of(field, table)
     shifts, slopes = np.empty((len(starts), 3)), np.empty((len(starts), len(field), 3))
-    reach = REACH * math.sqrt(np.sum((pad / 3) ** 2))
     count, misfit, start = 0, False, np.empty(3)
-    for _, x, y, z in starts:
+    for _, _, x, y, z in starts:
         start[0], start[1], start[2] = x, y, z
-        end = newton(start, reach, field, kernel, low - pad, high + pad, weights, tolerance, scratch)
-        if end == LOST or not (np.all(low <= s[0]) and np.all(s[0] <= high)):
-            continue
-        misfit = misfit or end == MISFIT
-        known = False
-        for j in range(count):
-            known = known or np.max(np.abs(shifts[j] - s[0])) < SAME
-        if end == POSE and not known:
-            shifts[count], slopes[count] = s[0], A[0]
+        end = newton(start, reach, field, kernel, floor, roof, weights, tolerance, scratch)
+        inside, known = end != LOST, False
+        for j in range(3):
+            inside = inside and low[j] <= s[0, j] <= high[j]
+        misfit = misfit or (inside and end == MISFIT)
+        for i in range(count):
+            apart = 0.0
+            for j in range(3):
+                apart = max(apart, abs(shifts[i, j] - s[0, j]))
+            known = known or apart < SAME
+        if inside and end == POSE and not known:
+            for j in range(3):
+                shifts[count, j] = s[0, j]
+                for i in range(len(field)):
+                    slopes[count, i, j] = A[0, i, j]
             count += 1
     return shifts, slopes, count, misfit
 
 
 @compiled
 def starts_of(field, table):
-    """Return the starts for one row of readings: sign of det J and shift, mm, of each."""
+    """Return the starts for one row of readings: of each how far off the centre, sign of det J and shift, mm."""
     basis, low, high, after, maps, sign, centre, edge, fold, corners, corner_sign = table
     r, u = np.zeros(3), np.zeros(3)
     for i in range(3):
         for j in range(len(field)):
             r[i] += basis[i, j] * field[j]
-    # how far off the centre (a corner of a folded part counts as farther than any place in a cell), and the start
-    hits = [(0.0, 0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]
+    starts = [(0.0, 0, 0.0, 0.0, 0.0) for _ in range(0)]
     cell = 0
     while cell < len(low):
         a, b = low[cell], high[cell]
@@ -151,7 +156,7 @@ def starts_of(field, table):
             u[i] = row[0] * r[0] + row[1] * r[1] + row[2] * r[2] + row[3]
         far = max(abs(u[0]), abs(u[1]), abs(u[2]))
         if sign[cell] != 0 and far <= 0.5 + MARGIN:
-            hits.append((far, sign[cell], apart, c[0] + u[0] * e[0], c[1] + u[1] * e[1], c[2] + u[2] * e[2]))
+            add_start(starts, far, sign[cell], c[0] + u[0] * e[0], c[1] + u[1] * e[1], c[2] + u[2] * e[2], apart)
         elif fold[cell] >= 0 and far <= 0.5 + FOLD_MARGIN:
             for side in (-1, 1):
                 near, best = math.inf, -1
@@ -162,18 +167,25 @@ def starts_of(field, table):
                         near, best = d, corner
                 if best >= 0:
                     x, y, z = best // 4 - 0.5, best // 2 % 2 - 0.5, best % 2 - 0.5
-                    hits.append((1 + near, side, apart, c[0] + x * e[0], c[1] + y * e[1], c[2] + z * e[2]))
+                    # farther than any place in a cell
+                    add_start(starts, 1 + near, side, c[0] + x * e[0], c[1] + y * e[1], c[2] + z * e[2], apart)
         cell += 1
-    hits.sort()
-    starts = [(0, 0.0, 0.0, 0.0) for _ in range(0)]
-    for _, side, apart, x, y, z in hits:
-        # neighbouring cells overlap by their margins, so one pose often lies in several of them
-        new = True
-        for its_side, a, b, c in starts:
-            new = new and (its_side != side or (a - x) ** 2 + (b - y) ** 2 + (c - z) ** 2 > apart * apart)
-        if new:
-            starts.append((side, x, y, z))
     return starts
+
+
+@compiled
+def add_start(starts, far, side, x, y, z, apart):
+    """Add a start, or put it in place of one that is less than `apart` away and farther off its cell's centre.
+
+    Neighbouring cells overlap by their margins, so one pose often lies in several of them.
+    """
+    for i in range(len(starts)):
+        there, its_side, a, b, c = starts[i]
+        if its_side == side and (a - x) ** 2 + (b - y) ** 2 + (c - z) ** 2 <= apart * apart:
+            if far < there:
+                starts[i] = (far, side, x, y, z)
+            return
+    starts.append((far, side, x, y, z))
 
 
 @compiled
@@ -183,7 +195,8 @@ def newton(start, reach, field, kernel, floor, roof, weights, tolerance, scratch
     `scratch` then begins with the pose, shape (1, 3), mm, the misfit, T, and the slopes there, T/mm.
     """
     s, f, A, trial, g, B = scratch
-    s[0] = np.minimum(np.maximum(start, floor), roof)
+    for j in range(3):
+        s[0, j] = min(max(start[j], floor[j]), roof[j])
     mu, last = 0.0, math.inf
     size = misfit_of(s, field, kernel, weights, f, A)
     sizes = np.full(STALL, size)
@@ -202,7 +215,7 @@ def newton(start, reach, field, kernel, floor, roof, weights, tolerance, scratch
         if turn >= STALL and size > FALL * FALL * sizes[turn % STALL] and length >= 1e-6:
             return LOST
         sizes[turn % STALL] = size
-        if np.sum((s[0] - start) ** 2) > reach * reach:
+        if (s[0, 0] - start[0]) ** 2 + (s[0, 1] - start[1]) ** 2 + (s[0, 2] - start[2]) ** 2 > reach * reach:
             return LOST
         short = min(1.0, LONGEST / length) if length > 0 else 1.0
         for j in range(3):
@@ -210,7 +223,12 @@ def newton(start, reach, field, kernel, floor, roof, weights, tolerance, scratch
         size_there = misfit_of(trial, field, kernel, weights, g, B)
         # next to the solution rounding decides whether the misfit shrinks, so short steps are accepted
         if size_there < size or (length < 1e-6 and size_there <= 4 * size + 1e-30):
-            s[:], f[:], A[:] = trial, g, B
+            for j in range(3):
+                s[0, j] = trial[0, j]
+            for i in range(len(field)):
+                f[0, i] = g[0, i]
+                for j in range(3):
+                    A[0, i, j] = B[0, i, j]
             size, last = size_there, length
             mu = mu / 10 if mu > 1e-4 else 0.0
         else:
@@ -224,7 +242,7 @@ def misfit_of(shift, field, kernel, weights, f, A):
 
     It is infinite where the field is not defined.
     """
-    read(shift, kernel, True, f, A)
+    read(shift, kernel, f, A)
     total = 0.0
     for i in range(len(field)):
         f[0, i] -= field[i]
@@ -235,9 +253,12 @@ def misfit_of(shift, field, kernel, weights, f, A):
 @compiled
 def fits(f, A, tolerance):
     """Return whether the misfit f, T, at a pose with the slopes A, T/mm, is within its bounds."""
-    if len(f) == 3:
-        return math.sqrt(np.sum(f**2)) <= EXACT * math.sqrt(np.sum(A**2))
-    return np.all(np.abs(f) <= tolerance)
+    size, norm, good = 0.0, 0.0, True
+    for i in range(len(f)):
+        size += f[i] * f[i]
+        norm += A[i, 0] * A[i, 0] + A[i, 1] * A[i, 1] + A[i, 2] * A[i, 2]
+        good = good and abs(f[i]) <= tolerance[i]
+    return math.sqrt(size) <= EXACT * math.sqrt(norm) if len(f) == 3 else good
 
 
 @compiled
