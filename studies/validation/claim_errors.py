@@ -279,7 +279,7 @@ def tip_row(sheared: Sheared) -> TipRow:
     shear, force = compared(sheared)
     if not len(shear):
         return TipRow(sheared.tip, *[NAN] * 8)
-    predicted = beam.shear_stiffness(sheared.design) * shear
+    predicted = beam.cantilever_stiffness(sheared.design) * shear
     # forces are proportional to E: error of E is ratio / E - 1, whose extremes balance at the mean of the extremes
     ratio = predicted / force
     error = 100 * (ratio - 1)
@@ -301,7 +301,7 @@ def split(sheared: Sheared) -> list[SplitRow]:
         if response is not None and 0 < shear <= FARTHEST + 1e-9
     ]
     shifts = decoded_without_tilt(sheared, [response for _, response in states])
-    stiffness, lever = beam.shear_stiffness(design), design.L / design.H
+    stiffness, lever = beam.cantilever_stiffness(design), design.L / design.H
     rows = []
     for (shear, response), shift in zip(states, shifts, strict=True):
         force = response.force[0]
