@@ -97,7 +97,7 @@ def test_what_is_inside_out_is_counted(harmonics):
     """With u_z = - z^2 / (2 h) all that lies above h is inside out."""
     shape, h = paper().shape.without_magnet().scaled(1 / 8), 0.5
     if harmonics is None:
-        d = MeshSpecification(shape, 0.4998, "ignored", 0.25, 0.25, body="half").build()
+        d = MeshSpecification(shape, 0.4998, "ignored", 0.16, 0.16, body="half").build()
         along = 2
     else:
         d = MeshSpecification(shape, 0.4998, "ignored", 0.2, 0.2, harmonics=harmonics).build()
