@@ -14,7 +14,7 @@ from fem.accuracy import STANDARD
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.validation import bench, peer_calculix
+from studies.validation import bench, bench_programs, peer_calculix
 
 ROOT = Path(__file__).resolve().parent.parent
 DAT = """
@@ -147,7 +147,7 @@ def test_force_is_the_last_one_of_both_halves():
 
 
 def test_section_mesh_for_felupe():
-    given = bench.section_arrays(paper(), 0.12, 1.0, 0.25)
+    given = bench_programs.section_arrays(paper(), 0.12, 1.0, 0.25)
     points = given["points"]
     x = points[given["cells"]]
     assert x.shape[1:] == (6, 2)
@@ -200,13 +200,13 @@ def test_a_solve_that_raises_is_a_failed_row():
 
 def test_memory_is_that_of_the_child_alone():
     ballast = np.ones(20_000_000)
-    assert bench.measure([sys.executable, "-I", "-S", "-c", "pass"]).peak_MB < 40
+    assert bench_programs.measure([sys.executable, "-I", "-S", "-c", "pass"]).peak_MB < 40
     assert ballast[0] == 1
 
 
 def test_a_process_beyond_its_limit_is_stopped():
     begin = time.perf_counter()
-    ended = bench.measure([sys.executable, "-c", "import time; time.sleep(60)"], limit=0.3)
+    ended = bench_programs.measure([sys.executable, "-c", "import time; time.sleep(60)"], limit=0.3)
     assert time.perf_counter() - begin < 10
     assert ended.exit != 0
     assert "0.3 s" in ended.err

@@ -26,7 +26,7 @@ from fem.scene import Scene
 from geometry.design import BadInput
 from studies.surrogate import surrogate_response
 from studies.validation import error_study, trade_cases
-from studies.validation.bench import THREADS
+from studies.validation.bench_programs import THREADS
 from studies.validation.error_study import SolvedState, restored
 from studies.validation.error_study_cases import Trial
 from studies.validation.trade_cases import SHIPPED, SURROGATE, Kind
