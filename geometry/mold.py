@@ -212,27 +212,15 @@ def sizes(design: Design, mold: Mold) -> Sizes:
             "smaller magnet"
         )
     free = max(L, LEAST_FREE)
-    skirt = min(5.0, 0.6 * free, free - mold.pry_gap) if mold.skirt is None else mold.skirt
-    if not 0 < skirt <= free - mold.pry_gap:
-        name, value = ("pry_gap", mold.pry_gap) if mold.skirt is None else ("skirt", skirt)
-        raise BadInput(
-            f"{name} must leave skirt + pry_gap within B's free height = {free:g} mm, or A stands on the foot and "
-            f"cannot be lifted; got {name} = {value:g} mm"
-        )
+    skirt = _skirt(mold, free)
     vent, ring = _vents(mold, R - pin_top, pin_top)
     if not mold.tip_vent <= R:
         raise BadInput(f"tip_vent must not exceed the tip's radius = {R:g} mm; got {mold.tip_vent:g} mm")
     outer = R + wall
     inner, pitch = outer + fit, 2 * R + wall
-    dowel = DOWEL if mold.dowel is None else mold.dowel
+    dowel = _dowel(mold, free + floor)
     # half the fit of the process around a pin, as around an element in its seat
     hole = dowel + process.fit
-    most = 2 * (free + floor - 2) / (1 + TEARDROP) - process.fit
-    if mold.split and not dowel <= most:
-        raise BadInput(
-            f"dowel must not exceed {most:.3g} mm, so that its hole keeps a wall in the ears of "
-            f"{free + floor:.3g} mm; got {dowel:g} mm: set a smaller dowel or a larger floor"
-        )
     places = [
         (i - (mold.columns - 1) / 2, j - (mold.rows - 1) / 2) for i in range(mold.columns) for j in range(mold.rows)
     ]
@@ -262,6 +250,30 @@ def sizes(design: Design, mold: Mold) -> Sizes:
         else None,
         centres=tuple((pitch * i, pitch * j) for i, j in places),
     )
+
+
+def _skirt(mold: Mold, free: float) -> float:
+    """Return the length of A's skirt below the base plane, mm; `free` is B's height above its foot."""
+    skirt = min(5.0, 0.6 * free, free - mold.pry_gap) if mold.skirt is None else mold.skirt
+    if not 0 < skirt <= free - mold.pry_gap:
+        name, value = ("pry_gap", mold.pry_gap) if mold.skirt is None else ("skirt", skirt)
+        raise BadInput(
+            f"{name} must leave skirt + pry_gap within B's free height = {free:g} mm, or A stands on the foot and "
+            f"cannot be lifted; got {name} = {value:g} mm"
+        )
+    return skirt
+
+
+def _dowel(mold: Mold, height: float) -> float:
+    """Return the diameter of the pins of a split B, mm; `height` is that of its ears."""
+    dowel = DOWEL if mold.dowel is None else mold.dowel
+    most = 2 * (height - 2) / (1 + TEARDROP) - mold.printing.fit
+    if mold.split and not dowel <= most:
+        raise BadInput(
+            f"dowel must not exceed {most:.3g} mm, so that its hole keeps a wall in the ears of "
+            f"{height:.3g} mm; got {dowel:g} mm: set a smaller dowel or a larger floor"
+        )
+    return dowel
 
 
 def _ears(far: float, outer: float, rim: float, bottom: float, web: float, hole: float) -> Ears:

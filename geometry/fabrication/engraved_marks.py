@@ -22,29 +22,17 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float]
 
-LETTERS: dict[str, tuple[tuple[Point, ...], ...]] = {
-    "A": (((0, 0), (0.33, 1), (0.66, 0)), ((0.13, 0.35), (0.53, 0.35))),
-    "B": (
-        ((0, 0), (0, 1), (0.4, 1), (0.6, 0.76), (0.4, 0.52), (0, 0.52)),
-        ((0.4, 0.52), (0.66, 0.26), (0.4, 0), (0, 0)),
-    ),
-    "N": (((0, 0), (0, 1), (0.66, 0), (0.66, 1)),),
-    "S": (
-        (
-            (0.66, 0.85),
-            (0.5, 1),
-            (0.16, 1),
-            (0, 0.76),
-            (0.16, 0.52),
-            (0.5, 0.48),
-            (0.66, 0.24),
-            (0.5, 0),
-            (0.16, 0),
-            (0, 0.15),
-        ),
-    ),
+OUTLINES = {
+    "A": "0,0 0.33,1 0.66,0; 0.13,0.35 0.53,0.35",
+    "B": "0,0 0,1 0.4,1 0.6,0.76 0.4,0.52 0,0.52; 0.4,0.52 0.66,0.26 0.4,0 0,0",
+    "N": "0,0 0,1 0.66,0 0.66,1",
+    "S": "0.66,0.85 0.5,1 0.16,1 0,0.76 0.16,0.52 0.5,0.48 0.66,0.24 0.5,0 0.16,0 0,0.15",
 }
-"""Strokes of each letter as lines through points; the height is 1 and the width 0.66."""
+LETTERS = {
+    letter: [[tuple(map(float, point.split(","))) for point in line.split()] for line in lines.split(";")]
+    for letter, lines in OUTLINES.items()
+}
+"""Strokes of each letter as lines through points x,y; the height is 1 and the width 0.66."""
 
 WIDTH = 0.66
 """Width of a letter between the middles of its outer strokes, in units of its height."""
