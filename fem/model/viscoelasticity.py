@@ -360,19 +360,25 @@ def add_branch(G, Jm1, A0, b0, mu, w, W, P, A):
                     + 2 / 3 * scale * trace * _sandwich(Ci, a, d)
                     - 2 / 3 * (Ci[a] * S[d] + S[a] * Ci[d])
                 )
-        for i in range(3):
-            for J in range(3):
-                for d in range(6):
-                    half[3 * i + J, d] = 0.0
-                    for I in range(3):
-                        half[3 * i + J, d] += F[i, I] * CC[PLACES[I, J], d]
-        for e in range(9):
-            for k in range(3):
-                for L in range(3):
-                    total = S[PLACES[e % 3, L]] if e // 3 == k else 0.0
-                    for K in range(3):
-                        total += F[k, K] * half[e, PLACES[K, L]]
-                    A[e, 3 * k + L, x] += total
+        _add_tangent(F, S, CC, half, x, A)
+
+
+@compiled
+def _add_tangent(F, S, CC, half, x, A):
+    """Add delta_ik S_JL + F_iI F_kK (2 dS/dC)_IJKL at point x; half (9, 6) is overwritten."""
+    for i in range(3):
+        for J in range(3):
+            for d in range(6):
+                half[3 * i + J, d] = 0.0
+                for I in range(3):
+                    half[3 * i + J, d] += F[i, I] * CC[PLACES[I, J], d]
+    for e in range(9):
+        for k in range(3):
+            for L in range(3):
+                total = S[PLACES[e % 3, L]] if e // 3 == k else 0.0
+                for K in range(3):
+                    total += F[k, K] * half[e, PLACES[K, L]]
+                A[e, 3 * k + L, x] += total
 
 
 @dataclass(frozen=True, slots=True)
