@@ -32,7 +32,8 @@ def explore(
     no_browser
         Print the address of the page, but do not open it.
     export
-        Write the page as one file (.html) that needs no server, with the surrogate in place of finite elements.
+        Write the page of this one design as a file (.html) that needs no server: depth, shear and direction move
+        between states that are solved beforehand, in a minute or more.
     """
     if export is not None and (port or no_browser):
         option = "--port" if port else "--no-browser"

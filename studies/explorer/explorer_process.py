@@ -162,7 +162,11 @@ def fault(error: Exception) -> str:
 
 def encoded(number: int, side: str, **content: Any) -> str:
     """Return an answer as JSON; numbers that are not finite become null, and arrays are packed."""
-    message = {"number": number, "side": side, **content}
+    return as_json({"number": number, "side": side, **content})
+
+
+def as_json(message: Any) -> str:
+    """Return a message as JSON, in the same way."""
     try:
         return json.dumps(message, allow_nan=False, separators=(",", ":"), default=packed)
     except ValueError:

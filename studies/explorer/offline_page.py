@@ -1,43 +1,48 @@
 """The explorer's page as one HTML file without a server, for one design: what `magtip explore --export` writes.
 
 The page is the server's: its scripts and styles are inlined as classic scripts, in their order, with
-`offline_engine.js` in place of `live_engine.js`. Its numbers come from the surrogate, which the page computes itself
-(see `offline_model`), and its pictures from sections that are solved while the page is written (`offline_sections`).
-A Content-Security-Policy in the page forbids every request.
+`offline_engine.js` in place of `live_engine.js`. The design is fixed; depth, shear and direction move between states
+that are solved while the page is written (`state_grid`), and all numbers are computed then (`offline_tables`). A
+Content-Security-Policy in the page forbids every request.
 """
 
 from __future__ import annotations
 
-import csv
 import html
-import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
 
-from geometry.design import BadInput, Design, paper
-from geometry.loads import Load
+import numpy as np
+
+from analytic import beam
+from fem.accuracy import LEVELS
+from geometry.design import Design
+from geometry.loads import Magnet
 from geometry.messages import Progress
-from studies import surrogate
-from studies.explorer import offline_data, offline_sections, state_commands
+from studies.explorer import (
+    curve_answers,
+    explorer_exports,
+    offline_tables,
+    stability_answers,
+    state_answers,
+    state_commands,
+    state_grid,
+)
 from studies.explorer.explorer_fields import explorer_fields
-from studies.explorer.explorer_state import RATES
+from studies.explorer.explorer_process import as_json
+from studies.explorer.explorer_state import RATES, Level
+from studies.explorer.state_grid import Grid
 from studies.output import atomic_files
-from studies.surrogate import surrogate_range, surrogate_response
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""
 INDEX, LIVE = "index.html", "page/live_engine.js"
-ERRORS = Path(str(surrogate.__file__)).with_name("surrogate_errors.csv")
-"""Errors of the shipped surrogate on unseen beams: summary.csv of its study."""
-MODULES = (
-    *("python_text.js", "input_checks.js", "gaussian_process.js", "surrogate_response.js"),
-    *("cylinder_field.js", "hall_readings.js", "beam_formulas.js", "offline_model.js", "stored_sections.js"),
-    *("state_commands.js", "offline_engine.js"),
-)
-"""Scripts in place of the live engine, each after those that it uses."""
+LEVEL: Level = "standard"
+"""Accuracy of the page's finite elements: that of the verbs."""
+SOLVING = 0.75
+"""Share of the time that the finite elements take."""
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """Nothing is loaded from, or sent to, any address."""
 STYLE = "#about-model { padding: 6px 16px; font-size: 13px } #about-model p { margin: 4px 0 0 }"
@@ -46,98 +51,184 @@ HIDDEN = (
     "{ display: none }"
 )
 """Controls and panels that need a server."""
-ERROR_FIGURES = (
-    ("press force", "press", "force"),
-    ("shift", "press", "shift"),
-    ("contact radius", "press", "contact_radius"),
-    ("shear force along the shear", "shear", "force_x"),
-    ("normal", "shear", "force_z"),
-    ("shift along the shear", "shear", "shift_x"),
-    ("tilt", "shear", "tilt"),
-    ("critical depth", "critical depth", "depth"),
-    ("first mode", "mode", "frequency"),
-)
-"""Figures of the sentence on errors: text, and the row of the table."""
+MOVED = ("depth", "shear", "direction")
+"""Fields that move on the page; every other one is fixed."""
+
+Data = dict[str, Any]
 
 
 def write(design: Design, path: Path, progress: Progress | None = None) -> Path:
-    """Write the page of a design; return its path.
+    """Solve for the states of a design and write its page; return its path.
 
     Raises
     ------
     BadInput
-        The surrogate refuses the design: without its range the page would have no numbers.
+        No press of the design could be solved.
     """
-    check(design)
-    sections = offline_sections.solve(design, progress=progress)
-    atomic_files.write_text(path, page(design, offline_sections.data(design, sections)))
+
+    def solving(share: float, text: str) -> None:
+        if progress is not None:
+            progress(SOLVING * share, text)
+
+    magnet = magnet_of(design)
+    grid = state_grid.solve(design, magnet, LEVELS[LEVEL], solving)
+    if progress is not None:
+        progress(SOLVING, "readings, formulas, curve and stability")
+    atomic_files.write_text(path, page(grid, magnet))
     return path
 
 
-def check(design: Design) -> None:
-    """Raise BadInput if the surrogate refuses the design."""
-    reason = surrogate_response.refusal(design, Load(depth=2 * surrogate_range.SHALLOWEST * design.D), "rigid")
-    if reason:
-        raise BadInput(f"{reason}, and a page without a server has no other model: leave --export out")
+def magnet_of(design: Design) -> Magnet:
+    """Return how the mechanics treat the magnet: as rigid, where there is one."""
+    return "rigid" if design.shape.has_magnet else "ignored"
 
 
-def page(design: Design, sections: Mapping[str, Any]) -> str:
-    """Return the page with the sections of its design."""
-    # the surrogate is static: vibrations and loops need finite elements
-    fields = [field for field in explorer_fields(paper()) if field["name"] not in RATES]
-    data = {"fields": fields, "model": offline_data.constants(), "sections": sections}
-    state = urlencode(state_commands.address_fields(design))
-    # the first state is that of the design, unless the address has one
-    first = (
-        f"{_assigned(data)}\nif (!location.hash && {json.dumps(state)}) location.replace({json.dumps('#' + state)});"
-    )
+def page(grid: Grid, magnet: Magnet) -> str:
+    """Return the page of a design whose states are solved."""
+    content, about = _content(grid, magnet)
     text = (PAGE / INDEX).read_text(encoding="utf-8")
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
     text = text.replace("</head>", f"<style>{STYLE} {HIDDEN}</style>\n</head>", 1)
-    text = text.replace('<p id="notice"', f'{_details()}\n<p id="notice"', 1)
+    text = text.replace('<p id="notice"', f'{about}\n<p id="notice"', 1)
+    text = text.replace("Reset to the paper's sensor", "Reset the load")
     text = re.sub(r'<link rel="stylesheet" href="([^"]+)">', lambda link: _style(link[1]), text)
-    return re.sub(r'<script src="([^"]+)"></script>', lambda script: _scripts(script[1], first), text)
+    return re.sub(r'<script src="([^"]+)"></script>', lambda script: _scripts(script[1], content), text)
 
 
-def about() -> str:
-    """Return the sentence on the model's errors, from the table of the surrogate's test that is shipped.
+def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
+    """Return everything that the page's engine reads, and what the page says of itself, as HTML."""
+    design = grid.design
+    errors = offline_tables.measured(grid)
+    response = offline_tables.response(grid, errors)
+    formulas, remarks, remark_texts = offline_tables.formulas(design, response.axes)
+    statuses, status_texts = offline_tables.statuses(grid, response.axes)
+    curve = curve_answers.curve(design, magnet, LEVEL, estimate=True)
+    curves = {level: curve_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
+    sensor = _sensor(design)
+    content: Data = {
+        "fields": _fields(grid),
+        "sensor": sensor,
+        "model": "finite elements",
+        "level": LEVEL,
+        "levels": list(beam.LEVELS),
+        "fixed": {"D": design.D, "L": design.L, "H": design.H},
+        "response": response.data(),
+        "statuses": {"numbers": statuses.ravel(), "texts": status_texts},
+        "formulas": formulas.data(),
+        "remarks": {"numbers": remarks.ravel(), "texts": remark_texts},
+        "readings": None,
+        "elements": offline_tables.elements(design),
+        "pictures": offline_tables.pictures(grid, magnet),
+        "stability": stability_answers.by_finite_elements(design, magnet, LEVEL),
+        "curve": {
+            **curves["paper"],
+            "levels": {level: one["level"] for level, one in curves.items()},
+            "tables": {level: explorer_exports.of_curve(one).decode() for level, one in curves.items()},
+        },
+        "commands": state_commands.without_load(design, magnet, LEVEL),
+        "files": {"design.toml": explorer_exports.design_text(design)},
+        "refusal": _refusal(grid),
+    }
+    volts = ""
+    if content["elements"] is not None and "rest" in content["elements"]:
+        readings, reading_errors = offline_tables.readings(grid)
+        table, status, names = offline_tables.decoded(grid, response, reading_errors)
+        unit = content["elements"]["units"][0]
+        volts = f", a reading by {_figure(reading_errors.max())} {unit}"
+        content |= {
+            "readings": readings.data(),
+            "decoded": table.data(),
+            "decoding": {"numbers": status.ravel(), "names": names, "level": state_answers.DECODER_LEVEL},
+        }
+    return content, _about(grid, errors, sensor, volts)
 
-    >>> about()[:62]
-    "95th percentiles of the surrogate's errors on 120 unseen beams"
-    """
-    with ERRORS.open(encoding="utf-8", newline="") as file:
-        rows = {(row["kind"], row["quantity"]): row for row in csv.DictReader(file) if row["region"] == "all"}
-    figures = ", ".join(
-        f"{text} {float(rows[kind, quantity]['p95_percent']):.2g} %" for text, kind, quantity in ERROR_FIGURES
+
+def _fields(grid: Grid) -> list[Data]:
+    """Return the fields of load and design with their values; those that do not move are fixed."""
+    design, D = grid.design, grid.design.D
+    depth, shear = grid.roots[-1] ** 2 * D, float(grid.shears[-1])
+    ends = {"depth": (0.0, _rounded(depth)), "shear": (-shear, shear)}
+    fields = []
+    for field in explorer_fields(design):
+        name = field["name"]
+        # the states are those at rest
+        if name in RATES:
+            continue
+        if name in ends:
+            low, high = ends[name]
+            field |= {"low": low, "high": high, "slider": [low, high]}
+        if name == "depth":
+            field["value"] = min(state_commands.first_depth(design), ends["depth"][1])
+        if name == "magnet":
+            field["value"] = magnet_of(design)
+        fields.append(field | {"fixed": name not in MOVED})
+    return fields
+
+
+def _rounded(depth: float) -> float:
+    """Return a depth rounded down to a hundredth of a millimetre."""
+    return float(np.floor(100 * depth + 1e-6) / 100)
+
+
+def _sensor(design: Design) -> str:
+    """Return the name of the sensor: that of the paper, and what differs from it."""
+    changed = state_commands.address_fields(design)
+    texts = [f"{name} {value}" for name, value in changed.items() if name not in ("preset", "depth")]
+    return f"the paper's sensor{' with ' if texts else ''}{', '.join(texts)}"
+
+
+def _refusal(grid: Grid) -> str:
+    D, lowest = grid.design.D, np.flatnonzero(np.isfinite(grid.values[:, 1, 0]))
+    sheared = (
+        f", and shears to {grid.shears[-1]:.3g} mm at depths from {grid.roots[lowest[0]] ** 2 * D:.3g} mm"
+        if len(lowest)
+        else ""
     )
-    beams = rows["press", "force"]["beams"]
-    return f"95th percentiles of the surrogate's errors on {beams} unseen beams: {figures}."
-
-
-def _details() -> str:
     return (
-        '<details id="about-model" class="soft"><summary>Without a server: numbers by the surrogate of the finite '
-        "elements, with half widths of 90 % intervals; pictures from stored sections, all at rest: "
-        "vibrations and loading cycles need magtip explore, and relaxation changes commands and exports only. "
-        "Show the errors of the surrogate.</summary>"
-        f"<p>{html.escape(about())}</p></details>"
+        f"This page has states to a depth of {grid.roots[-1] ** 2 * D:.3g} mm{sheared}, as far as they could be "
+        "solved: take magtip explore for this one"
     )
+
+
+def _about(grid: Grid, errors: offline_tables.Errors, sensor: str, volts: str) -> str:
+    """Return for which design, accuracy and error the page holds."""
+    force, shift = (100 * errors.share[:, k].max() for k in (1, 2))
+    tangential, tilt = errors.absolute[0], errors.absolute[4]
+    presses = sum(not shear for _, shear, _ in grid.states)
+    text = (
+        f"This file is fixed to one design, {sensor}, solved by finite elements at accuracy {LEVEL}: {presses} "
+        f"presses to {grid.roots[-1] ** 2 * grid.design.D:.3g} mm and {len(grid.states) - presses} shears to "
+        f"{grid.shears[-1]:.3g} mm, in which the contact sticks; between them it interpolates. "
+        f"Against {len(grid.checks)} further solves between these states the force is off by at most "
+        f"{_figure(force)} % and the magnet's shift by {_figure(shift)} % of their lengths, the force along the "
+        f"shear by {_figure(tangential)} N, the tilt by {_figure(tilt)} deg{volts}. Half widths hold this error near "
+        "their depth and the estimated error of the finite elements. All states are at rest. A design that changes, "
+        "friction, tilted plates, vibrations and loading cycles need magtip explore without --export."
+    )
+    summary = (
+        f"Fixed design: {sensor}. Finite elements, accuracy {LEVEL}; interpolated to {_figure(force)} % of the force."
+    )
+    return (
+        f'<details id="about-model" class="soft"><summary>{html.escape(summary)} Show for what this page holds.'
+        "</summary>"
+        f"<p>{html.escape(text)}</p></details>"
+    )
+
+
+def _figure(value: float) -> str:
+    return f"{value:.2g}"
 
 
 def _style(name: str) -> str:
     return f"<style>\n{(PAGE.parent / name).read_text(encoding='utf-8')}\n</style>"
 
 
-def _scripts(name: str, first: str) -> str:
-    """Return a script of the page inline; for the live engine, the data and the scripts that replace it."""
+def _scripts(name: str, content: Mapping[str, Any]) -> str:
+    """Return a script of the page inline; for the live engine, the data and the engine that replaces it."""
     if name != LIVE:
         return _script((PAGE.parent / name).read_text(encoding="utf-8"))
-    modules = [(PAGE / module).read_text(encoding="utf-8") for module in MODULES]
-    return "\n".join(_script(text) for text in (first, *modules))
-
-
-def _assigned(data: Mapping[str, Any]) -> str:
-    return f"window.MAGTIP_OFFLINE = {json.dumps(data, allow_nan=False, separators=(',', ':'))};"
+    data = f"window.MAGTIP_OFFLINE = {as_json(content)};"
+    return f"{_script(data)}\n{_script((PAGE / 'offline_engine.js').read_text(encoding='utf-8'))}"
 
 
 def _script(text: str) -> str:

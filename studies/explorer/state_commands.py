@@ -8,8 +8,9 @@ from typing import Any
 
 from analytic import buckling
 from geometry.design import PRESETS, Design
-from geometry.loads import Load
-from studies.explorer.explorer_state import ExplorerState, plain
+from geometry.loads import Load, Magnet
+from studies.explorer.explorer_state import ExplorerState, Level, plain
+from studies.inputs.option_groups import Motion
 
 OPENING_DEPTH = 1.0
 """Depth of the page's first state for a sensor of the paper's size, mm, and of a page whose address has no depth."""
@@ -30,6 +31,12 @@ def shell(state: ExplorerState) -> str:
     ['magtip response paper --depth 1 --frequencies 1:600', 'magtip cycle paper --depth 1 --speed 2']
     """
     return "\n".join([_solve_line(state), *_rate_lines(state)])
+
+
+def without_load(design: Design, magnet: Magnet, level: Level) -> dict[str, str]:
+    """Return both texts for a design without load, in which the page without a server puts options and `Load()`."""
+    state = ExplorerState("paper", design, Load(), Motion(depth=0.0), magnet, level)
+    return {"shell": _line("solve", state, {}), "python": python(state)}
 
 
 def _rate_lines(state: ExplorerState) -> list[str]:

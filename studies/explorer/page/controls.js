@@ -109,7 +109,7 @@ const Controls = (() => {
 
   function build(fields, parent, change) {
     const rows = new Map(), groups = new Map(), shown = new Map();
-    for (const field of fields) {
+    for (const field of fields.filter((one) => !one.fixed)) {
       if (!groups.has(field.group)) {
         const group = Format.make("details", { class: "group", open: OPEN.includes(field.group) }, parent);
         Format.make("summary", {}, group, field.group);

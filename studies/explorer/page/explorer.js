@@ -62,7 +62,7 @@ const Explorer = (() => {
       if (name === "preset") { if (text !== "paper") unknown.push(`${key}=${text}`); }
       else if (key === "level" && ["quick", "standard"].includes(text)) level = text;
       else if (key.startsWith("view.") && VIEWS[key.slice(5)]?.includes(text)) seen[key.slice(5)] = text;
-      else if (!field) unknown.push(key);
+      else if (!field || field.fixed) unknown.push(key);
       else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
       else if (field.kind === "text") read[side][name] = text;
       else if (field.kind !== "choice" && text !== "" && isFinite(text)) read[side][name] = Number(text);
@@ -150,7 +150,7 @@ const Explorer = (() => {
     controls.show(value(side));
     controls.refuse(refusal?.field, refusal?.error);
     const names = shownSides().map((one) => changes(one).map((field) => `${field.name} ${sides[one][field.name]} ${field.unit}`.trim()).join(", "))
-      .map((text) => (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
+      .map((text) => engine.sensor || (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
     Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
   }
 
@@ -195,8 +195,7 @@ const Explorer = (() => {
     return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${state}${text || ""}` };
   }
 
-  // The server compiles at its first start only; the single file has no such wait.
-  const first = () => `Solving the first state.${engine.replaces ? " The first start after an installation compiles functions, which takes a minute or more." : ""}`;
+  const first = () => engine.wait || "";
 
   function drawSensor(changed) {
     const list = shownSides().filter((side) => answers[side].sensor3d);

@@ -39,8 +39,8 @@ const LiveEngine = () => {
   const path = (name) => (token ? `${name}?token=${encodeURIComponent(token)}` : name);
   return {
     model: "finite elements",
-    // a newer request replaces one that waits
-    replaces: true,
+    // what the page says before the first answer
+    wait: "Solving the first state. The first start after an installation compiles functions, which takes a minute or more.",
     // parts that an engine without finite elements does not have
     parts: ["vibration", "loop"],
     start: connect,

@@ -39,8 +39,7 @@ const Numbers = (() => {
     if (!r?.elements) return "There are no readings to decode.";
     if (!d) return "";
     const noise = d.noise ? "" : " Give the Hall elements a noise to see its effect on the forces.";
-    const by = d.level === "surrogate" ? "By the surrogate" : `By the formulas of level ${d.level}`;
-    return `${by}, status ${String(d.status).replaceAll("_", " ")}.${d.level === "surrogate" ? "" : offset(d, fem)}${noise}`;
+    return `By the formulas of level ${d.level}, status ${String(d.status).replaceAll("_", " ")}.${offset(d, fem)}${noise}`;
   }
 
   // How far the forces decoded by formulas are off those of the finite elements whose readings they decode.

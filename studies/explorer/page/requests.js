@@ -1,9 +1,9 @@
 "use strict";
-// Requests to the engine and their answers: the newest wins, late answers are dropped. The server replaces a request that
-// waits, so every change is sent at once; an engine without a server gets one request at a time for each side.
+// Requests to the engine and their answers: the newest wins, late answers are dropped. Every change is
+// sent at once, since a newer request replaces one that waits.
 
 const Requests = (engine, { message, show, refuse, progress }) => {
-  const PATIENCE = 1000, MOST_TIMES = 2000;
+  const MOST_TIMES = 2000;
   const PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "commands"];
   const NEW = () => ({ number: 0, flying: 0, since: 0, dirty: false, inputs: [], drawn: {} });
   const sides = { a: NEW(), b: NEW() };
@@ -27,8 +27,6 @@ const Requests = (engine, { message, show, refuse, progress }) => {
     if (!open) return;
     for (const [name, side] of Object.entries(sides)) {
       if (!side.dirty) continue;
-      const waited = performance.now() - side.since;
-      if (side.flying && !engine.replaces && waited < PATIENCE) { setTimeout(schedule, PATIENCE - waited + 5); continue; }
       const request = message(name);
       if (!request) { side.dirty = false; continue; }
       number += 1;

@@ -1,0 +1,371 @@
+"""The numbers and pictures of the page without a server: tables over depth, shear and direction, computed here.
+
+The page interpolates linearly between the nodes of a table and does nothing else to a number, but for turning vectors
+into the direction of the shear. Finite elements are those of `state_grid`; readings, formulas and the decoded load
+are computed at the nodes by the functions of the live page. The half widths are those of the error estimates and,
+added to them, the errors of the interpolation, measured at the checks of the grid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analytic import beam
+from analytic.batch_readings import ELEMENTS, batch_readings
+from geometry.arrays import Array, Ints
+from geometry.design import Design
+from geometry.loads import Load, Magnet, Response, rotation_of
+from studies.explorer import magnet_lines, section_data, state_answers, surface_data
+from studies.explorer.state_grid import QUANTITIES, Grid, quantities
+
+if TYPE_CHECKING:
+    from fem.solution import Solution
+
+FINE = 8, 4
+"""Intervals of the table of the response per interval of the grid, along depth and shear."""
+READ = 2, 2, 48
+"""The same for the readings, with the number of directions."""
+DECODED = 1, 1, 12
+"""The same for the decoded load, which takes a millisecond a node."""
+PICTURED = 2, 2
+"""Intervals of the grid per interval of the pictures."""
+OF_FORMULAS = len(QUANTITIES)
+SKIN = "back"
+"""The half of the skin that is stored; the other one is its mirror image."""
+
+Data = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Values at the nodes of axes; NaN where there is none, as between such nodes.
+
+    Attributes
+    ----------
+    axes : nodes of each axis, evenly spaced.
+    values : shape (*lengths of the axes, channels).
+    """
+
+    axes: tuple[Array, ...]
+    values: Array
+
+    def at(self, points: Array) -> Array:
+        """Return the values as the page reads them at points (n, axes), shape (n, channels).
+
+        Nodes without values do no harm to a press, which lies on nodes of the shear.
+        """
+        from scipy.interpolate import RegularGridInterpolator
+
+        result = np.asarray(RegularGridInterpolator(self.axes, self.values, bounds_error=False)(points))
+        press = points[:, 1] == 0
+        rest = RegularGridInterpolator((self.axes[0], *self.axes[2:]), self.values[:, 0], bounds_error=False)
+        result[press] = rest(np.delete(points[press], 1, axis=1))
+        return result
+
+    def data(self) -> Data:
+        """Return the table as the page takes it."""
+        axes = [[float(axis[0]), float(axis[-1]), len(axis)] for axis in self.axes]
+        return {"axes": axes, "channels": self.values.shape[-1], "values": self.values.astype(np.float32)}
+
+
+def refined(nodes: Array, number: int) -> Array:
+    """Return evenly spaced nodes with each interval divided."""
+    return np.linspace(nodes[0], nodes[-1], (len(nodes) - 1) * number + 1)
+
+
+def directions(number: int) -> Array:
+    """Return directions of a full turn, its end included, degrees."""
+    return np.linspace(0.0, 360.0, number + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Largest errors of the page's interpolation at the checks of a grid, by interval of the depth.
+
+    Attributes
+    ----------
+    edges : ends of the intervals, r.
+    share : of force and shift over the lengths of the vectors, of the force along the shear, and of the tilt over
+        themselves, as far as there is a shear: force_t, force_n, shift, tilt, shape (n, 4).
+    absolute : largest error of each quantity at any check, in the order of `QUANTITIES`.
+    """
+
+    edges: Array
+    share: Array
+    absolute: Array
+
+    def at(self, roots: Array) -> Array:
+        """Return the shares at r, shape (len(roots), 4): at an edge the larger one of both sides."""
+        step = self.edges[1] - self.edges[0]
+        sides = [np.clip(((roots + side) // step).astype(int), 0, len(self.share) - 1) for side in (-1e-9, 1e-9)]
+        return np.asarray(np.maximum(self.share[sides[0]], self.share[sides[1]]))
+
+
+def measured(grid: Grid) -> Errors:
+    """Return the errors of the response, interpolated by spline and table, at the checks."""
+    table, _ = _response(grid)
+    points = np.array([check[:2] for check in grid.checks])
+    exact = np.array([quantities(state) for *_, state in grid.checks])
+    off = np.abs(table.at(points) - exact)
+    force, shift = (np.hypot(exact[:, k], exact[:, k + 1]) for k in (0, 2))
+    sheared = points[:, 1] > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.stack(
+            [
+                np.where(sheared, off[:, 0] / np.abs(exact[:, 0]), 0.0),
+                np.hypot(off[:, 0], off[:, 1]) / force,
+                np.hypot(off[:, 2], off[:, 3]) / shift,
+                np.where(sheared, off[:, 4] / np.abs(exact[:, 4]), 0.0),
+            ],
+            axis=1,
+        )
+    interval = np.clip(np.searchsorted(grid.roots, points[:, 0]) - 1, 0, len(grid.roots) - 2)
+    largest = np.zeros((len(grid.roots) - 1, 4))
+    for k in range(len(largest)):
+        if (interval == k).any():
+            largest[k] = np.nan_to_num(np.nanmax(share[interval == k], axis=0))
+    return Errors(grid.roots, largest, np.nanmax(off, axis=0))
+
+
+def _response(grid: Grid) -> tuple[Table, Array]:
+    roots, shears = refined(grid.roots, FINE[0]), refined(grid.shears, FINE[1])
+    values, widths = grid.at(roots, shears)
+    return Table((roots, shears), values), widths
+
+
+def response(grid: Grid, errors: Errors) -> Table:
+    """Return quantities and half widths of the finite elements with the errors of the interpolation, 10 channels."""
+    table, widths = _response(grid)
+    share, values = errors.at(table.axes[0])[:, None], np.abs(table.values)
+    force, shift = np.hypot(values[..., 0], values[..., 1]), np.hypot(values[..., 2], values[..., 3])
+    size = np.stack([values[..., 0], force, shift, values[..., 4]], axis=-1)
+    return replace(table, values=np.concatenate([table.values, widths + share * size], axis=-1))
+
+
+def formulas(design: Design, axes: tuple[Array, ...]) -> tuple[Table, Ints, list[str]]:
+    """Return `QUANTITIES` of each level of the formulas, and the number of each level's remark at each node."""
+    levels, texts = beam.LEVELS, [""]
+    roots, shears = axes
+    values = np.full((len(roots), len(shears), len(levels) * OF_FORMULAS), np.nan)
+    remarks = np.zeros((len(roots), len(shears), len(levels)), dtype=np.int64)
+    for i, root in enumerate(roots):
+        for j, shear in enumerate(shears):
+            load = Load(root**2 * design.D, float(shear), friction="stick" if shear else "none")
+            for k, level in enumerate(levels):
+                part = state_answers.formula(design, load, level)
+                if part["message"] not in texts:
+                    texts.append(part["message"])
+                remarks[i, j, k] = texts.index(part["message"])
+                if part["force"] is not None:
+                    force, shift = part["force"], part["shift"]
+                    values[i, j, k * OF_FORMULAS : (k + 1) * OF_FORMULAS] = (
+                        *(force[0], force[2], shift[0], shift[2]),
+                        *(part["tilt"], part["contact_radius"]),
+                    )
+    return Table(axes, values), remarks, texts
+
+
+def statuses(grid: Grid, axes: tuple[Array, ...]) -> tuple[Ints, list[list[str]]]:
+    """Return the number of status and message of the solved state nearest to each node, and these texts."""
+    from scipy.spatial import KDTree
+
+    D, step = grid.design.D, np.array([grid.roots[1], grid.shears[1]])
+    texts = [["ok", ""]]
+    numbers = []
+    for root, shear, state in grid.states:
+        message = state.message
+        if message:
+            message = f"The nearest solved state ({root**2 * D:.3g} mm deep, sheared by {shear:.3g} mm): {message}."
+        if [state.status, message] not in texts:
+            texts.append([state.status, message])
+        numbers.append(texts.index([state.status, message]))
+    places = np.array([one[:2] for one in grid.states])
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return np.array(numbers)[KDTree(places / step).query(nodes / step)[1]], texts
+
+
+def poses(values: Array, direction: Array) -> tuple[Array, Array]:
+    """Return shift (..., 3) and rotation vector (..., 2) of `QUANTITIES` (..., 6) in directions, degrees."""
+    angle, tilt = np.radians(direction), np.radians(values[..., 4])
+    c, s = np.cos(angle), np.sin(angle)
+    shift = np.stack([c * values[..., 2], s * values[..., 2], values[..., 3]], axis=-1)
+    return shift, np.stack(rotation_of(c * tilt, s * tilt), axis=-1)
+
+
+def outputs(design: Design, values: Array, direction: Array) -> Array:
+    """Return the outputs of the Hall elements, and 1 for each that is at a rail, shape (..., 2 ELEMENTS)."""
+    shift, turn = (part.reshape(-1, part.shape[-1]) for part in poses(values, direction))
+    read = batch_readings([design], np.zeros(len(shift), dtype=np.int64), shift, turn)
+    flat = np.concatenate([read.output, np.where(np.isnan(read.output), np.nan, read.saturated)], axis=1)
+    return flat.reshape(*values.shape[:-1], 2 * ELEMENTS)
+
+
+def readings(grid: Grid) -> tuple[Table, Array]:
+    """Return the readings over depth, shear and direction, and the largest error of each reading at the checks."""
+    roots, shears, turn = refined(grid.roots, READ[0]), refined(grid.shears, READ[1]), directions(READ[2])
+    values = np.repeat(grid.at(roots, shears)[0][:, :, None], len(turn), axis=2)
+    table = Table((roots, shears, turn), outputs(grid.design, values, np.broadcast_to(turn, values.shape[:-1])))
+    points, exact = _checks(grid)
+    off = np.abs(table.at(points) - outputs(grid.design, exact, points[:, 2]))[:, :ELEMENTS]
+    return table, np.nanmax(off, axis=0)
+
+
+def _checks(grid: Grid) -> tuple[Array, Array]:
+    """Return the checks with a direction each, between the nodes of all tables, and their quantities."""
+    turn = (np.arange(len(grid.checks)) + 0.5) * 360 / READ[2] % 360
+    points = np.array([[root, shear, angle] for (root, shear, _), angle in zip(grid.checks, turn, strict=True)])
+    return points, np.array([quantities(state) for *_, state in grid.checks])
+
+
+def decoded(grid: Grid, response: Table, reading_errors: Array) -> tuple[Table, Ints, list[str]]:
+    """Return what the live page shows of readings and decoded load at a node, and the number of the decoder's status.
+
+    The channels are the half widths of the readings (3), then the decoded force along the shear, across and along z
+    (3), its half widths (3) and noise (3), along x, y and z.
+    """
+    design = grid.design
+    decoder = state_answers.build_decoder(design)
+    axes = (refined(grid.roots, DECODED[0]), refined(grid.shears, DECODED[1]), directions(DECODED[2]))
+    values, names = np.full((*map(len, axes), 12), np.nan), ["out_of_workspace"]
+    status = np.zeros(values.shape[:-1], dtype=np.int64)
+    points = np.stack(np.meshgrid(*axes[:2], indexing="ij"), axis=-1)
+    nodes = response.at(points.reshape(-1, 2)).reshape(*points.shape[:-1], -1)
+    for i, j in np.argwhere(np.isfinite(nodes[..., 0])).tolist():
+        for k, angle in enumerate(axes[2].tolist()):
+            if k and (not j or k == len(axes[2]) - 1):
+                # without a shear all directions are one, and the last one is the first
+                values[i, j, k], status[i, j, k] = values[i, j, 0], status[i, j, 0]
+                continue
+            name, channels = _decoded(design, decoder, nodes[i, j], angle)
+            values[i, j, k] = channels
+            values[i, j, k, :ELEMENTS] += reading_errors
+            if name not in names:
+                names.append(name)
+            status[i, j, k] = names.index(name)
+    return Table(axes, values), status, names
+
+
+def _decoded(design: Design, decoder: Any, node: Array, angle: float) -> tuple[str, Array]:
+    """Return status and channels of a node of the response in a direction, degrees."""
+    tangential, normal, u, w, tilt, radius, *half = node.tolist()
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    lean = math.radians(tilt)
+    one = Response((c * tangential, s * tangential, normal), (c * u, s * u, w), c * lean, radius, s * lean)
+    aside = (abs(c), abs(s)) if tangential else (0.0, 0.0)
+    known = not math.isnan(half[2])
+    widths: Data = {
+        "shift": [half[2] * aside[0], half[2] * aside[1], half[2]] if known else None,
+        "tilt": half[3],
+    }
+    channels = np.full(12, np.nan)
+    read = state_answers.readings(design, one, widths)
+    if read is None or "volts" not in read:
+        return "out_of_workspace", channels
+    if known:
+        channels[:3] = read["half_width"]
+    if decoder is None:
+        return "out_of_workspace", channels
+    part = state_answers.decoded(decoder, one, widths)
+    if part["force"] is not None:
+        x, y, z = part["force"]
+        channels[3:6] = c * x + s * y, c * y - s * x, z
+    for start, name in ((6, "half_width"), (9, "noise")):
+        if part[name] is not None:
+            channels[start : start + 3] = part[name]
+    return part["status"], channels
+
+
+def pictures(grid: Grid, magnet: Magnet) -> Data:
+    """Return displacements, pressures and stretches of stored states on one template, and the template.
+
+    A state is interpolated to the points of the section and the skin of the deepest press. Where none was solved
+    stands the nearest one with less shear or depth, and the last channel is 1.
+    """
+    design = grid.design
+    roots, shears = grid.roots[:: PICTURED[0]], grid.shears[:: PICTURED[1]]
+    template = next(state for _, shear, state in reversed(grid.states) if not shear)
+    section, surface = section_data.section(design, template, magnet), surface_data.surface(template)["parts"]
+    rest = _at_rest(template)
+    skin = surface_data.surface(rest)["parts"]
+    still = skin[SKIN]["points"].reshape(-1, 3)
+    place = {(round(root, 9), round(shear, 9)): state for root, shear, state in grid.states}
+    count = 4 * len(section["rest"]) + still.size + 1
+    values = np.full((len(roots), len(shears), count), np.nan)
+    for i, root in enumerate(roots.tolist()):
+        for j, shear in enumerate(shears.tolist()):
+            state = place.get((round(root, 9), round(shear, 9)))
+            if state is not None:
+                on_section = _on_section(design, state, section["rest"], magnet)
+                on_skin = (
+                    surface_data.surface(_on_mesh(state, template))["parts"][SKIN]["points"].reshape(-1, 3) - still
+                )
+                values[i, j] = np.concatenate([on_section.ravel(), on_skin.ravel(), [0.0]])
+    # at rest
+    values[0, 0] = 0.0
+    values[0, 0, 3 * len(section["rest"]) : 4 * len(section["rest"])] = 1.0
+    for i, j in np.argwhere(np.isnan(values[..., 0])).tolist():
+        values[i, j] = values[i, j - 1] if j else values[i - 1, j]
+        values[i, j, -1] = 1.0
+    return {
+        "table": Table((roots, shears), values).data(),
+        "rest": section["rest"],
+        "triangles": section["triangles"],
+        "skin": {"points": still, "triangles": surface[SKIN]["triangles"]},
+        "pocket": {key: skin["magnet"][key] for key in ("points", "triangles")} if "magnet" in skin else None,
+        "outline": section_data.magnet_outline(design, 0.0, 0.0, 0.0) if magnet == "rigid" else None,
+        "lines": magnet_lines.field_lines(design, rest)["lines"],
+    }
+
+
+def _at_rest(solution: Solution) -> Solution:
+    response = Response((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+    field = replace(solution.field, u=0 * solution.field.u, p=0 * solution.field.p)
+    return replace(solution, load=Load(), response=response, field=field)
+
+
+def _on_mesh(solution: Solution, template: Solution) -> Solution:
+    """Return a state with its displacements at the nodes of another mesh."""
+    field, mesh = solution.field, template.field.mesh
+    u = _interpolated(field.mesh.doflocs.T, field.u, mesh.doflocs.T)
+    return replace(solution, field=replace(field, mesh=mesh, u=u))
+
+
+def _interpolated(points: Array, values: Array, at: Array) -> Array:
+    """Return values (n, q) at points (n, 2) interpolated to other points; outside, those of the nearest point."""
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+
+    inside = LinearNDInterpolator(points, values)(at)
+    # rounding puts some points of the outline outside
+    return np.asarray(np.where(np.isnan(inside), NearestNDInterpolator(points, values)(at), inside))
+
+
+def _on_section(design: Design, solution: Solution, template: Array, magnet: Magnet) -> Array:
+    """Return displacement along x and z, mm, pressure, MPa, and stretch at the template's points, shape (4, n)."""
+    part = section_data.section(design, solution, magnet)
+    rest, moved, fields = part["rest"], part["points"], part["fields"]
+    columns = np.stack([*(moved - rest).T, fields["pressure"], fields["stretch"]], axis=1)
+    result = np.empty((len(template), columns.shape[1]))
+    # both sides of the axis have the same count of points; a value there may differ from side to side
+    for own, theirs in zip(_sides(len(rest)), _sides(len(template)), strict=True):
+        points, first = np.unique(rest[own], axis=0, return_index=True)
+        result[theirs] = _interpolated(points, columns[own][first], template[theirs])
+    return result.T
+
+
+def _sides(count: int) -> tuple[slice, slice]:
+    return slice(0, count // 2), slice(count // 2, count)
+
+
+def elements(design: Design) -> Data | None:
+    """Return what does not change of the readings; None without a magnet."""
+    still = Response((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+    rest = state_answers.readings(design, still, {"shift": None, "tilt": None})
+    if rest is None or "volts" not in rest:
+        return rest
+    names: Sequence[str] = ("elements", "units", "rest", "noise", "low", "high")
+    return {name: rest[name] for name in names}
