@@ -14,12 +14,10 @@ from typing import Any
 from geometry.bad_input import SolveFailed
 from geometry.design import OF_TIME, BadInput, Design
 from studies.explorer import (
-    curve_answers,
+    design_answers,
     explorer_exports,
-    magnet_lines,
-    stability_answers,
     state_answers,
-    surface_data,
+    state_pictures,
     time_answers,
 )
 from studies.explorer.explorer_state import ExplorerState, Request
@@ -82,9 +80,9 @@ class Answers:
             yield "state", level, state_answers.answer(state, solution, decoder)
         yield None
         if "field_lines" in parts:
-            yield "field_lines", level, magnet_lines.field_lines(state.design, solution)
+            yield "field_lines", level, state_pictures.field_lines(state.design, solution)
         if "sensor3d" in parts:
-            yield "sensor3d", level, surface_data.surface(solution)
+            yield "sensor3d", level, state_pictures.surface(solution)
         if "state" in parts:
             solution = state_answers.solve_with_estimates(self.paths, state, level)
             yield "state", level, state_answers.answer(state, solution, decoder)
@@ -96,19 +94,19 @@ class Answers:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""
         design, magnet, estimate = state.design, state.magnet, level == state.level
         key = ("curve", mechanics(design), magnet, level, estimate)
-        data = self._keep(key, lambda: curve_answers.curve(design, magnet, level, estimate=estimate))
-        return curve_answers.with_formulas(data, design, state.formula_level)
+        data = self._keep(key, lambda: design_answers.curve(design, magnet, level, estimate=estimate))
+        return design_answers.with_formulas(data, design, state.formula_level)
 
     def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
         """Yield the stability by the surrogate, and by finite elements at the level of the state."""
         design, magnet = state.design, state.magnet
         key = ("stability", mechanics(design), magnet, level)
         if key not in self._kept and level == "quick":
-            data = stability_answers.by_surrogate(design, magnet)
+            data = design_answers.by_surrogate(design, magnet)
             if data is not None:
                 yield "stability", "surrogate", data
         if level == state.level:
-            compute = stability_answers.by_finite_elements
+            compute = design_answers.by_finite_elements
             yield "stability", level, self._keep(key, lambda: compute(design, magnet, level))
 
     def _vibration(self, state: ExplorerState, level: str) -> Data:

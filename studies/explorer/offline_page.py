@@ -22,10 +22,9 @@ from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.explorer import (
-    curve_answers,
+    design_answers,
     explorer_exports,
     offline_tables,
-    stability_answers,
     state_answers,
     state_commands,
     state_grid,
@@ -102,8 +101,8 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
     response = offline_tables.response(grid, errors)
     formulas, remarks, remark_texts = offline_tables.formulas(design, response.axes)
     statuses, status_texts = offline_tables.statuses(grid, response.axes)
-    curve = curve_answers.curve(design, magnet, LEVEL, estimate=True)
-    curves = {level: curve_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
+    curve = design_answers.curve(design, magnet, LEVEL, estimate=True)
+    curves = {level: design_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
     sensor = _sensor(design)
     content: Data = {
         "fields": _fields(grid),
@@ -119,7 +118,7 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
         "readings": None,
         "elements": offline_tables.elements(design),
         "pictures": offline_tables.pictures(grid, magnet),
-        "stability": stability_answers.by_finite_elements(design, magnet, LEVEL),
+        "stability": design_answers.by_finite_elements(design, magnet, LEVEL),
         "curve": {
             **curves["paper"],
             "levels": {level: one["level"] for level, one in curves.items()},

@@ -20,7 +20,7 @@ from analytic.batch_readings import ELEMENTS, batch_readings
 from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load, Magnet, Response, rotation_of
-from studies.explorer import magnet_lines, section_data, state_answers, surface_data
+from studies.explorer import state_answers, state_pictures
 from studies.explorer.state_grid import QUANTITIES, Grid, quantities
 
 if TYPE_CHECKING:
@@ -289,9 +289,9 @@ def pictures(grid: Grid, magnet: Magnet) -> Data:
     design = grid.design
     roots, shears = grid.roots[:: PICTURED[0]], grid.shears[:: PICTURED[1]]
     template = next(state for _, shear, state in reversed(grid.states) if not shear)
-    section, surface = section_data.section(design, template, magnet), surface_data.surface(template)["parts"]
+    section, surface = state_pictures.section(design, template, magnet), state_pictures.surface(template)["parts"]
     rest = _at_rest(template)
-    skin = surface_data.surface(rest)["parts"]
+    skin = state_pictures.surface(rest)["parts"]
     still = skin[SKIN]["points"].reshape(-1, 3)
     place = {(round(root, 9), round(shear, 9)): state for root, shear, state in grid.states}
     count = 4 * len(section["rest"]) + still.size + 1
@@ -302,7 +302,7 @@ def pictures(grid: Grid, magnet: Magnet) -> Data:
             if state is not None:
                 on_section = _on_section(design, state, section["rest"], magnet)
                 on_skin = (
-                    surface_data.surface(_on_mesh(state, template))["parts"][SKIN]["points"].reshape(-1, 3) - still
+                    state_pictures.surface(_on_mesh(state, template))["parts"][SKIN]["points"].reshape(-1, 3) - still
                 )
                 values[i, j] = np.concatenate([on_section.ravel(), on_skin.ravel(), [0.0]])
     # at rest
@@ -317,8 +317,8 @@ def pictures(grid: Grid, magnet: Magnet) -> Data:
         "triangles": section["triangles"],
         "skin": {"points": still, "triangles": surface[SKIN]["triangles"]},
         "pocket": {key: skin["magnet"][key] for key in ("points", "triangles")} if "magnet" in skin else None,
-        "outline": section_data.magnet_outline(design, 0.0, 0.0, 0.0) if magnet == "rigid" else None,
-        "lines": magnet_lines.field_lines(design, rest)["lines"],
+        "outline": state_pictures.magnet_outline(design, 0.0, 0.0, 0.0) if magnet == "rigid" else None,
+        "lines": state_pictures.field_lines(design, rest)["lines"],
     }
 
 
@@ -346,7 +346,7 @@ def _interpolated(points: Array, values: Array, at: Array) -> Array:
 
 def _on_section(design: Design, solution: Solution, template: Array, magnet: Magnet) -> Array:
     """Return displacement along x and z, mm, pressure, MPa, and stretch at the template's points, shape (4, n)."""
-    part = section_data.section(design, solution, magnet)
+    part = state_pictures.section(design, solution, magnet)
     rest, moved, fields = part["rest"], part["points"], part["fields"]
     columns = np.stack([*(moved - rest).T, fields["pressure"], fields["stretch"]], axis=1)
     result = np.empty((len(template), columns.shape[1]))

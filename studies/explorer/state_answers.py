@@ -21,7 +21,7 @@ from geometry.loads import Load, Response
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.explorer.explorer_state import ExplorerState
 from studies.explorer.kept_paths import KeptPaths
-from studies.explorer.section_data import section
+from studies.explorer.state_pictures import section
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder

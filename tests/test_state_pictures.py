@@ -10,7 +10,7 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import Design
 from geometry.loads import Load
-from studies.explorer import magnet_lines, section_data, surface_data
+from studies.explorer import state_pictures
 from studies.output.vtk_files import field_grid
 from studies.report import deformed_surface
 
@@ -33,7 +33,7 @@ def areas(points, triangles):
 
 
 def test_section_covers_both_sides_without_gaps(solution):
-    design, data = Design(), section_data.section(Design(), solution, "rigid")
+    design, data = Design(), state_pictures.section(Design(), solution, "rigid")
     half = areas(data["rest"], data["triangles"])
     assert (half > 0).all() or (half < 0).all()
     magnet = 4 * 2 - (4 - math.pi) * 0.1**2
@@ -50,7 +50,7 @@ def test_section_covers_both_sides_without_gaps(solution):
 
 
 def test_both_sides_meet_on_the_axis_and_keep_the_volume(solution):
-    data = section_data.section(Design(), solution, "rigid")
+    data = state_pictures.section(Design(), solution, "rigid")
     points, rest = np.array(data["points"]), np.array(data["rest"])
     count = len(points) // 2
     axis = np.flatnonzero(np.abs(rest[:count, 0]) < 1e-9)
@@ -69,13 +69,13 @@ def test_stretch_of_a_uniform_deformation_is_that_of_its_gradient(solution):
     # u_r = 0.1 r, u_z = -0.2 z + 0.3 r: F = [[1.1, 0], [0.3, 0.8]] in the plane, 1.1 across it
     largest = np.linalg.svd([[1.1, 0.0], [0.3, 0.8]])[1].max()
     u, slope = np.stack([0.1 * r, 0 * r, 0.3 * r - 0.2 * z]), np.stack([0 * r, 0.1 * r, 0 * r])
-    stretch = section_data._largest_stretch(field, nodes, u, slope)
+    stretch = state_pictures._largest_stretch(field, nodes, u, slope)
     np.testing.assert_allclose(stretch, largest, rtol=1e-9)
 
 
 def test_magnet_outline_has_its_size_and_pose():
     design = Design()
-    outline = section_data.magnet_outline(design, 0.5, -0.3, 0.2)
+    outline = state_pictures.magnet_outline(design, 0.5, -0.3, 0.2)
     x, z = outline.T
     centre = np.array([0.5, design.H - 0.3])
     assert np.hypot(*(outline - centre).T).max() == pytest.approx(math.hypot(1.9, 0.9) + 0.1, rel=1e-3)
@@ -84,7 +84,7 @@ def test_magnet_outline_has_its_size_and_pose():
 
 
 def test_surface_agrees_with_that_of_the_report(solution):
-    own = surface_data.surface(solution)
+    own = state_pictures.surface(solution)
     report = deformed_surface.parts_of(field_grid(solution))
     assert own["parts"].keys() == report.keys()
     for name, (rest, u, _) in report.items():
@@ -102,11 +102,11 @@ def test_an_oblique_shear_turns_the_figure_and_keeps_the_section():
         trace(Design(), [Load(depth=0.5, shear_x=x, shear_y=y, friction="stick")], QUICK, estimate=False)[-1]
         for x, y in ((0.5, 0.0), (0.3, 0.4))
     )
-    sections = [section_data.section(Design(), each, "rigid") for each in (one, other)]
+    sections = [state_pictures.section(Design(), each, "rigid") for each in (one, other)]
     np.testing.assert_allclose(*(each["points"] for each in sections), atol=2e-4)
     assert sections[1]["direction"] == pytest.approx([0.6, 0.8])
     skin, turned = (
-        np.array(surface_data.surface(each)["parts"]["back"]["points"]).reshape(-1, 3) for each in (one, other)
+        np.array(state_pictures.surface(each)["parts"]["back"]["points"]).reshape(-1, 3) for each in (one, other)
     )
     rotation = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(skin @ rotation.T, turned, atol=3e-3)
@@ -114,8 +114,8 @@ def test_an_oblique_shear_turns_the_figure_and_keeps_the_section():
 
 def test_field_lines_follow_the_field(solution):
     design = Design()
-    lines = magnet_lines.field_lines(design, solution)["lines"]
-    assert len(lines) >= 2 * magnet_lines.LINES
+    lines = state_pictures.field_lines(design, solution)["lines"]
+    assert len(lines) >= 2 * state_pictures.LINES
     (c, s), response = solution.load.direction, solution.response
     tilt = c * response.tilt + s * response.tilt_y
     turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
@@ -141,5 +141,5 @@ def test_field_lines_follow_the_field(solution):
 def test_no_magnet_has_no_lines():
     design = Design(magnet_diameter=0.0, magnet_height=0.0)
     solution = trace(design, [Load(depth=0.5)], QUICK, magnet="ignored", estimate=False)[-1]
-    assert magnet_lines.field_lines(design, solution) == {"lines": []}
-    assert section_data.section(design, solution, "ignored")["magnet"] == []
+    assert state_pictures.field_lines(design, solution) == {"lines": []}
+    assert state_pictures.section(design, solution, "ignored")["magnet"] == []

@@ -1,0 +1,368 @@
+"""A solution as the page draws it: its section, the sensor in 3D, and the field lines of its magnet.
+
+**Section**, along the shear.
+Every triangle of the second-order mesh becomes four flat ones. The series of `angular_fields`
+gives the displacement u and its slope v by the angle theta along r, theta and z at theta = 0 and pi. With the unit
+tensor 1 the deformation gradient there is
+
+    F = 1 + [du/dr, v/r, du/dz],
+
+on the axis with dv/dr in place of v/r. The stretch shown is the largest principal one.
+
+**Sensor in 3D**: skin of each half, cut face y = 0 and the magnet's pocket. The outline of a section is
+swept around the axis with the Fourier series of the solution, which takes milliseconds.
+`studies.report.deformed_surface`, which reads VTK grids, gives the same form.
+
+**Field lines** of the magnet at its pose, in the plane of the section.
+In a plane through the axis the lines of B are contours of the flux psi = r A_phi through a disc of radius r; levels
+of equal distance enclose equal flux. A cylinder magnet has the B of a coil of its size. With radii over the coil's,
+heights zeta above one of its ends, h^2 = 4 r / (1 + r)^2 and k^2 = 4 r / ((1 + r)^2 + zeta^2), the coil's flux is a
+factor times the difference over both ends of
+
+    r^(1/2) zeta k [(k^2 + h^2 - h^2 k^2) / (h^2 k^2) K(k) - E(k) / k^2 + (h^2 - 1) / h^2 Pi(h^2, k)]
+
+(Callaghan & Maslen, NASA TN D-465, 1960). The lines belong to the magnet, and move with it.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from fem.model import angular_fields
+from fem.solution import Field, Solution
+from geometry.arrays import Array, Ints
+from geometry.design import Design
+from geometry.loads import Magnet
+
+DIGITS = 4
+"""Decimals of coordinates, mm."""
+CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
+"""Nodes of a triangle in its own coordinates: corners, then the middles of the edges 01, 12 and 02."""
+FLAT = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+"""The four flat triangles of a curved one."""
+ARC = 7
+"""Points on a quarter of the magnet's rounded edge."""
+
+
+def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any]:
+    """Return the part `section` of a state; points, fields and triangles are arrays."""
+    rest, moved, pressure, stretch, triangles = _sides(solution)
+    load, response = solution.load, solution.response
+    c, s = plane_of(solution)
+    along = c * load.imposed_shear[0] + s * load.imposed_shear[1]
+    shift, tilt = c * response.shift[0] + s * response.shift[1], c * response.tilt + s * response.tilt_y
+    outline = np.zeros((0, 2))
+    if magnet == "rigid":
+        outline = magnet_outline(design, shift, response.shift[2], tilt)
+    height = design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
+    return {
+        "points": np.round(moved, DIGITS),
+        "rest": np.round(rest, DIGITS),
+        "triangles": triangles,
+        "fields": {
+            "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS),
+            "pressure": np.round(pressure, _decimals(pressure)),
+            "stretch": np.round(stretch, DIGITS),
+        },
+        "magnet": np.round(outline, DIGITS).tolist(),
+        "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along},
+        "direction": [c, s],
+    }
+
+
+def plane_of(solution: Solution) -> tuple[float, float]:
+    """Return the unit vector in (x, y) along the section: along the shear, or x for fields in the user's frame."""
+    in_frame = solution.model == "full" or solution.field.angles.sines
+    return (1.0, 0.0) if in_frame else solution.load.direction
+
+
+def _decimals(values: Array) -> int:
+    """Return the decimals that leave the largest value five digits."""
+    largest = float(np.abs(values).max())
+    return DIGITS - math.floor(math.log10(largest)) if largest else DIGITS
+
+
+def magnet_outline(design: Design, shift_x: float, shift_z: float, tilt: float) -> Array:
+    """Return the outline of the displaced magnet in the plane of the section, shape (n, 2), mm."""
+    a, b, rho = design.magnet_diameter / 2, design.magnet_height / 2, design.magnet_edge_radius
+    turn = np.linspace(0, math.pi / 2, ARC if rho else 1)
+    corners = ((1, 1, 0.0), (-1, 1, math.pi / 2), (-1, -1, math.pi), (1, -1, 3 * math.pi / 2))
+    arcs = [
+        np.stack([i * (a - rho) + rho * np.cos(turn + t), j * (b - rho) + rho * np.sin(turn + t)], axis=1)
+        for i, j, t in corners
+    ]
+    x, z = np.concatenate(arcs).T
+    c, s = math.cos(tilt), math.sin(tilt)
+    return np.stack([c * x + s * z + shift_x, c * z - s * x + shift_z + design.H], axis=1)
+
+
+def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
+    """Return rest, moved (n, 2), pressure, stretch (n,) and triangles (m, 3) of both sides of a section."""
+    field = solution.field
+    x, z = field.mesh.doflocs
+    count = len(x)
+    nodes = np.asarray(field.mesh.dofs.element_dofs).T
+    flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
+    angles = fourier_fields(field, np.array([0.0, math.pi]))
+    rest, moved, pressure = [], [], []
+    stretch: list[Array] = []
+    for k, s in enumerate((1.0, -1.0)):
+        u, slope = angles.E[k] @ field.u.T, angles.V[k, :, 1] @ field.u.T
+        rest.append(np.stack([s * x, z], axis=1))
+        moved.append(np.stack([s * (x + u[0]), z + u[2]], axis=1))
+        pressure.append(-_at_all_nodes(field, nodes, field.p @ angles.C[k]))
+        # a press has the same stretch on both sides
+        repeated = k and solution.model == "axisymmetric"
+        stretch.append(stretch[0] if repeated else _largest_stretch(field, nodes, u, slope))
+    triangles = np.concatenate([flat, flat[:, ::-1] + count])
+    return *(np.concatenate(part) for part in (rest, moved, pressure, stretch)), triangles  # type: ignore[return-value]
+
+
+def fourier_fields(field: Field, theta: Array) -> angular_fields.Angles:
+    """Return the fields of a section at angles (t,)."""
+    return angular_fields.fields_at(theta, field.angles.harmonics, sines=field.angles.sines)
+
+
+def _at_all_nodes(field: Field, nodes: Ints, p: Array) -> Array:
+    """Return values at the vertices, linear in each triangle, at all nodes, shape (n,)."""
+    values = np.zeros(field.mesh.doflocs.shape[1])
+    values[field.vertices] = p
+    for middle, first, second in ((3, 0, 1), (4, 1, 2), (5, 0, 2)):
+        values[nodes[:, middle]] = (values[nodes[:, first]] + values[nodes[:, second]]) / 2
+    return values
+
+
+def _largest_stretch(field: Field, nodes: Ints, u: Array, slope: Array) -> Array:
+    """Return the largest principal stretch at the nodes, shape (n,), the mean of all triangles at a node.
+
+    Parameters
+    ----------
+    u, slope : displacement and its slope by the angle, along r, theta and z, shape (3, n), mm.
+    """
+    r, shapes = field.mesh.doflocs[0], _shape_slopes()
+    # Jacobian of the curved triangle at its own nodes, and the gradients of six functions there
+    jacobian = np.einsum("pad,mac->mpcd", shapes, field.mesh.doflocs.T[nodes])
+    values = np.concatenate([u, slope]).T[nodes]
+    gradient = np.einsum("pad,maf->mpfd", shapes, values) @ np.linalg.inv(jacobian)
+    radius = r[nodes][..., None]
+    inner = radius > 1e-9 * r.max()
+    around = np.where(inner, slope.T[nodes] / np.where(inner, radius, 1.0), gradient[..., 3:, 0])
+    F = np.eye(3) + np.stack([gradient[..., :3, 0], around, gradient[..., :3, 1]], axis=-1)
+    each = np.sqrt(np.linalg.eigvalsh(F.swapaxes(-1, -2) @ F)[..., -1])
+    number = np.bincount(nodes.ravel(), minlength=len(r))
+    return np.asarray(np.bincount(nodes.ravel(), each.ravel(), len(r)) / np.maximum(number, 1))
+
+
+def _shape_slopes() -> Array:
+    """Return the derivatives of the six shape functions at the six nodes, shape (nodes, functions, 2)."""
+    a, b = CORNERS.T
+    c = 1 - a - b
+    zero = np.zeros(6)
+    by_a = [1 - 4 * c, 4 * a - 1, zero, 4 * (c - a), 4 * b, -4 * b]
+    by_b = [1 - 4 * c, zero, 4 * b - 1, -4 * a, 4 * a, 4 * (c - b)]
+    return np.stack([np.stack(by_a, axis=1), np.stack(by_b, axis=1)], axis=2)
+
+
+SECTORS = 24
+"""Sectors of half a turn."""
+COARSE_DIGITS = 3
+"""Decimals of the coordinates of skin and field lines, mm."""
+
+Part = tuple[Array, Array, Ints]
+"""Undeformed points (n, 3), displacements (n, 3), mm, and triangles (m, 3)."""
+
+
+def surface(solution: Solution) -> dict[str, Any]:
+    """Return the part `sensor3d`: parts with deformed points, displacements and triangles, and the largest one."""
+    parts = _parts(solution)
+    return {"parts": {name: _data(*part) for name, part in parts.items()}, "largest": _largest(parts)}
+
+
+def _data(rest: Array, u: Array, triangles: Ints) -> dict[str, Any]:
+    return {
+        "points": np.round(rest + u, COARSE_DIGITS).ravel(),
+        "value": np.round(np.linalg.norm(u, axis=1), COARSE_DIGITS),
+        "triangles": triangles.ravel(),
+    }
+
+
+def _largest(parts: dict[str, Part]) -> float:
+    return round(max(float(np.linalg.norm(u, axis=1).max()) for _, u, _ in parts.values()), COARSE_DIGITS)
+
+
+def _parts(solution: Solution) -> dict[str, Part]:
+    """Return the parts of a section, turned into the direction of its shear."""
+    field = solution.field
+    nodes = np.asarray(field.mesh.dofs.element_dofs).T
+    skin, pocket = _outline(field, nodes)
+    turn = np.linspace(0, math.pi, SECTORS + 1)
+    c, s = plane_of(solution)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def turned(part: Part) -> Part:
+        rest, u, triangles = part
+        return rest @ rotation.T, u @ rotation.T, triangles
+
+    def halves(edges: Ints) -> tuple[Part, Part]:
+        """Return the halves y >= 0 and y <= 0, which are mirror images without sine orders."""
+        back = _swept(field, edges, turn)
+        return back, _swept(field, edges, turn + math.pi) if field.angles.sines else _mirrored(back)
+
+    back, front = halves(skin)
+    parts = {"back": turned(back), "front": turned(front), "cut": turned(_cut_face(field, nodes))}
+    if len(pocket):
+        parts["magnet"] = turned(_joined(*halves(pocket)))
+    return parts
+
+
+def _outline(field: Field, nodes: Ints) -> tuple[Ints, Ints]:
+    """Return the straight halves (m, 2) of the outline's edges: those of the skin and those of a pocket."""
+    r = field.mesh.doflocs[0]
+    edges = np.concatenate([nodes[:, [0, 3, 1]], nodes[:, [1, 4, 2]], nodes[:, [2, 5, 0]]])
+    _, first, number = np.unique(edges[:, 1], return_index=True, return_counts=True)
+    outline = edges[first[number == 1]]
+    outline = outline[r[outline].max(axis=1) > 1e-9 * r.max()]
+    halves = np.concatenate([outline[:, :2], outline[:, 1:]])
+    label = _connected(halves, len(r))
+    # the skin is the piece that reaches farthest from the axis
+    outer = label[halves[np.argmax(r[halves[:, 0]]), 0]]
+    of_skin = label[halves[:, 0]] == outer
+    return halves[of_skin], halves[~of_skin]
+
+
+def _connected(edges: Ints, count: int) -> Ints:
+    """Return the number of the connected piece of each node, shape (count,)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _swept(field: Field, edges: Ints, turn: Array) -> Part:
+    """Return the surface of edges (m, 2) of the section swept through the angles (t,)."""
+    used, numbers = np.unique(edges, return_inverse=True)
+    pairs, n = numbers.reshape(edges.shape), len(used)
+    x, z = field.mesh.doflocs[:, used]
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    rest = np.stack([c * x, s * x, np.broadcast_to(z, (len(turn), n))], axis=2).reshape(-1, 3)
+    triangles = []
+    for k in range(len(turn) - 1):
+        a, b = pairs[:, 0] + k * n, pairs[:, 1] + k * n
+        triangles += [np.stack([a, b, b + n], axis=1), np.stack([a, b + n, a + n], axis=1)]
+    faces = np.concatenate(triangles)
+    # at the axis one of both triangles has no area
+    corners = rest[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return rest, _displacement(field, used, turn), faces[area > 1e-12 * area.max()]
+
+
+def _displacement(field: Field, nodes: Ints, turn: Array) -> Array:
+    """Return the displacements of nodes (n,) at angles (t,), shape (t n, 3), mm, in Cartesian components."""
+    angles = fourier_fields(field, turn)
+    u = angles.E @ field.u[nodes].T
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    return np.stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1], u[:, 2]], axis=2).reshape(-1, 3)
+
+
+def _mirrored(part: Part) -> Part:
+    """Return the other half of a body that is symmetric about y = 0."""
+    rest, u, triangles = part
+    mirror = np.array([1.0, -1.0, 1.0])
+    return rest * mirror, u * mirror, triangles[:, ::-1]
+
+
+def _joined(one: Part, other: Part) -> Part:
+    return (
+        np.concatenate([one[0], other[0]]),
+        np.concatenate([one[1], other[1]]),
+        np.concatenate([one[2], other[2] + len(one[0])]),
+    )
+
+
+def _cut_face(field: Field, nodes: Ints) -> Part:
+    """Return the section on both sides of the axis, in the plane y = 0."""
+    flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
+    every, (x, z) = np.arange(field.mesh.doflocs.shape[1]), field.mesh.doflocs
+    sides = [np.stack([s * x, 0 * x, z], axis=1) for s in (1.0, -1.0)]
+    u = _displacement(field, every, np.array([0.0, math.pi]))
+    return np.concatenate(sides), u, np.concatenate([flat, flat[:, ::-1] + len(x)])
+
+
+LINES = 16
+"""Field lines on each side."""
+INSIDE, GROWTH = 24, 1.08
+"""Cells of the grid from the axis to the magnet's edge, and ratio of neighbouring cells beyond it."""
+REACH = 4.0
+"""Size of the grid over the sum of the magnet's radius and half its height."""
+LEAST = 1e-3
+"""Least distance of points that are kept, over the size of the grid."""
+
+
+def field_lines(design: Design, solution: Solution) -> dict[str, list[list[list[float]]]]:
+    """Return lines of points (x, z) in the plane of the shear, mm; none without a magnet."""
+    if not design.shape.has_magnet:
+        return {"lines": []}
+    radius, half = design.magnet_diameter / 2, design.magnet_height / 2
+    response, (c, s) = solution.response, plane_of(solution)
+    along = c * response.shift[0] + s * response.shift[1]
+    tilt = c * response.tilt + s * response.tilt_y
+    turn = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
+    centre = np.array([along, response.shift[2] + design.H])
+    lines = []
+    for line in _unit_lines(half / radius):
+        for side in (1.0, -1.0):
+            local = radius * line * [side, 1.0]
+            lines.append(np.round(local @ turn.T + centre, COARSE_DIGITS).tolist())
+    return {"lines": lines}
+
+
+@functools.lru_cache(maxsize=16)
+def _unit_lines(slenderness: float) -> tuple[Array, ...]:
+    """Return the lines (n, 2) on the side r > 0 of a magnet of radius 1 and half height `slenderness`."""
+    from contourpy import contour_generator
+
+    size = REACH * (1 + slenderness)
+    # radii lie beside that of the wall, where terms of the flux cancel
+    inner = (np.arange(INSIDE) + 0.5) / INSIDE
+    r = np.concatenate([inner, 1 + _growing(0.5 / INSIDE, size - 1)])
+    upper = np.concatenate([inner * slenderness, slenderness + _growing(slenderness / INSIDE, size - slenderness)])
+    z = np.concatenate([-upper[::-1], upper])
+    flux = _flux(r[:, None], z[None, :] + slenderness) - _flux(r[:, None], z[None, :] - slenderness)
+    r, flux = np.insert(r, 0, 0.0), np.insert(flux, 0, 0.0, axis=0)
+    most = flux.max()
+    contours = contour_generator(x=r, y=z, z=flux.T)
+    lines = []
+    for k in range(LINES):
+        for line in contours.lines((k + 0.5) / LINES * most):
+            lines.append(_thinned(np.asarray(line), LEAST * size))
+    return tuple(lines)
+
+
+def _flux(r: Array, zeta: Array) -> Array:
+    """Return the term of one end of the coil in the flux, at radii and heights above that end, over its factor."""
+    k2, h2 = 4 * r / ((1 + r) ** 2 + zeta**2), 4 * r / (1 + r) ** 2
+    K, E = special.ellipk(k2), special.ellipe(k2)
+    third = K + h2 / 3 * special.elliprj(0.0, 1 - k2, 1.0, 1 - h2)
+    bracket = (k2 + h2 - h2 * k2) / (h2 * k2) * K - E / k2 + (h2 - 1) / h2 * third
+    return np.asarray(np.sqrt(r * k2) * zeta * bracket)
+
+
+def _growing(first: float, size: float) -> Array:
+    """Return the ends of cells that grow from `first` until they cover `size`."""
+    count = math.ceil(math.log1p(size * (GROWTH - 1) / first) / math.log(GROWTH))
+    ends = first * (GROWTH ** np.arange(1, count + 1) - 1) / (GROWTH - 1)
+    return np.asarray(ends * size / ends[-1])
+
+
+def _thinned(line: Array, least: float) -> Array:
+    """Return a line without points that lie closer than `least` to the one before; its ends stay."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    kept = np.diff(np.floor(length / least), prepend=-1) > 0
+    kept[-1] = True
+    return np.asarray(line[kept])
