@@ -2,14 +2,20 @@
 
 numba compiles a function when it is first called, and keeps it in a file: once after an installation. Where no file
 can be written, each process compiles what it needs.
+
+numba itself compiles a function again when the function's own file has changed, but not when a function that it calls
+has changed in another file: it would then run machine code of two versions. So the name of each kept file holds a
+digest of all sources that are compiled.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 
@@ -25,10 +31,25 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
     _announce_compilation()
     options = {"error_model": "numpy", "no_cfunc_wrapper": True} | options
+    # numba names its files after the qualified name
+    function.__qualname__ = f"{function.__qualname__}_{_digest()}"
     try:
         return njit(cache=True, **options)(function)
     except RuntimeError:  # numba finds no folder for its files that can be written to
         return njit(**options)(function)
+
+
+def sources() -> list[Path]:
+    """Return the files of the packages of physics that hold compiled functions, or functions that these call."""
+    root = Path(__file__).parent.parent
+    files = (file for package in ("analytic", "fem", "geometry") for file in sorted((root / package).rglob("*.py")))
+    return [file for file in files if b"compiled" in file.read_bytes()]
+
+
+@functools.cache
+def _digest() -> str:
+    """Return a digest of these files."""
+    return hashlib.sha256(b"".join(file.read_bytes() for file in sources())).hexdigest()[:12]
 
 
 @functools.cache

@@ -84,3 +84,15 @@ def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path):
         atomic_files.write_text(tmp_path / "text.txt", "whole")
         assert mine.exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == [own_files.LIST, elsewhere.name, "text.txt"]
+
+
+def test_files_of_earlier_options_do_not_stay(tmp_path):
+    """Of the files that a verb may write, those that it has written again stay; other files are not touched."""
+    for name in ("a.csv", "b.csv", "mine.csv"):
+        atomic_files.write_text(tmp_path / name, "earlier")
+    with atomic_files.results(tmp_path, ("a.csv", "b.csv")) as folder:
+        atomic_files.write_text(folder / "a.csv", "earlier")
+    assert {file.name for file in tmp_path.glob("[!.]*")} == {"a.csv", "mine.csv"}
+    with pytest.raises(ZeroDivisionError), atomic_files.results(tmp_path, ("a.csv",)):
+        raise ZeroDivisionError
+    assert (tmp_path / "a.csv").exists()

@@ -40,3 +40,25 @@ def test_without_a_writable_folder_functions_are_compiled_by_each_process(tmp_pa
     }
     run = subprocess.run([sys.executable, script], capture_output=True, text=True, env=environment, check=True)
     assert run.stdout.split() == ["0.0", "None"]
+
+
+def test_every_compiled_source_is_in_the_digest():
+    """Else a change in one file would leave machine code of the old one in the files of its callers."""
+    from analytic import cylinder_compiled
+    from analytic.inverse import forward_model, pose_search, response_surface
+    from fem.model import element_assembly, material, viscoelasticity
+
+    modules = (
+        cylinder_compiled,
+        forward_model,
+        pose_search,
+        response_surface,
+        element_assembly,
+        material,
+        viscoelasticity,
+    )
+    functions = [value for module in modules for value in vars(module).values() if hasattr(value, "py_func")]
+    assert len(functions) > 20
+    files = {os.path.realpath(function.py_func.__code__.co_filename) for function in functions}
+    assert files <= {os.path.realpath(file) for file in compiled.sources()}
+    assert all(function.py_func.__qualname__.endswith(compiled._digest()) for function in functions)

@@ -295,3 +295,11 @@ def test_a_level_with_tilt_decodes_its_own_readings(run, strict):
     assert_allclose(record["force_N"], load["force_N"], atol=0.05)
     assert record["tilt_rad"] == pytest.approx(load["tilt_rad"], abs=2e-3)
     assert abs(flat["shift_mm"][0] - load["shift_mm"][0]) > 0.01
+
+
+def test_a_pose_beyond_level_finite_says_that_its_error_is_unknown(run, strict):
+    """Readings of a press to 2.9 mm, where level finite was compared with finite elements up to 2 mm."""
+    for readings, count in (("3.1615,2.9386,2.9386", 1), ("2.967,2.876,2.851", 0)):
+        (row,) = strict(run("decode", "paper", f"--readings={readings}", "--level", "finite", "--json")[1])
+        said = [text for text in row["warnings"] if "outside the range of level finite" in text]
+        assert len(said) == count

@@ -378,3 +378,14 @@ def test_command_as_a_table(run, tmp_path):
     assert status == 0
     assert "mooney_share=0.3" in out
     assert "0.3 to 4" in out
+
+
+def test_a_test_that_no_law_describes_is_no_design(run, tmp_path):
+    """The design file of an earlier, better test does not stay beside it."""
+    assert run("fit", table(tmp_path, synthetic("neo-hookean")), "--out", tmp_path / "out")[0] == 0
+    assert (tmp_path / "out" / "design.toml").exists()
+    wild = Specimen(np.linspace(1.1, 1.5, 5), np.array([5, 0.1, 3, 0.2, 2]))
+    status, _, err = run("fit", table(tmp_path, wild), "--out", tmp_path / "out")
+    assert status == 3
+    assert "misses the test by more than 20 %" in err
+    assert not (tmp_path / "out" / "design.toml").exists()

@@ -181,7 +181,9 @@ def test_a_surrogate_of_older_finite_elements_is_refused(tmp_path, name):
 def test_other_verbs_run_beside_an_older_surrogate(monkeypatch):
     """A developer raises a version: the surrogate refuses in a sentence, and `--tolerance` takes finite elements."""
     monkeypatch.setitem(PHYSICS, "harmonic", PHYSICS["harmonic"] + 1)
-    surrogate_file.shipped.cache_clear()
+    cached = surrogate_file.shipped, model_choice.statements, model_choice.outdated, model_choice.versions
+    for function in cached:
+        function.cache_clear()
     try:
         sentence = surrogate_response.refusal(paper(), Load(depth=1.0), "rigid")
         assert sentence.endswith("build it again with `magtip validate surrogate`, or take finite elements")
@@ -189,7 +191,8 @@ def test_other_verbs_run_beside_an_older_surrogate(monkeypatch):
         with pytest.raises(BadInput, match="was trained on version"):
             prediction.beams(*PAPER)
     finally:
-        surrogate_file.shipped.cache_clear()
+        for function in cached:
+            function.cache_clear()
 
 
 def test_another_accuracy_is_not_shipped(tmp_path, monkeypatch):

@@ -77,6 +77,25 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     assert stability_report.shown(below)["guided_critical_depth_mm"] == "none up to 3.5"
 
 
+def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(monkeypatch):
+    from fem.analyses import small_shear, stability
+    from geometry.design import paper
+    from studies.simulation import stability_report
+
+    def status(message, depth=None, stiffness=0.5):
+        found = stability.Critical(None, None, 3.5, message)
+        monkeypatch.setattr(stability, "critical", lambda *_, **__: found)
+        shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0)
+        monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: shear)
+        return stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None)
+
+    assert status("").status == "ok"
+    stopped = status("the press does not converge beyond 3.5 mm")
+    assert (stopped.status, stopped.message) == ("unknown", "the press does not converge beyond 3.5 mm")
+    assert [status("", depth).status for depth in (3.0, 4.0)] == ["ok", "unknown"]
+    assert status("", 3.0, -0.5).status == "unstable"
+
+
 def test_what_was_not_found_is_not_in_the_legend(tmp_path, monkeypatch):
     from matplotlib.figure import Figure
 

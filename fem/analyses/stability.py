@@ -66,7 +66,7 @@ class Critical:
     ----------
     depth, force : critical depth, mm, and force, N; None where no sideways instability was found.
     stable_to : depth up to which the press is known to be stable, mm.
-    message : limitation of the result; empty if there is none.
+    message : why the search ended before its last depth; empty if it found an instability or reached that depth.
     estimates : estimated errors.
     """
 

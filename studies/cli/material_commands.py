@@ -67,7 +67,7 @@ def fit(
     command_line = command(fit, locals())
     from studies.simulation import material_fit as study
     from studies.simulation import relaxation_test
-    from studies.simulation.law_selection import reasons
+    from studies.simulation.law_selection import WRONG, reasons
 
     atomic_files.check_apart(atomic_files.inside(out, study.FILES), [data])
     kind = relaxation_test.kind_of(data)
@@ -77,7 +77,7 @@ def fit(
             say_no_effect(option, f"{data} is a {kind} test")
     if kind != "uniaxial":
         return _fit_branches(data, nu, out, stretch, ramp, command_line, wide=wide, as_json=as_json)
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.results(out, study.FILES) as folder, console.progress(as_json=as_json) as progress:
         rows = study.run(data, nu, folder, law, progress, command_line)
     if as_json:
         console.report([row.row() for row in rows], as_json=True)
@@ -91,7 +91,8 @@ def fit(
             console.warn(warning)
     if not chosen:
         console.say(
-            "magtip: no law is chosen and no design.toml written: every fitted E is outside the range of a design"
+            "magtip: no law is chosen and no design.toml written: every fitted E is outside the range of a design, "
+            f"or the law misses the test by more than {100 * WRONG:g} % of the largest stress"
         )
         return FAILED
     return GOOD
@@ -132,8 +133,9 @@ def _fit_branches(
     """Fit Prony branches and print them; see `fit`."""
     from geometry.relaxation import range_text
     from studies.simulation import relaxation_fit as study
+    from studies.simulation.material_fit import FILES
 
-    with atomic_files.results(out) as folder:
+    with atomic_files.results(out, FILES) as folder:
         rows = study.run(data, nu, folder, stretch, ramp, command_line)
     (chosen,) = [row for row in rows if row.chosen]
     usable = study.is_usable(chosen)

@@ -279,7 +279,7 @@ def layout(
     if count is not None and not search:
         say_no_effect("--count", "it works with --search only")
     atomic_files.check_apart(atomic_files.inside(out, texts.FILES), [source, basis.responses])
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.results(out, texts.FILES) as folder, console.progress(as_json=as_json) as progress:
         job = study.Job(
             design,
             basis,

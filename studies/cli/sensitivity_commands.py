@@ -96,7 +96,7 @@ def sensitivity(
         raise BadInput("--store works with the method morris only: add it to --methods, or leave --store out")
     atomic_files.check_apart([*atomic_files.inside(out, sensitivity_report.FILES), store], [source])
     origin = versions(("SALib", "matplotlib"))
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.results(out, sensitivity_report.FILES) as folder, console.progress(as_json=as_json) as progress:
         results = sensitivity_request.run(request, store, Processes(workers, scheduler), progress)
         if folder is not None:
             sensitivity_report.write(folder, results, origin, command_line)

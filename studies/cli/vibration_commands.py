@@ -95,7 +95,7 @@ def response(
     check_load(design, load, magnet)
     say_if_without_magnet(design)
     atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.results(out, study.FILES) as folder, console.progress(as_json=as_json) as progress:
         try:
             report = study.run(design, load, band, count, magnet, accuracy, folder, progress)
         except SolveFailed as error:

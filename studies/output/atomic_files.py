@@ -54,8 +54,13 @@ def output_folder(path: str | Path) -> Path:
 
 
 @contextlib.contextmanager
-def filled(path: str | Path) -> Iterator[Path]:
+def filled(path: str | Path, names: Iterable[str] = ()) -> Iterator[Path]:
     """Yield the output folder, locked for this process; a folder that is made here is deleted if it stays empty.
+
+    Parameters
+    ----------
+    names : names of all files that the verb may write. Those that it has not written again, when the block ends
+        without an error, are of earlier options and are deleted.
 
     Raises
     ------
@@ -63,7 +68,17 @@ def filled(path: str | Path) -> Iterator[Path]:
         The folder cannot be written, or another process fills it.
     """
     with _folder_made(path) as folder, _locked(folder / LOCK, f"the folder {str(path)!r} is being filled"):
+        earlier = {file: _identity(file) for file in (folder / name for name in names) if file.is_file()}
         yield folder
+        for file, identity in earlier.items():
+            if file.is_file() and _identity(file) == identity:
+                file.unlink()
+
+
+def _identity(file: Path) -> tuple[int, int]:
+    """Return what tells a file from another one of its name: each is written to a new file that gets the name."""
+    found = file.stat()
+    return found.st_ino, found.st_mtime_ns
 
 
 @contextlib.contextmanager
@@ -116,9 +131,9 @@ def staged(folder: Path) -> Iterator[Path]:
             os.replace(file, folder / name)
 
 
-def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path | None]:
-    """Return `filled(path)`, or a context that yields None if there is no path."""
-    return contextlib.nullcontext() if path is None else filled(path)
+def results(path: str | Path | None, names: Iterable[str] = ()) -> contextlib.AbstractContextManager[Path | None]:
+    """Return `filled(path, names)`, or a context that yields None if there is no path."""
+    return contextlib.nullcontext() if path is None else filled(path, names)
 
 
 def check_output_file(path: str | Path, *suffixes: str) -> Path:

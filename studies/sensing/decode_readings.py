@@ -101,12 +101,12 @@ def force_gap(coder: Decoder, level: str, decoded: Decoded) -> Gap | None:
     """Compare the decoded forces with those of level finite; None without forces, or if they need no comparison."""
     from studies.sensing import force_level_check
 
-    if coder.mechanics is None or level in (force_level_check.BEST, RESPONSES):
+    if coder.mechanics is None or level == RESPONSES:
         return None
-    design, law = coder.forward.design, None
+    design, law = coder.forward.design, coder.mechanics if level == force_level_check.BEST else None
     # level finite refuses some designs; the gap is then of unknown size
     with contextlib.suppress(BadInput):
-        law = of_level(design, force_level_check.BEST)
+        law = law or of_level(design, force_level_check.BEST)
     return force_level_check.gap(design, law, decoded.shift, decoded.force)
 
 
@@ -235,7 +235,7 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
         tilt_y_rad=tilt_y,
         rotation_rad=decoded.tilt[0].tolist(),
         force_N=decoded.force[0].tolist(),
-        finite_force_N=None if gap is None else gap.finite[0].tolist(),
+        finite_force_N=None if gap is None or level == force_level_check.BEST else gap.finite[0].tolist(),
         contact=contact,
         depth_mm=depth,
         shear_mm=shear,

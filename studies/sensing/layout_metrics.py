@@ -146,9 +146,10 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Lay
     design, elements = coder.forward.design, coder.forward.elements
     three = design.hall_layout == "three"
     measured = figures(poses)
+    known = 100 * float((poses.weight > 0).mean())
     return LayoutRow(
         status="ok",
-        message=sentence(measured),
+        message=sentence(measured, known),
         layout=design.hall_layout,
         elements=[element.name for element in elements],
         f_mm=design.f if three else None,
@@ -160,7 +161,7 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Lay
         mode=coder.forward.mode,
         workspace_mm=[coder.low.tolist(), coder.high.tolist()],
         poses=len(poses.weight),
-        known_percent=100 * float((poses.weight > 0).mean()),
+        known_percent=known,
         figures=measured,
         noise_of_readings_T=coder.sigma.tolist(),
         noise_source=noise,
@@ -236,8 +237,8 @@ def _hits(coder: Decoder, poses: Survey) -> list[str]:
     return sentences
 
 
-def sentence(figures: Figures) -> str:
-    """Return the summary sentence of a layout."""
+def sentence(figures: Figures, known: float = 100.0) -> str:
+    """Return the summary sentence of a layout; `known` percent of its poses have a known tilt and were examined."""
     clear = figures.unique_percent + figures.ambiguous_percent
     if not clear > 0:
         return "no pose in the workspace is usable: each is blocked by an element or saturated"
@@ -252,6 +253,10 @@ def sentence(figures: Figures) -> str:
         parts.append(
             f"{percent_text(figures.ambiguous_percent)} of the workspace is ambiguous: poses up to "
             f"{figures.alike_apart_mm:.2g} mm apart give the same readings"
+        )
+    if known < 100:
+        parts.append(
+            f"this holds for the {percent_text(known)} of the poses whose tilt is known: the others were not examined"
         )
     if figures.folded:
         parts.append(

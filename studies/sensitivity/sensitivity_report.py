@@ -77,11 +77,6 @@ def write(folder: Path, results: Results, origin: str, command: str) -> None:
         write_table(folder / "montecarlo.csv", results.monte_carlo.sensors)
         write_table(folder / "percentiles.csv", [row.row() for row in results.monte_carlo.rows])
         sensitivity_plots.monte_carlo(folder / "montecarlo.png", results.monte_carlo)
-    # a file of a method that was not requested is of an earlier study: the page would not describe it
-    for name, study in (("sobol", results.sobol), ("morris", results.morris), ("montecarlo", results.monte_carlo)):
-        for file in FILES if study is None else ():
-            if file.startswith(name) or (name == "montecarlo" and file == "percentiles.csv"):
-                (folder / file).unlink(missing_ok=True)
     write_text(folder / "SENSITIVITY.md", text(results, origin, command))
 
 

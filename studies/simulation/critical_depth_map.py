@@ -55,7 +55,7 @@ class SlendernessRow:
 
     Attributes
     ----------
-    status : "ok" or "refused".
+    status : "ok", "refused", or "unknown" where a search ended before its last depth.
     """
 
     L_over_D: float
@@ -122,7 +122,7 @@ def _solve(beam: Design, magnet: Magnet, accuracy: str, ratio: float) -> Slender
         L_over_D=ratio,
         L_mm=beam.L,
         magnet=magnet,
-        status="ok",
+        status="unknown" if messages else "ok",
         free=_critical_point(free),
         guided=_critical_point(guided),
         euler=euler,
@@ -201,7 +201,7 @@ def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
 
     from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, log_numbers, sheet
 
-    solved = [row for row in rows if row.status == "ok"]
+    solved = [row for row in rows if row.status != "refused"]
     x = [row.L_over_D for row in solved]
     values = [row.row() for row in solved]
     scale = design.E * design.D**2

@@ -29,6 +29,8 @@ Reason = Literal[
     "another_asked_for",
 ]
 
+WRONG = 0.2
+"""Rms error over the largest stress from which on a law does not describe the test at all, and is no design."""
 SMALL_MISFIT = 0.05
 """Relative error of the stress at small strain that is worth a warning: forces are in proportion to it, and solves
 with a right law err by less than a tenth of that."""
@@ -85,7 +87,7 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
     low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
     possible = [low <= fit.E <= high for fit in fits]
     in_test = [within(ranges_of_test(data.stretch), fit.stable) for fit in fits]
-    able = [fit for fit, *good in zip(fits, possible, in_test, strict=True) if all(good)]
+    able = [fit for fit, *good in zip(fits, possible, in_test, strict=True) if all(good) and fit.share <= WRONG]
     share = min((fit.share for fit in able), default=0.0) + MISFIT
     small = min((abs(fit.small) for fit in able), default=0.0) + SMALL_MISFIT
     misses = [fit.share > share or abs(fit.small) > small for fit in fits]
@@ -93,7 +95,7 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
     keys = [
         (missed, not stable, k)
         for k, (fit, missed, stable, fits_in) in enumerate(zip(fits, misses, in_solve, possible, strict=True))
-        if fits_in and (fit in able if asked is None else fit.law == asked)
+        if fits_in and fit.share <= WRONG and (fit in able if asked is None else fit.law == asked)
     ]
     first = min(keys)[-1] if keys else None
     judged = []

@@ -43,10 +43,12 @@ class StabilityReport:
     """Critical depths and forces of a free and of a guided tip, beside the formulas' loads.
 
     A critical depth or force is None if the press is stable at every depth searched, which is down to
-    `stable_to_mm`.
+    `stable_to_mm`. Where a search ended before its last depth, the status is unknown and the message says why.
 
     Attributes
     ----------
+    status : ok; unknown; unstable, where a small shear is asked for at a depth at which even a guided tip gives way;
+        not_converged, where the press does not reach that depth.
     small_shear : None if no depth was requested; a row without a depth has no columns for it.
     """
 
@@ -87,8 +89,9 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
     progress(0.4, "guided tip")
     guided = stability.critical(design, magnet, guided=True, accuracy=level)
     report = StabilityReport(
-        status="ok",
-        message="; ".join(text for text in (free.message, guided.message) if text),
+        status="unknown" if free.message or guided.message else "ok",
+        # both searches may end for the same reason, which is then named once
+        message=_joined(*dict.fromkeys((free.message, guided.message))),
         critical_depth_mm=free.depth,
         critical_force_N=free.force,
         critical_depth_error_estimate=free.estimates.depth,
@@ -112,8 +115,9 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
     except BadInput as error:
         message = _joined(report.message, str(error))
         return dataclasses.replace(report, status="not_converged", message=message, small_shear=SmallShearRow(depth))
-    message = _joined(report.message, _stability_at(report, depth))
-    return dataclasses.replace(report, message=message, small_shear=_small_shear_row(depth, shear))
+    status, sentence = _stability_at(report, depth, shear.stiffness)
+    message = _joined(report.message, sentence)
+    return dataclasses.replace(report, status=status, message=message, small_shear=_small_shear_row(depth, shear))
 
 
 def _joined(*sentences: str) -> str:
@@ -134,19 +138,20 @@ def _small_shear_row(depth: float, shear: SmallShear) -> SmallShearRow:
     )
 
 
-def _stability_at(report: StabilityReport, depth: float) -> str:
-    """Return a sentence if the press is unstable at a depth, mm, or if its stability is unknown; else ""."""
+def _stability_at(report: StabilityReport, depth: float, stiffness: float) -> tuple[str, str]:
+    """Return status and sentence of a press to a depth, mm, whose sheared tip sticks to the plate."""
     free, guided = report.critical_depth_mm, report.guided_critical_depth_mm
-    if guided is not None and depth > guided:
-        return f"at depth {depth:g} mm the straight press is unstable even with a guided tip"
+    if (guided is not None and depth > guided) or not stiffness > 0:
+        return "unstable", f"at depth {depth:g} mm the straight press is unstable even with a guided tip"
+    if depth > report.guided_stable_to_mm:
+        limit = report.guided_stable_to_mm
+        return "unknown", f"at depth {depth:g} mm stability is unknown: the search ended at {limit:.4g} mm"
     if free is not None and depth > free:
-        return (
+        return report.status, (
             f"at depth {depth:g} mm the straight press is unstable if the tip slides freely: stiffness, shift and "
             "tilt hold for a tip that sticks to the plate"
         )
-    if depth > report.stable_to_mm:
-        return f"at depth {depth:g} mm stability is unknown: the search ended at {report.stable_to_mm:.4g} mm"
-    return ""
+    return report.status, ""
 
 
 def shown(report: StabilityReport) -> FlatRow:
