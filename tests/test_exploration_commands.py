@@ -36,6 +36,13 @@ def test_reasons_name_the_axes_that_vary_in_the_whole_table(run):
     assert "magtip: D 100 mm, E 0.5 MPa; D 100 mm, E 1 MPa: L must exceed the tip radius D/2 = 50 mm" in err
 
 
+def test_unstable_cases_are_counted_beside_the_table(run):
+    long = ("--set", "L=24", "--set", "l0=20", "--magnet", "ignored", "--accuracy", "quick")
+    status, _, err = run("sweep", "paper", *long, "--axis", "depth=0.5,2", "--json")
+    assert status == 0
+    assert "magtip: 1 of 2 cases are unstable" in err
+
+
 def test_a_tolerance_chooses_the_model_of_each_case(run, strict):
     command = ("sweep", "paper", "--tolerance", "20%", "--axis", "depth=0.4,2", "--set", "nu=0.3", "--json")
     status, out, err = run(*command)

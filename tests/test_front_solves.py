@@ -92,3 +92,9 @@ def test_half_widths_are_the_differences_to_the_worse_ends():
 def test_infinite_critical_depths_are_not_compared():
     made, _ = points([(10, 0.01, 20)], critical=np.array([np.inf]))
     assert largest_differences(made)["critical"]["points"] == 0
+
+
+def test_a_critical_depth_that_only_one_source_finds_is_counted():
+    made, _ = points([(10, 0.01, 20)], critical=np.array([np.inf]))
+    row = largest_differences([dataclasses.replace(made[0], solved=made[0].solved | {"critical": 0.2})])["critical"]
+    assert (row["points"], row["of_one_source"], row["largest_percent"]) == (0, 1, None)

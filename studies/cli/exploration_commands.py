@@ -138,6 +138,11 @@ def sweep(
         console.say(f"magtip: {sentence}")
     for reason in console.remarks(printed.failures, case, printed.rows):
         console.say(f"magtip: {reason}")
+    if printed.unstable:
+        console.say(
+            f"magtip: {printed.unstable} of {printed.count} cases are unstable: their numbers are those of an "
+            "equilibrium that a real sensor leaves"
+        )
     if printed.failed:
         console.say(f"magtip: {printed.failed} of {printed.count} cases failed")
     return FAILED if printed.failed or not printed.count else GOOD
@@ -145,9 +150,10 @@ def sweep(
 
 @dataclass(slots=True)
 class _Printed:
-    """Counts of the rows of a sweep and of the failed ones, and the first ones of each, which the screen shows."""
+    """Counts of the rows of a sweep, of unstable and failed ones, and the first ones, which the screen shows."""
 
     count: int = 0
+    unstable: int = 0
     failed: int = 0
     rows: list[FlatRow] = field(default_factory=list)
     failures: list[FlatRow] = field(default_factory=list)
@@ -155,6 +161,7 @@ class _Printed:
     def add(self, row: FlatRow, *, as_json: bool) -> None:
         """Count a row, and print it as JSON."""
         self.count += 1
+        self.unstable += row["status"] == "unstable"
         if as_json:
             console.report([row], as_json=True)
         if row["status"] not in ANSWERED:

@@ -213,15 +213,23 @@ def ranked(points: Sequence[FrontPoint], solved: Performance, requirements: Requ
 
 
 def largest_differences(points: Sequence[FrontPoint]) -> dict[str, dict[str, Any]]:
-    """Return for each quantity the median and the largest difference between surrogate and FEM, in percent of FEM."""
+    """Return for each quantity the median and the largest difference between surrogate and FEM, in percent of FEM.
+
+    `of_one_source` counts the points to which only one of the two gives a number: where only finite elements find a
+    critical depth, for instance, the surrogate says that the beam never gives way.
+    """
     table: dict[str, dict[str, Any]] = {}
     for name, (column, _) in COMPARED.items():
         pairs = np.array([(point.predicted[name], point.solved[name]) for point in points])
-        pairs = pairs[np.isfinite(pairs).all(axis=1) & (pairs[:, 1] != 0)] if len(pairs) else pairs.reshape(0, 2)
+        pairs = pairs.reshape(-1, 2)
+        known = np.isfinite(pairs)
+        alone = int((known[:, 0] != known[:, 1]).sum())
+        pairs = pairs[known.all(axis=1) & (pairs[:, 1] != 0)]
         errors = 100 * np.abs(pairs[:, 0] / pairs[:, 1] - 1)
         table[name] = {
             "quantity": column,
             "points": len(errors),
+            "of_one_source": alone,
             "median_percent": float(np.median(errors)) if len(errors) else None,
             "largest_percent": float(errors.max()) if len(errors) else None,
         }

@@ -203,7 +203,8 @@ def _differences(front: Sequence[FrontPoint]) -> str:
     ]
     note = (
         "Differences in percent of the finite elements. Half widths (front.csv) are the differences to "
-        "the worse ends of the surrogate's intervals, at which the search holds every bound."
+        "the worse ends of the surrogate's intervals, at which the search holds every bound. `of_one_source` counts "
+        "points to which only one of the two gives a number: those have no difference."
     )
     return f"## Surrogate beside finite elements\n\n{note}\n\n{markdown(rows)}"
 
