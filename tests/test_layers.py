@@ -23,6 +23,7 @@ HEAVY = {
     "matplotlib",
     "pydantic",
     "trimesh",
+    "pytetwild",
     "lib3mf",
     "meshio",
     "pymoo",

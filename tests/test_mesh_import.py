@@ -203,3 +203,18 @@ def test_the_verbs_mesh_and_solve_agree_on_the_sensor(run, tmp_path):
     status, out, err = run(*press, "--set", "D=8.01")
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert "with D 8 mm where this design has D 8.01 mm" in err
+
+
+def test_cells_of_another_mesher_give_the_same_force(run, strict, tmp_path):
+    """pytetwild shares only the surfaces with the harmonic model: a check of the mesh as well as of elements."""
+    file = tmp_path / "half.vtu"
+    made = ("mesh", "paper", "--half", "--mesher", "pytetwild", "--size", 1.5, "--out", file)
+    (report,) = strict(run(*made, "--json")[1])
+    assert report["status"] == "ok"
+    assert abs(report["silicone_volume_error"]) < 1e-6
+    load = ("solve", "paper", "--depth", 0.6, "--shear", 0.5, "--accuracy", "quick", "--json")
+    (harmonic,) = strict(run(*load)[1])
+    (half,) = strict(run(*load, "--model", "half", "--mesh", file)[1])
+    assert half["force_N"][2] == pytest.approx(harmonic["force_N"][2], rel=0.01)
+    assert half["force_N"][0] == pytest.approx(harmonic["force_N"][0], rel=0.05)
+    assert half["shift_mm"] == pytest.approx(harmonic["shift_mm"], rel=0.02, abs=1e-9)

@@ -7,6 +7,10 @@ The regions are named "silicone" and "magnet", in upper or lower case, by physic
 numbered 0 and 1 by the cell data `region`, as magtip writes them. Without names and numbers, the cells inside the
 magnet form the region "magnet". A mesh without cells inside the magnet has the magnet as a hole.
 
+`by_pytetwild` makes such a mesh by fTetWild (Hu et al., ACM Transactions on Graphics 39, 2020): it shares with the
+meshes of magtip the triangles of the surfaces only, and none of the cells. Repeated calls differ slightly, because
+fTetWild has no seed that can be set.
+
 The boundaries are found from the positions of the facets. A set of facets named "base", "skin", "symmetry" or
 "magnet" must agree with these positions.
 """
@@ -27,13 +31,16 @@ from skfem import MeshTet1, MeshTet2
 
 from geometry import cad, design_digest
 from geometry.arrays import Array, Ints
+from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
-from geometry.mesh import Parts
+from geometry.mesh import Parts, tetrahedra
 from geometry.meshing import mesh_quality
 from geometry.meshing.mesh_quality import determinants, quality
 
 OFF = 5e-3
 """Greatest distance of a node from the surface to which it belongs, in units of D."""
+ENVELOPE = 1e-3
+"""Greatest distance of pytetwild's cells from the given triangles, over the diagonal of the body: within OFF."""
 VOLUME = 2e-3
 """Greatest relative error of a region's volume."""
 LEAST_JACOBIAN = 0.05
@@ -94,7 +101,57 @@ def read(
             f"the mesh {text} does not say for which sensor it was made: only its surfaces (to {100 * OFF:g} % of D) "
             f"and volumes (to {100 * VOLUME:g} %) are checked"
         )
-    source = _checked(_parsed(content, text), shape)
+    return _on_surfaces(_parsed(content, text), shape, magnet)
+
+
+def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
+    """Mesh the beam with its magnet by pytetwild, in the unit of `shape`; see `geometry.mesh.tetrahedra`.
+
+    Parameters
+    ----------
+    size : edge length; pytetwild takes shorter edges where the surfaces need them.
+
+    Raises
+    ------
+    BadInput
+        The size is not a positive number.
+    MeshError
+        pytetwild makes no mesh that lies on the surfaces.
+    """
+    import pytetwild
+
+    magnet: Parts = "regions" if shape.has_magnet else "none"
+    # chords of longer edges leave the curved surfaces by more than OFF
+    surface = tetrahedra(shape, min(size / 2, shape.D / 16), half=half, magnet=magnet)
+    points, cells = pytetwild.tetrahedralize(
+        *_outward(surface), edge_length_abs=size, epsilon=ENVELOPE, num_threads=1, coarsen=False
+    )
+    nowhere = np.full(len(cells), -1)
+    source = _Cells(np.asarray(points, np.float64), np.asarray(cells, np.int64), nowhere, {}, "of pytetwild")
+    try:
+        return _on_surfaces(source, shape, magnet)
+    except BadInput as error:
+        raise MeshError(str(error)) from error
+
+
+def _outward(mesh: MeshTet2) -> tuple[Array, Ints]:
+    """Return the points, shape (n, 3), and triangles, shape (m, 3), of all boundaries; normals point outward."""
+    facets = np.concatenate(list(mesh.boundaries.values()))
+    inner = np.isin(mesh.f2t[0, facets], mesh.subdomains.get("magnet", facets[:0]))
+    # the triangles of the magnet's surface are seen from the magnet
+    cell = np.where(inner | (mesh.f2t[1, facets] < 0), mesh.f2t[0, facets], mesh.f2t[1, facets])
+    corners = mesh.facets[:, facets]
+    a, b, c = np.moveaxis(mesh.p[:, corners], 1, 0)
+    centre = mesh.p[:, mesh.t[:, cell]].mean(axis=1)
+    inverted = np.einsum("in,in->n", np.cross(b - a, c - a, axis=0), a - centre) < 0
+    corners[:2, inverted] = corners[1::-1, inverted]
+    used, index = np.unique(corners, return_inverse=True)
+    return np.ascontiguousarray(mesh.p[:, used].T), index.reshape(3, -1).T.astype(np.int32)
+
+
+def _on_surfaces(cells: _Cells, shape: Shape, magnet: Parts) -> MeshTet2:
+    """Return the checked mesh of cells, with its boundaries and subdomains, on the exact surfaces."""
+    source = _checked(cells, shape)
     region = _regions(source, shape)
     if magnet == "none":
         shape, region = shape.without_magnet(), np.zeros_like(region)

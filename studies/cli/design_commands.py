@@ -96,6 +96,7 @@ def mesh(
     out: Path,
     size: float | None = None,
     half: bool = False,
+    mesher: Literal["revolved", "pytetwild"] = "revolved",
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
@@ -109,13 +110,15 @@ def mesh(
         Edge length away from small features, mm; default: D/8.
     half
         Mesh only the half at y >= 0.
+    mesher
+        revolved: the mesh of the models half and full; pytetwild: another program's, for a check by `solve --mesh`.
     """
     from studies.simulation import design_summary
 
     design = design_of(source, sets)
     atomic_files.check_apart([out], [source])
     with console.progress(as_json=as_json) as progress:
-        record = design_summary.build_mesh(design, out, size, progress, half=half).row()
+        record = design_summary.build_mesh(design, out, size, progress, half=half, mesher=mesher).row()
     console.report([record], as_json=as_json, title="Mesh")
     return report_failures([record])
 

@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 """The folder that holds the packages."""
 OWN = "magtip"
-PACKAGES = ("numpy", "scipy", "scikit-fem")
+PACKAGES = ("numpy", "scipy", "scikit-fem", "pytetwild")
 """Packages on which the results of finite elements depend."""
 SOURCE = ("geometry", "fem", "analytic", "studies", "pyproject.toml", "constraints.txt")
 """Files that determine results; changes in other files, such as earlier results, do not make a commit dirty."""

@@ -6,7 +6,7 @@ import dataclasses
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from geometry import design_digest
 from geometry.bad_input import MeshError
@@ -229,28 +229,38 @@ def show(design: Design, *, as_json: bool) -> None:
 
 
 def build_mesh(
-    design: Design, out: Path, size: float | None, progress: Progress, *, half: bool = False
+    design: Design,
+    out: Path,
+    size: float | None,
+    progress: Progress,
+    *,
+    half: bool = False,
+    mesher: Literal["revolved", "pytetwild"] = "revolved",
 ) -> MeshReport:
     """Mesh the sensor, or its half at y >= 0, write the mesh to a .vtu file and measure its quality.
 
     Parameters
     ----------
     size : edge length away from small features, mm; default: D/8.
+    mesher : the section turned about the axis, or pytetwild.
     """
     file = atomic_files.check_output_file(out, ".vtu")
     length = design.D / 8 if size is None else size
     if not 0.02 * design.D <= length <= design.D:
         raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
-    from geometry.mesh import tetrahedra
+    from geometry.mesh import Parts, tetrahedra
+    from geometry.meshing.mesh_import import by_pytetwild
     from geometry.meshing.mesh_quality import quality
 
     with atomic_files.sole_writer(file):
         progress(0.0, "tetrahedra")
         begin = time.perf_counter()
         try:
-            mesh = tetrahedra(
-                design.shape, length, half=half, magnet="regions" if design.shape.has_magnet else "none"
-            )
+            if mesher == "pytetwild":
+                mesh = by_pytetwild(design.shape, length, half=half)
+            else:
+                parts: Parts = "regions" if design.shape.has_magnet else "none"
+                mesh = tetrahedra(design.shape, length, half=half, magnet=parts)
         except MeshError as error:
             return MeshReport("failed", str(error), None, length, None)
         seconds = time.perf_counter() - begin
