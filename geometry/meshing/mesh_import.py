@@ -131,7 +131,9 @@ def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
     try:
         return _on_surfaces(source, shape, magnet)
     except BadInput as error:
-        raise MeshError(str(error)) from error
+        raise MeshError(
+            f"the cells that pytetwild makes with edges of {size:g} do not fit this design: take a smaller size ({error})"
+        ) from error
 
 
 def _outward(mesh: MeshTet2) -> tuple[Array, Ints]:
