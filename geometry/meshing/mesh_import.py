@@ -132,7 +132,8 @@ def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
         return _on_surfaces(source, shape, magnet)
     except BadInput as error:
         raise MeshError(
-            f"the cells that pytetwild makes with edges of {size:g} do not fit this design: take a smaller size ({error})"
+            f"the cells that pytetwild makes with edges of {size:g} do not fit this design: take a smaller size "
+            f"({error})"
         ) from error
 
 
