@@ -27,6 +27,7 @@ Remark = Literal[
     "leaning",
     "given_way",
     "slides_over",
+    "pushed_aside",
     "guided_only",
     "guided_unknown",
     "nearly_guided_only",

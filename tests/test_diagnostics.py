@@ -140,6 +140,14 @@ def test_an_instability_without_creases_may_be_the_meshs(pressed):
     assert "it cannot be told whether the silicone or the mesh is unstable" in state.message
 
 
+@pytest.mark.parametrize(("depth", "remark"), [(1.0, None), (3.45, "pushed_aside")])
+def test_a_glued_shear_tells_that_the_press_before_it_would_have_buckled(depth, remark):
+    """The paper's sensor buckles at 2.9 mm; beyond, the tip that the plate holds pushes along the shear."""
+    state = solve(paper(), Load(depth=depth, shear_x=-0.5, friction="stick"), QUICK)
+    assert (state.status, state.facts.remark) == ("ok", remark)
+    assert (state.response.force[0] > 0) == (remark is not None)
+
+
 def test_a_press_beyond_buckling_is_unstable():
     state = trace(Design(D=8.0, L=40.0, l0=40.0), [Load(depth=6.0)], QUICK)[-1]
     assert state.facts.sideways_stiffness_ratio < -10

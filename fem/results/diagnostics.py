@@ -171,6 +171,11 @@ def _choose_remark(
         return "leaning" if load.imperfection else "given_way"
     if load.shear and not sheared:
         return "slides_over"
+    # with slip, or in time, a force against the shear is no sign of buckling: the plate may have moved back
+    if sheared and pressed and not touched and load.friction == "stick" and not load.plate_tilt:
+        force, shear = found.response.force, load.imposed_shear
+        if force[0] * shear[0] + force[1] * shear[1] < 0:
+            return "pushed_aside"
     if near and near.stability.is_unstable:
         return "guided_only"
     if near and near.critical_depth is not None and load.depth > NEAR * near.critical_depth * D:
@@ -284,6 +289,8 @@ def _describe_remark(remark: Remark, solution: Diagnosed) -> str:
         "direction): the symmetric press is unstable",
         "slides_over": "the frictionless plate slides over the tip, so the shear has no effect: "
         "choose friction stick or a coefficient",
+        "pushed_aside": "the pressed tip pushes along the shear instead of resisting it: before it stuck to the plate, "
+        "a tip that slides freely would have buckled sideways (magtip stability computes the critical depth)",
         "guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'before this depth'}: "
         "this solution holds the tip on the axis (magtip stability computes the critical depth)",
         "guided_unknown": "whether a beam whose tip slides freely on the plate would buckle sideways is not known",
