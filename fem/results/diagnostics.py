@@ -289,7 +289,7 @@ def _describe_remark(remark: Remark, solution: Diagnosed) -> str:
         "direction): the symmetric press is unstable",
         "slides_over": "the frictionless plate slides over the tip, so the shear has no effect: "
         "choose friction stick or a coefficient",
-        "pushed_aside": "the pressed tip pushes along the shear instead of resisting it: before it stuck to the plate, "
+        "pushed_aside": "the pressed tip pushes along the shear instead of resisting it: before it stuck, "
         "a tip that slides freely would have buckled sideways (magtip stability computes the critical depth)",
         "guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'before this depth'}: "
         "this solution holds the tip on the axis (magtip stability computes the critical depth)",
