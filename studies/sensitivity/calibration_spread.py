@@ -13,6 +13,7 @@ A calibration is the nominal sensor's curve of reading over force, and beyond it
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -143,10 +144,12 @@ def _largest_error(force: Array, truth: Array, reading: Array) -> Array:
 def failure_reasons(refusals: Sequence[str]) -> dict[str, int]:
     """Return how many sensors have failed for each reason, the most frequent first.
 
-    >>> failure_reasons(["", "rail", "", "wall", "rail"])
-    {'rail': 2, 'wall': 1}
+    Reasons that differ in their numbers only are one, and the first of them is named.
+
+    >>> failure_reasons(["", "rail", "1 mm deep", "rail", "2.5e-3 mm deep", "rail"])
+    {'rail': 3, '1 mm deep': 2}
     """
-    counts: dict[str, int] = {}
+    groups: dict[str, list[str]] = {}
     for reason in filter(None, refusals):
-        counts[reason] = counts.get(reason, 0) + 1
-    return dict(sorted(counts.items(), key=lambda item: -item[1]))
+        groups.setdefault(re.sub(r"-?\d[\d.]*(e[+-]?\d+)?", "#", reason), []).append(reason)
+    return {group[0]: len(group) for group in sorted(groups.values(), key=len, reverse=True)}
