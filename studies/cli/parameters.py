@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -10,6 +11,7 @@ from cyclopts import Parameter
 from geometry.design import Design
 from geometry.loads import Magnet
 from studies.inputs import input_warnings, user_input
+from studies.inputs.option_groups import Whole
 
 Source = Annotated[str, Parameter(name="DESIGN", help="Name of a preset (paper) or path of a TOML file.")]
 Sets = Annotated[
@@ -20,6 +22,15 @@ Wide = Annotated[
     bool,
     Parameter(name="--wide", help="Show all columns of a table; default: as many main columns as fit."),
 ]
+
+OwnStore = Annotated[
+    Path | None,
+    Parameter(
+        help="File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name."
+    ),
+]
+Workers = Annotated[Whole | None, Parameter(help="Number of processes that solve; default: one for each core.")]
+Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler whose workers solve.")]
 
 
 def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid") -> Design:

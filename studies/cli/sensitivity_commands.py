@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
+from studies.cli.parameters import AsJson, OwnStore, Scheduler, Sets, Source, Wide, Workers, design_of
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import DEPTH, Whole
@@ -32,9 +32,9 @@ def sensitivity(
     sensors: Whole = 1000,
     seed: Whole = 0,
     out: Path | None = None,
-    store: Path | None = None,
-    workers: Whole | None = None,
-    scheduler: str | None = None,
+    store: OwnStore = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -69,12 +69,6 @@ def sensitivity(
         Seed of all random numbers, 0 or more.
     out
         Folder for SENSITIVITY.md, tables and pictures.
-    store
-        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
-    workers
-        Number of processes that solve; default: one for each core.
-    scheduler
-        Address of a Dask scheduler whose workers solve.
     """
     command_line = command(sensitivity, locals())
     from studies.exploration.needed_paths import Processes

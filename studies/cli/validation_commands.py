@@ -2,20 +2,53 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from geometry.design import BadInput
+from geometry.messages import Progress
 from studies.cli.command_output import report_goals
-from studies.cli.parameters import AsJson, Wide
+from studies.cli.parameters import AsJson, OwnStore, Scheduler, Wide, Workers
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console, own_files
+from studies.output import atomic_files, console
+
+Row = dict[str, Any]
+"""A row of a study: values by the names of their columns."""
+
+
+@contextlib.contextmanager
+def _results(
+    out: Path | None, files: Sequence[str], *, as_json: bool, inputs: Sequence[Path | None] = ()
+) -> Iterator[tuple[Path | None, Progress]]:
+    """Yield the folder of results, which has no file of the user and no input among `files`, and the progress."""
+    atomic_files.check_apart(atomic_files.inside(out, files), inputs)
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        yield folder, progress
+
+
+def _collected(rows: Iterable[Row], line: Callable[[Row], str] | None) -> list[Row]:
+    """Return the rows of a study; each is printed as a line, if there is one, as soon as it is known."""
+    results = []
+    for row in rows:
+        results.append(row)
+        if line is not None:
+            print(line(row), flush=True)
+    return results
+
+
+def _report_failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> int:
+    """Return exit status 0 if there are rows and none failed; else print the names of those that did and return 3."""
+    if names:
+        console.say(f"magtip: {len(names)} of {count} {what}: {between.join(names)}")
+    return FAILED if names or not count else GOOD
 
 
 def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -31,8 +64,7 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     command_line = command(verify, locals())
     from studies.validation import verify as study
 
-    own_files.check(out, ("VERIFY.md", "verify.csv"))
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with _results(out, ("VERIFY.md", "verify.csv"), as_json=as_json) as (folder, progress):
         comparisons = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
         comparisons if as_json else list(map(study.printed, comparisons)),
@@ -43,9 +75,7 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
         wide=wide,
     )
     failed = [f"{row['target']} ({row['quantity']})" for row in comparisons if not row["passed"]]
-    if failed:
-        console.say(f"magtip: {len(failed)} of {len(comparisons)} targets are missed: {', '.join(failed)}")
-    return FAILED if failed else GOOD
+    return _report_failed(failed, len(comparisons), "targets are missed", ", ")
 
 
 def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -61,8 +91,7 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     command_line = command(friction, locals())
     from studies.validation import coulomb_study as study
 
-    own_files.check(out, ("FRICTION.md", "friction.csv", "friction.png"))
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with _results(out, ("FRICTION.md", "friction.csv", "friction.png"), as_json=as_json) as (folder, progress):
         checks = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
         checks,
@@ -71,10 +100,7 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
         first=("quantity", "value", "expected", "passed"),
         wide=wide,
     )
-    failed = [check["quantity"] for check in checks if not check["passed"]]
-    if failed:
-        console.say(f"magtip: {len(failed)} of {len(checks)} checks fail: {'; '.join(failed)}")
-    return FAILED if failed else GOOD
+    return _report_failed([check["quantity"] for check in checks if not check["passed"]], len(checks), "checks fail")
 
 
 def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
@@ -92,20 +118,16 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     command_line = command(extremes, locals())
     from studies.validation import robustness as study
 
-    own_files.check(out, ("EXTREMES.md", "extremes.csv"))
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        results = []
-        for result in study.run(quick=quick, folder=folder, command=command_line, progress=progress):
-            print(atomic_files.json_line(result) if as_json else study.line(result), flush=True)
-            results.append(result)
+    with _results(out, ("EXTREMES.md", "extremes.csv"), as_json=as_json) as (folder, progress):
+        rows = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
+        results = _collected(rows, atomic_files.json_line if as_json else study.line)
     failed, unjudged = (
         [result["scene"] for result in results if result["verdict"] == verdict] for verdict in ("fail", "not judged")
     )
-    if unjudged:
-        console.say(f"magtip: {len(unjudged)} of {len(results)} cases yield no measurement: {'; '.join(unjudged)}")
-    if failed:
-        console.say(f"magtip: {len(failed)} of {len(results)} cases fail: {'; '.join(failed)}")
-    return FAILED if failed or unjudged else GOOD
+    return max(
+        _report_failed(unjudged, len(results), "cases yield no measurement"),
+        _report_failed(failed, len(results), "cases fail"),
+    )
 
 
 def accuracy(
@@ -136,8 +158,7 @@ def accuracy(
     from studies.validation import error_study as study
 
     origin = versions()
-    own_files.check(out, error_statistics.FILES)
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with _results(out, error_statistics.FILES, as_json=as_json) as (folder, progress):
         most = math.inf if minutes is None else minutes
         states = study.run(quick=quick, folder=folder, minutes=most, progress=progress)
         if folder is not None:
@@ -179,13 +200,10 @@ def crosscheck(
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
 
-    own_files.check(out, ("CROSSCHECK.md", "crosscheck.csv"))
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        results = []
-        for result in study.run(accuracy, count, progress, tilted=tilted):
-            results.append(result)
-            if as_json:
-                print(atomic_files.json_line(result), flush=True)
+    with _results(out, ("CROSSCHECK.md", "crosscheck.csv"), as_json=as_json) as (folder, progress):
+        results = _collected(
+            study.run(accuracy, count, progress, tilted=tilted), atomic_files.json_line if as_json else None
+        )
         if folder is not None:
             study.write(folder, results, versions(), command_line)
     if not as_json:
@@ -194,10 +212,7 @@ def crosscheck(
         for remark in console.remarks(results, ("design",)):
             console.note(remark)
     failed = [f"design {row['design']}" for row in results if not row["agree"]]
-    if failed:
-        what = "loads" if tilted else "designs"
-        console.say(f"magtip: {len(failed)} of {len(results)} {what} disagree: {', '.join(failed)}")
-    return FAILED if failed else GOOD
+    return _report_failed(failed, len(results), f"{'loads' if tilted else 'designs'} disagree", ", ")
 
 
 def ladder(
@@ -228,13 +243,8 @@ def ladder(
     most = len(study.designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
-    own_files.check(out, ("LADDER.md", "ladder.csv", "ladder.png"))
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        comparisons = []
-        for comparison in study.run(accuracy, count, progress):
-            comparisons.append(comparison)
-            if as_json:
-                print(atomic_files.json_line(comparison), flush=True)
+    with _results(out, ("LADDER.md", "ladder.csv", "ladder.png"), as_json=as_json) as (folder, progress):
+        comparisons = _collected(study.run(accuracy, count, progress), atomic_files.json_line if as_json else None)
         if folder is not None:
             study.write(folder, comparisons, versions(), command_line)
     if not as_json:
@@ -261,13 +271,8 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     if not 1 <= count <= 1024:
         raise BadInput(f"--count must lie between 1 and 1024; got {count}")
     origin = versions()
-    own_files.check(out, ("RANGE.md", "range.csv"))
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        results = []
-        for result in study.run(count, folder, progress):
-            results.append(result)
-            if as_json:
-                print(atomic_files.json_line(result), flush=True)
+    with _results(out, ("RANGE.md", "range.csv"), as_json=as_json) as (folder, progress):
+        results = _collected(study.run(count, folder, progress), atomic_files.json_line if as_json else None)
         if folder is not None:
             study.write(folder, results, origin, command_line)
     if not as_json:
@@ -279,7 +284,7 @@ def claims(
     *,
     quick: bool = False,
     out: Path | None = None,
-    store: Path | None = None,
+    store: OwnStore = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -291,8 +296,6 @@ def claims(
         Use few loads and coarser meshes: some seconds instead of some minutes.
     out
         Folder for CLAIMS.md, tables and plots.
-    store
-        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
     """
     command_line = command(claims, locals())
     from studies.exploration import store as stores
@@ -301,11 +304,9 @@ def claims(
 
     origin = versions(("matplotlib",))
     extent = claim_states.QUICK_EXTENT if quick else claim_states.Extent()
-    atomic_files.check_apart(atomic_files.inside(out, paper_claims.FILES), [store])
     with (
+        _results(out, paper_claims.FILES, as_json=as_json, inputs=[store]) as (folder, progress),
         stores.opened(store or stores.default()) as states,
-        atomic_files.results(out) as folder,
-        console.progress(as_json=as_json) as progress,
     ):
         results = paper_claims.run(extent, states, progress)
         if folder is not None:
@@ -322,9 +323,9 @@ def assumption(
     /,
     *,
     out: Path | None = None,
-    store: Path | None = None,
-    workers: Whole | None = None,
-    scheduler: str | None = None,
+    store: OwnStore = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -334,12 +335,6 @@ def assumption(
     ----------
     out
         Folder for ASSUMPTION.md, tables and maps.
-    store
-        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
-    workers
-        Number of processes that solve; default: one for each core.
-    scheduler
-        Address of a Dask scheduler whose workers solve.
     """
     command_line = command(assumption, locals())
     from studies.exploration.needed_paths import Processes
@@ -349,8 +344,8 @@ def assumption(
     origin = versions(("matplotlib",))
     source = study or beam_assumption.STUDY
     plan = beam_assumption.plan_of(source)
-    atomic_files.check_apart([*atomic_files.inside(out, beam_assumption.FILES), store], [source])
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.check_apart([store], [source])
+    with _results(out, beam_assumption.FILES, as_json=as_json, inputs=[source, store]) as (folder, progress):
         result = beam_assumption.run(plan, progress, Processes(workers, scheduler), store)
         if folder is not None:
             beam_assumption.write(folder, result, origin, command_line)
@@ -398,8 +393,7 @@ def trade(
     if not 2 <= designs <= trade_cases.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
     origin = versions()
-    own_files.check(out, trade_report.FILES)
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with _results(out, trade_report.FILES, as_json=as_json) as (folder, progress):
         states = study.run(study.plan(designs, quick=quick), folder, progress)
         rule = trade_rule.statements(states)
         results = []
@@ -450,9 +444,8 @@ def bench(
     command_line = command(bench, locals())
     from studies.validation import bench as study
 
-    own_files.check(out, ("BENCH.md", "bench.csv"))
     chosen = [] if cases is None else [name.strip() for name in cases.split(",")]
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with _results(out, ("BENCH.md", "bench.csv"), as_json=as_json) as (folder, progress):
         rows = study.run(study.Bench(quick, peers, ccx), chosen, folder, command_line, progress)
     console.report(rows, as_json=as_json, title="Speed", brief=study.BRIEF, wide=wide)
     for row in rows:
@@ -465,9 +458,9 @@ def surrogate(
     *,
     quick: bool = False,
     out: Path | None = None,
-    store: Path | None = None,
-    workers: Whole | None = None,
-    scheduler: str | None = None,
+    store: OwnStore = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -483,12 +476,6 @@ def surrogate(
         Use few beams and coarser meshes: some minutes, and errors of 10 %.
     out
         Folder for surrogate.npz, SURROGATE.md, tables and the picture.
-    store
-        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
-    workers
-        Number of processes that solve; default: one for each core.
-    scheduler
-        Address of a Dask scheduler whose workers solve.
     """
     command_line = command(surrogate, locals())
     from studies.exploration import store as stores
@@ -498,11 +485,9 @@ def surrogate(
     from studies.validation import surrogate_study, surrogate_test
 
     extent = surrogate_study.FEW if quick else surrogate_study.Extent()
-    atomic_files.check_apart(atomic_files.inside(out, surrogate_test.FILES), [store])
     with (
+        _results(out, surrogate_test.FILES, as_json=as_json, inputs=[store]) as (folder, progress),
         stores.opened(store or stores.default()) as states,
-        atomic_files.results(out) as folder,
-        console.progress(as_json=as_json) as progress,
     ):
         result = surrogate_study.run(extent, states, Processes(workers, scheduler), progress)
         rows = surrogate_test.summaries(result.errors)

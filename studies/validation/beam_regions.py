@@ -259,11 +259,15 @@ def _capital(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
+def _known(values: Sequence[Array]) -> Array:
+    """Return all finite values of several arrays, shape (n,)."""
+    known = np.concatenate([np.empty(0), *(array.ravel() for array in values)])
+    return np.asarray(known[np.isfinite(known)])
+
+
 def light_press_sentence(table: Columns, grids: Sequence[Cells]) -> list[str]:
     """Return the errors of formula (5) in light presses."""
-    values = [errors(table, grid, "paper", "press force")[grid.loads[:, 0] <= SHALLOW].ravel() for grid in grids]
-    known = np.concatenate(values) if values else np.empty(0)
-    known = known[np.isfinite(known)]
+    known = _known([errors(table, grid, "paper", "press force")[grid.loads[:, 0] <= SHALLOW] for grid in grids])
     if not len(known):
         return []
     line = (
@@ -275,9 +279,7 @@ def light_press_sentence(table: Columns, grids: Sequence[Cells]) -> list[str]:
 
 def shear_sign_sentence(table: Columns, grids: Sequence[Cells]) -> list[str]:
     """Return how often formula (6) is too stiff."""
-    values = [errors(table, grid, "paper", "shear force").ravel() for grid in grids]
-    known = np.concatenate(values) if values else np.empty(0)
-    known = known[np.isfinite(known)]
+    known = _known([errors(table, grid, "paper", "shear force") for grid in grids])
     if not len(known):
         return []
     line = (
