@@ -212,6 +212,7 @@ def test_cells_of_another_mesher_give_the_same_force(run, strict, tmp_path):
     (report,) = strict(run(*made, "--json")[1])
     assert report["status"] == "ok"
     assert abs(report["silicone_volume_error"]) < 1e-6
+    assert [path.name for path in tmp_path.glob("[!.]*")] == ["half.vtu"]
     load = ("solve", "paper", "--depth", 0.6, "--shear", 0.5, "--accuracy", "quick", "--json")
     (harmonic,) = strict(run(*load)[1])
     (half,) = strict(run(*load, "--model", "half", "--mesh", file)[1])

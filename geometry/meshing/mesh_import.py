@@ -20,6 +20,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -123,9 +124,11 @@ def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
     magnet: Parts = "regions" if shape.has_magnet else "none"
     # chords of longer edges leave the curved surfaces by more than OFF
     surface = tetrahedra(shape, min(size / 2, shape.D / 16), half=half, magnet=magnet)
-    points, cells = pytetwild.tetrahedralize(
-        *_outward(surface), edge_length_abs=size, epsilon=ENVELOPE, num_threads=1, coarsen=False
-    )
+    # fTetWild writes a file of its own into the working folder
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        points, cells = pytetwild.tetrahedralize(
+            *_outward(surface), edge_length_abs=size, epsilon=ENVELOPE, num_threads=1
+        )
     nowhere = np.full(len(cells), -1)
     source = _Cells(np.asarray(points, np.float64), np.asarray(cells, np.int64), nowhere, {}, "of pytetwild")
     try:
