@@ -90,17 +90,6 @@ def contract(X: Array, Y: Array) -> Array:
     return np.asarray(np.tensordot(TWICE, X * Y, axes=1))
 
 
-def full(X: Array) -> Array:
-    """Return the (3, 3, ...) form of symmetric tensors (6, ...)."""
-    return np.asarray(X[PLACES])
-
-
-def six(T: Array) -> Array:
-    """Return the components (6, ...) of symmetric tensors (3, 3, ...)."""
-    rows, columns = np.array(PAIRS).T
-    return np.asarray(T[rows, columns])
-
-
 def determinant(X: Array) -> Array:
     """Return the determinants of symmetric tensors (6, ...)."""
     a, b, c, f, e, d = X
@@ -161,19 +150,6 @@ def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array) -> tuple[Ar
     Y = np.cbrt(determinant(X)) * inverse(X)
     trace = contract(Y, C)
     return mu / 2 * (less * trace - 3), mu * less * (Y - trace / 3 * inverse(C))
-
-
-def dissipation_rate(viscous: Array, C: Array, J: Array, mu: Array, tau: float) -> Array:
-    """Return the dissipation per volume and time of one branch of the law "finite", never negative.
-
-    Parameters
-    ----------
-    viscous : C_i (6, ...).
-    mu : g_i mu0.
-    """
-    M = np.einsum("ij...,jk...->ik...", full(J ** (-2 / 3) * C), full(inverse(viscous)))
-    square = np.einsum("ij...,ji...->...", M, M)
-    return np.asarray(mu / (2 * tau) * (square - np.einsum("ii...->...", M) ** 2 / 3))
 
 
 def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
