@@ -32,6 +32,8 @@ from geometry.section import section as section_mesh
 
 Model = Literal["axisymmetric", "harmonic", "half", "full"]
 
+_section_mesh = functools.lru_cache(maxsize=8)(section_mesh)
+
 
 @dataclass(frozen=True)
 class Discretisation:
@@ -128,7 +130,15 @@ def specification(scene: Scene, size: float, tip_size: float) -> MeshSpecificati
 
 def _build_section(spec: MeshSpecification) -> Discretisation:
     shape, harmonics = spec.shape, spec.harmonics
-    mesh = _section_mesh(shape, spec.size, spec.tip_size, spec.rim, spec.fillet, spec.hole, spec.glued)
+    mesh = _section_mesh(
+        shape,
+        spec.size,
+        tip_size=spec.tip_size,
+        rim=spec.rim,
+        fillet=spec.fillet,
+        magnet=spec.hole,
+        glued=spec.glued,
+    )
     e = elements.build(mesh, axisymmetric=True, harmonics=harmonics, sines=spec.sines)
     fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
@@ -221,19 +231,6 @@ def _release_next_point(skin: Surface, shape: Shape, radius: float) -> Surface:
     weights = skin.weights.copy()
     weights[facet].reshape(-1, skin.angles)[height[facet].argmax()] = 0
     return replace(skin, weights=weights)
-
-
-@functools.lru_cache(maxsize=8)
-def _section_mesh(
-    shape: Shape,
-    size: float,
-    tip_size: float,
-    rim: tuple[float, float] | None,
-    fillet: float,
-    magnet: Literal["hole", "none"],
-    glued: bool,
-) -> skfem.MeshTri2:
-    return section_mesh(shape, size, tip_size=tip_size, rim=rim, fillet=fillet, magnet=magnet, glued=glued)
 
 
 @functools.lru_cache(maxsize=4)
