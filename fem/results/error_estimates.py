@@ -1,7 +1,7 @@
 """Relative errors of an answer, estimated from its difference to the answer on a coarser mesh.
 
 `estimated` solves again on the coarser mesh. The rules are those of `fem.results.error_estimate_rules`; `magtip
-accuracy` compares the estimates with the errors against much finer meshes.
+validate accuracy` compares the estimates with the errors against much finer meshes.
 """
 
 from __future__ import annotations
@@ -232,7 +232,7 @@ def _force_along_shear(response: Response, load: Load) -> float:
 
 
 def _relative_difference(value: Sequence[float], coarse: Sequence[float], rounding: float) -> float | None:
-    """Return the distance of two vectors over the length of the first; None if that is at most `nothing`."""
+    """Return the distance of two vectors over the length of the first; None if that is at most `rounding`."""
     size = math.hypot(*value)
     return None if size <= rounding else math.dist(value, coarse) / size
 

@@ -143,8 +143,8 @@ def crease_ratio(state: PathState) -> float | None:
     around = (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
     free = (state.overlap <= 0) & (before[..., 1] @ skin.shape.T > CLAMP)
     nu = 1 / (2 * float(state.d.system.mu[0, 0])) - 1  # E is the unit of stress
-    ratio = (along * around) ** (-nu / (1 - nu)) / np.minimum(along, around)
-    return float(ratio[free].max(initial=0.0))
+    along, around = along[free], around[free]
+    return float(((along * around) ** (-nu / (1 - nu)) / np.minimum(along, around)).max(initial=0.0))
 
 
 def largest_strain(e: Elements, u: Array) -> float:

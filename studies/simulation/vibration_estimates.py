@@ -6,8 +6,8 @@ function of f / f_0, the relative error is about
 
     A e,        A = 1 + |d ln g / d ln f| / 2.
 
-e follows from a rule (`fem.results.error_estimate_rules.VIBRATION_RULES`) and from the difference to the coarser mesh
-over A. `studies.validation.vibration_errors` compares the estimates with errors against much finer meshes.
+e follows from a rule (`fem.results.error_estimate_rules`) and from the difference to the coarser mesh over A.
+`studies.validation.vibration_errors` compares the estimates with errors against much finer meshes.
 """
 
 from __future__ import annotations
