@@ -106,15 +106,16 @@ def row(**changes):
     return {"beam": 1, "kind": "press", "quantity": "force"} | dict.fromkeys(NUMBERS, 0.0) | changes
 
 
-def judged(rows):
+def judged(rows, failed=0):
     table = surrogate_test.summaries(pd.DataFrame(rows))
-    return [str(goal) for goal in missed(surrogate_test.goals(table))]
+    return [str(goal) for goal in missed(surrogate_test.goals(table, failed))]
 
 
 def test_goals_are_judged_by_percentile_and_covered_beams():
     """Of 20 beams, 14 must be covered in all of their states."""
     good = [row(beam=k, error_percent=1.0, interval_percent=2.0) for k in range(20)]
     assert judged(good) == []
+    assert judged(good, failed=1) == ["beams left out of the test because a state failed: 1, goal at most 0"]
     bad = [row(beam=k, depth_over_D=0.01, error_percent=1.0, interval_percent=0.5) for k in range(7)]
     assert any("all: beams that the intervals hold: 65 %, goal at least 70 %" in one for one in judged(good + bad))
     assert judged(good + bad[:6]) == []

@@ -467,8 +467,7 @@ def surrogate(
     """Build the surrogate from finite elements, and test it on beams that it has not seen.
 
     From an empty store it took some 70 minutes on two busy cores; what is solved is kept, so that an interrupted
-    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate,
-    and summary.csv as surrogate_errors.csv.
+    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate.
 
     Parameters
     ----------
@@ -500,7 +499,7 @@ def surrogate(
         first=("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent"),
         wide=wide,
     )
-    lost = missed(surrogate_test.goals(rows))
+    lost = missed(surrogate_test.goals(rows, result.failed[1]))
     for goal in lost:
         console.warn(str(goal))
-    return FAILED if lost or not rows else GOOD
+    return FAILED if lost else GOOD

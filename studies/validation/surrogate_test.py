@@ -101,9 +101,15 @@ def least_covered(count: int) -> int:
     return int(stats.binom.ppf(DOUBT, count, COVERAGE))
 
 
-def goals(table: Sequence[Row]) -> list[Goal]:
-    """Return the goals of the errors and of the coverage, for each quantity and region."""
-    found = []
+def goals(table: Sequence[Row], failed: int) -> list[Goal]:
+    """Return the goals: no beam of the test is left out; errors and coverage of each quantity and region.
+
+    Parameters
+    ----------
+    failed : number of beams of the test that are left out because a state failed.
+    """
+    count = failed + max((row["beams"] for row in table), default=0)
+    found = [Goal("beams left out of the test because a state failed", failed, 0, count)]
     for row in table:
         name = f"{row['kind']}, {row['quantity']}, {row['region']}"
         if row["kind"] in ("press", "shear") and row["quantity"] in GOALS:
@@ -232,7 +238,7 @@ def write(folder: Path, result: Result, first: int, origin: str, command: str) -
     """Write the report into an existing folder; return the goals."""
     rows = result.errors
     table = summaries(rows)
-    posed = goals(table)
+    posed = goals(table, result.failed[1])
     speed = designs_per_second(result)
     with atomic(folder / "surrogate.npz") as temporary:
         surrogate_file.write(temporary, result.surrogate)
