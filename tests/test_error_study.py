@@ -200,6 +200,9 @@ def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions()
         (row["quantity"], row["c"]) for row in error_statistics.rules([state(0.01, 0.02)]) if row["scene"] == "press"
     }
     assert kept == {(row["quantity"], row["c"]) for row in table_rows() if row["scene"] == "press"}
+    unknown = [state(0.01, estimate) for estimate in (math.nan, 0.0)]
+    assert error_statistics.rules([*unknown, state(0.03, 0.02, commit="abc")]) == list(found.values())
+    assert error_statistics.rules(unknown) == table_rows()
 
 
 def test_no_comparison_is_no_success(tmp_path, capsys):

@@ -222,16 +222,18 @@ def _left_out(states: Sequence[Row]) -> str:
 def rules(states: Sequence[Row]) -> list[Row]:
     """Return the rows of fem/results/error_rules.csv, with c so wide that each covers COVERAGE of its states.
 
-    Rows with states in the study get today's versions and the commits of their solves; the others stay.
+    Rows with states in the study get today's versions and the commits of their solves; the others stay. An estimate
+    that is unknown or 0 covers no error, whatever c is, and misses its goal: c does not follow from it.
     """
     ratios: dict[tuple[str, str, str], list[float]] = defaultdict(list)
     commits: dict[tuple[str, str, str], set[str]] = defaultdict(set)
     for state in ended_well(states):
         for name in QUANTITIES:
             for error, estimate in pairs_of([state], name):
-                key = _rule_of(state, name)
-                ratios[key].append(error / estimate)
-                commits[key].add(state["commit"])
+                if estimate > 0:
+                    key = _rule_of(state, name)
+                    ratios[key].append(error / estimate)
+                    commits[key].add(state["commit"])
     rows = []
     for row in table_rows():
         key = row["scene"], row["variant"], row["quantity"]
