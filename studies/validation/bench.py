@@ -16,6 +16,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fem.accuracy import QUICK, STANDARD
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Magnet
@@ -411,7 +413,7 @@ def errors_percent(forces: Sequence[Sequence[float]], truth: Sequence[Sequence[f
     >>> round(errors_percent([(0, 0, 1.0), (0, 0, 2.02)], [(0, 0, 1.0), (0, 0, 2.0)]), 9)
     1.0
     """
-    return 100 * max(math.dist(f, t) / math.hypot(*t) for f, t in zip(forces, truth, strict=True))
+    return 100 * float(np.max([math.dist(f, t) / math.hypot(*t) for f, t in zip(forces, truth, strict=True)]))
 
 
 def median(answers: Sequence[Answer]) -> Answer:

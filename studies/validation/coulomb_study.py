@@ -147,7 +147,7 @@ def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Row]:
         where = f"at {share:g} of Mindlin's full-slip shear"
         checks.append(_check("onset", f"tangential force / (mu F_N) {where}", pull / (mu * push), mindlin, 0.04))
         if share >= 0.5:  # at a smaller share the slipping ring is narrower than an element
-            stuck, expected = 1 - (state.slip_share or 0.0), max(1 - share, 0.0)
+            stuck, expected = NAN if state.slip_share is None else 1 - state.slip_share, max(1 - share, 0.0)
             checks.append(_check("onset", f"stick share of the contact area {where}", stuck, expected, 0.15))
     return checks
 

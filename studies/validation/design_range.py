@@ -237,7 +237,7 @@ def _solid_mesh(design: Design) -> Row:
     mesh = tetrahedra(design.shape, size)
     seconds, cpu = time.perf_counter() - begin, time.process_time() - spent
     measured = quality(mesh, design.shape)
-    right = max(map(abs, measured.volume_errors.values())) < VOLUME and abs(measured.base_error) < BASE
+    right = all(abs(error) < VOLUME for error in measured.volume_errors.values()) and abs(measured.base_error) < BASE
     if not (right and measured.least_jacobian >= LEAST_JACOBIAN):
         raise RuntimeError(f"{measured}")
     return {

@@ -176,7 +176,7 @@ def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
 def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
     """Return the largest relative difference of two vectors' components, without those that are 0 in both."""
     pairs = [(x, y) for x, y in zip(a, b, strict=True) if x or y]
-    return max(off(float(x), float(y)) for x, y in pairs)
+    return float(np.max([off(float(x), float(y)) for x, y in pairs]))
 
 
 def incompressible(case: Case, states: Sequence[Solution]) -> Measurement:
@@ -213,7 +213,7 @@ def ordered(field: str, values: Sequence[float]) -> Measure:
         softest = force(follow(case, magnet="ignored")[-1])
         smaller = [follow(case, changes={**case.changes, field: value})[-1] for value in values]
         forces = [softest, *map(force, smaller), force(states[-1])]
-        largest = max(a / b for a, b in pairwise(forces))
+        largest = float(np.max([a / b for a, b in pairwise(forces)]))
         check = (
             f"largest ratio of forces, a magnet over the next larger one, from none to the last of {len(values) + 1}"
         )
@@ -235,7 +235,8 @@ def other_path(*loads: Load) -> Measure:
 
 def apart(one: Solution, other: Solution) -> float:
     """Return the larger relative difference of two states in force and in energy."""
-    return max(off(math.hypot(*one.response.force), math.hypot(*other.response.force)), off(one.energy, other.energy))
+    forces = (math.hypot(*state.response.force) for state in (one, other))
+    return float(np.maximum(off(*forces), off(one.energy, other.energy)))
 
 
 def alone(case: Case, states: Sequence[Solution]) -> Measurement:

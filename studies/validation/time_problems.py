@@ -254,11 +254,11 @@ def touched_beam(n: int, law: ViscousLaw, friction: Friction) -> tuple[float, fl
     path = follow(silicone(0.4998), loads, accuracy, law=law, steps=TimeControl(0.9, 1 / n), every_step=True)
     states = _solved(path)
     before = [0.0, *(one.balance for one in states if one.time <= begin)]
-    error = max(abs(one.balance - before[-1]) for one in states if one.time >= begin)
+    error = np.max([abs(one.balance - before[-1]) for one in states if one.time >= begin])
     lost = np.array([(0.0, 0.0), *((one.dissipated, one.friction_dissipated) for one in states)])
     gained = np.diff(lost, axis=0)
     negative = float(np.maximum(-gained, 0.0).sum() / gained.sum())
-    return 1 - error / max(one.work for one in states), 1 - negative
+    return 1 - float(error / np.max([one.work for one in states])), 1 - negative
 
 
 def touching(n: int, friction: Friction = "none") -> tuple[float, ...]:
@@ -343,4 +343,4 @@ def signs(law: ViscousLaw, n: int) -> tuple[Array, Array]:
 def negative_dissipation(n: int) -> tuple[float, ...]:
     """Return 1 less the negative parts: of closed cycles by both laws, and of steps by the law "finite"."""
     (linear, _), (finite, steps) = signs("prony", n), signs("finite", n)
-    return tuple(1 - float(max(0.0, -values.min())) for values in (linear, finite, steps))
+    return tuple(1 - float(np.maximum(0.0, -values.min())) for values in (linear, finite, steps))

@@ -11,6 +11,8 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 
+import numpy as np
+
 from geometry.design import BadInput
 from studies.output import records
 from studies.output.atomic_files import json_line
@@ -162,7 +164,7 @@ def _confirmed(tolerance: float, models: Mapping[tuple[str, str], Row], rule: Se
         if not errors:
             return chosen | {"status": state["status"]}
         if not model_choice.unmet(choice, tolerance, trial.design, load, state["along_N"]):
-            error = max(errors[name][0] for name in COUNTED if name in errors) / 100
+            error = float(np.max([errors[name][0] for name in COUNTED if name in errors])) / 100
             return chosen | {"status": "within" if error <= tolerance else "exceeded", "error": error}
         choice = model_choice.finer(*case, choice, trial.magnet, rule=rule)
     return {"model": "", "status": "refused", "expected": None, "error": None}
@@ -192,7 +194,7 @@ def summary(results: Sequence[Row]) -> list[Row]:
             row["formulas"] = sum(each["model"].startswith("formula") for each in own)
             row["surrogate"] = sum(each["model"].startswith(SURROGATE) for each in own)
             row |= {"within": within, "share_percent": 100 * within / len(judged) if judged else math.nan}
-            table.append(row | {"worst": max((error / tolerance for error in judged), default=math.nan)})
+            table.append(row | {"worst": float(np.max(judged)) / tolerance if judged else math.nan})
     return table
 
 

@@ -12,6 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from analytic import buckling, hall
 from fem.accuracy import LEVELS
 from geometry.design import BadInput, Design
@@ -155,13 +157,17 @@ def true_errors(
         if name != "readings" and size > NOTHING:
             errors[name] = 100 * math.hypot(*differences) / size, 100 * math.hypot(*bar) / size
         elif name == "readings" and min(scales, default=0.0) > NOTHING:
-            worst = max(abs(d) / scale for d, scale in zip(differences, scales, strict=True))
-            errors[name] = 100 * worst, 100 * max(b / s for b, s in zip(bar, scales, strict=True))
+            errors[name] = 100 * _largest(differences, scales), 100 * _largest(bar, scales)
     if "sideways" in answer and "sideways" in reference.values:
         ((own,), (true,)), (width,) = (answer["sideways"], reference.values["sideways"]), reference.bars["sideways"]
         size = max(abs(true), unpressed_N)
         errors["along"] = 100 * abs(own - true) / size, 100 * width / size
     return errors
+
+
+def _largest(values: Sequence[float], scales: Sequence[float]) -> float:
+    """Return the largest size of a value over its scale; NaN if one is unknown."""
+    return float(np.max(np.abs(values) / np.array(scales)))
 
 
 def is_clear(percent: float, bar_percent: float) -> bool:

@@ -135,7 +135,7 @@ def full_solutions(accuracy: Accuracy = QUICK) -> tuple[float, ...]:
     """Return 1 plus the relative difference of the reduced basis to full solutions: force, and pose of the magnet."""
     sensor = vibrating_sensor(paper(), GLUED, (1.0, 1000.0), accuracy)
     unit = frequency_unit(sensor.scene.design)
-    worst_force = worst_pose = 0.0
+    forces, poses = list[float](), list[float]()
     for part in sensor.parts:
         for f in (1.0, 600.0, 1000.0):
             g = complex(sensor.relaxation.complex_modulus(2 * np.pi * f)) / sensor.relaxation.rest
@@ -145,9 +145,9 @@ def full_solutions(accuracy: Accuracy = QUICK) -> tuple[float, ...]:
             full = part.block.held - part.block.problem.b.T @ x
             reduced = part.block.held - part.system.b.T @ y
             pose = pose_slopes(part.block.state, x.real) + 1j * pose_slopes(part.block.state, x.imag)
-            worst_force = max(worst_force, float(np.abs(reduced - full).max() / np.abs(full).max()))
-            worst_pose = max(worst_pose, float(np.abs(part.pose @ y - pose).max() / np.abs(pose).max()))
-    return 1 + worst_force, 1 + worst_pose
+            forces.append(float(np.abs(reduced - full).max() / np.abs(full).max()))
+            poses.append(float(np.abs(part.pose @ y - pose).max() / np.abs(pose).max()))
+    return 1 + float(np.max(forces)), 1 + float(np.max(poses))
 
 
 def full_solution(problem: Problem, c: complex, eigenvalue: float) -> Complex:
