@@ -166,9 +166,8 @@ def decoder(
     sigma = np.array([element.noise_T for element in forward.elements])
     explained = np.hypot(sigma, deviation)
     tolerance = np.where(explained > 0, DOUBT * explained, SHARE * table.span)
-    weights = sigma.min() / sigma if sigma.all() else np.ones(len(sigma))
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
-    search = Search(forward, table, low - EDGE, high + EDGE, weights, tolerance)
+    search = Search(forward, table, low - EDGE, high + EDGE, _weights(sigma), tolerance)
     return Decoder(forward, law, low, high, table, search, sigma, tolerance)
 
 
@@ -283,11 +282,15 @@ def spread(sigma: Array, A: Array) -> Array:
     """
     if not sigma.any():
         return np.full_like(A, np.nan)
-    weights = sigma.min() / sigma if sigma.all() else np.ones_like(sigma)
+    weights = _weights(sigma)
     u, values, v = np.linalg.svd(np.moveaxis(A, 2, 0).swapaxes(1, 2) * weights[:, None], full_matrices=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         # (A'WA)^-1 A'W by singular values
         return np.asarray(np.einsum("nji,nj,nkj->ikn", v, 1 / values, u) * (weights * sigma)[:, None])
+
+
+def _weights(sigma: Array) -> Array:
+    return sigma.min() / sigma if sigma.all() else np.ones_like(sigma)
 
 
 def poses_outside(coder: Decoder, readings: Array) -> Array:

@@ -1,1 +1,1 @@
-"""Inverse problem, from readings to the magnet's pose: forward model, start poses, iteration, observability."""
+"""Inverse problem, from readings to the magnet's pose: forward model, start poses, iteration."""

@@ -112,7 +112,8 @@ def decode(
 ) -> int:
     """Compute the magnet's pose and the load on the tip from readings; list all poses with the same readings.
 
-    The exit status is 3 if no pose in the workspace gives the readings; with --file, if this holds for all rows.
+    The exit status is 3 if no pose in the workspace gives the readings, or only one at which the plate would have to
+    pull; with --file, if this holds for all rows.
 
     Parameters
     ----------

@@ -293,7 +293,7 @@ def tip_row(sheared: Sheared) -> TipRow:
 
 
 def split(sheared: Sheared) -> list[SplitRow]:
-    """Return the parts of the error at each shear of the paper's range that was reached and can be decoded."""
+    """Return the parts of the error at each shear of the paper's range that was reached; NaN if it has no pose."""
     design = sheared.design
     states = [
         (shear, response)

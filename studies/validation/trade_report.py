@@ -130,7 +130,7 @@ def write(
     blocks = ["# Cost and error of every model", trade_study.ABOUT, "![Error over cost](trade.png)"]
     for kind in KINDS:
         if rows := [cell for cell in table if cell["kind"] == kind]:
-            text = "Median / 95th percentile of the errors; `largest` is that of force, shift, tilt and readings."
+            text = "Median / 95th percentile of the errors; `largest` is the largest error of all these quantities."
             blocks += [f"## {kind.capitalize()}", text, pages.markdown([_errors(row) for row in rows], digits=2)]
     ran = [
         {"kind": kind, "model": model}
