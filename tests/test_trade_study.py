@@ -8,7 +8,7 @@ import json
 import pytest
 
 from studies.cli import entry_point
-from studies.output import checkpoint
+from studies.output import atomic_files, checkpoint
 from studies.validation import trade_cases, trade_solves, trade_study
 from studies.validation.trade_report import FILES
 
@@ -46,6 +46,8 @@ def test_the_confirming_runs_are_on_other_designs():
 def reduced(tmp_path_factory):
     """Folder and rows of `magtip validate trade --quick` on two designs."""
     folder = tmp_path_factory.mktemp("trade")
+    # of an earlier run with --confirm
+    atomic_files.write_text(folder / "confirm.csv", "kind")
     with contextlib.redirect_stdout(io.StringIO()) as out:
         assert entry_point.main([*COMMAND, "--out", str(folder)]) == 0
     return folder, [json.loads(line) for line in out.getvalue().splitlines()]
@@ -61,6 +63,7 @@ def test_a_reduced_run_measures_errors_and_costs(reduced):
 def test_a_reduced_run_writes_all_files(reduced):
     folder, _ = reduced
     assert {path.name for path in folder.glob("[!.]*")} >= set(FILES) - {"confirm.csv"}
+    assert not (folder / "confirm.csv").exists()
     table = list(csv.DictReader((folder / "trade.csv").open(encoding="utf-8")))
     assert {row["model"] for row in table} == {"formula", "surrogate", "axisymmetric", "harmonic"}
 

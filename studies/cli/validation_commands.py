@@ -28,9 +28,12 @@ Row = dict[str, Any]
 def _results(
     out: Path | None, files: Sequence[str], *, as_json: bool, inputs: Sequence[Path | None] = ()
 ) -> Iterator[tuple[Path | None, Progress]]:
-    """Yield the folder of results, which has no file of the user and no input among `files`, and the progress."""
+    """Yield the folder of results, which has no file of the user and no input among `files`, and the progress.
+
+    Those of `files` that are not written again are of earlier options and are deleted.
+    """
     atomic_files.check_apart(atomic_files.inside(out, files), inputs)
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.results(out, files) as folder, console.progress(as_json=as_json) as progress:
         yield folder, progress
 
 
