@@ -1,10 +1,15 @@
 """For which moduli is a formula within a bound? On forces whose answer is known."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 
+from fem.accuracy import QUICK
+from geometry.design import paper
+from geometry.loads import Response
+from studies.exploration.solved_paths import Answer
 from studies.validation import claim_errors, claim_states
 from studies.validation.claim_errors import Voltages
 from studies.validation.claim_states import Press
@@ -92,3 +97,14 @@ def test_voltages_beyond_the_formulas_largest_force_are_not_compared():
 def test_s1_reads_at_rest_what_the_paper_states(height):
     design = claim_states.with_magnet(height)
     assert claim_states.s1_output(design, np.zeros(1))[0] == approx(2.87, abs=1e-3)
+
+
+@pytest.mark.parametrize(("second", "expected"), [(0.02, 0.02), (math.nan, math.nan)])
+def test_an_unknown_error_estimate_is_not_left_out(monkeypatch, second, expected):
+    """Of a load that the sensor refuses, there is no force whose error could be known."""
+    response = Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.5), 0.0, 0.0)
+    answers = [Answer(8.0, 1.0, response, "ok", "", estimate, 0.0) for estimate in (0.01, second)]
+    refused = Answer(8.0, 1.0, None, "bad_input", "too deep", math.nan, 0.0)
+    monkeypatch.setattr(claim_states, "reached", lambda *_: [*answers, refused])
+    found = claim_states.press(paper(), (1.0, 2.0, 9.0), QUICK, None)
+    assert found.error_estimate == approx(expected, nan_ok=True)

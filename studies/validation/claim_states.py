@@ -75,7 +75,7 @@ class Press:
     height : height of the magnet, mm; 0 without one.
     design : the sensor, whose S1 reads 2.87 V at rest.
     depth, force, sinking : depth, mm, press force, N, and sinking of the magnet's centre, mm.
-    error_estimate : largest estimated relative error of the forces.
+    error_estimate : largest estimated relative error of the forces; NaN if one is unknown.
     message : why states are missing; "" if none is.
     """
 
@@ -229,7 +229,7 @@ def press(
         np.array(depths, dtype=np.float64),
         np.array([NAN if r is None else r.force[2] / design.E for r in responses]),
         np.array([NAN if r is None else -r.shift[2] for r in responses]),
-        max((answer.error_estimate for answer in answers if math.isfinite(answer.error_estimate)), default=NAN),
+        float(np.max([a.error_estimate for a in answers if a.response is not None] or [NAN])),
         next((answer.message for answer in answers if answer.response is None), ""),
     )
 

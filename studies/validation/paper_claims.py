@@ -6,6 +6,7 @@ but for the claim on hysteresis, a rigid bonded magnet, and a plate whose fricti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -95,7 +96,7 @@ The claims are those of Chathuranga et al., IEEE Sensors Journal 2016, on a beam
 with a magnet of 4 mm diameter. The measured curves of the paper exist as pictures only, so finite elements take the
 place of the measurement. They are a model, too: neo-Hookean silicone, elastic but for the claim on hysteresis, a
 rigid and bonded magnet, a frictionless plate in presses. By comparison with a coarser mesh their forces are uncertain
-by at most {estimate:.1f} %.
+by {estimate}.
 
 - *reproduced*: our figures agree with the claim.
 - *refuted*: they contradict it, for all values that the paper leaves open.
@@ -141,7 +142,9 @@ def write(folder: Path, claims: Claims, origin: str, command: str) -> None:
 
 def document(claims: Claims, heights: Sequence[FlatRow], tips: Sequence[FlatRow], origin: str) -> str:
     """Return the text of CLAIMS.md."""
-    estimate = 100 * max(press.error_estimate for press in claims.states.presses)
+    reached = [press.error_estimate for press in claims.states.presses if np.isfinite(press.force).any()]
+    largest = 100 * float(np.max(reached or [math.nan]))
+    estimate = f"at most {largest:.1f} %" if math.isfinite(largest) else "an unknown amount"
     blocks = ["# The paper's claims, tested", INTRODUCTION.format(estimate=estimate), "## Verdicts"]
     blocks.append(markdown([answer.printed() for answer in claims.answers]))
     blocks.append("## Reasons")
