@@ -91,7 +91,7 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    find = functools.partial(_solve_modes, count=count)
+    find = functools.partial(_solve_modes, count=count, told=scene)
     return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
 
 
@@ -113,8 +113,11 @@ def estimate_frequencies(found: Modes, coarse: Modes, scene: Scene) -> tuple[flo
     return tuple(errors)
 
 
-def _solve_modes(scene: Scene, count: int) -> Modes:
-    """Return the lowest modes of a scene, without error estimates."""
+def _solve_modes(scene: Scene, count: int, told: Scene) -> Modes:
+    """Return the lowest modes of a scene, without error estimates.
+
+    told : scene whose status is told; the margin to buckling on the mesh for error estimates is not computed.
+    """
     press, depth = pressed_sensor(scene), scene.loads[0].depth
     blocks = {name: _order_matrices(press, scene, order) for order, name in enumerate(SHAPES)}
     blocks["torsion"] = _torsion_matrices(press, scene)
@@ -131,7 +134,8 @@ def _solve_modes(scene: Scene, count: int) -> Modes:
         )
     scale = frequency_unit(scene.design)
     frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
-    found = read(press.state, scene, scene.loads[0], sideways=SidewaysModel(press.state.d))
+    sideways = SidewaysModel(press.state.d) if scene is told else None
+    found = read(press.state, scene, scene.loads[0], sideways=sideways)
     shapes = tuple(name for _, name in lowest)
     return Modes(frequencies, shapes, (None,) * len(lowest), found.status, found.message)
 
