@@ -43,7 +43,7 @@ PAD = 0.01
 """Margin of the table around the workspace, over its size, so that poses on its faces lie inside a cell."""
 DOUBT = 5.0
 """Largest misfit of each of more than three readings over its standard deviation, from noise and tolerances."""
-SHARE = 0.02
+MISFIT_SHARE = 0.02
 """Largest misfit of a reading without noise, over its span in the workspace, if there are more than three."""
 WIDER = 1.25
 """Size of the box in which poses outside the workspace are looked for, over the workspace of the design."""
@@ -165,7 +165,7 @@ def decoder(
     table = start_table.build(forward, low - pad, high + pad, cells)
     sigma = np.array([element.noise_T for element in forward.elements])
     explained = np.hypot(sigma, deviation)
-    tolerance = np.where(explained > 0, DOUBT * explained, SHARE * table.span)
+    tolerance = np.where(explained > 0, DOUBT * explained, MISFIT_SHARE * table.span)
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     search = Search(forward, table, low - EDGE, high + EDGE, _weights(sigma), tolerance)
     return Decoder(forward, law, low, high, table, search, sigma, tolerance)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 SENSORS = 400
 """Number of made sensors: a standard deviation is then known to 4 %."""
-LEAST = 0.05
+DOUBTFUL = 0.05
 """Probability from which a row may be that of a made sensor at rest."""
 
 
@@ -61,7 +61,7 @@ class ToleranceCheck:
 
     def warnings(self, force: Array) -> list[str]:
         """Return a sentence on decoded forces, shape (n, 3), N, if a sensor at rest may have given the readings."""
-        alike, count = int((self.rest_probability >= LEAST).sum()), len(self.rest_probability)
+        alike, count = int((self.rest_probability >= DOUBTFUL).sum()), len(self.rest_probability)
         if not alike:
             return []
         rows = "these readings" if count == 1 else f"{alike} of {count} rows"
@@ -106,7 +106,7 @@ def check(coder: Decoder, field: Array, decoded: Decoded, tolerances: Tolerances
     probability = (of_made > of_rows[:, None]).mean(axis=1)
     probability[np.isnan(of_rows)] = np.nan
     size = np.linalg.norm(decoded.force, axis=1)
-    doubtful = (size > 0) & (probability >= LEAST)
+    doubtful = (size > 0) & (probability >= DOUBTFUL)
     status: list[Status] = [
         "uncalibrated" if name == "ok" and doubt else name
         for name, doubt in zip(decoded.status, doubtful, strict=True)
