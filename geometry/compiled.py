@@ -40,7 +40,10 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 
 def sources() -> list[Path]:
-    """Return the files of the packages of physics that hold compiled functions, or functions that these call."""
+    """Return the files of the packages of physics that mention compiled code.
+
+    They hold compiled functions, or functions that these call and constants that these use.
+    """
     root = Path(__file__).parent.parent
     files = (file for package in ("analytic", "fem", "geometry") for file in sorted((root / package).rglob("*.py")))
     return [file for file in files if b"compiled" in file.read_bytes()]

@@ -1,6 +1,7 @@
 """Functions that numba compiles."""
 
 import os
+import re
 import subprocess
 import sys
 
@@ -61,4 +62,13 @@ def test_every_compiled_source_is_in_the_digest():
     assert len(functions) > 20
     files = {os.path.realpath(function.py_func.__code__.co_filename) for function in functions}
     assert files <= {os.path.realpath(file) for file in compiled.sources()}
+    # their constants are frozen into the machine code
+    read = {
+        (vars(sys.modules[function.__module__])[name], name)
+        for function in functions
+        for name in function.py_func.__code__.co_names
+        if isinstance(vars(sys.modules[function.__module__]).get(name), int | float)
+    }
+    defined = "\n".join(file.read_text() for file in compiled.sources())
+    assert [name for _, name in read if not re.search(rf"^[A-Z_, ]*\b{name}\b.* = ", defined, re.MULTILINE)] == []
     assert all(function.py_func.__qualname__.endswith(compiled._digest()) for function in functions)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from analytic.inverse.forward_model import Forward, readings_with_slopes
 from geometry.arrays import Array, Ints
 
+# the compiled search uses both margins
 MARGIN = 0.2
 """Margin by which a cell is enlarged on every side, in units of its edges: it closes the gaps between linear maps."""
 FOLD_MARGIN = 1.0
