@@ -248,6 +248,8 @@ def build_mesh(
     length = design.D / 8 if size is None else size
     if not 0.02 * design.D <= length <= design.D:
         raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
+    if mesher == "revolved":
+        length = min(length, design.R / 2)  # longer ones are not made, see geometry.mesh
     from geometry.mesh import Parts, tetrahedra
     from geometry.meshing.mesh_import import by_pytetwild
     from geometry.meshing.mesh_quality import quality
