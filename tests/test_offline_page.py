@@ -1,5 +1,6 @@
 """The explorer's page as one file: its tables against solves between their nodes, and the page in Chromium."""
 
+import dataclasses
 import json
 import math
 import re
@@ -12,7 +13,7 @@ from analytic import hall
 from fem.equilibrium import solve
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies.explorer import offline_page, offline_tables, state_grid
+from studies.explorer import offline_page, offline_tables, state_answers, state_grid
 from studies.output import atomic_files
 
 MOST_BYTES = 6e6
@@ -82,8 +83,23 @@ def test_half_widths_hold_what_is_solved_between_the_nodes(page, depth, shear, d
     volts = hall.readings(paper(), state.response).output
     off = np.abs(np.subtract(shown["readings"]["volts"], volts))
     assert (off <= shown["readings"]["half_width"]).all()
-    if shown["decoded"]["status"] == "ok":
-        assert shown["decoded"]["force"] == pytest.approx(state.response.force, abs=0.2 * state.response.force[2])
+    decoder = state_answers.build_decoder(paper())
+    exact = state_answers.decoded(decoder, state.response, {"shift": None})
+    assert shown["decoded"]["status"] == exact["status"] == "ok"
+    off = np.abs(np.subtract(shown["decoded"]["force"], exact["force"]))
+    assert (off <= shown["decoded"]["half_width"]).all()
+
+
+def test_an_interval_of_the_depth_with_a_failed_check_has_unknown_errors(grid):
+    place = grid.checks[-1][:2]
+    checked = dataclasses.replace(grid, checks=grid.checks[:-1], failed_checks=[place])
+    share = offline_tables.measured(checked).share
+    assert np.isnan(share[-1]).all()
+    assert np.isfinite(share[:-1]).all()
+    table = offline_tables.response(checked, offline_tables.measured(checked))
+    inside = (table.axes[0] > grid.roots[-2] + 1e-9) & (table.axes[0] < grid.roots[-1] - 1e-9)
+    assert np.isnan(table.values[inside][..., 6:]).all()
+    assert np.isfinite(table.values[inside][:, 0, :6]).all()
 
 
 def test_the_errors_of_the_page_fall_with_its_grid(grid):

@@ -131,9 +131,11 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
     volts = ""
     if content["elements"] is not None and "rest" in content["elements"]:
         readings, reading_errors = offline_tables.readings(grid)
-        table, status, names = offline_tables.decoded(grid, response, reading_errors)
+        table, status, names, decoding_errors = offline_tables.decoded(grid, response, reading_errors)
         unit = content["elements"]["units"][0]
         volts = f", a reading by {_figure(reading_errors.max())} {unit}"
+        if np.isfinite(decoding_errors).any():
+            volts += f", the decoded force by {_figure(np.nanmax(decoding_errors))} N"
         content |= {
             "readings": readings.data(),
             "decoded": table.data(),
@@ -191,7 +193,7 @@ def _refusal(grid: Grid) -> str:
 
 def _about(grid: Grid, errors: offline_tables.Errors, sensor: str, volts: str) -> str:
     """Return for which design, accuracy and error the page holds."""
-    force, shift = (100 * errors.share[:, k].max() for k in (1, 2))
+    force, shift = (100 * np.nanmax(errors.share[:, k]) for k in (1, 2))
     tangential, tilt = errors.absolute[0], errors.absolute[4]
     presses = sum(not shear for _, shear, _ in grid.states)
     text = (
@@ -201,8 +203,9 @@ def _about(grid: Grid, errors: offline_tables.Errors, sensor: str, volts: str) -
         f"Against {len(grid.checks)} further solves between these states the force is off by at most "
         f"{_figure(force)} % and the magnet's shift by {_figure(shift)} % of their lengths, the force along the "
         f"shear by {_figure(tangential)} N, the tilt by {_figure(tilt)} deg{volts}. Half widths hold this error near "
-        "their depth and the estimated error of the finite elements. All states are at rest. A design that changes, "
-        "friction, tilted plates, vibrations and loading cycles need magtip explore without --export."
+        "their depth and the estimated error of the finite elements; where one of these is unknown, so are they. All "
+        "states are at rest. A design that changes, friction, tilted plates, vibrations and loading cycles need "
+        "magtip explore without --export."
     )
     summary = (
         f"Fixed design: {sensor}. Finite elements, accuracy {LEVEL}; interpolated to {_figure(force)} % of the force."

@@ -21,7 +21,7 @@ from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load, Magnet, Response, rotation_of
 from studies.explorer import state_answers, state_pictures
-from studies.explorer.state_grid import QUANTITIES, Grid, quantities
+from studies.explorer.state_grid import QUANTITIES, WIDTHS, Grid, quantities
 
 if TYPE_CHECKING:
     from fem.solution import Solution
@@ -30,8 +30,8 @@ FINE = 8, 4
 """Intervals of the table of the response per interval of the grid, along depth and shear."""
 READ = 2, 2, 48
 """The same for the readings, with the number of directions."""
-DECODED = 1, 1, 12
-"""The same for the decoded load, which takes a millisecond a node."""
+DECODED = 2, 2, 12
+"""The same for the decoded load, which takes a millisecond a node and grows with a power of the depth."""
 PICTURED = 2, 2
 """Intervals of the grid per interval of the pictures."""
 OF_FORMULAS = len(QUANTITIES)
@@ -89,21 +89,13 @@ class Errors:
 
     Attributes
     ----------
-    edges : ends of the intervals, r.
     share : of force and shift over the lengths of the vectors, of the force along the shear, and of the tilt over
-        themselves, as far as there is a shear: force_t, force_n, shift, tilt, shape (n, 4).
+        themselves, as far as there is a shear: force_t, force_n, shift, tilt, shape (n, 4); NaN where no check tells.
     absolute : largest error of each quantity at any check, in the order of `QUANTITIES`.
     """
 
-    edges: Array
     share: Array
     absolute: Array
-
-    def at(self, roots: Array) -> Array:
-        """Return the shares at r, shape (len(roots), 4): at an edge the larger one of both sides."""
-        step = self.edges[1] - self.edges[0]
-        sides = [np.clip(((roots + side) // step).astype(int), 0, len(self.share) - 1) for side in (-1e-9, 1e-9)]
-        return np.asarray(np.maximum(self.share[sides[0]], self.share[sides[1]]))
 
 
 def measured(grid: Grid) -> Errors:
@@ -124,12 +116,30 @@ def measured(grid: Grid) -> Errors:
             ],
             axis=1,
         )
-    interval = np.clip(np.searchsorted(grid.roots, points[:, 0]) - 1, 0, len(grid.roots) - 2)
-    largest = np.zeros((len(grid.roots) - 1, 4))
-    for k in range(len(largest)):
-        if (interval == k).any():
-            largest[k] = np.nan_to_num(np.nanmax(share[interval == k], axis=0))
-    return Errors(grid.roots, largest, np.nanmax(off, axis=0))
+    largest = _largest_by_depth(grid, points[:, 0], share)
+    if grid.failed_checks:
+        failed = np.array(grid.failed_checks)
+        largest[_interval(grid, failed[np.isfinite(table.at(failed)[:, 0]), 0])] = np.nan
+    return Errors(largest, np.nanmax(off, axis=0))
+
+
+def _interval(grid: Grid, roots: Array) -> Ints:
+    """Return the interval of the grid's depths that holds each r."""
+    return np.asarray(np.clip(np.searchsorted(grid.roots, roots) - 1, 0, len(grid.roots) - 2), np.int64)
+
+
+def _largest_by_depth(grid: Grid, roots: Array, errors: Array) -> Array:
+    """Return the largest errors (n, q) of checks at r in each interval of the depth; NaN where none is known."""
+    largest = np.full((len(grid.roots) - 1, errors.shape[1]), np.nan)
+    for k, row in zip(_interval(grid, roots), errors, strict=True):
+        largest[k] = np.fmax(largest[k], row)
+    return largest
+
+
+def _at_depths(grid: Grid, errors: Array, roots: Array) -> Array:
+    """Return errors by interval of the depth at r, shape (len(roots), q): at an edge the larger one of both sides."""
+    sides = [errors[_interval(grid, roots + side)] for side in (-1e-9, 1e-9)]
+    return np.asarray(np.fmax(*sides))
 
 
 def _response(grid: Grid) -> tuple[Table, Array]:
@@ -141,7 +151,7 @@ def _response(grid: Grid) -> tuple[Table, Array]:
 def response(grid: Grid, errors: Errors) -> Table:
     """Return quantities and half widths of the finite elements with the errors of the interpolation, 10 channels."""
     table, widths = _response(grid)
-    share, values = errors.at(table.axes[0])[:, None], np.abs(table.values)
+    share, values = _at_depths(grid, errors.share, table.axes[0])[:, None], np.abs(table.values)
     force, shift = np.hypot(values[..., 0], values[..., 1]), np.hypot(values[..., 2], values[..., 3])
     size = np.stack([values[..., 0], force, shift, values[..., 4]], axis=-1)
     return replace(table, values=np.concatenate([table.values, widths + share * size], axis=-1))
@@ -211,8 +221,13 @@ def readings(grid: Grid) -> tuple[Table, Array]:
     values = np.repeat(grid.at(roots, shears)[0][:, :, None], len(turn), axis=2)
     table = Table((roots, shears, turn), outputs(grid.design, values, np.broadcast_to(turn, values.shape[:-1])))
     points, exact = _checks(grid)
-    off = np.abs(table.at(points) - outputs(grid.design, exact, points[:, 2]))[:, :ELEMENTS]
-    return table, np.nanmax(off, axis=0)
+    largest = np.zeros(ELEMENTS)
+    # each element has its error in other directions than its neighbours
+    for angle in (turn[1:] + turn[:-1]) / 2:
+        points[:, 2] = angle
+        off = np.abs(table.at(points) - outputs(grid.design, exact, points[:, 2]))[:, :ELEMENTS]
+        largest = np.fmax(largest, np.nanmax(off, axis=0))
+    return table, largest
 
 
 def _checks(grid: Grid) -> tuple[Array, Array]:
@@ -222,11 +237,16 @@ def _checks(grid: Grid) -> tuple[Array, Array]:
     return points, np.array([quantities(state) for *_, state in grid.checks])
 
 
-def decoded(grid: Grid, response: Table, reading_errors: Array) -> tuple[Table, Ints, list[str]]:
-    """Return what the live page shows of readings and decoded load at a node, and the number of the decoder's status.
+def decoded(grid: Grid, response: Table, reading_errors: Array) -> tuple[Table, Ints, list[str], Array]:
+    """Return what the live page shows of readings and decoded load, with the errors of the interpolation.
 
     The channels are the half widths of the readings (3), then the decoded force along the shear, across and along z
     (3), its half widths (3) and noise (3), along x, y and z.
+
+    Returns
+    -------
+    The table, the number of the decoder's status at each node, the names of the statuses, and the errors of the
+    decoded force across z and along it, N, by interval of the depth, shape (n, 2); NaN where no check tells.
     """
     design = grid.design
     decoder = state_answers.build_decoder(design)
@@ -247,7 +267,21 @@ def decoded(grid: Grid, response: Table, reading_errors: Array) -> tuple[Table, 
             if name not in names:
                 names.append(name)
             status[i, j, k] = names.index(name)
-    return Table(axes, values), status, names
+    errors = _decoding_errors(grid, decoder, Table(axes, values))
+    values[..., 6:9] += _at_depths(grid, errors, axes[0])[:, None, None, [0, 0, 1]]
+    return Table(axes, values), status, names, errors
+
+
+def _decoding_errors(grid: Grid, decoder: Any, table: Table) -> Array:
+    points, exact = _checks(grid)
+    forces = np.array(
+        [
+            _decoded(grid.design, decoder, np.append(row, np.full(len(WIDTHS), np.nan)), angle)[1][3:6]
+            for row, angle in zip(exact, points[:, 2].tolist(), strict=True)
+        ]
+    )
+    off = np.abs(table.at(points)[:, 3:6] - forces)
+    return _largest_by_depth(grid, points[:, 0], np.stack([np.hypot(off[:, 0], off[:, 1]), off[:, 2]], axis=1))
 
 
 def _decoded(design: Design, decoder: Any, node: Array, angle: float) -> tuple[str, Array]:
@@ -260,13 +294,13 @@ def _decoded(design: Design, decoder: Any, node: Array, angle: float) -> tuple[s
     known = not math.isnan(half[2])
     widths: Data = {
         "shift": [half[2] * aside[0], half[2] * aside[1], half[2]] if known else None,
-        "tilt": half[3],
+        "tilt": None if math.isnan(half[3]) else half[3],
     }
     channels = np.full(12, np.nan)
     read = state_answers.readings(design, one, widths)
     if read is None or "volts" not in read:
         return "out_of_workspace", channels
-    if known:
+    if read["half_width"] is not None:
         channels[:3] = read["half_width"]
     if decoder is None:
         return "out_of_workspace", channels

@@ -150,7 +150,7 @@ def readings(design: Design, response: Response, widths: Data) -> Data | None:
     except BadInput as error:
         return {"message": str(error)}
     spread = None
-    if widths["shift"] is not None:
+    if widths["shift"] is not None and (widths["tilt"] is not None or not any(response.rotation)):
         spread = np.abs(reading_slopes(design, response)) @ pose_half_widths(response, widths)
     return {
         "elements": [element.name for element in elements],

@@ -57,6 +57,7 @@ class Grid:
     values, widths : those at the nodes of rows and shears, shapes (n, m, 6) and (n, m, 4).
     states : the solutions with their place (r, shear).
     checks : states in the middle of the cells, in the same form.
+    failed_checks : places of those without an answer.
     """
 
     design: Design
@@ -69,6 +70,7 @@ class Grid:
     widths: Array
     states: list[tuple[float, float, Solution]]
     checks: list[tuple[float, float, Solution]]
+    failed_checks: list[tuple[float, float]]
 
     def at(self, roots: Array, shears: Array) -> tuple[Array, Array]:
         """Return quantities and half widths at all pairs of r and shear, shapes (a, b, 6) and (a, b, 4)."""
@@ -148,7 +150,9 @@ def solve(
 
     states = presses(press_roots[1:], estimate=True)
     middle = (press_roots[1:] + press_roots[:-1]) / 2
-    checks = presses(middle[middle**2 * D >= SHALLOWEST], estimate=False)
+    middle = middle[middle**2 * D >= SHALLOWEST]
+    checks = presses(middle, estimate=False)
+    wanted = [(float(root), 0.0) for root in middle]
     # the deeper a press, the longer the path of its shears
     total = roots[first:].sum() + ((roots[first + 1 :] + roots[first:-1]) / 2).sum()
     done = 0.0
@@ -159,12 +163,16 @@ def solve(
         done += roots[k]
         if k + 1 < len(roots):
             root = (roots[k] + roots[k + 1]) / 2
-            checks += path(root, (shears[1:] + shears[:-1]) / 2, estimate=False)
+            between_shears = (shears[1:] + shears[:-1]) / 2
+            checks += path(root, between_shears, estimate=False)
+            wanted += [(root, float(shear)) for shear in between_shears]
             done += root
     states, checks = ([one for one in some if one[2].status in ANSWERED] for some in (states, checks))
     if len(states) < 2:
         raise BadInput("no press of this design could be solved: the page needs its states")
-    return _grid(design, (roots, shears, press_roots), states, checks)
+    answered = {(root, shear) for root, shear, _ in checks}
+    failed = [place for place in wanted if place not in answered]
+    return _grid(design, (roots, shears, press_roots), states, checks, failed)
 
 
 def quantities(solution: Solution) -> Array:
@@ -180,7 +188,9 @@ def _widths(solution: Solution) -> Array:
     widths = half_widths(solution)
     force, shift, tilt = widths["force"], widths["shift"], widths["tilt"]
     known = force is not None and shift is not None
-    return np.array([force[0], force[2], shift[2], tilt or 0.0] if known else [np.nan] * 4)
+    # an upright press has no tilt
+    tilt = 0.0 if not solution.response.tilt else math.nan if tilt is None else tilt
+    return np.array([force[0], force[2], shift[2], tilt] if known else [np.nan] * 4)
 
 
 def _grid(
@@ -188,6 +198,7 @@ def _grid(
     nodes: tuple[Array, Array, Array],
     states: list[tuple[float, float, Solution]],
     checks: list[tuple[float, float, Solution]],
+    failed_checks: list[tuple[float, float]],
 ) -> Grid:
     roots, shears, press_roots = nodes
     press, widths = (
@@ -206,4 +217,4 @@ def _grid(
             press[row], widths[row] = quantities(state), _widths(state)
     every = (len(press_roots) - 1) // (len(roots) - 1)
     values[:, 0], row_widths[:, 0] = press[::every], widths[::every]
-    return Grid(design, roots, shears, press_roots, press, widths, values, row_widths, states, checks)
+    return Grid(design, roots, shears, press_roots, press, widths, values, row_widths, states, checks, failed_checks)
