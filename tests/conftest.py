@@ -117,7 +117,6 @@ def own_cache(tmp_path_factory):
     run = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAGTIP_CACHE", str(run / "meshes"))
-        patch.delenv("MAGTIP_CACHE_MB", raising=False)
         yield
 
 

@@ -205,10 +205,16 @@ def test_the_verbs_mesh_and_solve_agree_on_the_sensor(run, tmp_path):
     assert "with D 8 mm where this design has D 8.01 mm" in err
 
 
+def test_pytetwild_takes_no_cells_that_are_too_long_for_the_dome(run):
+    status, _, message = run("mesh", "paper", "--mesher", "pytetwild", "--size", 3, "--out", "m.vtu")
+    assert status == 2
+    assert "at most R/2 = 2 for pytetwild; got 3" in message
+
+
 def test_cells_of_another_mesher_give_the_same_force(run, strict, tmp_path):
     """pytetwild shares only the surfaces with the harmonic model: a check of the mesh as well as of elements."""
     file = tmp_path / "half.vtu"
-    made = ("mesh", "paper", "--half", "--mesher", "pytetwild", "--size", 1.5, "--out", file)
+    made = ("mesh", "paper", "--half", "--mesher", "pytetwild", "--size", 1, "--out", file)
     (report,) = strict(run(*made, "--json")[1])
     assert report["status"] == "ok"
     assert abs(report["silicone_volume_error"]) < 1e-6

@@ -115,12 +115,15 @@ def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
     Raises
     ------
     BadInput
-        The size is not a positive number.
+        The size is not positive, or above R/2.
     MeshError
         pytetwild makes no mesh that lies on the surfaces.
     """
     import pytetwild
 
+    # cells with longer edges do not fit the dome, and take minutes
+    if not 0 < size <= shape.R / 2:
+        raise BadInput(f"size must be a positive length of at most R/2 = {shape.R / 2:g} for pytetwild; got {size:g}")
     magnet: Parts = "regions" if shape.has_magnet else "none"
     # chords of longer edges leave the curved surfaces by more than OFF
     surface = tetrahedra(shape, min(size / 2, shape.D / 16), half=half, magnet=magnet)
