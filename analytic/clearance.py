@@ -39,7 +39,8 @@ def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
     """Return the distance of a point, mm, from the beam's estimated wall, mm; negative inside.
 
     The distance from a point in the base, z < 0, is measured horizontally. It is infinite for a point directly below
-    the beam at rest, which the beam covers in any pose.
+    the beam at rest, which the beam covers in any pose. It is NaN where an upright magnet would reach below the base
+    plane: no beam has this pose.
     """
     return float(wall_gaps(design, point, np.array([shift]))[0])
 
@@ -49,8 +50,9 @@ def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
     if point[2] < 0 and math.hypot(point[0], point[1]) <= design.R:
         return np.full(len(shifts), math.inf)
     x, y, z = shifts[:, :, None].transpose(1, 0, 2)
-    # the wall is sampled along the axis; a lower limit of the height avoids division by 0 far outside the workspace
-    height = np.maximum(design.H + z, 1e-3 * design.H)
+    # at the lowest pose of the workspace the magnet stands on the base: rounding must not hide its wall
+    height = np.where(design.H + z < design.magnet_height / 2 - 1e-9 * design.H, np.nan, design.H + z)
+    # the wall is sampled along the axis
     t = np.linspace(0, 1, 101)
     aside = np.hypot(point[0] - t * x, point[1] - t * y)
     above = t * height - point[2] if point[2] > 0 else 0.0

@@ -43,6 +43,15 @@ def test_the_magnet_in_an_element_or_under_the_base():
     assert any("below the base plane" in text for text in found)
 
 
+def test_a_magnet_that_would_lie_in_the_base_leaves_no_wall():
+    """At H + z = h/2 the magnet stands on the base: the last pose that has a wall."""
+    s2 = (5.0, 0.0, -0.2)
+    assert math.isfinite(wall_gap(paper(), s2, (0.0, 0.0, -4.0)))
+    assert math.isnan(wall_gap(paper(), s2, (0.0, 0.0, -4.001)))
+    (text,) = warnings(paper(), (0.0, 0.0, -60.0), (0, 0))
+    assert text == "the magnet's lowest point is 56 mm below the base plane: no press reaches this pose"
+
+
 def test_an_element_in_the_beam_is_said():
     found = warnings(Design(l0=4.0, f=3.0), REST, (0, 0))
     assert [text.split(" by")[0] for text in found if "S2" in text] == ["the beam's wall overlaps S2"]

@@ -265,12 +265,14 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
         (("--file", "semicolons.csv"), "semicolons separate its columns"),
         (("--file", "text.csv"), "must be a finite number of V"),
         (("--file", "empty.csv"), "is empty"),
+        (("--file", "head.csv"), "has a header but no rows: add a row of numbers below it"),
     ],
 )
 def test_bad_input_is_a_sentence(run, tmp_path, tokens, words):
     (tmp_path / "r.csv").write_text("S2_V,S1_V,S3_V\n1,2,3\n")
     (tmp_path / "text.csv").write_text("S1_V,S2_V,S3_V\n1,two,3\n")
     (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "head.csv").write_text("S1_V,S2_V,S3_V\n")
     (tmp_path / "text_T.csv").write_text("S1_T,S3_T\n1,3\n")
     (tmp_path / "tesla.csv").write_text("S1_T,S2_T,S3_T\n0.01,0.01,0.01\n")
     (tmp_path / "good.csv").write_text("S1_V,S2_V,S3_V\n3,3,3\n")

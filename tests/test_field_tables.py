@@ -39,6 +39,7 @@ def test_other_columns_stay(run, tmp_path):
     ("text", "words"),
     [
         ("", "is empty"),
+        ("x_mm,y_mm,z_mm\n", "has a header but no rows: add a row of numbers below it"),
         ("x_mm,z_mm\n1,2\n", "column y_mm is missing"),
         ("1,2,3\n", "column x_mm is missing"),
         ("x_mm,z_mm,y_mm\n1,2,3\n", "in the order"),
@@ -78,8 +79,3 @@ def test_bad_options_are_a_sentence(run, tmp_path, tokens):
     (tmp_path / "p.csv").write_text(POINTS)
     status, out, err = run(*tokens)
     assert (status, out, err.count("\n")) == (2, "", 1)
-
-
-def test_an_empty_table_of_points_stays_empty(run, tmp_path):
-    (tmp_path / "p.csv").write_text("x_mm,y_mm,z_mm\n")
-    assert run("field", "paper", "--points", "p.csv")[:2] == (0, "x_mm,y_mm,z_mm,Bx_T,By_T,Bz_T\n")

@@ -82,6 +82,7 @@ def read_rows(
         raise BadInput(f"{path} is empty: its first line must name the columns {','.join(wanted)}")
     head = [name.strip() for name in rows.pop(0)[1]]
     _check_head(path, head, wanted, added, instead or {})
+    table_input.check_rows(path, rows)
     columns = [head.index(name) for name in wanted]
     values = np.empty((len(rows), len(wanted)))
     for k, (line, row) in enumerate(rows):
