@@ -23,7 +23,7 @@ from fem.solve.newton import newton
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.prony import Relaxation
-from studies.validation.vibration_problems import full_solution
+from studies.validation.motion_problems import full_solution
 
 ROUGH = replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)
 """Exact relations hold on any mesh."""

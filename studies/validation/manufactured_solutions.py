@@ -29,7 +29,7 @@ from fem.model.angular_fields import Angles
 from fem.model.elements import Elements
 from fem.model.symmetry_models import on_axis
 from geometry.arrays import Array
-from studies.validation.solid_problems import SKIN, Mask, body, solve
+from studies.validation.static_problems import SKIN, Mask, body, solve
 
 ORDER, ANGLES = 6, 8
 """Quadrature order on the section, and number of angles, of the rule that integrates body forces and errors."""
@@ -97,7 +97,7 @@ CASES = {
 }
 
 
-def errors(name: str, n: int) -> tuple[float, float]:
+def errors(n: int, name: str) -> tuple[float, float]:
     """Return the relative L2 errors of displacement and pressure with n elements along each side.
 
     Raises

@@ -1,8 +1,9 @@
-"""Tables and pages of the studies of validation: one writer for all of them."""
+"""Tables and pages of the studies of validation: one writer for all of them, words in `templates`."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,29 @@ def cell(value: Any, digits: int = 3) -> str:
 def listed(lines: Iterable[str], nothing: str = "None.") -> str:
     """Return lines as a list, each once, or the text for none."""
     return "\n".join(f"- {line}" for line in dict.fromkeys(lines)) or nothing
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return the text of a template of this package, with the filters `table`, `cell` and `listed`.
+
+    At most one empty line stands between two paragraphs.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"table": markdown, "cell": cell, "listed": listed}
+    return re.sub(r"\n{3,}", "\n\n", environment.get_template(template).render(values)).strip()
+
+
+def render(path: Path, command: str, origin: str, **values: Any) -> None:
+    """Write a page, such as VERIFY.md, from its template, verify.md.j2, and its origin."""
+    text = rendered(f"{path.stem.lower()}.md.j2", **values)
+    write_text(path, f"{text}\n\n{made(command, origin)}\n")
 
 
 def write(path: Path, blocks: Iterable[str], command: str, origin: str) -> None:

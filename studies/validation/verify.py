@@ -1,35 +1,78 @@
-"""Published and closed-form problems, solved on families of meshes and checked against fixed tolerances.
-
-ABOUT, which the report prints, says which value is checked.
-"""
+"""Published and closed-form problems, solved on families of meshes and checked against fixed tolerances."""
 
 from __future__ import annotations
 
+import functools
 import math
 import time
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
 from studies.output.csv_tables import write_table
 from studies.output.provenance import versions
-from studies.validation import pages
+from studies.validation import manufactured_solutions, motion_problems, pages, static_problems
 from studies.validation.pages import Row
-from studies.validation.verify_targets import Quantity, Target, targets
 
-ABOUT = """\
-Each target is checked by one of three numbers: the value on the finest mesh, its Richardson extrapolation, or the
-order of convergence of an error. The extrapolation fits f + C h^p to the three finest meshes. If these yield no
-positive order, the value on the finest mesh is checked. Tolerances are fixed and are never widened to make a target
-pass.
-"""
-
+PROBLEMS = Path(__file__).with_name("verify_problems.toml")
+"""All targets, with their meshes, published values, tolerances and sources."""
 NAN = math.nan
-
-
 DETAILS = ("judged", "meshes", "source", "message", "note")
 """Columns that the printed table leaves out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A problem with published quantities.
+
+    Attributes
+    ----------
+    solve : returns the quantities, or the only one, on mesh n.
+    quantities : name of each, its published value and the tolerance of the computed one, in the same unit.
+    judged : which number is checked: value on the finest mesh, extrapolated value, or order of convergence.
+    """
+
+    name: str
+    source: str
+    solve: Callable[[int], Sequence[float] | float]
+    quantities: tuple[tuple[str, float, float], ...]
+    meshes: tuple[int, ...] = (1,)
+    judged: Literal["finest", "extrapolated", "order"] = "finest"
+    note: str = ""
+
+
+def targets(*, quick: bool = False) -> list[Target]:
+    """Return the targets of a full or a quick run, fast ones first."""
+    found = tomllib.loads(PROBLEMS.read_text("utf-8"))["target"]
+    chosen = [(problem, problem.get("quick" if quick else "meshes", [1])) for problem in found]
+    return [_target(problem, meshes) for problem, meshes in chosen if meshes]
+
+
+def _target(problem: dict[str, Any], meshes: Sequence[int]) -> Target:
+    """Return the target of an entry of PROBLEMS."""
+    places = (static_problems, motion_problems, manufactured_solutions)
+    function = next(getattr(place, problem["solve"]) for place in places if hasattr(place, problem["solve"]))
+    given = problem.get("arguments", {})
+    given = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+    relative = problem.get("relative")
+    return Target(
+        problem["name"],
+        problem["source"],
+        functools.partial(function, **given),
+        tuple(
+            (name, published, tolerance[0] if tolerance else relative * abs(published))
+            for name, published, *tolerance in problem["quantities"]
+        ),
+        tuple(meshes),
+        problem.get("judged", "finest"),
+        problem.get("note", ""),
+    )
 
 
 def run(
@@ -39,7 +82,6 @@ def run(
 
     Parameters
     ----------
-    quick : solve the reduced targets.
     command : the command line that the report quotes.
 
     Returns
@@ -51,7 +93,13 @@ def run(
     for i, target in enumerate(chosen):
         comparisons += evaluate(target, i / len(chosen), progress)
     if folder is not None:
-        write(folder, comparisons, origin, command)
+        write_table(folder / "verify.csv", comparisons, digits=12)
+        shown = [
+            printed(c) | {"": "pass" if c["passed"] else f"**fail** {c['message']}".strip()} for c in comparisons
+        ]
+        heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
+        heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}
+        pages.render(folder / "VERIFY.md", command, origin, rows=comparisons, shown=shown, heads=heads)
     return comparisons
 
 
@@ -68,24 +116,25 @@ def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None
         if progress is not None:
             progress(done, target.name + (f", mesh {n}" if len(target.meshes) > 1 else ""))
         try:
-            values.append(target.solve(n))
+            values.append(np.atleast_1d(target.solve(n)).tolist())
         except SolveFailed as error:
             message = f"mesh {n}: {error}"
             break
     seconds = time.perf_counter() - begin
-    families = [[] if message else [float(answer[i]) for answer in values] for i in range(len(target.quantities))]
+    families = [[] if message else [answer[i] for answer in values] for i in range(len(target.quantities))]
     return [
-        _comparison(target, quantity, family, seconds, message)
+        _comparison(target, quantity, family) | {"seconds": seconds, **_words(target), "message": message}
         for quantity, family in zip(target.quantities, families, strict=True)
     ]
 
 
-def _comparison(target: Target, quantity: Quantity, family: Sequence[float], seconds: float, message: str) -> Row:
+def _comparison(target: Target, quantity: tuple[str, float, float], family: Sequence[float]) -> Row:
     """Compare a quantity's values on the family of meshes, the finest last, with the published one.
 
     `computed` is the value on the finest mesh, or the order of convergence if that is checked; `extrapolated` and
     `order` are limit and order of Richardson's extrapolation; NaN where nothing was computed.
     """
+    name, published, tolerance = quantity
     computed = family[-1] if family else NAN
     extrapolated, order = richardson(target.meshes, family)
     if target.judged == "order" and family:
@@ -93,24 +142,22 @@ def _comparison(target: Target, quantity: Quantity, family: Sequence[float], sec
         computed, extrapolated = math.log(e0 / e1) / math.log(n1 / n0), NAN
         order = computed
     checked = extrapolated if target.judged == "extrapolated" and math.isfinite(extrapolated) else computed
-    error = checked - quantity.published
     return {
         "target": target.name,
-        "quantity": quantity.name,
-        "published": quantity.published,
+        "quantity": name,
+        "published": published,
         "computed": computed,
         "extrapolated": extrapolated,
         "order": order,
-        "error_percent": 100 * error / quantity.published,
-        "tolerance_percent": 100 * quantity.tolerance / quantity.published,
+        "error_percent": 100 * (checked - published) / published,
+        "tolerance_percent": 100 * tolerance / published,
         "judged": target.judged,
-        "passed": abs(error) <= quantity.tolerance,
-        "seconds": seconds,
-        "meshes": "-".join(map(str, target.meshes)),
-        "source": target.source,
-        "note": target.note,
-        "message": message,
+        "passed": abs(checked - published) <= tolerance,
     }
+
+
+def _words(target: Target) -> Row:
+    return {"meshes": "-".join(map(str, target.meshes)), "source": target.source, "note": target.note}
 
 
 def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
@@ -137,21 +184,6 @@ def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float,
         return NAN, NAN
     p = float(brentq(excess, 0.2, 8.0, xtol=1e-13))
     return float(h + (h - g) * c**-p / (b**-p - c**-p)), p
-
-
-def write(folder: Path, comparisons: Sequence[Row], origin: str, command: str) -> None:
-    """Write verify.csv with 12 digits and the report VERIFY.md."""
-    write_table(folder / "verify.csv", comparisons, digits=12)
-    met = f"{sum(c['passed'] for c in comparisons)} of {len(comparisons)} targets are met."
-    shown = [printed(c) | {"": "pass" if c["passed"] else f"**fail** {c['message']}".strip()} for c in comparisons]
-    heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
-    heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}
-    sources = {c["target"]: c["source"] for c in comparisons}
-    notes = {c["target"]: c["note"] for c in comparisons if c["note"]}
-    blocks = ["# Verification", met, pages.markdown(shown, heads), ABOUT]
-    blocks += ["Sources:", pages.listed(f"{name}: {text}" for name, text in sources.items())]
-    blocks += ["Notes:", pages.listed(f"{name}: {text}" for name, text in notes.items())]
-    pages.write(folder / "VERIFY.md", blocks, command, origin)
 
 
 def printed(comparison: Row) -> Row:

@@ -1,4 +1,4 @@
-"""Published and closed-form problems as functions of a mesh size, which `verify` and the tests solve.
+"""Published and closed-form problems of equilibrium: blocks, membranes, spheres, clamped cylinders, contact.
 
 Each function takes the number n of elements along a side (unless its docstring says otherwise) and returns the
 published quantities. Stresses are in units of the shear or Young's modulus and lengths in units of the body, unless
@@ -11,19 +11,31 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import skfem
 from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
-from fem.model import angular_fields, elements, material
+from analytic.magnet import cylinder_field
+from fem.accuracy import LEVELS
+from fem.analyses.modes import eigen
+from fem.equilibrium import trace
+from fem.model import angular_fields, elements, material, plate_contact
 from fem.model.elements import Elements
 from fem.model.material import lame
-from fem.model.nonlinear_system import System
+from fem.model.nonlinear_system import State, System
+from fem.model.symmetry_models import MeshSpecification, on_axis
 from fem.solve.direct_solver import Solver
+from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, Equilibrium, newton
+from fem.solve.path_state import at_rest
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
+from geometry.design import paper
+from geometry.loads import Load, Magnet
 
 Mask = NDArray[np.bool_]
 
@@ -192,6 +204,19 @@ def _coupled(
     material.add_pressure(Jm1, Hm1, p, W, P, A, step)
 
 
+def mirrored_reese_block(n: int, levels: tuple[int, ...]) -> list[float]:
+    """Return the compression with bricks cut along the other diagonals over that of `reese_block`."""
+    one, other = (reese_block(n, levels, mirrored=way) for way in (False, True))
+    return [b / a for a, b in zip(one, other, strict=True)]
+
+
+def reese_formulations(n: int) -> list[float]:
+    """Return the compression at p/p0 = 80 by quadrature of order 4, and by Reese's energy, over `reese_block`'s."""
+    levels = (20, 40, 60, 80)
+    others = (reese_block(n, levels, order=4), reese_block(n, levels, own_energy=True))
+    return [values[-1] / reese_block(n, levels)[-1] for values in others]
+
+
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
     """Return the pressure p / mu that expands the hole of an incompressible sphere, radii 1 and 2, by each stretch.
 
@@ -226,6 +251,12 @@ def sphere_pressure(stretch: float) -> float:
     """
     outer = np.cbrt(1 + (stretch**3 - 1) / 8)
     return float((4 / outer + outer**-4 - 4 / stretch - stretch**-4) / 2)
+
+
+def homogeneous_states(_: int) -> tuple[float, ...]:
+    """Return stresses and energies of homogeneous states, in the order of verify_problems.toml."""
+    cubes = [stretched_cube(2.0, mode)[0] for mode in ("uniaxial", "equibiaxial", "planar")]
+    return (*cubes, stretched_cylinder(2.0)[0], *sheared_cube(0.8), turned_cylinder(2.0, 1.0)[0])
 
 
 def stretched_cube(stretch: float, mode: str) -> tuple[float]:
@@ -290,3 +321,206 @@ def sheared_cube(shear: float) -> tuple[float, float]:
     answer = solve(body(e, fixed, 1.0, 1e-3, moved=exact), exact)
     sigma = answer.assembly.forces.T @ (e.nodes + answer.state.u)
     return float(sigma[0, 2]), float(sigma[0, 0] - sigma[2, 2])
+
+
+# Clamped cylinders: large deflection (elastica), small deflection and vibration (Timoshenko's beam)
+#
+# The cylinders consist of Fourier elements with two harmonics on a rectangular section; these represent rigid
+# rotations of a cross-section exactly. Diameter and Young's modulus are 1. The load is a uniform dead traction along
+# x on the flat end. Rows of rectangles become thinner towards the clamp.
+
+HARMONICS = 2
+AREA, INERTIA = math.pi / 4, math.pi / 64
+"""Area and second moment of area of the cross-section, D = 1."""
+GRADING = 1.5
+"""Row i of n ends at (i / n)^GRADING of the length."""
+SMALL = 1e-7
+"""Tip force F of the linear problems, as F / (E D^2) (L / D)^2: small enough for linear strain."""
+
+
+def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
+    """Return deflection w / L and shortening u / L at the tip of a cylinder of given L / D for each P L^2 / (E I).
+
+    With nu = 0 the clamp does not hinder the contraction of the section. Shear, finite strain and warping at the
+    clamp change the answer by terms of order (D / L)^2, so that the elastica is the limit of large L / D.
+    """
+    system, e = cylinder(slenderness, 0.0, across=2, along=slenderness)
+    unit, tip = system.dead * INERTIA / slenderness**2, _tip(e)
+    steps = sorted({*np.linspace(0, max(loads), 9)[1:], *loads})
+    answers = dict(zip(steps, ramp(system, unit, steps), strict=True))
+    motions = [_tip_motion(answers[load].state, tip) for load in loads]
+    return tuple(value / slenderness for w, u in motions for value in (w, -u))
+
+
+def tip_stiffness(slenderness: int, nu: float, *, rows: int = 4, bonded: bool = True) -> float:
+    """Return the tip stiffness at small strain over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A)).
+
+    Timoshenko's clamp lets the cross-section change its shape. A bonded base does not: it stiffens about one diameter
+    of the beam, and more so for larger nu. If not bonded, the base only stays plane with its centre fixed, and the
+    reaction is a uniform traction on it.
+    """
+    system, e = cylinder(slenderness, nu, across=rows, along=rows * slenderness, bonded=bonded)
+    force = SMALL / slenderness**2
+    system.dead = force * system.dead
+    deflection = _tip_motion(solve(system).state, _tip(e))[0]
+    return force / deflection * compliance(slenderness, nu)
+
+
+def tip_stiffnesses(rows: int, nu: float, *, bonded: bool = True) -> list[float]:
+    """Return `tip_stiffness` at L / D of 6 and 12."""
+    return [tip_stiffness(ratio, nu, rows=rows, bonded=bonded) for ratio in (6, 12)]
+
+
+def vibration(rows: int, slenderness: int, nu: float, count: int) -> list[float]:
+    """Return the `count` lowest bending frequencies over those of Timoshenko's clamped and free beam."""
+    system, _ = cylinder(slenderness, nu, across=rows, along=rows * slenderness)
+    K = system.assemble(system.state(np.zeros(system.size)), None).tangent
+    # three times as many modes, since torsion and extension lie between the bending frequencies
+    values, vectors = eigen(K, system.mass(1.0, np.zeros(0)), 3 * count)
+    sideways = np.abs([*angular_fields.orders(HARMONICS), *range(HARMONICS + 1)]) == 1
+    bends = np.broadcast_to(sideways, system.free.shape)[system.free]
+    shapes = np.abs(vectors[: system.n_free]).T
+    bending = [float(value) for value, x in zip(values, shapes, strict=True) if x[bends].max() > x[~bends].max()]
+    return [math.sqrt(a) / b for a, b in zip(bending, frequencies(slenderness, nu, count), strict=False)]
+
+
+def frequencies(slenderness: float, nu: float, count: int) -> list[float]:
+    """Return the angular frequencies of Timoshenko's clamped and free beam, D = E = rho = 1.
+
+    Along the beam w' = phi + g, phi' = m, m' = -omega^2 phi - kappa G A g / I and g' = -omega^2 w / (kappa G), with
+    w = phi = 0 at the clamp and m = g = 0 at the end. The first frequency of a slender beam is 3.516 sqrt(I / A) /
+    L^2:
+
+    >>> round(frequencies(100.0, 0.3, 1)[0] * 1e4 / math.sqrt(INERTIA / AREA), 3)
+    3.516
+    """
+    kappa_G = 6 * (1 + nu) / (7 + 6 * nu) / (2 * (1 + nu))
+    stiff = kappa_G * AREA / INERTIA
+
+    def residual(omega: float) -> float:
+        # the determinant of the end conditions m = g = 0 vanishes at a frequency
+        A = np.array([[0, 1, 0, 1], [0, 0, 1, 0], [0, -(omega**2), 0, -stiff], [-(omega**2) / kappa_G, 0, 0, 0]])
+        return float(np.linalg.det(expm(slenderness * A)[2:, 2:]))
+
+    # the step is less than a third of the first frequency, so that no two roots share an interval
+    step = math.sqrt(INERTIA / AREA) / slenderness**2
+    roots: list[float] = []
+    omega = step
+    while len(roots) < count:
+        if residual(omega) * residual(omega + step) < 0:
+            roots.append(float(brentq(residual, omega, omega + step, rtol=1e-12)))
+        omega += step
+    return roots
+
+
+def compliance(slenderness: float, nu: float) -> float:
+    """Return Timoshenko's tip deflection under a unit load, D = E = 1; kappa = 6 (1 + nu) / (7 + 6 nu), Cowper 1966.
+
+    >>> round(compliance(1e3, 0.5) * 3 * INERTIA / 1e9, 5)
+    1.0
+    """
+    kappa, G = 6 * (1 + nu) / (7 + 6 * nu), 1 / (2 * (1 + nu))
+    return slenderness**3 / (3 * INERTIA) + slenderness / (kappa * G * AREA)
+
+
+def cylinder(
+    slenderness: float, nu: float, *, across: int, along: int, bonded: bool = True
+) -> tuple[System, Elements]:
+    """Return a cylinder of given L / D, clamped at z = 0, under a unit load at the end.
+
+    The section has `across` rectangles along the radius and `along` along the axis.
+    """
+    rows = slenderness * np.linspace(0, 1, along + 1) ** GRADING
+    flat = skfem.MeshTri.init_tensor(np.linspace(0, 0.5, across + 1), rows)
+    mesh = skfem.MeshTri2.from_mesh(flat).with_boundaries(
+        {"end": lambda x: x[1] > slenderness - SKIN, "base": lambda x: x[1] < SKIN}
+    )
+    e = elements.build(mesh, axisymmetric=True, harmonics=HARMONICS)
+    base, axis = e.nodes[:, 1] < SKIN, e.nodes[:, 0] < SKIN
+    fixed = np.repeat(base[:, None], e.angles.fields, axis=1)
+    load = facet_loads(mesh, e, "end", (1 / AREA, 0, 0))
+    if not bonded:
+        load += facet_loads(mesh, e, "base", (-1 / AREA, 0, 0))
+        fixed[base & ~axis, : len(angular_fields.orders(HARMONICS))] = False
+    fixed[np.ix_(axis, ~on_axis(HARMONICS))] = True
+    return body(e, fixed, *lame(1.0, nu), dead=load), e
+
+
+def _tip(e: Elements) -> int:
+    """Return the node where the axis meets the end."""
+    return int(np.argmax(e.nodes[:, 1] - 1e3 * e.nodes[:, 0]))
+
+
+def _tip_motion(state: State, tip: int) -> tuple[float, float]:
+    """Return the displacement along x and z of a node on the axis: the fields w_-1 and z_0."""
+    k = list(angular_fields.orders(HARMONICS))
+    return float(state.u[tip, k.index(-1)]), float(state.u[tip, len(k)])
+
+
+# The paper's sensor: Hertz's limit, the error of the plate's penalty, the field of the magnet
+
+LEVEL = ("quick", "standard", "fine")
+"""Accuracy levels by the mesh numbers 1, 2 and 3."""
+
+
+def magnet_field(_: int) -> tuple[float, ...]:
+    """Return B_z on the axis of a magnet of 4 x 4 mm and 1.2 T, mT, 5, 6, 7 and 8 mm from its centre."""
+    field = cylinder_field([[0, 0, z] for z in (5.0, 6.0, 7.0, 8.0)], 2.0, 4.0, 1.2)
+    return tuple(1e3 * float(value) for value in field[:, 2])
+
+
+def hertz(n: int) -> tuple[float, ...]:
+    """Return the force over Hertz's 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at d = 1e-6, 1e-5, 1e-4 mm, and its exponent.
+
+    The body is the paper's beam without its magnet, at level n.
+    """
+    design, depths = paper(), (1e-6, 1e-5, 1e-4)
+    ratios = []
+    for depth in depths:
+        state = trace(design, [Load(depth=depth)], LEVELS[LEVEL[n - 1]], magnet="ignored", estimate=False)[0]
+        if state.status != "ok":
+            raise NotSolvedError(state.message)
+        constant = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R)
+        ratios.append(state.response.force[2] / (constant * depth**1.5))
+    slope = 1.5 + math.log(ratios[-1] / ratios[0]) / math.log(depths[-1] / depths[0])
+    return (*ratios, slope)
+
+
+def penalties(n: int) -> list[float]:
+    """Return `penalty` at level n without and with the magnet at depths of 0.01, 0.1 and 0.3 D."""
+    magnets: tuple[Magnet, ...] = ("ignored", "rigid")
+    return [penalty(LEVEL[n - 1], depth, magnet) for magnet in magnets for depth in (0.01, 0.1, 0.3)]
+
+
+def penalty(level: str, depth: float, magnet: Magnet) -> float:
+    """Return the force on the paper's sensor with the plate's penalty SECTION_KAPPA over that on a rigid plate.
+
+    The force is solved with 1, 3 and 10 times the penalty. It is linear in the inverse of the penalty, so that a line
+    through the three forces gives that on a rigid plate, at inverse 0.
+
+    Parameters
+    ----------
+    depth : of the press, over D.
+    """
+    design, size = paper(), LEVELS[level].section_size
+    shape = design.shape.scaled(1 / design.D)
+    tip = min(size, math.sqrt(shape.R * depth) * size / 2)
+    path = Path(at_rest(MeshSpecification(shape, design.nu, magnet, size, tip).build()))
+    forces, factors, solver = [], np.array([1.0, 3.0, 10.0]), Solver()
+    try:
+        reason, state = path.go(depth, np.zeros(2)), path.state
+        system, q, plate, skin = state.d.system, state.q, state.plate, state.skin
+        for factor in factors:
+            harder = replace(plate, stiffness=factor * plate.stiffness)
+            pressed = plate_contact.overlap(skin, system.state(q).u, plate) > 0
+            answer = newton(system, solver, q, harder, pressed)
+            reason = reason or answer.reason
+            q = answer.state.q
+            pushed = plate_contact.springs(skin, answer.state.u, harder).traction[..., 2]
+            forces.append(float(np.sum(skin.weights * pushed)))
+    finally:
+        path.close()
+        solver.close()
+    if reason:
+        raise NotSolvedError(STOPPED[reason])
+    return forces[0] / float(np.polynomial.Polynomial.fit(1 / factors, forces, 1)(0.0))
