@@ -5,8 +5,8 @@ import math
 import pytest
 
 from studies.cli.command_output import report_goals
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.output.goals import Goal
+from studies.output.result import FAILED, GOOD
 
 MET = Goal("error", 0.5, 1.0, 3, "%")
 

@@ -14,7 +14,7 @@ from analytic.relaxation_loops import loop
 from geometry.design import paper
 from geometry.relaxation import relaxation_of
 from studies.cli import entry_point
-from studies.inputs import exit_status
+from studies.output.result import INTERRUPTED
 
 QUICK = ["--accuracy", "quick", "--magnet", "ignored"]
 
@@ -116,7 +116,7 @@ def test_an_interrupt_prints_the_complete_cycles(tmp_path: Path) -> None:
             assert line
         process.send_signal(signal.SIGINT)
         printed, errors = process.communicate()
-    assert process.returncode == exit_status.INTERRUPTED
+    assert process.returncode == INTERRUPTED
     assert printed.startswith("Loops, linear overstresses")
     assert "largest" in printed
     assert "of 1000 cycles are complete, and no file is written" in errors

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from geometry.design import BadInput
-from studies.inputs import exit_status
 from studies.output import atomic_files, console, vtk_files
+from studies.output.result import BROKEN_PIPE, INTERRUPTED
 from studies.simulation import load_cases
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -198,7 +198,7 @@ def test_interrupt_keeps_what_was_reached(tmp_path, strict):
         first = run.stdout.readline()
         run.send_signal(signal.SIGINT)
         rest, err = run.communicate()
-    assert (run.returncode, err) == (exit_status.INTERRUPTED, "magtip: interrupted; any complete files are kept\n")
+    assert (run.returncode, err) == (INTERRUPTED, "magtip: interrupted; any complete files are kept\n")
     reached = strict(first + rest)
     assert 1 <= len(reached) < 39
     assert {state["status"] for state in reached} == {"ok"}
@@ -302,7 +302,7 @@ def test_a_reader_that_goes_away():
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""
-    assert process.returncode == exit_status.BROKEN_PIPE
+    assert process.returncode == BROKEN_PIPE
 
 
 def test_json_line_has_no_nan(strict):

@@ -12,9 +12,9 @@ from fem.physics_version import PHYSICS
 from fem.results.error_estimate_rules import table_rows
 from geometry.design import paper
 from studies.cli import entry_point
-from studies.inputs.exit_status import FAILED
 from studies.output import checkpoint
 from studies.output.atomic_files import json_line
+from studies.output.result import FAILED
 from studies.validation import error_statistics, error_study, error_study_cases
 from studies.validation.error_study import QUANTITIES, ROLES, SolvedState, Task, restored, without_errors
 

@@ -12,7 +12,7 @@ from fem.solution import Facts
 from fem.solve.inertia import Stability
 from geometry.design import paper
 from geometry.loads import Load
-from studies.inputs.exit_status import FAILED, GOOD
+from studies.output.result import FAILED, GOOD
 from studies.validation import robustness, robustness_checks
 from studies.validation.robustness_checks import Case, press
 

@@ -60,7 +60,7 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     from fem.analyses import small_shear, stability
     from fem.solution import Estimates
     from geometry.design import paper
-    from studies.simulation import stability_report
+    from studies.simulation import critical_depths
 
     estimates = Estimates(depth=0.01, force=0.02)
     found = {
@@ -69,47 +69,50 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     }
     monkeypatch.setattr(stability, "critical", lambda *_, guided=False, **__: found[guided])
     monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: small_shear.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
-    below, beyond = (stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0))
-    assert below.message == ""
-    assert (below.critical_depth_error_estimate, below.critical_force_error_estimate) == (0.01, 0.02)
-    assert below.guided_critical_depth_error_estimate is None
-    assert "unstable" in beyond.message
-    assert stability_report.shown(below)["guided_critical_depth_mm"] == "none up to 3.5"
+    below, beyond = (
+        critical_depths.at_design(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0)
+    )
+    (record,) = below.records
+    assert record["message"] == ""
+    assert (record["critical_depth_error_estimate"], record["critical_force_error_estimate"]) == (0.01, 0.02)
+    assert record["guided_critical_depth_error_estimate"] is None
+    assert "unstable" in beyond.records[0]["message"]
+    assert below.shown[0].rows[0]["guided_critical_depth_mm"] == "none up to 3.5"
 
 
 def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(monkeypatch):
     from fem.analyses import small_shear, stability
     from geometry.design import paper
-    from studies.simulation import stability_report
+    from studies.simulation import critical_depths
 
     def status(message, depth=None, stiffness=0.5):
         found = stability.Critical(None, None, 3.5, message)
         monkeypatch.setattr(stability, "critical", lambda *_, **__: found)
         shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0)
         monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: shear)
-        return stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None)
+        (record,) = critical_depths.at_design(paper(), "rigid", "quick", depth, lambda *_: None).records
+        return record["status"], record["message"]
 
-    assert status("").status == "ok"
-    stopped = status("the press does not converge beyond 3.5 mm")
-    assert (stopped.status, stopped.message) == ("unknown", "the press does not converge beyond 3.5 mm")
-    assert [status("", depth).status for depth in (3.0, 4.0)] == ["ok", "unknown"]
-    assert status("", 3.0, -0.5).status == "unstable"
+    assert status("")[0] == "ok"
+    stopped = "the press does not converge beyond 3.5 mm"
+    assert status(stopped) == ("unknown", stopped)
+    assert [status("", depth)[0] for depth in (3.0, 4.0)] == ["ok", "unknown"]
+    assert status("", 3.0, -0.5)[0] == "unstable"
 
 
 def test_what_was_not_found_is_not_in_the_legend(tmp_path, monkeypatch):
     from matplotlib.figure import Figure
 
     from geometry.design import paper
-    from studies.simulation import critical_depth_map
-    from studies.simulation.critical_depth_map import ColumnLoad, CriticalPoint, SlendernessRow
+    from studies.simulation import critical_depths
 
     shown = []
     real = Figure.legend
     monkeypatch.setattr(Figure, "legend", lambda self, *a, **k: shown.append(real(self, *a, **k)))
-    load = ColumnLoad(1.0, 1.0)
-    row = SlendernessRow(2.0, 16.0, "rigid", "ok", CriticalPoint(2.0, 3.0), CriticalPoint(), load, load, load)
-    critical_depth_map.picture(tmp_path / "some.png", paper(), [row])
-    critical_depth_map.picture(tmp_path / "none.png", paper(), [SlendernessRow(2.0, 16.0, "rigid", "refused")])
+    row = dict.fromkeys(critical_depths.COLUMNS) | {"L_over_D": 2.0, "L_mm": 16.0, "status": "ok"}
+    found = {"critical_depth_mm": 2.0, "critical_force_N": 3.0, "haringx_N": 1.0, "haringx_depth_mm": 1.0}
+    critical_depths.picture(tmp_path / "some.png", paper(), [row | found])
+    critical_depths.picture(tmp_path / "none.png", paper(), [row | {"status": "refused"}])
     (labels,) = [[text.get_text() for text in legend.get_texts()] for legend in shown]
     assert "FEM, free tip" in labels
     assert "FEM, guided tip" not in labels

@@ -9,7 +9,7 @@ import pytest
 from fem.model import material
 from fem.model.plate_contact import SECTION_KAPPA
 from studies.cli import entry_point
-from studies.inputs import exit_status
+from studies.output.result import FAILED, GOOD
 from studies.validation import manufactured_solutions, motion_problems, static_problems, verify
 from studies.validation.static_problems import NotSolvedError
 
@@ -148,7 +148,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
     monkeypatch.setattr(
         verify, "targets", lambda quick: [good, missed, replace(good, name="unsolved", solve=unsolved)]
     )
-    assert entry_point.main(["validate", "verify", "--out", str(tmp_path), "--json"]) == exit_status.FAILED
+    assert entry_point.main(["validate", "verify", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
     assert "2 of 3 targets are missed: missed (q), unsolved (q)" in said.err
     assert said.out.count("\n") == 3
@@ -162,7 +162,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
 def test_all_met_is_status_zero(monkeypatch, capsys):
     good = verify.Target("good", "me", lambda n: (1 + n**-2.0,), (("q", 1.0, 0.1),), meshes=(4, 8, 16))
     monkeypatch.setattr(verify, "targets", lambda quick: [good])
-    assert entry_point.main(["validate", "verify"]) == exit_status.GOOD
+    assert entry_point.main(["validate", "verify"]) == GOOD
     assert "good" in capsys.readouterr().out
 
 

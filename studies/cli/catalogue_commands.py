@@ -9,8 +9,8 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Wide
-from studies.inputs.exit_status import GOOD
 from studies.output import console
+from studies.output.result import GOOD
 
 Kind = Annotated[
     Literal["magnets", "hall_parts", "silicones", "published"] | None,

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from geometry.design import Design
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.output import console, goals
 from studies.output.goals import Goal
+from studies.output.result import FAILED, GOOD
 
 
 def print_record(record: Mapping[str, Any], title: str, left_out: Sequence[str], *, as_json: bool) -> None:

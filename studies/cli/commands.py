@@ -25,8 +25,8 @@ from cyclopts import (
 
 from geometry.bad_input import OutOfReach, SolveFailed
 from geometry.design import BadInput
-from studies.inputs.exit_status import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 from studies.output import console, standard_streams
+from studies.output.result import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 
 NEGATIVE = re.compile(r"-[\d.]\S*,")
 """Beginning of a list of numbers whose first number is negative."""

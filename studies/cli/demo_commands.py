@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.output import atomic_files, console, own_files
+from studies.output.result import FAILED, GOOD
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:

@@ -10,9 +10,9 @@ from studies.cli.command_output import report_failures
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs import user_input
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.output import atomic_files, console
+from studies.output.result import FAILED, GOOD
 
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:

@@ -13,12 +13,12 @@ from geometry.loads import ANSWERED, Magnet
 from studies.cli.command_output import print_remarks, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Wide
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect, warn_of_values
 from studies.inputs.option_groups import TOLERANCE, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console, run_record
 from studies.output.records import FlatRow
+from studies.output.result import FAILED, GOOD
 
 if TYPE_CHECKING:
     from studies.exploration.study_cases import Plan

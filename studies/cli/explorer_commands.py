@@ -7,9 +7,9 @@ from pathlib import Path
 
 from geometry.design import BadInput, Design
 from studies.cli.parameters import Sets, Source, design_of
-from studies.inputs.exit_status import GOOD
 from studies.inputs.option_groups import Whole
 from studies.output import atomic_files, console
+from studies.output.result import GOOD
 
 
 def explore(

@@ -10,11 +10,11 @@ from cyclopts import Parameter
 
 from studies.cli.parameters import AsJson, Wide
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import LawName
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
+from studies.output.result import FAILED, GOOD
 
 if TYPE_CHECKING:
     from studies.simulation.relaxation_fit import BranchRow

@@ -1,17 +1,19 @@
-"""Parameters of several verbs."""
+"""Options of several verbs, and what they mean: the design, and where the result goes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from geometry.design import Design
 from geometry.loads import Magnet
+from studies.cli.printed_command import command
 from studies.inputs import input_warnings, user_input
 from studies.inputs.option_groups import Whole
+from studies.output.result import Destination
 
 Source = Annotated[str, Parameter(name="DESIGN", help="Name of a preset (paper) or path of a TOML file.")]
 Sets = Annotated[
@@ -38,3 +40,26 @@ def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid")
     design = user_input.read_design(source, sets or [], magnet=magnet)
     input_warnings.warn_of_values(design)
     return design
+
+
+def destination(
+    verb: Callable[..., int],
+    arguments: Mapping[str, Any],
+    names: Sequence[str] = (),
+    inputs: Sequence[str | Path | None] = (),
+) -> Destination:
+    """Return where the result of a verb goes.
+
+    Parameters
+    ----------
+    arguments : all arguments of the verb by their names, as `locals()` returns them before one of them is changed.
+    names, inputs : of `Destination`; the verb's argument `source` is an input too.
+    """
+    return Destination(
+        command=command(verb, arguments),
+        out=arguments.get("out"),
+        inputs=(arguments.get("source"), *inputs),
+        names=names,
+        as_json=arguments.get("as_json", False),
+        wide=arguments.get("wide", False),
+    )

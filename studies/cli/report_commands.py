@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from studies.cli.command_output import print_record
 from studies.cli.parameters import AsJson
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import GOOD
+from studies.output.result import GOOD
 
 Results = Annotated[
     Path, Parameter(name="DIR", help="Folder of results that other verbs wrote, with its sub-folders.")

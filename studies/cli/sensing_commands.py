@@ -12,10 +12,10 @@ from geometry.loads import ANSWERED
 from studies.cli.command_output import print_record, report_failures
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import LEVEL, Basis, FieldLevel, Pose, Whole
 from studies.output import atomic_files, console
+from studies.output.result import FAILED, GOOD
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Status

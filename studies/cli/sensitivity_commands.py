@@ -10,10 +10,10 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, OwnStore, Scheduler, Sets, Source, Wide, Workers, design_of
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import DEPTH, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
+from studies.output.result import FAILED, GOOD
 
 
 def sensitivity(

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Magnet
 from studies.cli.command_output import print_record, print_remarks, report_failures, say_if_without_magnet
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
 from studies.cli.printed_command import command
 from studies.inputs import user_input
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import (
     ACCURACY,
@@ -29,6 +29,7 @@ from studies.inputs.option_groups import (
 )
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console, run_record
+from studies.output.result import FAILED, GOOD, publish
 
 
 def solve(
@@ -138,8 +139,7 @@ def stability(
     out
         Folder for table, plot and STABILITY.md of --slenderness.
     """
-    command_line = command(stability, locals())
-    from studies.simulation import stability_report
+    from studies.simulation import critical_depths
 
     design = design_of(source, sets, magnet)
     if slenderness is not None:
@@ -147,31 +147,19 @@ def stability(
             raise BadInput("--depth and --slenderness exclude each other: give only one")
         if "L" in user_input.pairs("--set", sets or [], "D=10"):
             say_no_effect("L", "the lengths come from --slenderness")
-        return _stability_map(
-            source, design, magnet, accuracy, slenderness, out, command_line, as_json=as_json, wide=wide
-        )
+        ratios = _slenderness_of(slenderness, design)
+        here = destination(stability, locals(), critical_depths.FILES)
+        return publish(partial(critical_depths.over_slenderness, design, magnet, accuracy, ratios), here)
     if out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
-    with console.progress(as_json=as_json) as progress:
-        report = stability_report.run(design, magnet, accuracy, depth, progress)
-    row = report.row()
-    console.report([row if as_json else stability_report.shown(report)], as_json=as_json, title="Stability")
-    return report_failures([row])
+    return publish(
+        partial(critical_depths.at_design, design, magnet, accuracy, depth), destination(stability, locals())
+    )
 
 
-def _stability_map(
-    source: str,
-    design: Design,
-    magnet: Magnet,
-    accuracy: str,
-    slenderness: str,
-    out: Path | None,
-    command_line: str,
-    *,
-    as_json: bool,
-    wide: bool,
-) -> int:
-    ratios = user_input.parse_numbers("--slenderness", slenderness)
+def _slenderness_of(text: str, design: Design) -> list[float]:
+    """Return the values of --slenderness."""
+    ratios = user_input.parse_numbers("--slenderness", text)
     if not min(ratios) > 0.5:
         raise BadInput(
             f"--slenderness must exceed 0.5, because L must exceed the tip radius D/2; got {min(ratios):g}"
@@ -182,26 +170,7 @@ def _stability_map(
             f"--slenderness must be at most {longest / design.D:g} with D = {design.D:g} mm, because L is at most "
             f"{longest:g} mm; got {min(ratios):g}"
         )
-    from studies.output.provenance import versions
-    from studies.simulation import critical_depth_map as study
-
-    atomic_files.check_apart(atomic_files.inside(out, study.FILES), [source])
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        solved = list(study.run(design, magnet, accuracy, ratios, progress))
-        if folder is not None:
-            study.write(folder, design, solved, versions(), command_line)
-    rows = [each.row() for each in solved]
-    console.report(
-        rows,
-        as_json=as_json,
-        title="Stability over slenderness",
-        first=("L_over_D", "status", "critical_depth_mm", "critical_force_N"),
-        wide=wide,
-    )
-    if not as_json:
-        for remark in console.remarks(rows, ("L_over_D",)):
-            console.note(remark)
-    return report_failures(rows)
+    return ratios
 
 
 def modes(
@@ -225,10 +194,8 @@ def modes(
     from studies.simulation import modal_report
 
     design = design_of(source, sets, magnet)
-    with console.progress(as_json=as_json) as progress:
-        record = modal_report.run(design, magnet, count, depth, accuracy, progress).row()
-    console.report([record], as_json=as_json, title="Natural frequencies")
-    return report_failures([record])
+    study = partial(modal_report.run, design, magnet, count, depth, accuracy)
+    return publish(study, destination(modes, locals()))
 
 
 def compare(

@@ -9,10 +9,10 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Wide
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Selection, Whole
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
+from studies.output.result import FAILED, GOOD
 
 LIMIT = 20
 """Number of rows of a list by default."""

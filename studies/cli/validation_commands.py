@@ -15,10 +15,10 @@ from geometry.messages import Progress
 from studies.cli.command_output import report_goals
 from studies.cli.parameters import AsJson, OwnStore, Scheduler, Wide, Workers
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
+from studies.output.result import FAILED, GOOD
 
 Row = dict[str, Any]
 """A row of a study: values by the names of their columns."""

@@ -2,46 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
-from studies.output import records
 from studies.output.records import FlatRow
+from studies.output.result import Result, failure_of
 
 BAND = 600.0
 """Highest frequency at which the paper used its sensor, Hz (section IV.C)."""
 
 
-@dataclass(frozen=True, slots=True)
-class ModalReport:
-    """Natural frequencies in rising order.
-
-    Attributes
-    ----------
-    status : that of the press, or "failed" if it does not reach the depth or has no natural frequencies there.
-    depth_mm : depth of the press; 0 for the free sensor.
-    frequency_Hz, frequency_error_estimate, shape : one value for each mode; empty if the status is "failed".
-    spring_mass_Hz, spring_mass_with_magnet_Hz : the paper's formula, without and with the mass of the magnet.
-    """
-
-    status: str
-    message: str
-    depth_mm: float
-    frequency_Hz: list[float]
-    frequency_error_estimate: list[float | None]
-    shape: list[str]
-    spring_mass_Hz: float
-    spring_mass_with_magnet_Hz: float
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
-
-
-def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str, progress: Progress) -> ModalReport:
+def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str, progress: Progress) -> Result:
     """Compute the natural frequencies of the free sensor, or of one pressed to a depth, mm.
+
+    The record has lists with a value for each mode, in rising order, which are empty if the status is "failed": the
+    press does not reach the depth, or has no natural frequencies there.
 
     Raises
     ------
@@ -55,19 +30,23 @@ def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str,
         raise BadInput(f"--count must be between 1 and {MOST}; got {count}")
     check_load(design, Load(depth=depth), magnet)
     progress(0.0, "modes of the pressed sensor" if depth else "modes of the free sensor")
-    frequencies: tuple[float, ...] = ()
-    errors: tuple[float | None, ...] = ()
-    shapes: tuple[str, ...] = ()
-    status: str = "ok"
+    found: FlatRow = {"frequency_Hz": [], "frequency_error_estimate": [], "shape": []}
     try:
         solution = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])
-        frequencies, shapes, errors = solution.frequency, solution.shape, solution.estimates
-        status = solution.status
-        message = "; ".join(filter(None, [solution.message, _band_message(frequencies, shapes)]))
     except BadInput as error:
         status, message = "failed", str(error)
+    else:
+        found = {
+            "frequency_Hz": list(solution.frequency),
+            "frequency_error_estimate": list(solution.estimates),
+            "shape": list(solution.shape),
+        }
+        status = solution.status
+        message = "; ".join(filter(None, [solution.message, _band_message(solution.frequency, solution.shape)]))
     beam_only, with_magnet = spring_mass(design)
-    return ModalReport(status, message, depth, list(frequencies), list(errors), list(shapes), beam_only, with_magnet)
+    record = {"status": status, "message": message, "depth_mm": depth, **found}
+    record |= {"spring_mass_Hz": beam_only, "spring_mass_with_magnet_Hz": with_magnet}
+    return Result(title="Natural frequencies", records=[record], failures=failure_of([record]))
 
 
 def _band_message(frequencies: tuple[float, ...], shapes: tuple[str, ...]) -> str:

@@ -23,11 +23,11 @@ from fem.scene import Scene
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.inputs.exit_status import FAILED, GOOD
 from studies.output import atomic_files, checkpoint, console, own_files
 from studies.output.csv_tables import write_table
 from studies.output.goals import Goal, missed, verdict
 from studies.output.provenance import versions
+from studies.output.result import FAILED, GOOD
 from studies.simulation import response_curves, vibration_estimates
 from studies.simulation.response_curves import Complex, Curves
 from studies.validation import pages

@@ -1,0 +1,225 @@
+"""What a study found, as one value, and the one way of it to terminal, JSON, files and exit status.
+
+A verb reads its options, checks what files it may write, and has `publish` run its study:
+
+    here = destination(modes, locals())                      # studies.cli.destinations: options of the output
+    return publish(partial(modal_report.run, design, count), here)
+
+The study is a function of a progress callback; it returns a `Result` and prints and writes nothing itself. Values are
+records, that is, mappings from column names with their units to values. pandas is imported where a table is written.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import Design
+from geometry.messages import Progress
+from studies.output import atomic_files, console, run_record
+from studies.output.provenance import made, versions
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GOOD, BAD, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 2, 3, 130, 141
+"""Exit statuses of all verbs: success; bad input; a failed solve or check; Ctrl-C; the reader of the output is gone.
+1 is a bug."""
+Rows = Sequence[Mapping[str, Any]]
+Writer = Callable[[Path], None]
+"""Writes one file, whose path it gets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table of the terminal; a single row has one value to a line.
+
+    Attributes
+    ----------
+    brief, first : keys that only a wide table shows, and those that every table shows.
+    places : columns that tell rows apart: the message of each row stands below the table, after their values.
+    among : all rows of the study among which `places` tell these apart; default: these rows.
+    """
+
+    title: str
+    rows: Rows
+    brief: Sequence[str] = ()
+    first: Sequence[str] = ()
+    places: Sequence[str] = ()
+    among: Rows = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Names and values of the terminal, one to a line."""
+
+    title: str
+    rows: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Texts:
+    """A table of the terminal whose heads and cells are texts."""
+
+    title: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+Block = Table | Lines | Texts | str
+"""A part of what the terminal shows; a text is a sentence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What a study found.
+
+    Attributes
+    ----------
+    title : of the records.
+    records : the objects that --json prints, one on a line.
+    shown : what the terminal shows instead; default: the records as a table.
+    tables : rows by the name of their CSV file without suffix; `digits` are significant.
+    files : writers of the other files by their names.
+    pages : texts in Markdown by the names of their files, to which a sentence with command and versions is added.
+    packages : whose versions pages and run.json state besides the usual ones.
+    warnings, remarks : sentences on standard error, `remarks` those without the word warning.
+    failures : sentences that say why the exit status is 3; without them it is 0.
+    design : for run.json; without a design there is none.
+    """
+
+    title: str
+    records: Rows
+    shown: Sequence[Block] | None = None
+    tables: Mapping[str, Rows] = field(default_factory=dict)
+    digits: int = 6
+    files: Mapping[str, Writer] = field(default_factory=dict)
+    pages: Mapping[str, str] = field(default_factory=dict)
+    packages: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    remarks: Sequence[str] = ()
+    failures: Sequence[str] = ()
+    design: Design | None = None
+
+    def frame(self, table: str) -> pd.DataFrame:
+        """Return one of the tables as a DataFrame."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.tables[table]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Destination:
+    """Where a result goes.
+
+    Attributes
+    ----------
+    command : command line that makes the result again.
+    out : folder of the files; None writes none.
+    inputs : files that the study reads, which no output may replace.
+    names : names of all files that the study may write. What an earlier run left of them, and this one does not
+        write, is deleted.
+    wide : whether tables show all columns.
+    """
+
+    command: str = ""
+    out: Path | None = None
+    inputs: Sequence[str | Path | None] = ()
+    names: Sequence[str] = ()
+    as_json: bool = False
+    wide: bool = False
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a study that has a result of what is complete; its text says what that is."""
+
+    def __init__(self, text: str, result: Result) -> None:
+        super().__init__(text)
+        self.result = result
+
+
+def publish(study: Callable[[Progress], Result], here: Destination) -> int:
+    """Run a study, write its files, print its result, and return the exit status.
+
+    Raises
+    ------
+    BadInput
+        A file would replace an input or a file that magtip has not written, or another process fills the folder.
+    KeyboardInterrupt
+        After Ctrl-C; what is complete is printed before, and no file is written.
+    """
+    check_files(here)
+    try:
+        with atomic_files.results(here.out, here.names) as folder, console.progress(as_json=here.as_json) as progress:
+            result = study(progress)
+            if folder is not None:
+                write(result, folder, here.command)
+    except Interrupted as stop:
+        show(stop.result, here)
+        raise KeyboardInterrupt(str(stop)) from None
+    return show(result, here)
+
+
+def check_files(here: Destination) -> None:
+    """Refuse a destination whose files are inputs, or belong to the user."""
+    names = (*here.names, run_record.NAME)
+    atomic_files.check_apart(atomic_files.inside(here.out, names), here.inputs)
+
+
+def write(result: Result, folder: Path, command: str) -> None:
+    """Write tables, files, pages and run.json into an existing folder."""
+    from studies.output.csv_tables import write_table
+
+    origin = versions(result.packages)
+    for name, rows in result.tables.items():
+        write_table(folder / f"{name}.csv", rows, result.digits)
+    for name, writer in result.files.items():
+        writer(folder / name)
+    for name, text in result.pages.items():
+        atomic_files.write_text(folder / name, f"{text}\n\n{made(command, origin)}\n")
+    if result.design is not None:
+        run_record.write(folder, command, dataclasses.asdict(result.design), origin)
+
+
+def show(result: Result, here: Destination) -> int:
+    """Print a result, and return its exit status."""
+    if here.as_json:
+        console.report(result.records, as_json=True)
+    else:
+        blocks = [Table(title=result.title, rows=result.records)] if result.shown is None else result.shown
+        for block in blocks:
+            _show_block(block, wide=here.wide)
+    for warning in result.warnings:
+        console.warn(warning)
+    for sentence in (*result.remarks, *result.failures):
+        console.say(f"magtip: {sentence}")
+    return FAILED if result.failures else GOOD
+
+
+def _show_block(block: Block, *, wide: bool) -> None:
+    match block:
+        case str():
+            console.note(block)
+        case Lines(title, rows):
+            console.lines(title, rows)
+        case Texts(title, heads, cells):
+            console.table(title, heads, cells)
+        case Table():
+            console.report(
+                block.rows, as_json=False, title=block.title, brief=block.brief, first=block.first, wide=wide
+            )
+            for remark in console.remarks(block.rows, block.places, block.among) if block.places else ():
+                console.note(remark)
+
+
+def failure_of(records: Rows) -> list[str]:
+    """Return the sentence of the last record that is not ok; nothing if all are.
+
+    >>> failure_of([{"status": "ok"}, {"status": "failed"}, {"status": "ok"}])
+    ['the solve failed: failed']
+    """
+    failed = [record for record in records if record.get("status", "ok") != "ok"]
+    return [failed[-1].get("message") or f"the solve failed: {failed[-1]['status']}"] if failed else []

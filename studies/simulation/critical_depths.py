@@ -1,0 +1,304 @@
+"""The depth at which a press buckles sideways: of one design, and over the slenderness L/D beside formulas.
+
+`at_design` is `magtip stability DESIGN`, and `over_slenderness` its option --slenderness, with the columns of Euler,
+Engesser and Haringx. A critical depth or force is None if the press is stable at every depth searched, which is down
+to `stable_to_mm`. A search that ended before its last depth leaves the status unknown, with a message.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from analytic import buckling
+from geometry.design import BadInput, Design
+from geometry.loads import Magnet
+from geometry.messages import Progress
+from studies.output.markdown_tables import markdown
+from studies.output.records import FlatRow
+from studies.output.result import Result, Table, failure_of
+
+if TYPE_CHECKING:
+    from fem.analyses.small_shear import SmallShear
+    from fem.analyses.stability import Critical
+
+ABOUT = """\
+Each length is solved with a free tip (it slides on a frictionless plate) and with a guided tip (its contact area
+sticks to a plate that cannot move sideways). All fields but L are the design's; a length that the magnet does not fit
+has a row that says so. Depths and forces are given in mm and N, and made dimensionless in the plot.
+The depth of a formula is that of Hertz's contact in series with a uniform column under the formula's load.
+"""
+"""Explanation that STABILITY.md prints."""
+FORMULAS = {"euler": buckling.euler, "engesser": buckling.engesser, "haringx": buckling.haringx}
+"""Buckling loads of a column with a free tip."""
+CRITICAL = (
+    "critical_depth_mm",
+    "critical_force_N",
+    "stable_to_mm",
+    "critical_depth_error_estimate",
+    "critical_force_error_estimate",
+)
+"""Columns of a search; those of a guided tip have the prefix guided_."""
+COLUMNS = (
+    *(f"{tip}{name}" for tip in ("", "guided_") for name in CRITICAL),
+    *(f"{formula}_{name}" for formula in FORMULAS for name in ("N", "depth_mm")),
+)
+"""Columns of stability.csv that a refused length lacks: searches, loads of formulas, depths of presses with these."""
+PAGE_COLUMNS = (
+    *("critical_depth_mm", "critical_force_N", "guided_critical_depth_mm", "guided_critical_force_N"),
+    *("euler_N", "engesser_N", "haringx_N", "haringx_depth_mm", "stable_to_mm"),
+)
+FILES = ("stability.csv", "stability.png", "STABILITY.md")
+"""Files of --slenderness."""
+SLENDERNESS = (0.3, 0.6, 1, 2, 3, 5, 10, 20)
+"""L/D at which the picture has a number."""
+HIGHEST_DEPTH, HIGHEST_FORCE = 1.0, 3.0
+"""Upper ends of the picture, depth over L and force over E D^2: formulas of short beams run beyond them."""
+NEAR = 0.1
+"""Relative difference up to which the report calls a formula close to the finite elements."""
+
+
+def at_design(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> Result:
+    """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear."""
+    from fem.accuracy import LEVELS
+    from fem.analyses import small_shear, stability
+
+    # a depth out of range is refused here, before the searches, which take seconds
+    if depth is not None:
+        small_shear.check_depth(design, depth, magnet)
+    level = LEVELS[accuracy]
+    progress(0.0, "free tip")
+    free = stability.critical(design, magnet, accuracy=level)
+    progress(0.4, "guided tip")
+    guided = stability.critical(design, magnet, guided=True, accuracy=level)
+    haringx = buckling.haringx(design)
+    record: FlatRow = {
+        "status": "unknown" if free.message or guided.message else "ok",
+        # both searches may end for the same reason, which is then named once
+        "message": _joined(*dict.fromkeys((free.message, guided.message))),
+        **_limit_last(_critical(free), ""),
+        "euler_N": buckling.euler(design),
+        "haringx_N": haringx,
+        "haringx_depth_mm": buckling.depth(design, haringx),
+        **_limit_last(_critical(guided, "guided_"), "guided_"),
+        "guided_euler_N": buckling.euler(design, buckling.GUIDED),
+    }
+    if depth is not None:
+        progress(0.8, f"shear at depth {depth:g} mm")
+        try:
+            shear = small_shear.small_shear(design, depth, magnet, accuracy=level)
+        except BadInput as error:
+            status, sentence = "not_converged", str(error)
+            record |= _small_shear(depth, None)
+        else:
+            status, sentence = _stability_at(record, depth, shear.stiffness)
+            record |= _small_shear(depth, shear)
+        record |= {"status": status, "message": _joined(record["message"], sentence)}
+    shown = Table(title="Stability", rows=[record | _without_instability(record)])
+    return Result(title="Stability", records=[record], shown=[shown], failures=failure_of([record]))
+
+
+def _joined(*sentences: str) -> str:
+    return "; ".join(sentence for sentence in sentences if sentence)
+
+
+def _critical(found: Critical, prefix: str = "") -> FlatRow:
+    values = (found.depth, found.force, found.stable_to, found.estimates.depth, found.estimates.force)
+    return {f"{prefix}{name}": value for name, value in zip(CRITICAL, values, strict=True)}
+
+
+def _limit_last(columns: FlatRow, prefix: str) -> FlatRow:
+    columns[f"{prefix}stable_to_mm"] = columns.pop(f"{prefix}stable_to_mm")
+    return columns
+
+
+def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:
+    """Return the columns of a small shear per mm of it; all but the depth is None if the press does not get there.
+
+    `force_N` is that of the press alone.
+    """
+    return {
+        "depth_mm": depth,
+        "force_N": shear and [0.0, 0.0, shear.force],
+        "contact_radius_mm": shear and shear.contact_radius,
+        "stiffness_N_per_mm": shear and shear.stiffness,
+        "shift_per_mm": shear and shear.shift,
+        "tilt_rad_per_mm": shear and shear.tilt,
+        "stiffness_error_estimate": shear and shear.estimates.stiffness,
+        "shift_error_estimate": shear and shear.estimates.shift,
+        "tilt_error_estimate": shear and shear.estimates.tilt,
+    }
+
+
+def _stability_at(record: FlatRow, depth: float, stiffness: float) -> tuple[str, str]:
+    """Return status and sentence of a press to a depth, mm, whose sheared tip sticks to the plate."""
+    free, guided, limit = (
+        record[name] for name in ("critical_depth_mm", "guided_critical_depth_mm", "guided_stable_to_mm")
+    )
+    if (guided is not None and depth > guided) or not stiffness > 0:
+        return "unstable", f"at depth {depth:g} mm the straight press is unstable even with a guided tip"
+    if depth > limit:
+        return "unknown", f"at depth {depth:g} mm stability is unknown: the search ended at {limit:.4g} mm"
+    if free is not None and depth > free:
+        return record["status"], (
+            f"at depth {depth:g} mm the straight press is unstable if the tip slides freely: stiffness, shift and "
+            "tilt hold for a tip that sticks to the plate"
+        )
+    return record["status"], ""
+
+
+def _without_instability(record: FlatRow) -> FlatRow:
+    """Return texts such as "none up to 3.5" for the critical depths that were not found."""
+    return {
+        f"{tip}critical_depth_mm": f"none up to {record[f'{tip}stable_to_mm']:.5g}"
+        for tip in ("", "guided_")
+        if record[f"{tip}critical_depth_mm"] is None
+    }
+
+
+def over_slenderness(
+    design: Design, magnet: Magnet, accuracy: str, slenderness: Sequence[float], progress: Progress
+) -> Result:
+    """Find the critical depths of a free and of a guided tip at each L/D, one row each, beside the formulas.
+
+    A row of a length that the design refuses has the status refused and no numbers.
+    """
+    if magnet == "ignored":
+        design = replace(design, magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
+    rows = []
+    for i, ratio in enumerate(slenderness):
+        progress(i / len(slenderness), f"L/D = {ratio:g}")
+        length = ratio * design.D
+        columns: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
+        columns |= {**dict.fromkeys(COLUMNS), "message": ""}
+        try:
+            rows.append(columns | _solve(replace(design, L=length, l0=length), magnet, accuracy))
+        except BadInput as error:
+            rows.append(columns | {"message": str(error)})
+    first = ("L_over_D", "status", "critical_depth_mm", "critical_force_N")
+    table = Table(title="Stability over slenderness", rows=rows, first=first, places=("L_over_D",))
+    return Result(
+        title=table.title,
+        records=rows,
+        shown=[table],
+        tables={"stability": rows},
+        files={"stability.png": partial(picture, design=design, rows=rows)},
+        pages={"STABILITY.md": page(rows)},
+        failures=failure_of(rows),
+    )
+
+
+def _solve(beam: Design, magnet: Magnet, accuracy: str) -> FlatRow:
+    """Return the columns of one length that was solved."""
+    from fem.accuracy import LEVELS
+    from fem.analyses import stability
+
+    free, guided = (
+        stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy]) for guided in (False, True)
+    )
+    loads = {name: load(beam) for name, load in FORMULAS.items()}
+    message = _joined(*dict.fromkeys((free.message, guided.message)))
+    return {
+        "status": "unknown" if message else "ok",
+        **_critical(free),
+        **_critical(guided, "guided_"),
+        **{f"{name}_N": load for name, load in loads.items()},
+        **{f"{name}_depth_mm": buckling.depth(beam, load) for name, load in loads.items()},
+        "message": message,
+    }
+
+
+def page(rows: Sequence[FlatRow]) -> str:
+    """Return STABILITY.md without its origin."""
+    table = [
+        {"L/D": f"{row['L_over_D']:g}", **{name: _with_error(row, name) for name in PAGE_COLUMNS}} for row in rows
+    ]
+    lines = ["# Sideways stability of a press over slenderness", "", *ABOUT.splitlines(), ""]
+    lines += ["![Critical depth and force over L/D](stability.png)", "", markdown(table), "", *_sentences(rows)]
+    return "\n".join(lines)
+
+
+def _with_error(row: FlatRow, name: str) -> str:
+    """Format a value, with its estimated error where there is one."""
+    if row[name] is None:
+        return ""
+    error = row.get(f"{name.rpartition('_')[0]}_error_estimate")
+    return f"{row[name]:.4g}" + ("" if error is None else f" ± {abs(row[name]) * error:.2g}")
+
+
+def _sentences(rows: Sequence[FlatRow]) -> list[str]:
+    """Return where each formula is close to the finite elements, and where no instability was found."""
+    sentences = []
+    for formula in FORMULAS:
+        for quantity, column, critical in (
+            ("load", f"{formula}_N", "critical_force_N"),
+            ("depth", f"{formula}_depth_mm", "critical_depth_mm"),
+        ):
+            close = [row for row in rows if row[critical] and abs(row[column] / row[critical] - 1) <= NEAR]
+            where = f"L/D = {_lengths(close)}" if close else "none of these L/D"
+            sentences.append(f"- {formula.capitalize()}'s {quantity} of a free tip is within {NEAR:.0%} at {where}.")
+    stable = [row for row in rows if row["status"] == "ok" and row["critical_depth_mm"] is None]
+    if stable:
+        sentences.append(f"- No instability of a free tip down to `stable_to_mm` at L/D = {_lengths(stable)}.")
+    return sentences + [f"- L/D = {row['L_over_D']:g}: {row['message']}." for row in rows if row["message"]]
+
+
+def _lengths(rows: Sequence[FlatRow]) -> str:
+    return ", ".join(f"{row['L_over_D']:g}" for row in rows)
+
+
+def picture(path: Path, design: Design, rows: Sequence[FlatRow]) -> None:
+    """Plot critical depth over L, and critical force over E D^2, against L/D."""
+    from matplotlib.ticker import NullLocator
+
+    from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, log_numbers, sheet
+
+    values = [row for row in rows if row["status"] != "refused"]
+    x = [row["L_over_D"] for row in values]
+    scale = design.E * design.D**2
+    looks: dict[str, Any] = {
+        "critical": ("FEM, free tip", {"color": FEM, "marker": "o"}),
+        "guided_critical": ("FEM, guided tip", {"color": HOMOGENEOUS, "marker": "s", "markerfacecolor": "white"}),
+        "haringx": ("Haringx, free tip", {"color": ANALYTIC, "linestyle": "--"}),
+        "euler": ("Euler, free tip", {"color": COLOURS[3], "linestyle": ":"}),
+        "engesser": ("Engesser, free tip", {"color": COLOURS[4], "linestyle": "-."}),
+    }
+    with sheet(path, 7.0, 3.9) as figure:
+        left, right = figure.subplots(1, 2, sharex=True)
+        for name, (label, look) in looks.items():
+            column = f"{name}_force_N" if "critical" in name else f"{name}_N"
+            depth = [_over(value[f"{name}_depth_mm"], value["L_mm"]) for value in values]
+            force = [_over(value[column], scale) for value in values]
+            if any(math.isfinite(value) for value in (*depth, *force)):
+                left.plot(x, depth, **look)
+                right.plot(x, force, label=label, **look)
+        stable = [
+            _over(row["stable_to_mm"] if row["critical_depth_mm"] is None else None, row["L_mm"]) for row in values
+        ]
+        if any(map(math.isfinite, stable)):
+            look = {"color": FEM, "marker": "^", "markersize": 7, "markerfacecolor": "white", "linestyle": "none"}
+            left.plot(x, stable, label="FEM, free tip: stable at least to here", **look)
+        left.set_ylabel("critical depth / $L$")
+        right.set_ylabel("critical force / ($E D^2$)")
+        for axis, highest in ((left, HIGHEST_DEPTH), (right, HIGHEST_FORCE)):
+            axis.set(xscale="log", yscale="log", xlabel="slenderness $L/D$")
+            axis.set_ylim(top=highest)
+            log_numbers(axis, "y")
+        low, high = (min(x, default=1) * 0.93, max(x, default=10) * 1.07)
+        left.set_xlim(low, high)
+        ticks = [tick for tick in SLENDERNESS if low <= tick <= high]
+        left.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        left.xaxis.set_minor_locator(NullLocator())
+        if right.lines:
+            entries = {line.get_label(): line for axis in (right, left) for line in axis.lines}
+            named = [entry for name, entry in entries.items() if not name.startswith("_")]
+            figure.legend(handles=named, loc="outside upper center", ncols=2, frameon=False)
+
+
+def _over(value: float | None, scale: float) -> float:
+    """Divide a value by its scale; NaN without a value."""
+    return math.nan if value is None else value / scale
