@@ -10,7 +10,7 @@ from geometry import design_digest
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
 from geometry.meshing import mesh_import
-from geometry.meshing.mesh_quality import quality
+from geometry.meshing.mesh_quality import quality, with_exact_volumes
 from studies.output import vtk_files
 
 SHAPE = Shape(8, 6, 3, 2, 0.4)
@@ -225,3 +225,32 @@ def test_cells_of_another_mesher_give_the_same_force(run, strict, tmp_path):
     assert half["force_N"][2] == pytest.approx(harmonic["force_N"][2], rel=0.01)
     assert half["force_N"][0] == pytest.approx(harmonic["force_N"][0], rel=0.05)
     assert half["shift_mm"] == pytest.approx(harmonic["shift_mm"], rel=0.02, abs=1e-9)
+
+
+def test_a_facet_of_the_magnet_that_faces_its_centre_counts_with_its_sense(own):
+    """A cell that passes from the magnet to the silicone leaves a notch, with a facet that faces the pole."""
+    magnet, on = own.subdomains["magnet"], own.boundaries["magnet"]
+    counts = np.isin(own.t2f, on).sum(axis=0)
+    cell = next(k for k in magnet if counts[k] == 1 and _faces_the_pole(own, k, on))
+    notched = replace(
+        own,
+        _boundaries={**own.boundaries, "magnet": np.setxor1d(on, own.t2f[:, cell])},
+        _subdomains={
+            "silicone": np.append(own.subdomains["silicone"], cell),
+            "magnet": np.setdiff1d(magnet, [cell]),
+        },
+    )
+    errors = quality(with_exact_volumes(notched, SHAPE), SHAPE).volume_errors
+    assert max(map(abs, errors.values())) < 1e-6
+
+
+def _faces_the_pole(mesh, cell, on):
+    """Whether an inner facet of a cell, seen from the rest of the magnet, has its outer side towards the pole."""
+    centre = mesh.p[:, mesh.t[:, cell]].mean(axis=1)
+    for facet in np.setdiff1d(mesh.t2f[:, cell], on):
+        a, b, c = mesh.p[:, mesh.facets[:, facet]].T
+        normal = np.cross(b - a, c - a)
+        normal = normal if normal @ (centre - a) > 0 else -normal
+        if normal @ (a - (0, 0, SHAPE.H)) < -1e-6:
+            return True
+    return False

@@ -146,13 +146,7 @@ def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
 def _outward(mesh: MeshTet2) -> tuple[Array, Ints]:
     """Return the points, shape (n, 3), and triangles, shape (m, 3), of all boundaries; normals point outward."""
     facets = np.concatenate(list(mesh.boundaries.values()))
-    inner = np.isin(mesh.f2t[0, facets], mesh.subdomains.get("magnet", facets[:0]))
-    # the triangles of the magnet's surface are seen from the magnet
-    cell = np.where(inner | (mesh.f2t[1, facets] < 0), mesh.f2t[0, facets], mesh.f2t[1, facets])
-    corners = mesh.facets[:, facets]
-    a, b, c = np.moveaxis(mesh.p[:, corners], 1, 0)
-    centre = mesh.p[:, mesh.t[:, cell]].mean(axis=1)
-    inverted = np.einsum("in,in->n", np.cross(b - a, c - a, axis=0), a - centre) < 0
+    corners, inverted = mesh.facets[:, facets], mesh_quality.senses(mesh, facets) < 0
     corners[:2, inverted] = corners[1::-1, inverted]
     used, index = np.unique(corners, return_inverse=True)
     return np.ascontiguousarray(mesh.p[:, used].T), index.reshape(3, -1).T.astype(np.int32)

@@ -13,7 +13,7 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 from geometry import cad
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 from geometry.design import Shape
 
 
@@ -80,7 +80,8 @@ def with_exact_volumes(mesh: skfem.MeshTet2, shape: Shape) -> skfem.MeshTet2:
 
     Quadratic facets through points of a curved surface miss the volume by some 1e-4 on a coarse mesh. The divergence
     theorem turns the volume of a body into an integral over facets, x . n / 3 with the origin at a pole on the axis:
-    base and plane of symmetry contain it, so they add nothing.
+    base and plane of symmetry contain it, so they add nothing. The cell behind a facet tells on which side the body
+    lies: at a fillet of the magnet, a small facet of an imported mesh may face the pole.
     """
     x, part = mesh.doflocs.copy(), 0.5 if "symmetry" in mesh.boundaries else 1.0
     bodies = (("skin", skin, 0.0, cad.beam_volume(shape)), ("magnet", magnet, shape.H, cad.magnet_volume(shape)))
@@ -88,15 +89,28 @@ def with_exact_volumes(mesh: skfem.MeshTet2, shape: Shape) -> skfem.MeshTet2:
         if name not in mesh.boundaries:
             continue
         nodes = mesh.dofs.get_facet_dofs(mesh.boundaries[name]).all()
-        middles = nodes[nodes >= mesh.nvertices]
+        middles, sense = nodes[nodes >= mesh.nvertices], senses(mesh, mesh.boundaries[name])
         for _ in range(2):
             points, areas = _facets(replace(mesh, doflocs=x), name)
             points[2] -= pole
-            missing = part * volume - float(np.abs((points * areas).sum(axis=0)).sum()) / 3
+            # the facets of a hole face the pole, all of them
+            missing = part * volume - abs(float(((points * areas).sum(axis=(0, 1)) * sense).sum())) / 3
             # the shape functions of a facet's three middle nodes add up to its area
             distance = missing / np.linalg.norm(areas, axis=0).sum()
             x[:, middles] += distance * surface(x[:, middles], shape)[1]
     return replace(mesh, doflocs=x)
+
+
+def senses(mesh: skfem.MeshTet1, facets: Ints) -> Array:
+    """Return 1 for facets whose corners a, b, c turn (b - a) x (c - a) outward, -1 for others, shape (n,).
+
+    The facets of the magnet's surface are seen from the magnet, or from the silicone if the magnet is a hole.
+    """
+    inner = np.isin(mesh.f2t[0, facets], mesh.subdomains.get("magnet", facets[:0]))
+    cell = np.where(inner | (mesh.f2t[1, facets] < 0), mesh.f2t[0, facets], mesh.f2t[1, facets])
+    a, b, c = np.moveaxis(mesh.p[:, mesh.facets[:, facets]], 1, 0)
+    centre = mesh.p[:, mesh.t[:, cell]].mean(axis=1)
+    return np.asarray(np.sign((np.cross(b - a, c - a, axis=0) * (a - centre)).sum(axis=0)))
 
 
 def _facets(mesh: skfem.MeshTet2, name: str) -> tuple[Array, Array]:
