@@ -62,7 +62,7 @@ LONGEST = (
     "test_entry_point",
     "test_cycle_paths",
     "test_workers",
-    "test_coulomb_study",
+    "test_friction_study",
     "test_mesh_import",
     "test_cad",
     "test_symmetry_models",

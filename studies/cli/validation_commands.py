@@ -92,7 +92,7 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
         Folder for friction.csv, FRICTION.md and friction.png.
     """
     command_line = command(friction, locals())
-    from studies.validation import coulomb_study as study
+    from studies.validation import friction as study
 
     with _results(out, ("FRICTION.md", "friction.csv", "friction.png"), as_json=as_json) as (folder, progress):
         checks = study.run(quick=quick, folder=folder, command=command_line, progress=progress)

@@ -1,13 +1,10 @@
-"""Checks of Coulomb friction against theory, for the verb friction.
-
-ABOUT, which the report prints, describes the checks.
-"""
+"""Checks of Coulomb friction against theory: onset of slip, full slip, cycles of shear, other models."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -25,20 +22,6 @@ from studies.output.csv_tables import write_table
 from studies.output.provenance import versions
 from studies.validation import pages
 from studies.validation.pages import Row
-
-ABOUT = """\
-Coulomb friction is checked on the paper's sensor: onset of slip, full slip, a cycle of shear, and the other models.
-
-- Onset: the press is 1e-5 mm without the magnet, so that the solution of Cattaneo and Mindlin for a sphere applies.
-  G is the shear modulus, a the contact radius and F_N the normal force. Full slip begins at a shear of
-  3 mu F_N (2 - nu) / (16 G a). At a share s of this shear, the tangential force is mu F_N (1 - (1 - s)^1.5), and the
-  share 1 - s of the contact area sticks. The compliance of the beam itself is 1 % of the total there.
-- Full slip: after a press of 1 mm, the tangential force must be mu times the normal force.
-- Cycle: press 1 mm, then shear to both sides. The loop must close, and its area must be the dissipated energy.
-- Half and full model: press 0.5 mm, then shear, without the magnet. The forces on tetrahedra must be those of the
-  harmonic model.
-- Tilted plate: at full slip in the full model, the force along the plate must be mu times the force across it.
-"""
 
 NAN = math.nan
 DEPTH = 1.0
@@ -58,16 +41,6 @@ QUICK_ONSET = replace(ONSET, section_size=0.06, harmonics=1)
 SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """Tangential over normal force along a shear, after a press to DEPTH."""
-
-    mu: float
-    shear_mm: list[float]
-    force_N: list[float]
-    normal_N: list[float]
-
-
 class StoppedError(SolveFailed):
     """A path of this study stopped before its last load, or without full slip."""
 
@@ -82,34 +55,35 @@ def run(
     quick : use coarser meshes, and leave out the tetrahedra.
     command : the command line that the report quotes.
     """
-    report_progress = progress or (lambda share, text: None)
     origin = versions()
-    checks: list[Row] = []
-    curves: list[Curve] = []
+    curves: list[list[Solution]] = []
     loop: list[Solution] = []
+    level = COARSE if quick else QUICK
 
     def sheared(mu: float, farthest: float) -> list[Row]:
-        curves.append(curve(mu, farthest, 8, COARSE if quick else QUICK))
+        curves.append(curve(mu, farthest, 8, level))
         return [full_slip(curves[-1])]
 
     def cycled() -> list[Row]:
-        loop.extend(cycle(0.2, COARSE if quick else QUICK))
+        loop.extend(cycle(0.2, level))
         return closed(loop)
 
-    parts: list[tuple[str, Callable[[], list[Row]]]] = [("onset", partial(onset, QUICK_ONSET if quick else ONSET))]
-    parts += [(f"full slip, mu = {mu:g}", partial(sheared, mu, farthest)) for mu, farthest in MUS.items()]
-    parts.append(("cycle", cycled))
+    parts: dict[str, Callable[[], list[Row]]] = {"onset": partial(onset, QUICK_ONSET if quick else ONSET)}
+    parts |= {f"full slip, mu = {mu:g}": partial(sheared, mu, farthest) for mu, farthest in MUS.items()}
+    parts["cycle"] = cycled
     if not quick:
-        parts += [(f"{model} model", partial(other_model, model)) for model in SOLID_MODELS]
-        parts.append(("tilted plate", lambda: [tilted(SOLID)]))
-    for i, (name, part) in enumerate(parts):
-        report_progress(i / len(parts), name)
+        parts |= {f"{model} model": partial(other_model, model) for model in SOLID_MODELS}
+        parts["tilted plate"] = lambda: [tilted(SOLID)]
+    checks: list[Row] = []
+    for i, (name, part) in enumerate(parts.items()):
+        if progress is not None:
+            progress(i / len(parts), name)
         try:
             checks += part()
         except StoppedError as stop:
             checks.append(_check(name, f"no measurement: {stop}", NAN, NAN, NAN))
     if folder is not None:
-        write(folder, checks, curves, loop, origin, command)
+        write(folder, checks, curves, loop, command=command, origin=origin)
     return checks
 
 
@@ -152,19 +126,20 @@ def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Row]:
     return checks
 
 
-def curve(mu: float, farthest: float, count: int, level: Accuracy) -> Curve:
+def curve(mu: float, farthest: float, count: int, level: Accuracy) -> list[Solution]:
     """Press to DEPTH, then shear to `farthest`, mm, in `count` increments."""
     shears = np.linspace(0.0, farthest, count + 1)
     states = _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
     if states[-1].slip_share != 1:
         raise StoppedError(f"at mu = {mu:g} and a shear of {farthest:g} mm the contact does not slip as a whole")
-    return Curve(mu, shears.tolist(), [s.response.force[0] for s in states], [s.response.force[2] for s in states])
+    return states
 
 
-def full_slip(sheared: Curve) -> Row:
+def full_slip(states: Sequence[Solution]) -> Row:
     """Check the ratio of tangential to normal force in the last state of a curve, where the whole contact slips."""
-    ratio = sheared.force_N[-1] / sheared.normal_N[-1]
-    return _check("full slip", f"tangential / normal force, mu = {sheared.mu:g}", ratio, sheared.mu, 0.01)
+    last, mu = states[-1], float(states[-1].load.friction)
+    ratio = last.response.force[0] / last.response.force[2]
+    return _check("full slip", f"tangential / normal force, mu = {mu:g}", ratio, mu, 0.01)
 
 
 def cycle(mu: float, level: Accuracy, steps: int = 10) -> list[Solution]:
@@ -184,11 +159,8 @@ def closed(states: Sequence[Solution]) -> list[Row]:
     return [
         _check("cycle", "force at the end / force at the start", force[end] / force[turn], 1.0, 0.005),
         _check(
-            "cycle",
-            "force at the opposite end of the shear / force at the start",
-            force[back] / force[turn],
-            -1.0,
-            0.005,
+            *("cycle", "force at the opposite end of the shear / force at the start"),
+            *(force[back] / force[turn], -1.0, 0.005),
         ),
         _check("cycle", "dissipated energy / area of the loop", lost / area, 1.0, 0.02),
     ]
@@ -224,41 +196,35 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
 def write(
     folder: Path,
     checks: Sequence[Row],
-    curves: Sequence[Curve],
+    curves: Sequence[Sequence[Solution]],
     loop: Sequence[Solution],
-    origin: str,
+    *,
     command: str,
+    origin: str,
 ) -> None:
     """Write friction.csv, FRICTION.md and friction.png."""
     write_table(folder / "friction.csv", checks, digits=9)
     draw_friction(folder / "friction.png", curves, loop)
-    passed = f"{sum(check['passed'] for check in checks)} of {len(checks)} checks pass."
     heads = {name: name for name in ("check", "quantity", "value", "expected")}
     heads |= {"off": "relative difference", "bound": "bound", "passed": "passed"}
-    picture = "![Shear after a press of 1 mm: onset of slip for several mu, and a cycle](friction.png)"
-    blocks = ["# Coulomb friction", passed, pages.markdown(checks, heads, 4), picture, ABOUT]
-    pages.write(folder / "FRICTION.md", blocks, command, origin)
+    pages.render(folder / "FRICTION.md", command, origin, rows=checks, heads=heads)
 
 
-def draw_friction(path: Path, curves: Sequence[Curve], cycle: Sequence[Solution]) -> None:
+def draw_friction(path: Path, curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> None:
     """Draw the ratio of tangential to normal force over the shear for several mu, and a cycle of shear."""
     from studies.output.table_plots import COLOURS, FEM, canvas, label
 
     with canvas(path, 1, 2, shared=False) as (_, axes):
-        for curve, colour in zip(curves, COLOURS, strict=False):
-            ratio = [tangential / normal for tangential, normal in zip(curve.force_N, curve.normal_N, strict=True)]
-            axes[0].plot(curve.shear_mm, ratio, color=colour, marker="o", label=f"$\\mu$ = {curve.mu:g}")
-            axes[0].axhline(curve.mu, color=colour, linestyle=":", linewidth=1)
-        label(axes[0], "a", "$F_x / F_N$")
-        if cycle:
-            label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {cycle[0].load.friction:g}")
-        axes[1].plot(
-            [state.load.shear_x for state in cycle],
-            [state.response.force[0] for state in cycle],
-            color=FEM,
-            marker="o",
-            markersize=3,
-        )
+        for states, colour in zip(curves, COLOURS, strict=False):
+            mu = float(states[0].load.friction)
+            ratio = [s.response.force[0] / s.response.force[2] for s in states]
+            axes[0].plot([s.load.shear_x for s in states], ratio, color=colour, marker="o", label=f"$\\mu$ = {mu:g}")
+            axes[0].axhline(mu, color=colour, linestyle=":", linewidth=1)
+            label(axes[0], "a", "$F_x / F_N$")
+        if loop:
+            label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {loop[0].load.friction:g}")
+        shears, forces = [s.load.shear_x for s in loop], [s.response.force[0] for s in loop]
+        axes[1].plot(shears, forces, color=FEM, marker="o", markersize=3)
         for axis in axes:
             axis.set_xlabel("shear (mm)")
         if curves:

@@ -1,0 +1,72 @@
+"""The study of Coulomb friction: its verdicts, its files, its verb. The physics: tests/test_friction.py."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geometry.loads import Load
+from studies.validation import friction, robustness_checks
+
+
+@pytest.fixture(scope="module")
+def states():
+    """A press, then a shear to full slip."""
+    loads = [Load(depth=0.5, shear_x=float(x), friction=0.1) for x in np.linspace(0, 0.6, 4)]
+    return friction._follow(loads, friction.COARSE, "ignored")
+
+
+def test_full_slip_is_told_from_a_wrong_coefficient(states):
+    assert friction.full_slip(states)["passed"]
+    wrong = [replace(state, load=replace(state.load, friction=0.12)) for state in states]
+    assert not friction.full_slip(wrong)["passed"]
+
+
+def test_a_way_there_is_no_closed_loop(states):
+    assert not any(check["passed"] for check in friction.closed([*states, states[0]]))
+
+
+def test_files_of_the_study(tmp_path, states):
+    about = {"command": "magtip validate friction --quick", "origin": "here"}
+    friction.write(tmp_path, [friction.full_slip(states)], [states], states, **about)
+    report = (tmp_path / "FRICTION.md").read_text()
+    assert "1 of 1 checks pass" in report
+    assert "`magtip validate friction --quick`" in report
+    assert (tmp_path / "friction.png").stat().st_size > 10_000
+    assert (tmp_path / "friction.csv").read_text().startswith("check,quantity")
+
+
+def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
+    check = friction._check("onset", "force", 1.1, 1.0, 0.01)
+    monkeypatch.setattr(friction, "run", lambda **_: [check])
+    status, out, err = run("validate", "friction", "--json")
+    assert status == 3
+    assert strict(out) == [check]
+    assert "1 of 1 checks fail" in err
+
+
+def test_the_judge_of_extremes_measures_the_cone():
+    loads = tuple(Load(depth=0.5, shear_x=x, friction=0.1) for x in (0.0, 0.6))
+    scene = robustness_checks.Case("small", loads, robustness_checks.cone, 0.01, friction.COARSE, magnet="ignored")
+    found = robustness_checks.cone(scene, robustness_checks.path(scene))
+    assert found.solution.slip_share == 1
+    assert found.measured < scene.bound
+
+
+def test_coulombs_law_holds_under_a_tilted_plate():
+    rough = replace(friction.SOLID, solid_size=0.5, solid_patch=0.15, friction_step_factor=8.0)
+    assert friction.tilted(rough, mu=0.05, depth=0.4, shear=0.25)["passed"]
+
+
+def test_a_part_that_stops_is_a_missed_check(monkeypatch, tmp_path):
+    def stopped(*args, **options):
+        raise friction.StoppedError("stopped at depth 0.5 mm")
+
+    passed = friction._check("onset", "share", 1.0, 1.0, 0.1)
+    monkeypatch.setattr(friction, "onset", lambda level: [passed])
+    monkeypatch.setattr(friction, "curve", stopped)
+    monkeypatch.setattr(friction, "cycle", stopped)
+    checks = friction.run(quick=True, folder=tmp_path)
+    assert [check["passed"] for check in checks] == [True, False, False, False, False, False]
+    assert "no measurement: stopped at depth 0.5 mm" in checks[-1]["quantity"]
+    assert "1 of 6 checks pass" in (tmp_path / "FRICTION.md").read_text("utf-8")
