@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geometry.loads import Load
-from studies.validation import friction, robustness_checks
+from studies.validation import extreme_checks, friction
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +47,8 @@ def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
 
 def test_the_judge_of_extremes_measures_the_cone():
     loads = tuple(Load(depth=0.5, shear_x=x, friction=0.1) for x in (0.0, 0.6))
-    scene = robustness_checks.Case("small", loads, robustness_checks.cone, 0.01, friction.COARSE, magnet="ignored")
-    found = robustness_checks.cone(scene, robustness_checks.path(scene))
+    scene = extreme_checks.Case("small", loads, extreme_checks.cone, 0.01, friction.COARSE, magnet="ignored")
+    found = extreme_checks.cone(scene, extreme_checks.path(scene))
     assert found.solution.slip_share == 1
     assert found.measured < scene.bound
 

@@ -119,7 +119,7 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
         Folder for extremes.csv and EXTREMES.md.
     """
     command_line = command(extremes, locals())
-    from studies.validation import robustness as study
+    from studies.validation import extremes as study
 
     with _results(out, ("EXTREMES.md", "extremes.csv"), as_json=as_json) as (folder, progress):
         rows = study.run(quick=quick, folder=folder, command=command_line, progress=progress)

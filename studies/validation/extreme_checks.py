@@ -23,8 +23,9 @@ from geometry.design import LEAST_WALL, Design, Shape, paper
 from geometry.loads import Load, Magnet
 
 LENGTHS = ("D", "L", "f", "l0", "c", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-NO_MAGNET = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
 """Fields of a design that are lengths, for similarity."""
+HEIGHTS = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+"""Heights of the smaller magnets beside the largest, mm."""
 WIDE = 3.0
 """Factor by which the inverted share on a finer grid of points may exceed the share that the state reports."""
 
@@ -206,31 +207,32 @@ def bar(case: Case, states: Sequence[Solution]) -> Measurement:
     )
 
 
-def ordered(field: str, values: Sequence[float]) -> Measure:
-    """Return a check that the force grows with the magnet: none, these values of a field, then the case's own."""
-
-    def measure(case: Case, states: Sequence[Solution]) -> Measurement:
-        softest = force(follow(case, magnet="ignored")[-1])
-        smaller = [follow(case, changes={**case.changes, field: value})[-1] for value in values]
-        forces = [softest, *map(force, smaller), force(states[-1])]
-        largest = float(np.max([a / b for a, b in pairwise(forces)]))
-        check = (
-            f"largest ratio of forces, a magnet over the next larger one, from none to the last of {len(values) + 1}"
-        )
-        return Measurement(states[-1], check, largest)
-
-    return measure
+def ordered(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Check that the force grows with the magnet's height: none, HEIGHTS, then the case's own."""
+    softest = force(follow(case, magnet="ignored")[-1])
+    smaller = [follow(case, changes={**case.changes, "magnet_height": height})[-1] for height in HEIGHTS]
+    forces = [softest, *map(force, smaller), force(states[-1])]
+    largest = float(np.max([a / b for a, b in pairwise(forces)]))
+    check = f"largest ratio of forces, a magnet over the next larger one, from none to the last of {len(HEIGHTS) + 1}"
+    return Measurement(states[-1], check, largest)
 
 
-def other_path(*loads: Load) -> Measure:
-    """Return a check that another path to the same last load on the same mesh ends with the same force and energy."""
+def beyond_and_back(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare force and energy with those of a path that first goes 0.5 mm beyond the last load."""
+    return _other_path(case, states, [case.loads[-1].depth + 0.5])
 
-    def measure(case: Case, states: Sequence[Solution]) -> Measurement:
-        other = follow(case, [*loads, case.loads[-1]])[-1]
-        check = f"force and energy against a path of {len(loads) + 1} loads"
-        return Measurement(states[-1], check, apart(states[-1], other))
 
-    return measure
+def many_steps(step: float, case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare force and energy with those of a path in steps of this length, mm."""
+    first, last = case.loads[0].depth, case.loads[-1].depth
+    return _other_path(case, states, [first + step * i for i in range(round((last - first) / step))])
+
+
+def _other_path(case: Case, states: Sequence[Solution], depths: Sequence[float]) -> Measurement:
+    """Compare force and energy with those of a path by other depths to the same last load on the same mesh."""
+    other = follow(case, [*press(*depths), case.loads[-1]])[-1]
+    check = f"force and energy against a path of {len(depths) + 1} loads"
+    return Measurement(states[-1], check, apart(states[-1], other))
 
 
 def apart(one: Solution, other: Solution) -> float:

@@ -4,19 +4,20 @@ extremes`."""
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from fem.solution import Facts
 from fem.solve.inertia import Stability
-from geometry.design import paper
+from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
 from studies.output.result import FAILED, GOOD
-from studies.validation import robustness, robustness_checks
-from studies.validation.robustness_checks import Case, press
+from studies.validation import extreme_checks, extremes
+from studies.validation.extreme_checks import Case, press
 
-SCENES = {scene.name: scene for scene in robustness.cases(quick=True)}
+SCENES = {scene.name: scene for scene in extremes.cases(quick=True)}
 SLOW = {
     "L = D/2 + 0.05 mm: other model",
     "magnet 0.2 mm high to the largest",
@@ -32,7 +33,7 @@ ELSEWHERE = {
     "D = 50 mm, similar",
     "depth 1e-9 mm, all silicone",
 }
-SMALL = Case("small", press(0.98, 0.99, 1.0), robustness_checks.work, 2e-3, QUICK)
+SMALL = Case("small", press(0.98, 0.99, 1.0), extreme_checks.work, 2e-3, QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -42,15 +43,15 @@ def pressed():
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in SLOW | ELSEWHERE])
 def test_a_scene_ends_as_it_should(name):
-    row = robustness.examine(SCENES[name])
-    assert row["verdict"] == "pass", robustness.line(row)
+    row = extremes.examine(SCENES[name])
+    assert row["verdict"] == "pass", extremes.line(row)
     assert row["passed"]
     assert row["status"] in SCENES[name].ends
     assert row["measured"] <= row["bound"]
 
 
 def test_names_are_unique_and_the_full_run_holds_all_of_the_quick_one():
-    full = [scene.name for scene in robustness.cases()]
+    full = [scene.name for scene in extremes.cases()]
     assert len(set(full)) == len(full)
     assert set(SCENES) < set(full)
     assert set(SCENES) >= SLOW | ELSEWHERE
@@ -60,23 +61,23 @@ def test_a_wrong_force_fails_its_scene(monkeypatch):
     def wrong(*arguments, **options):
         return [replace(s, energy=1.01 * s.energy) for s in trace(*arguments, **options)]
 
-    trace = robustness_checks.trace
-    monkeypatch.setattr(robustness_checks, "trace", wrong)
-    row = robustness.examine(SMALL)
+    trace = extreme_checks.trace
+    monkeypatch.setattr(extreme_checks, "trace", wrong)
+    row = extremes.examine(SMALL)
     assert not row["passed"]
     assert row["measured"] == pytest.approx(0.01, rel=0.1)
 
 
 def off_by_a_percent(_, states):
-    return robustness_checks.Measurement(states[-1], "a force", 0.01, 1e-3)
+    return extreme_checks.Measurement(states[-1], "a force", 0.01, 1e-3)
 
 
 def ended(monkeypatch, *ends):
     """The row of a scene whose path ends so; of several, those on ever other meshes."""
     scene = replace(SMALL, measure=off_by_a_percent)
     states = iter(ends)
-    monkeypatch.setattr(robustness_checks, "path", lambda _: [next(states)])
-    return robustness.examine(replace(scene, ends=("ok", "unstable")))
+    monkeypatch.setattr(extreme_checks, "path", lambda _: [next(states)])
+    return extremes.examine(replace(scene, ends=("ok", "unstable")))
 
 
 def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypatch):
@@ -87,7 +88,7 @@ def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypa
     assert (near["verdict"], near["measured"], near["bound"]) == (
         "pass",
         pytest.approx(0.05 / 0.9),
-        robustness_checks.ONSET,
+        extreme_checks.ONSET,
     )
     assert "a force 0.01, at most 0.001" in near["check"]
     far = ended(monkeypatch, unstable(0.8, 0.9), unstable(0.5, 0.6))
@@ -107,16 +108,16 @@ def test_what_could_not_be_measured_is_neither_pass_nor_fail(pressed, monkeypatc
     row = ended(monkeypatch, unstable, early)
     assert (row["verdict"], row["passed"]) == ("not judged", False)
     assert math.isnan(row["measured"])
-    assert robustness.line(row).startswith("not judged  small")
+    assert extremes.line(row).startswith("not judged  small")
 
 
 def test_a_comparison_that_stops_judges_nothing():
     def compare(scene, states):
-        return robustness_checks.Measurement(
-            states[-1], "force", robustness_checks.follow(scene, press(8.9), magnet="ignored")[-1].energy
+        return extreme_checks.Measurement(
+            states[-1], "force", extreme_checks.follow(scene, press(8.9), magnet="ignored")[-1].energy
         )
 
-    row = robustness.examine(replace(SMALL, measure=compare))
+    row = extremes.examine(replace(SMALL, measure=compare))
     assert (row["status"], row["verdict"], row["passed"]) == ("ok", "not judged", False)
     assert row["check"].startswith("no comparison: the other solve stopped at depth")
 
@@ -125,9 +126,9 @@ def test_a_status_that_is_not_in_the_scenes_own_list_fails_whatever_its_message_
     """What was measured is right, and the message names the depth of the onset: still no end of this scene."""
     said = "unstable since a depth between 0.8 and 0.9 mm"
     state = replace(pressed, status="unstable", message=said, facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
-    monkeypatch.setattr(robustness_checks, "path", lambda _: [state])
-    row = robustness.examine(
-        replace(SMALL, measure=lambda _, states: robustness_checks.Measurement(states[-1], "a force", 0.0))
+    monkeypatch.setattr(extreme_checks, "path", lambda _: [state])
+    row = extremes.examine(
+        replace(SMALL, measure=lambda _, states: extreme_checks.Measurement(states[-1], "a force", 0.0))
     )
     assert (row["status"], row["verdict"], row["passed"]) == ("unstable", "fail", False)
     assert row["measured"] == 0
@@ -137,20 +138,20 @@ def test_wrong_ends_are_rows_that_fail():
     def crash(*_):
         raise ZeroDivisionError("division by zero")
 
-    crashed = robustness.examine(replace(SMALL, measure=crash))
+    crashed = extremes.examine(replace(SMALL, measure=crash))
     assert (crashed["status"], crashed["passed"]) == ("crashed", False)
     assert "division" in crashed["message"]
-    refused = robustness.examine(replace(SMALL, changes={"L": 3.0}))
+    refused = extremes.examine(replace(SMALL, changes={"L": 3.0}))
     assert (refused["status"], refused["passed"]) == ("bad_input", False)
-    short = robustness.examine(replace(SMALL, loads=press(1.0, 8.9), magnet="ignored"))
+    short = extremes.examine(replace(SMALL, loads=press(1.0, 8.9), magnet="ignored"))
     assert (short["status"], short["verdict"]) == ("not_converged", "fail")
-    unexpected = robustness.examine(replace(SMALL, ends=("not_converged",)))
+    unexpected = extremes.examine(replace(SMALL, ends=("not_converged",)))
     assert (unexpected["status"], unexpected["passed"]) == ("ok", False)
 
 
 def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, monkeypatch, tmp_path):
     small = [SMALL, replace(SMALL, name="refused", changes={"L": 3.0}, ends=("bad_input",))]
-    monkeypatch.setattr(robustness, "cases", lambda quick: small)
+    monkeypatch.setattr(extremes, "cases", lambda quick: small)
     status, out, err = run("validate", "extremes", "--quick", "--json", "--out", tmp_path)
     rows = strict(out)
     assert (status, err) == (GOOD, "")
@@ -163,7 +164,7 @@ def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, mo
 
 
 def test_a_failed_scene_is_status_three(run, monkeypatch):
-    monkeypatch.setattr(robustness, "cases", lambda quick: [replace(SMALL, bound=1e-12)])
+    monkeypatch.setattr(extremes, "cases", lambda quick: [replace(SMALL, bound=1e-12)])
     status, out, err = run("validate", "extremes")
     assert status == FAILED
     assert out.startswith("FAIL  small")
@@ -172,10 +173,10 @@ def test_a_failed_scene_is_status_three(run, monkeypatch):
 
 def test_a_scene_that_is_not_judged_is_counted_apart_and_is_no_success(run, monkeypatch, tmp_path):
     def unmeasured(_, states):
-        return robustness_checks.Measurement(states[-1], "nothing to compare with", None)
+        return extreme_checks.Measurement(states[-1], "nothing to compare with", None)
 
     both = [SMALL, replace(SMALL, name="open", measure=unmeasured)]
-    monkeypatch.setattr(robustness, "cases", lambda quick: both)
+    monkeypatch.setattr(extremes, "cases", lambda quick: both)
     status, out, err = run("validate", "extremes", "--out", tmp_path)
     assert status == FAILED
     assert "not judged  open" in out
@@ -185,3 +186,86 @@ def test_a_scene_that_is_not_judged_is_counted_apart_and_is_no_success(run, monk
     assert "| **not judged** |" in report
     verdicts = [line.split(",")[1] for line in (tmp_path / "extremes.csv").read_text("utf-8").splitlines()]
     assert verdicts == ["verdict", "pass", "not judged"]
+
+
+# Checks: order of forces, largest magnet, Simpson's rule, inverted silicone
+
+
+def test_larger_magnets_take_larger_forces(monkeypatch):
+    for values, low, high in (((0.2,), 0.5, 1.0), ((4.0,), 1.0, 2.0)):
+        monkeypatch.setattr(extreme_checks, "HEIGHTS", values)
+        scene = replace(SMALL, loads=press(1.0), changes={"magnet_height": 3.0})
+        finding = extreme_checks.ordered(scene, extreme_checks.path(scene))
+        assert low < finding.measured < high
+
+
+@pytest.mark.parametrize("changes", [{}, {"D": 20.0, "L": 12.0}, {"D": 1.0, "L": 2.0, "magnet_diameter": 0.5}])
+def test_the_largest_magnet_is_the_largest(changes):
+    height = extreme_checks.largest_height(changes)
+    design = Design(**changes, magnet_height=height, l0=20.0)
+    assert design.shape.wall == pytest.approx(LEAST_WALL, abs=1e-6)
+    with pytest.raises(BadInput, match="silicone around it"):
+        replace(design, magnet_height=height * 1.001)
+    assert extreme_checks.largest_height({"L": 4.05}) == 0
+
+
+def test_simpson_integrates_cubics():
+    ways = np.linspace(1, 3, 5)
+    assert extreme_checks.simpson(ways, ways**3) == pytest.approx(20, rel=1e-14)
+
+
+def test_inverted_silicone_is_measured(pressed):
+    assert extreme_checks.folded_share(pressed) == 0
+    z = pressed.field.mesh.doflocs[1]
+    mirrored = np.stack([0 * z, -2 * z], axis=1)
+    assert extreme_checks.folded_share(replace(pressed, field=replace(pressed.field, u=mirrored))) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-7])
+def test_inverted_silicone_that_the_state_does_not_report_fails_its_case(share):
+    deep = solve(paper(), Load(depth=3.6), QUICK)
+    assert extreme_checks.folded(SMALL, [deep]).measured == 0
+    silent = replace(deep, facts=replace(deep.facts, inverted_share=share))
+    assert extreme_checks.folded(SMALL, [silent]).measured > 0
+
+
+# Cases that stop, become unstable or have no contact
+
+
+def test_a_state_that_is_not_what_a_fresh_solve_gives_fails(pressed):
+    stop = replace(pressed, status="not_converged", facts=Facts("no_convergence"))
+    scene = replace(SMALL, loads=press(2.0))
+    assert extreme_checks.stopped(scene, stop).measured < 1e-9
+    assert extreme_checks.stopped(scene, replace(stop, energy=1.001 * stop.energy)).measured == pytest.approx(
+        1e-3, rel=0.01
+    )
+
+
+def test_a_tip_that_gives_way_must_hold_less_energy(pressed):
+    for factor in (0.5, 1.5):
+        finding = extreme_checks.stopped(SMALL, replace(pressed, status="unstable", energy=factor * pressed.energy))
+        assert (finding.measured, finding.bound) == (pytest.approx(factor), 1.0)
+
+
+def test_the_model_that_no_contact_points_to_is_tried(pressed):
+    far = Case("far", press(1e-9), extreme_checks.work, 0.02, QUICK, magnet="ignored", ends=("no_contact",))
+    silent = replace(pressed, status="no_contact", load=Load(depth=1e-9), facts=Facts(remark="no_touch"))
+    finding = extreme_checks.stopped(far, silent)
+    assert finding.solution is silent
+    assert finding.measured < 0.02
+    deep = extreme_checks.stopped(far, replace(silent, load=Load(depth=1.0)))
+    assert deep.measured > 0.02
+
+
+def test_samples_are_the_same_in_every_run_and_can_be_made():
+    for one, other in zip(extremes.cases(), extremes.cases(), strict=True):
+        assert (one.name, one.changes, one.loads) == (other.name, other.changes, other.loads)
+        if one.name.startswith("sample"):
+            assert 0 < one.loads[-1].depth < one.design.L - one.design.magnet_height
+
+
+def test_the_case_of_the_largest_magnet_is_named_by_its_height():
+    (case,) = [
+        case for case in extremes.cases() if case.name.endswith("the largest") and case.name.startswith("magnet 6")
+    ]
+    assert f"{extreme_checks.largest_height({}):.4g} mm" in case.name
