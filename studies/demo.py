@@ -14,7 +14,7 @@ from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.fabrication import sensor_parts
 from studies.fabrication.fabrication_rows import FabricationRow
-from studies.output import atomic_files, vtk_files
+from studies.output import atomic_files, result, vtk_files
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary
@@ -86,17 +86,17 @@ def run(
     design, show, origin = paper(), progress or _silent, made(command, versions(PACKAGES))
     cad = sensor_parts.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"), command=command or "magtip cad")
     mesh = design_summary.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
-    comparison = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
+    comparison = compare.run(design, accuracy=accuracy, progress=part(show, 0.22, 0.93), depths=depths, shears=shears)
     show(0.93, "tables and plots")
-    compare.write(folder, design, comparison)
+    result.write(dataclasses.replace(compare.result_of(design, comparison), design=None), folder, command)
     for name, states in (("press", comparison.pressed), ("shear", comparison.sheared)):
         show(0.95, f"picture: {name}")
         _write_last(folder, name, design, states)
     atomic_files.write_text(folder / "REPORT.md", document(design, comparison, cad, mesh, origin))
     show(1.0, "done")
     outcomes = [(cad.status, cad.message), (mesh.status, mesh.message)]
-    outcomes += [(row.status, row.message) for row in comparison.press]
-    outcomes += [(row.status, row.message) for row in comparison.shear]
+    outcomes += [(row["status"], row["message"]) for row in comparison.press]
+    outcomes += [(row["status"], row["message"]) for row in comparison.shear]
     status, message = next((outcome for outcome in outcomes if outcome[0] not in ANSWERED), ("ok", ""))
     return {
         "status": status,
@@ -133,8 +133,8 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 def document(design: Design, comparison: Comparison, cad: FabricationRow, mesh: MeshReport, origin: str) -> str:
     """Return the text of REPORT.md: findings, small tables, assumptions, parts and mesh, files, origin."""
     summary = comparison.summary
-    press = [row.row() for row in comparison.press if row.status in ANSWERED]
-    shear = [row.row() for row in comparison.shear if row.status in ANSWERED]
+    press = [row for row in comparison.press if row["status"] in ANSWERED]
+    shear = [row for row in comparison.shear if row["status"] in ANSWERED]
     blocks = [
         "# The paper's sensor: formulas against finite elements",
         INTRODUCTION.format(**dataclasses.asdict(design)),

@@ -1,8 +1,10 @@
 import csv
 import dataclasses
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from analytic import beam, hall
@@ -10,17 +12,12 @@ from fem import equilibrium
 from fem.accuracy import QUICK
 from fem.solution import Estimates
 from geometry.bad_input import MeshError
-from geometry.design import Design, paper
+from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.simulation import compare, comparison_findings
-from studies.simulation.comparison_rows import (
-    ElementReadings,
-    PressRow,
-    Quantity,
-    Reading,
-    ShearRow,
-    with_reading_errors,
-)
+from geometry.relaxation import relaxation_of
+from studies.output import result
+from studies.simulation import compare, comparison_findings, comparison_rows
+from studies.simulation.comparison_rows import with_reading_errors
 
 DEPTHS = (0.5, 1.0)
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
@@ -33,7 +30,10 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return compare.run(paper(), folder, accuracy=QUICK, depths=DEPTHS, shears=(0.0, 1.0), shear_depth=0.8)
+    found = compare.run(paper(), accuracy=QUICK, depths=DEPTHS, shears=(0.0, 1.0), shear_depth=0.8)
+    made = compare.result_of(paper(), found)
+    result.write(made, folder, "")
+    return made.tables
 
 
 def test_press_rows_are_the_models_own_answers(found):
@@ -82,7 +82,7 @@ def test_full_scale_is_the_largest_change_from_rest(found):
 
 
 def test_tables_name_their_units_and_hold_six_digits(found, folder):
-    assert sorted(path.name for path in folder.glob("[!.]*")) == ["press.csv", "press.png", "shear.csv", "shear.png"]
+    assert {path.name for path in folder.glob("[!.]*")} == {*compare.FILES, "run.json"}
     units = ("_mm", "_N", "_mT", "_V", "_rad", "_percent", "_percent_FS")
     for name in ("press", "shear"):
         with open(folder / f"{name}.csv", newline="", encoding="utf-8") as file:
@@ -107,11 +107,11 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
     loads = [Load(depth=depth) for depth in (7.5, 0.5, 1.0, 1.5)]
     outcomes = compare.follow(paper(), loads, QUICK, "rigid")
     assert [outcome.status for outcome in outcomes] == ["bad_input", "ok", "not_converged", "not_converged"]
-    rows = compare.press_rows(paper(), loads, outcomes, outcomes)
-    assert [math.isnan(row.force_N.fem) for row in rows] == [True, False, True, True]
-    assert [math.isnan(row.force_N.analytic) for row in rows] == [True, False, False, False]
-    assert "7.5 mm" in rows[0].message
-    assert "stopped at depth 0.9 mm" in rows[3].message
+    rows = compare.rows_of("press", paper(), loads, outcomes, outcomes)
+    assert [math.isnan(row["fem_force_N"]) for row in rows] == [True, False, True, True]
+    assert [math.isnan(row["analytic_force_N"]) for row in rows] == [True, False, False, False]
+    assert "7.5 mm" in rows[0]["message"]
+    assert "stopped at depth 0.9 mm" in rows[3]["message"]
     assert comparison_findings.findings(paper(), rows, [])["missing_states"] == 3
 
 
@@ -138,38 +138,39 @@ def test_a_bug_in_the_finite_elements_is_no_state(monkeypatch, error):
         compare.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
 
 
-def test_a_beam_without_a_magnet_has_forces_but_no_readings(tmp_path):
-    result = compare.run(BARE, tmp_path, accuracy=QUICK, depths=(0.5,), shears=(0.0,), shear_depth=0.5)
-    (row,) = result["press"]
+def test_a_beam_without_a_magnet_has_forces_but_no_readings():
+    found = compare.run(BARE, accuracy=QUICK, depths=(0.5,), shears=(0.0,), shear_depth=0.5)
+    (row,) = found.press
     assert row["fem_force_N"] == row["fem_homogeneous_force_N"]
     assert math.isnan(row["fem_S1_mT"])
-    text = " ".join(comparison_findings.press_sentences(result["summary"]))
+    text = " ".join(comparison_findings.press_sentences(found.summary))
     assert "Readings" not in text
     assert "Voltage" not in text
     assert "nan" not in text
 
 
-UNKNOWN = Quantity(math.nan, math.nan, math.nan)
+def row_of(kind, load, **known):
+    """A row of the paper's sensor in which only these columns are known."""
+    poses = dict.fromkeys(("fem", "fem_homogeneous", "analytic"))
+    estimates = {"error_estimate": 0.01, "homogeneous_error_estimate": math.nan}
+    return comparison_rows.row(kind, paper(), load, poses) | estimates | {"status": "ok", "message": ""} | known
 
 
 def press_row(depth, rigid, homogeneous, volt=0.0):
-    design = paper()
-    force = beam.solve(design, Load(depth=depth)).force[2]
-    volts = hall.readings(design, beam.solve(design, Load(depth=depth))).V[0]
-    fem, analytic = Reading(0.0, volts), Reading(0.0, volts + volt)
-    return PressRow(
-        depth_mm=depth,
-        force_N=Quantity(force, math.nan, force, rigid, homogeneous),
-        shift_z_mm=Quantity(math.nan, math.nan, math.nan, 50.0),
-        contact_radius_mm=UNKNOWN,
-        readings=tuple(
-            ElementReadings(name, "V", fem, analytic, analytic_error_percent_FS=error)
-            for name, error in (("S1", 9.0), ("S2", -8.0))
-        ),
-        error_estimate=0.01,
-        homogeneous_error_estimate=math.nan,
-        status="ok",
-        message="",
+    formula = beam.solve(paper(), Load(depth=depth))
+    volts = hall.readings(paper(), formula).V[0]
+    return row_of(
+        "press",
+        Load(depth=depth),
+        fem_force_N=formula.force[2],
+        analytic_force_N=formula.force[2],
+        force_error_percent=rigid,
+        homogeneous_force_error_percent=homogeneous,
+        shift_error_percent=50.0,
+        fem_S1_V=volts,
+        analytic_S1_V=volts + volt,
+        analytic_S1_error_percent_FS=9.0,
+        analytic_S2_error_percent_FS=-8.0,
     )
 
 
@@ -194,7 +195,7 @@ def test_the_papers_claim_about_the_voltage_is_judged():
     assert "agrees with the paper" in " ".join(comparison_findings.press_sentences(found))
     wrong = [press_row(depth, 0.0, 0.0, volt=0.1) for depth in (1.0, 2.0, 3.0)]
     found = comparison_findings.findings(paper(), wrong, [])
-    rest, last = hall.readings(paper()).V[0], wrong[-1].readings[0].fem.output
+    rest, last = hall.readings(paper()).V[0], wrong[-1]["fem_S1_V"]
     assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(100 * 0.1 / (last - rest))
     assert "do not confirm" in " ".join(comparison_findings.press_sentences(found))
 
@@ -207,22 +208,25 @@ def test_the_secant_law_is_told_with_its_work_integral():
 
 
 def shear_row(way, stiffness, untilted, analytic, status="ok"):
-    none = Reading(math.nan, math.nan)
-    return ShearRow(
-        shear_mm=way,
-        depth_mm=1.0,
-        force_x_N=Quantity(stiffness * way, stiffness * way, math.nan, 30.0, 50.0),
-        force_z_N=UNKNOWN,
-        shift_x_mm=Quantity(0.4 * way, 0.4 * way, 0.5 * way),
-        shift_z_mm=UNKNOWN,
-        tilt_rad=Quantity(0.1 * way, 0.1 * way, 0.0),
-        readings=tuple(ElementReadings(f"S{k}", "V", none, none, none, analytic, untilted) for k in (1, 2, 3)),
+    both = {
+        f"{model}_{name}": value * way
+        for model in ("fem", "fem_homogeneous")
+        for name, value in (("force_x_N", stiffness), ("shift_x_mm", 0.4), ("tilt_rad", 0.1))
+    }
+    return row_of(
+        "shear",
+        Load(depth=1.0, shear_x=way, friction="stick"),
+        **both,
+        analytic_shift_x_mm=0.5 * way,
+        analytic_tilt_rad=0.0,
+        force_x_error_percent=30.0,
+        homogeneous_force_x_error_percent=50.0,
+        **{f"untilted_S{k}_error_percent_FS": untilted for k in (1, 2, 3)},
+        **{f"analytic_S{k}_error_percent_FS": analytic for k in (1, 2, 3)},
         error_estimate=0.004,
-        homogeneous_error_estimate=math.nan,
         sideways_error_estimate=0.0116,
         homogeneous_sideways_error_estimate=math.nan,
         status=status,
-        message="",
     )
 
 
@@ -254,13 +258,13 @@ def test_default_states_suit_the_design(monkeypatch):
         raise MeshError("not now")
 
     monkeypatch.setattr(equilibrium, "trace", nothing)
-    compare.run(paper(), None)
+    compare.run(paper())
     assert [load.depth for load in asked[0]] == pytest.approx([0.25 * k for k in range(1, 13)])
     assert [load.shear_x for load in asked[2]] == pytest.approx([0.5 * k for k in range(7)])
     assert {load.depth for load in asked[2]} == {1.0}
     del asked[:]
     flat = Design(L=4.3, magnet_diameter=0.0, magnet_height=0.0)
-    compare.run(flat, None)
+    compare.run(flat)
     assert max(load.depth for load in asked[0]) < 0.61 * flat.L
 
 
@@ -268,18 +272,19 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
     """Fields along its axes and what it sends, in counts; no volts. The formulas stand in for the finite elements."""
     design = Design(hall_layout="tmag5273a1")
 
-    def rows(make, loads):
+    def solved(kind, loads):
         states = [
             SimpleNamespace(response=beam.solve(design, load), estimates=Estimates(force=0.01)) for load in loads
         ]
         outcomes = [compare.Outcome(state, "ok", "") for state in states]
-        return make(design, loads, outcomes, outcomes)
+        return compare.rows_of(kind, design, loads, outcomes, outcomes)
 
-    press = rows(compare.press_rows, [Load(depth=d) for d in DEPTHS])
-    shear = rows(compare.shear_rows, [Load(depth=0.8, shear_x=s, friction="stick") for s in (0.0, 1.0)])
-    press, shear = with_reading_errors(design, press, shear)
+    press = solved("press", [Load(depth=d) for d in DEPTHS])
+    shear = solved("shear", [Load(depth=0.8, shear_x=s, friction="stick") for s in (0.0, 1.0)])
+    rows = with_reading_errors(design, [*press, *shear])
+    press, shear = rows[:2], rows[2:]
     seen = hall.readings(design, beam.solve(design, Load(depth=1.0)))
-    pressed, sheared = press[1].row(), shear[1].row()
+    pressed, sheared = press[1], shear[1]
     assert pressed["fem_chip_-z_mT"] == pytest.approx(1e3 * seen.B_T[0])
     assert pressed["fem_chip_-z_output_mT"] == pytest.approx(1e3 * seen.output[0])
     assert pressed["fem_chip_-z_output_mT"] != pressed["fem_chip_-z_mT"]
@@ -291,5 +296,52 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
     assert "Output of chip -z" in text
     assert "chip x" in text
     assert "S2" not in text
-    compare.write(tmp_path, design, compare.Comparison(press, shear, found, [], []))
+    result.write(compare.result_of(design, compare.Comparison(press, shear, found, [], [])), tmp_path, "")
     assert (tmp_path / "press.png").stat().st_size > 10000
+
+
+ONE = replace(paper(), prony="0.5:2 0:1e-9 0:1e9", modulus="long-term")
+TRAVEL = np.array([0.5, 1.0, 2.0])
+
+
+def test_fast_and_slow_presses_have_both_moduli():
+    force = TRAVEL**1.5
+    assert comparison_rows.factors(ONE, TRAVEL, force, None, 1e9) == pytest.approx(2, rel=1e-6)
+    assert comparison_rows.factors(ONE, TRAVEL, force, None, 1e-9) == pytest.approx(1, rel=1e-6)
+    stiff = replace(ONE, modulus="instantaneous")
+    assert comparison_rows.factors(stiff, TRAVEL, force, None, 1e-9) == pytest.approx(0.5, rel=1e-6)
+
+
+def test_a_linear_spring_has_its_closed_form():
+    t = TRAVEL / 0.5
+    wanted = (0.5 + 0.5 * 2 / t * (1 - np.exp(-t / 2))) / 0.5
+    assert comparison_rows.factors(ONE, TRAVEL, 3 * TRAVEL, None, 0.5) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_frequency_has_the_storage_modulus():
+    G = relaxation_of(ONE).complex_modulus(2 * math.pi * 0.3)
+    assert comparison_rows.factors(ONE, TRAVEL, TRAVEL, 0.3, None) == pytest.approx(G.real / 0.5, rel=1e-12)
+
+
+def test_rows_without_a_force_have_none_at_a_rate():
+    rows = [{"depth_mm": d, "fem_force_N": f} for d, f in ((0.5, 1.0), (1.0, math.nan), (2.0, 4.0))]
+    one, lost, last = comparison_rows.with_rate(ONE, "press", rows, None, 1.0)
+    assert math.isnan(lost["fem_force_at_rate_N"])
+    assert last["fem_force_at_rate_N"] > 4
+    assert one["fem_force_at_rate_change_percent"] == pytest.approx(100 * (one["fem_force_at_rate_N"] - 1))
+    assert comparison_rows.with_rate(ONE, "press", rows, None, None) == rows
+    assert "2 mm" in comparison_rows.rate_sentence(ONE, [one, lost, last], None, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("rate", "part"),
+    [
+        ((1.0, 1.0), "leave one"),
+        ((0.0, None), "above 0 Hz"),
+        ((None, -1.0), "above 0 mm/s"),
+        ((5e3, None), "not for 5000 Hz"),
+    ],
+)
+def test_impossible_rates_are_refused(rate, part):
+    with pytest.raises(BadInput, match=part):
+        comparison_rows.check_rate(paper(), 3.0, *rate)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Magnet
-from studies.cli.command_output import print_record, print_remarks, report_failures, say_if_without_magnet
+from geometry.loads import Magnet
+from studies.cli.command_output import print_record, report_failures, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
-from studies.cli.printed_command import command
 from studies.inputs import user_input
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import (
@@ -28,8 +26,8 @@ from studies.inputs.option_groups import (
     Whole,
 )
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console, run_record
-from studies.output.result import FAILED, GOOD, publish
+from studies.output import atomic_files, console
+from studies.output.result import GOOD, publish
 
 
 def solve(
@@ -225,15 +223,12 @@ def compare(
     speed
         Also say how the forces differ if the plate moves with this speed from rest, mm/s.
     """
-    command_line = command(compare, locals())
-    design = design_of(source, sets)
-    from fem.accuracy import LEVELS
-    from studies.exploration import sweep_request
     from studies.simulation import compare as study
     from studies.simulation import within_tolerance
 
+    here = destination(compare, locals(), study.FILES)
+    design = design_of(source, sets)
     say_if_without_magnet(design)
-    atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
     chosen: within_tolerance.Chosen | None = None
     level: str = accuracy or "standard"
     if tolerance is not None:
@@ -241,22 +236,4 @@ def compare(
         chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), tolerance)
         chosen.say()
         level = chosen.choice.level_or_accuracy
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        summary = study.run(
-            design, folder, accuracy=LEVELS[level], progress=progress, frequency=frequency, speed=speed
-        )
-        if folder is not None:
-            run_record.write(folder, command_line, dataclasses.asdict(design))
-    if as_json:
-        console.report([summary | ({} if chosen is None else chosen.row())], as_json=True)
-    else:
-        for name in ("press", "shear"):
-            sweep_request.show(summary[name], name.capitalize(), wide=wide)
-            print_remarks(summary[name], sweep_request.CASE)
-        if "rate_sentence" in summary["summary"]:
-            console.note(f"{summary['summary']['rate_sentence']}.")
-    rows = [*summary["press"], *summary["shear"]]
-    lost = within_tolerance.beyond(rows, chosen) if chosen else []
-    for sentence in lost:
-        console.say(f"magtip: {sentence}")
-    return report_failures([row for row in rows if row["status"] not in ANSWERED]) or (FAILED if lost else GOOD)
+    return publish(partial(study.study, design, level, chosen, frequency, speed), here)

@@ -3,37 +3,42 @@
 Three mechanics are compared: finite elements with the rigid magnet ("fem"), finite elements of a beam that is all
 silicone ("fem_homogeneous", which isolates the beam assumption from the magnet), and the formulas ("analytic"). One
 field model gives the readings of all poses, so that differences between readings come from the mechanics alone.
-"untilted" is the FEM's pose without its tilt, to which the paper attributes its errors.
-
-Errors are model against FEM with the rigid magnet, in %; those of a reading in % of its full scale (FS): the largest
-change from rest that the FEM sees of it in both tables, for S2 and S3 together, since a shear along y swaps them. A
-design without a magnet has the same beam under both names and no readings.
+"untilted" is the FEM's pose without its tilt, to which the paper attributes its errors. A design without a magnet has
+the same beam under both names and no readings. `comparison_rows` says what the columns are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from analytic import beam
 from fem import equilibrium
-from fem.accuracy import STANDARD, Accuracy
+from fem.accuracy import LEVELS, STANDARD, Accuracy
 from fem.scene import Model
 from fem.solution import Solution
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
 from geometry.messages import Progress
-from studies.output.csv_tables import write_table
 from studies.output.records import FlatRow
+from studies.output.result import Block, Result, Table, failure_of
 from studies.simulation import comparison_findings
-from studies.simulation.comparison_rows import NAN, Answers, PressRow, ShearRow, with_reading_errors
-from studies.simulation.rate_stiffening import check_rate, rate_sentence, with_rate
+from studies.simulation.comparison_rows import (
+    NAN,
+    Kind,
+    check_rate,
+    rate_sentence,
+    row,
+    with_rate,
+    with_reading_errors,
+)
+from studies.simulation.within_tolerance import Chosen, beyond
 
 FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
-"""Files that `write` writes into a folder."""
+"""Files of a comparison."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +68,13 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Tables, their summary, and the outcomes of the finite elements with the magnet, one for each row."""
+    """Rows of both tables, their summary, and the outcomes of the finite elements with the magnet, one for each row.
 
-    press: list[PressRow]
-    shear: list[ShearRow]
+    A state that is not reached keeps its row, with NaN, a status and a message.
+    """
+
+    press: list[FlatRow]
+    shear: list[FlatRow]
     summary: dict[str, Any]
     pressed: list[Outcome]
     sheared: list[Outcome]
@@ -74,7 +82,6 @@ class Comparison:
 
 def run(
     design: Design,
-    folder: Path | None,
     *,
     accuracy: Accuracy = STANDARD,
     progress: Progress | None = None,
@@ -83,61 +90,87 @@ def run(
     shear_depth: float | None = None,
     frequency: float | None = None,
     speed: float | None = None,
-) -> dict[str, Any]:
-    """Compare, and write the tables and plots of `write` into an existing folder, or nothing if it is None.
+) -> Comparison:
+    """Compare in a press and in a shear.
 
     Parameters
     ----------
     depths : of the press, mm; by default 12 steps up to 3 D/8, or to 0.6 of the silicone on the axis if that is less.
     shears : shears of the plate, which sticks to the tip, mm; by default 0 to 3 D/8 in 6 steps.
     shear_depth : depth of the press under the shear, mm; by default a third of the deepest default of the press.
-    frequency, speed : of the motion, Hz or mm/s, at which the tables have the finite elements' force too (see
-        `rate_stiffening`); by default neither.
-
-    Returns
-    -------
-    "press" and "shear", a flat row for each state, and "summary" (see `comparison_findings.findings`). A state that
-    is not reached keeps its row, with NaN, a status and a message.
+    frequency, speed : of the motion, Hz or mm/s, at which the rows have the finite elements' force too; by default
+        neither.
     """
     loads = default_loads(design, depths, shears, shear_depth)
     check_rate(design, max(max(load.depth, load.shear_x) for part in loads for load in part), frequency, speed)
-    comparison = compare(design, accuracy, progress, depths, shears, shear_depth)
-    press, shear = tables(design, comparison, frequency, speed)
-    if folder is not None:
-        if progress is not None:
-            progress(1.0, ", ".join(FILES))
-        write(folder, design, comparison, frequency, speed)
-    summary = dict(comparison.summary)
-    if frequency is not None or speed is not None:
-        summary["rate_sentence"] = rate_sentence(design, press, frequency, speed)
-    return {"press": press, "shear": shear, "summary": summary}
-
-
-def tables(
-    design: Design, comparison: Comparison, frequency: float | None = None, speed: float | None = None
-) -> tuple[list[FlatRow], list[FlatRow]]:
-    """Return the flat rows of press and shear."""
-    press, shear = ([row.row() for row in rows] for rows in (comparison.press, comparison.shear))
-    return (
+    pressed = _both(design, loads[0], accuracy, part(progress, 0.0, 0.08, "press"))
+    sheared = _both(design, loads[1], accuracy, part(progress, 0.08, 1.0, "shear"))
+    found = [*rows_of("press", design, loads[0], *pressed), *rows_of("shear", design, loads[1], *sheared)]
+    found = with_reading_errors(design, found)
+    press, shear = found[: len(loads[0])], found[len(loads[0]) :]
+    summary = comparison_findings.findings(design, press, shear)
+    press, shear = (
         with_rate(design, "press", press, frequency, speed),
         with_rate(design, "shear", shear, frequency, speed),
     )
+    if frequency is not None or speed is not None:
+        summary["rate_sentence"] = rate_sentence(design, press, frequency, speed)
+    return Comparison(press, shear, summary, pressed[0], sheared[0])
 
 
-def compare(
+def study(
     design: Design,
-    accuracy: Accuracy = STANDARD,
-    progress: Progress | None = None,
-    depths: Sequence[float] | None = None,
-    shears: Sequence[float] | None = None,
-    shear_depth: float | None = None,
-) -> Comparison:
-    """Return the comparison of `run` without writing files."""
-    press, shear = default_loads(design, depths, shears, shear_depth)
-    pressed = _both(design, press, accuracy, part(progress, 0.0, 0.08, "press"))
-    sheared = _both(design, shear, accuracy, part(progress, 0.08, 1.0, "shear"))
-    rows = with_reading_errors(design, press_rows(design, press, *pressed), shear_rows(design, shear, *sheared))
-    return Comparison(*rows, comparison_findings.findings(design, *rows), pressed[0], sheared[0])
+    accuracy: str,
+    chosen: Chosen | None,
+    frequency: float | None,
+    speed: float | None,
+    progress: Progress,
+) -> Result:
+    """Return the result of `magtip compare`, whose options these are; `chosen` says which model a tolerance chose."""
+    level = LEVELS[accuracy]
+    return result_of(design, run(design, accuracy=level, progress=progress, frequency=frequency, speed=speed), chosen)
+
+
+def result_of(design: Design, comparison: Comparison, chosen: Chosen | None = None) -> Result:
+    """Return tables, pictures and sentences of a comparison."""
+    from studies.simulation import comparison_plots
+
+    press, shear, summary = comparison.press, comparison.shear, comparison.summary
+    rows = [*press, *shear]
+    shown: list[Block] = [_table("Press", press), _table("Shear", shear)]
+    if "rate_sentence" in summary:
+        shown.append(f"{summary['rate_sentence']}.")
+    lost = beyond(rows, chosen) if chosen else []
+    return Result(
+        title="Comparison",
+        records=[{"press": press, "shear": shear, "summary": summary, **(chosen.row() if chosen else {})}],
+        shown=shown,
+        tables={"press": press, "shear": shear},
+        files={
+            "press.png": partial(comparison_plots.press, design=design, rows=press),
+            "shear.png": partial(comparison_plots.shear, design=design, rows=shear),
+        },
+        failures=[*lost, *failure_of([row for row in rows if row["status"] not in ANSWERED])],
+        design=design,
+    )
+
+
+def _table(title: str, rows: Sequence[FlatRow]) -> Table:
+    """Return the table of the terminal: force and shift along the motion by all mechanics, and the errors."""
+    force, shift = ("force_N", "shift_z_mm") if title == "Press" else ("force_x_N", "shift_x_mm")
+    judged = ("force", "force") if title == "Press" else ("force_x", "shift_x")
+    places = ("shear_mm", "depth_mm")
+    main = [
+        *places,
+        *(key for key in rows[0] if key.endswith((f"_{force}", f"_{shift}"))),
+        *(key for key in rows[0] if key.endswith(tuple(f"{name}_error_percent" for name in judged))),
+        *("fem_tilt_rad", "status"),
+    ]
+    varying = [key for key in places if len({row.get(key) for row in rows}) > 1]
+    first = ("status", *varying, f"fem_{force}", f"analytic_{force}", f"{judged[0]}_error_percent")
+    return Table(
+        title=title, rows=rows, brief=[key for key in rows[0] if key not in main], first=first, places=places
+    )
 
 
 def default_loads(
@@ -152,23 +185,6 @@ def default_loads(
     under = deepest / 3 if shear_depth is None else shear_depth
     shears = [design.D * k / 16 for k in range(7)] if shears is None else shears
     return press, [Load(depth=under, shear_x=value, friction="stick") for value in shears]
-
-
-def write(
-    folder: Path,
-    design: Design,
-    comparison: Comparison,
-    frequency: float | None = None,
-    speed: float | None = None,
-) -> None:
-    """Write press.csv, shear.csv, press.png and shear.png into an existing folder."""
-    from studies.simulation import comparison_plots
-
-    press, shear = tables(design, comparison, frequency, speed)
-    write_table(folder / "press.csv", press)
-    write_table(folder / "shear.csv", shear)
-    comparison_plots.press(folder / "press.png", design, comparison.press)
-    comparison_plots.shear(folder / "shear.png", design, comparison.shear)
 
 
 def part(progress: Progress | None, low: float, high: float, name: str = "") -> Progress | None:
@@ -234,57 +250,29 @@ def _both(
     return rigid, follow(design, loads, accuracy, "ignored", part(progress, 0.58, 1.0, "all silicone"))
 
 
-# Rows
+def rows_of(
+    kind: Kind, design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]
+) -> list[FlatRow]:
+    """Return one row for each load, without the errors of the readings.
 
-
-def press_rows(
-    design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]
-) -> list[PressRow]:
-    """Return one row for each depth, without the errors of the readings."""
+    The error estimates are relative errors of the force as a vector, and in a shear of its part along it.
+    """
     rows = []
     for load, fem, homogeneous in zip(loads, rigid, bare, strict=True):
         formula, remark = formulas(design, load)
-        answers = Answers(fem.response, homogeneous.response, formula)
-        row = PressRow(
-            load.depth,
-            answers.quantity(lambda pose: pose.force[2]),
-            answers.quantity(lambda pose: pose.shift[2]),
-            answers.quantity(lambda pose: pose.contact_radius),
-            answers.readings(design, 2),
-            fem.error_estimate,
-            homogeneous.error_estimate,
-            *_verdict(fem, homogeneous, remark),
+        poses = {"fem": fem.response, "fem_homogeneous": homogeneous.response, "analytic": formula}
+        estimates = {
+            "error_estimate": fem.error_estimate,
+            "homogeneous_error_estimate": homogeneous.error_estimate,
+            "sideways_error_estimate": fem.sideways_error_estimate,
+            "homogeneous_sideways_error_estimate": homogeneous.sideways_error_estimate,
+        }
+        status, message = _verdict(fem, homogeneous, remark)
+        rows.append(
+            row(kind, design, load, poses)
+            | {name: value for name, value in estimates.items() if kind == "shear" or "sideways" not in name}
+            | {"status": status, "message": message}
         )
-        rows.append(row)
-    return rows
-
-
-def shear_rows(
-    design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]
-) -> list[ShearRow]:
-    """One row for each sideways motion of the plate; errors of readings are not filled in yet."""
-    rows = []
-    for load, fem, homogeneous in zip(loads, rigid, bare, strict=True):
-        formula, remark = formulas(design, load)
-        answers = Answers(fem.response, homogeneous.response, formula)
-        # without a shear, what there is along x is the solver's rounding
-        moved = bool(load.shear_x)
-        row = ShearRow(
-            load.shear_x,
-            load.depth,
-            answers.quantity(lambda pose: pose.force[0], judged=moved),
-            answers.quantity(lambda pose: pose.force[2]),
-            answers.quantity(lambda pose: pose.shift[0], judged=moved),
-            answers.quantity(lambda pose: pose.shift[2], judged=False),
-            answers.quantity(lambda pose: pose.tilt, judged=False),
-            answers.readings(design, 3, untilted=True),
-            fem.error_estimate,
-            homogeneous.error_estimate,
-            fem.sideways_error_estimate,
-            homogeneous.sideways_error_estimate,
-            *_verdict(fem, homogeneous, remark),
-        )
-        rows.append(row)
     return rows
 
 

@@ -9,8 +9,9 @@ from typing import Any
 from analytic import beam
 from geometry.design import Design
 from geometry.loads import ANSWERED, Load
+from studies.output.records import FlatRow
 from studies.sensing.field_readings import columns
-from studies.simulation.comparison_rows import NAN, PressRow, ShearRow, at_rest
+from studies.simulation.comparison_rows import NAN, at_rest
 
 Figures = dict[str, Any]
 """Figures of a comparison under their names in JSON, which carry those of the Hall elements."""
@@ -22,37 +23,30 @@ Error = tuple[float, float]
 # Figures
 
 
-def findings(design: Design, press: Sequence[PressRow], shear: Sequence[ShearRow]) -> Figures:
-    """Return the figures of the rows of `compare.compare`, NaN or empty without rows, and the sentences from them.
+def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow]) -> Figures:
+    """Return the figures of the rows of `compare.run`, NaN or empty without rows, and the sentences from them.
 
     Spans are pairs (first, last) of neighbouring depths of the table, mm. A "worst" figure is the one of largest
     magnitude, beside the depth or shear where it occurs.
     """
     names, unit = columns(design)
-    figures: Figures = {"depths_mm": [row.depth_mm for row in press], "elements": names, "output": unit}
-    rigid = [(row.depth_mm, row.force_N.error_percent) for row in press]
-    bare = [(row.depth_mm, row.force_N.homogeneous_error_percent) for row in press]
+    figures: Figures = {"depths_mm": [row["depth_mm"] for row in press], "elements": names, "output": unit}
+    rigid = _along(press, "depth_mm", "force_error_percent")
+    bare = _along(press, "depth_mm", "homogeneous_force_error_percent")
     for beam_name, prefix, errors in (("homogeneous", "homogeneous_", bare), ("rigid", "", rigid)):
         for bound in (5, 10):
             figures[f"{beam_name}_within_{bound}_percent_mm"] = spans(errors, bound)
         figures |= _worst(f"{prefix}force_error_percent", errors)
-    figures |= _worst("shift_error_percent", [(row.depth_mm, row.shift_z_mm.error_percent) for row in press])
-    for k, name in enumerate(names[:2]):
-        errors = [(row.depth_mm, row.readings[k].analytic_error_percent_FS) for row in press]
-        figures |= _worst(f"analytic_{name}_error_percent_FS", errors)
+    figures |= _worst("shift_error_percent", _along(press, "depth_mm", "shift_error_percent"))
+    for column in (f"analytic_{name}_error_percent_FS" for name in names[:2]):
+        figures |= _worst(column, _along(press, "depth_mm", column))
     figures |= _output_against_force(design, press, f"{names[0]}_{unit}")
-    figures |= _secant(design, [row.depth_mm for row in press])
+    figures |= _secant(design, figures["depths_mm"])
     figures |= _shear_figures(design, shear, names)
     for label, rows in (("press", press), ("shear", shear)):
-        estimates = [value for row in rows for value in (row.error_estimate, row.homogeneous_error_estimate)]
-        figures[f"{label}_error_estimate_percent"] = 100 * max(filter(math.isfinite, estimates), default=NAN)
-    estimates = [
-        value for row in shear for value in (row.sideways_error_estimate, row.homogeneous_sideways_error_estimate)
-    ]
-    figures["shear_force_x_error_estimate_percent"] = 100 * max(filter(math.isfinite, estimates), default=NAN)
-    figures["missing_states"] = sum(
-        status not in ANSWERED for status in [row.status for row in press] + [row.status for row in shear]
-    )
+        figures[f"{label}_error_estimate_percent"] = _largest_percent(rows, "error_estimate")
+    figures["shear_force_x_error_estimate_percent"] = _largest_percent(shear, "sideways_error_estimate")
+    figures["missing_states"] = sum(row["status"] not in ANSWERED for row in (*press, *shear))
     figures["warnings"] = design.warnings()
     figures["sentences"] = [*press_sentences(figures), *shear_sentences(figures), *trust_sentences(figures)]
     return figures
@@ -74,6 +68,16 @@ def spans(errors: Sequence[Error], bound: float) -> list[Span]:
     return runs
 
 
+def _along(rows: Sequence[FlatRow], place: str, column: str) -> list[Error]:
+    return [(row[place], row[column]) for row in rows]
+
+
+def _largest_percent(rows: Sequence[FlatRow], column: str) -> float:
+    """Return the largest known estimate of both finite elements, %."""
+    estimates = [row[f"{beam}{column}"] for row in rows for beam in ("", "homogeneous_")]
+    return 100 * max(filter(math.isfinite, estimates), default=NAN)
+
+
 def _worst(name: str, errors: Sequence[Error]) -> dict[str, float]:
     """Return the error of largest magnitude and its place, under a name."""
     finite = [(place, error) for place, error in errors if math.isfinite(error)]
@@ -81,19 +85,17 @@ def _worst(name: str, errors: Sequence[Error]) -> dict[str, float]:
     return {f"worst_{name}": error, f"worst_{name}_at_mm": place}
 
 
-def _output_against_force(design: Design, press: Sequence[PressRow], output: str) -> dict[str, float]:
+def _output_against_force(design: Design, press: Sequence[FlatRow], output: str) -> dict[str, float]:
     """Repeat the paper's test: errors of the output of S1 at equal force, in % of its largest change in the FEM."""
-    points = [
-        (row.force_N.fem, row.readings[0].fem.output, row.force_N.analytic, row.readings[0].analytic.output)
-        for row in press
-    ]
+    needed = ("fem_force_N", f"fem_{output}", "analytic_force_N", f"analytic_{output}")
+    points = [tuple(row[name] for name in needed) for row in press]
     finite = [point for point in points if all(map(math.isfinite, point))]
     result = {f"{output}_against_force_error_percent_FS": NAN, f"{output}_against_force_up_to_N": NAN}
     if not finite:
         return result
     import numpy as np
 
-    rest = at_rest(design)[0].output
+    _, rest = at_rest(design)[0]
     force, seen, model_force, model_seen = np.array(finite).T
     shared = force <= model_force.max()
     if not shared.any() or seen[-1] == rest:
@@ -119,41 +121,32 @@ def _secant(design: Design, depths: Sequence[float]) -> dict[str, float]:
     }
 
 
-def _shear_figures(design: Design, shear: Sequence[ShearRow], elements: Sequence[str]) -> dict[str, float]:
+def _shear_figures(design: Design, shear: Sequence[FlatRow], elements: Sequence[str]) -> dict[str, float]:
     moved = [
         row
         for row in shear
-        if row.shear_mm and math.isfinite(row.force_x_N.fem) and math.isfinite(row.force_x_N.fem_homogeneous)
+        if row["shear_mm"] and math.isfinite(row["fem_force_x_N"]) and math.isfinite(row["fem_homogeneous_force_x_N"])
     ]
-    figures = {"shear_depth_mm": shear[0].depth_mm if shear else NAN}
+    figures = {"shear_depth_mm": shear[0]["depth_mm"] if shear else NAN}
     figures["shear_stiffness_N_per_mm"] = beam.cantilever_stiffness(design)
     for label, row in zip(("first", "last"), (moved[0], moved[-1]) if moved else (), strict=False):
         figures |= _per_mm(label, row)
-    rigid = [(row.shear_mm, row.force_x_N.error_percent) for row in moved]
-    bare = [(row.shear_mm, row.force_x_N.homogeneous_error_percent) for row in moved]
-    figures |= _worst("force_x_error_percent", rigid) | _worst("homogeneous_force_x_error_percent", bare)
-    for k, name in enumerate(elements):
-        errors = [(row.shear_mm, row.readings[k].untilted_error_percent_FS) for row in shear]
-        figures |= _worst(f"shear_untilted_{name}_error_percent_FS", errors)
-    for k, name in enumerate(elements):
-        errors = [(row.shear_mm, row.readings[k].analytic_error_percent_FS) for row in shear]
-        figures |= _worst(f"shear_analytic_{name}_error_percent_FS", errors)
+    for column in ("force_x_error_percent", "homogeneous_force_x_error_percent"):
+        figures |= _worst(column, _along(moved, "shear_mm", column))
+    for column in (f"{model}_{name}_error_percent_FS" for model in ("untilted", "analytic") for name in elements):
+        figures |= _worst(f"shear_{column}", _along(shear, "shear_mm", column))
     return figures
 
 
-def _per_mm(label: str, row: ShearRow) -> dict[str, float]:
+def _per_mm(label: str, row: FlatRow) -> dict[str, float]:
     """Return stiffness, tilt and shift of a sheared state per mm of shear."""
-    way, force, tilt, shift = row.shear_mm, row.force_x_N, row.tilt_rad, row.shift_x_mm
-    return {
-        f"{label}_shear_mm": way,
-        f"fem_{label}_stiffness_N_per_mm": force.fem / way,
-        f"fem_{label}_tilt_deg_per_mm": math.degrees(tilt.fem) / way,
-        f"fem_{label}_shift_per_mm": shift.fem / way,
-        f"fem_homogeneous_{label}_stiffness_N_per_mm": force.fem_homogeneous / way,
-        f"fem_homogeneous_{label}_tilt_deg_per_mm": math.degrees(tilt.fem_homogeneous) / way,
-        f"fem_homogeneous_{label}_shift_per_mm": shift.fem_homogeneous / way,
-        "analytic_shift_per_mm": shift.analytic / way,
-    }
+    way = row["shear_mm"]
+    found = {f"{label}_shear_mm": way}
+    for model in ("fem", "fem_homogeneous"):
+        found[f"{model}_{label}_stiffness_N_per_mm"] = row[f"{model}_force_x_N"] / way
+        found[f"{model}_{label}_tilt_deg_per_mm"] = math.degrees(row[f"{model}_tilt_rad"]) / way
+        found[f"{model}_{label}_shift_per_mm"] = row[f"{model}_shift_x_mm"] / way
+    return found | {"analytic_shift_per_mm": row["analytic_shift_x_mm"] / way}
 
 
 # Sentences

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import Design
+from studies.output.records import FlatRow
 from studies.output.table_plots import ANALYTIC, FEM, HOMOGENEOUS, OTHER, band_handles, bands, canvas, label
 from studies.sensing.field_readings import columns
-from studies.simulation.comparison_rows import ElementReadings, PressRow, Quantity, ShearRow
 
 MODELS = {
     "fem": ("FEM, rigid magnet", {"color": FEM, "marker": "o"}),
@@ -23,18 +23,18 @@ MODELS = {
 }
 
 
-def press(path: str | Path, design: Design, rows: Sequence[PressRow]) -> None:
+def press(path: str | Path, design: Design, rows: Sequence[FlatRow]) -> None:
     """Force, its error, the magnet's shift and the reading of S1 against depth."""
     (first, *_), _ = columns(design)
     with canvas(path, 2, 2) as (figure, axes):
-        depth = [row.depth_mm for row in rows]
-        _lines(axes[0], depth, _curves([row.force_N for row in rows]))
+        depth = [row["depth_mm"] for row in rows]
+        _lines(axes[0], depth, _curves(rows, "force_N"))
         label(axes[0], "a", "press force (N)")
-        _errors(axes[1], depth, [row.force_N for row in rows])
+        _errors(axes[1], depth, rows, "force")
         label(axes[1], "b", "formula's error (%)")
-        _lines(axes[2], depth, _curves([row.shift_z_mm for row in rows]))
+        _lines(axes[2], depth, _curves(rows, "shift_z_mm"))
         label(axes[2], "c", "magnet shift $z$ (mm)")
-        _lines(axes[3], depth, _fields([row.readings[0] for row in rows]))
+        _lines(axes[3], depth, _curves(rows, f"{first}_mT"))
         label(axes[3], "d", f"reading of {first.replace('_', ' ')} (mT)")
         _volts(axes[3], design)
         for axis in axes:
@@ -44,43 +44,30 @@ def press(path: str | Path, design: Design, rows: Sequence[PressRow]) -> None:
         _legend(figure, axes, ("fem", "fem_homogeneous", "analytic"))
 
 
-def shear(path: str | Path, design: Design, rows: Sequence[ShearRow]) -> None:
+def shear(path: str | Path, design: Design, rows: Sequence[FlatRow]) -> None:
     """Force, its error, shift, tilt and the readings of S1 and S2 against the sideways motion of the plate."""
     with canvas(path, 3, 2) as (figure, axes):
-        way = [row.shear_mm for row in rows]
-        _lines(axes[0], way, _curves([row.force_x_N for row in rows]))
+        way, (elements, _) = [row["shear_mm"] for row in rows], columns(design)
+        _lines(axes[0], way, _curves(rows, "force_x_N"))
         label(axes[0], "a", "shear force (N)")
-        _errors(axes[1], way, [row.force_x_N for row in rows])
+        _errors(axes[1], way, rows, "force_x")
         label(axes[1], "b", "formula's error (%)")
-        _lines(axes[2], way, _curves([row.shift_x_mm for row in rows]))
+        _lines(axes[2], way, _curves(rows, "shift_x_mm"))
         label(axes[2], "c", "magnet shift $x$ (mm)")
-        tilts = _curves([row.tilt_rad for row in rows])
+        tilts = _curves(rows, "tilt_rad")
         _lines(axes[3], way, {model: [math.degrees(tilt) for tilt in curve] for model, curve in tilts.items()})
         label(axes[3], "d", "magnet tilt (°)")
-        for k, (axis, letter) in enumerate(zip(axes[4:], "ef", strict=True)):
-            _lines(axis, way, _fields([row.readings[k] for row in rows]))
-            label(axis, letter, f"reading of {columns(design)[0][k].replace('_', ' ')} (mT)")
+        for axis, letter, element in zip(axes[4:], "ef", elements[:2], strict=True):
+            _lines(axis, way, _curves(rows, f"{element}_mT"))
+            label(axis, letter, f"reading of {element.replace('_', ' ')} (mT)")
             _volts(axis, design)
-            axis.set_xlabel(f"shear at depth {rows[0].depth_mm:.3g} mm (mm)")
+            axis.set_xlabel(f"shear at depth {rows[0]['depth_mm']:.3g} mm (mm)")
         _legend(figure, axes, ("fem", "fem_homogeneous", "untilted", "analytic"))
 
 
-def _curves(quantities: Sequence[Quantity]) -> dict[str, list[float]]:
-    """A quantity of all rows by each of the three mechanics."""
-    return {
-        "fem": [quantity.fem for quantity in quantities],
-        "fem_homogeneous": [quantity.fem_homogeneous for quantity in quantities],
-        "analytic": [quantity.analytic for quantity in quantities],
-    }
-
-
-def _fields(readings: Sequence[ElementReadings]) -> dict[str, list[float]]:
-    """The field that an element reads in all rows by each model, mT."""
-    curves = {"fem": [reading.fem.field_mT for reading in readings]}
-    untilted = [reading.untilted.field_mT for reading in readings if reading.untilted is not None]
-    if untilted:
-        curves["untilted"] = untilted
-    return curves | {"analytic": [reading.analytic.field_mT for reading in readings]}
+def _curves(rows: Sequence[FlatRow], column: str) -> dict[str, list[float]]:
+    """A quantity of all rows by each model that has it."""
+    return {model: [row[f"{model}_{column}"] for row in rows] for model in MODELS if f"{model}_{column}" in rows[0]}
 
 
 def _lines(axis: Any, x: Sequence[float], curves: Mapping[str, Sequence[float]]) -> None:
@@ -89,10 +76,10 @@ def _lines(axis: Any, x: Sequence[float], curves: Mapping[str, Sequence[float]])
         axis.plot(x, y, label=name, **look)
 
 
-def _errors(axis: Any, x: Sequence[float], quantities: Sequence[Quantity]) -> None:
+def _errors(axis: Any, x: Sequence[float], rows: Sequence[FlatRow], quantity: str) -> None:
     """The formula's errors against both finite elements, in the colours of these."""
-    axis.plot(x, [quantity.error_percent for quantity in quantities], **MODELS["fem"][1])
-    axis.plot(x, [quantity.homogeneous_error_percent for quantity in quantities], **MODELS["fem_homogeneous"][1])
+    for beam, model in (("", "fem"), ("homogeneous_", "fem_homogeneous")):
+        axis.plot(x, [row[f"{beam}{quantity}_error_percent"] for row in rows], **MODELS[model][1])
     bands(axis)
 
 

@@ -1,170 +1,94 @@
-"""The rows of a comparison: a press and a sheared press by three mechanics, with the readings of the Hall elements.
+"""The rows of a comparison: a press or a shear by three mechanics, with errors, readings, and the force at a rate.
 
-Names of values: "fem" is the finite elements with the rigid magnet, "fem_homogeneous" those of a beam that is all
-silicone, "analytic" the formulas, and "untilted" the pose of "fem" without its tilt.
+Prefixes of columns: "fem" is the finite elements with the rigid magnet, "fem_homogeneous" those of a beam that is
+all silicone, "analytic" the formulas, and "untilted" the pose of "fem" without its tilt. Errors of a quantity are
+those of the formulas against both finite elements, in %. Errors of a reading are those against "fem", in % of full
+scale: the largest change from rest that "fem" has of it in all rows; the second and the third element share one,
+since a shear along y swaps them. What is not known is NaN.
+
+How static forces change with the rate of the motion follows from the relaxation of the silicone alone. All stress
+that relaxes does so by one function G(t), so the force of a growing load follows from the static one by superposition
+(exact for a held load, and for a sphere on a half space: Lee and Radok 1960),
+
+    F(t) = int_0^t G(t - s) / G_E dF_static(s)          with a speed: the plate moves evenly from rest,
+    F = G'(2 pi f) / G_E F_static                       with a frequency: the part in phase, steady and small,
+
+G_E the modulus that the design's E is, long-term or instantaneous. Inertia is neglected; `magtip cycle` and
+`magtip response` solve for the whole sensor.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
 
 from analytic import hall
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Response
-from studies.output import records
+from geometry.loads import Load, Response
+from geometry.relaxation import range_remedy, range_sentence, relaxation_of
 from studies.output.records import FlatRow
 from studies.sensing.field_readings import columns
 
 NAN = math.nan
+Kind = Literal["press", "shear"]
+Poses = Mapping[str, Response | None]
+"""Poses of the magnet by the prefixes fem, fem_homogeneous and analytic; None where one has no solution."""
+
+QUANTITIES: dict[Kind, dict[str, tuple[str, Callable[[Response], float]]]] = {
+    "press": {
+        "force_N": ("force", lambda pose: pose.force[2]),
+        "shift_z_mm": ("shift", lambda pose: pose.shift[2]),
+        "contact_radius_mm": ("contact_radius", lambda pose: pose.contact_radius),
+    },
+    "shear": {
+        "force_x_N": ("force_x", lambda pose: pose.force[0]),
+        "force_z_N": ("force_z", lambda pose: pose.force[2]),
+        "shift_x_mm": ("shift_x", lambda pose: pose.shift[0]),
+        "shift_z_mm": ("", lambda pose: pose.shift[2]),
+        "tilt_rad": ("", lambda pose: pose.tilt),
+    },
+}
+"""Column of each quantity behind the model's prefix, the name of its errors ("" for none), and its value."""
+ALONG = {"press": ("depth_mm", "fem_force_N"), "shear": ("shear_mm", "fem_force_x_N")}
+"""Columns of the travel, and of the force along it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A quantity by the three mechanics, and the formula's errors against both finite elements, %; NaN for none."""
-
-    fem: float
-    fem_homogeneous: float
-    analytic: float
-    error_percent: float = NAN
-    homogeneous_error_percent: float = NAN
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """Reading of a Hall element: the field, mT, and its output, V, or mT for a chip."""
-
-    field_mT: float
-    output: float
+def row(kind: Kind, design: Design, load: Load, poses: Poses) -> FlatRow:
+    """Return the columns of a state by all mechanics; `with_reading_errors` fills those of the readings' errors."""
+    found: FlatRow = {} if kind == "press" else {"shear_mm": load.shear_x}
+    found["depth_mm"] = load.depth
+    for column, (error, value) in QUANTITIES[kind].items():
+        by_model = {model: NAN if pose is None else value(pose) + 0.0 for model, pose in poses.items()}
+        found |= {f"{model}_{column}": number for model, number in by_model.items()}
+        # without a shear, what there is along x is the solver's rounding
+        judged = bool(load.shear_x) or not error.endswith("_x")
+        for beam, model in (("", "fem"), ("homogeneous_", "fem_homogeneous")) if error else ():
+            percentage = percent(by_model["analytic"], by_model[model]) if judged else NAN
+            found[f"{beam}{error}_error_percent"] = percentage
+    return found | _reading_columns(kind, design, poses)
 
 
-@dataclass(frozen=True, slots=True)
-class ElementReadings:
-    """Readings of one Hall element by each model, and their errors against "fem" in % of full scale.
-
-    Attributes
-    ----------
-    element : name of the element in columns.
-    unit : suffix of the output's column, V or output_mT.
-    untilted : None in a press, which has no tilt.
-    """
-
-    element: str
-    unit: str
-    fem: Reading
-    analytic: Reading
-    untilted: Reading | None = None
-    analytic_error_percent_FS: float = NAN
-    untilted_error_percent_FS: float = NAN
-
-
-def _quantity_columns(column: str, error: str, quantity: Quantity) -> FlatRow:
-    """Return the columns of a quantity, and of its errors if they have a name."""
-    row: FlatRow = {
-        f"fem_{column}": quantity.fem,
-        f"fem_homogeneous_{column}": quantity.fem_homogeneous,
-        f"analytic_{column}": quantity.analytic,
+def _reading_columns(kind: Kind, design: Design, poses: Poses) -> FlatRow:
+    """Return the columns of readings: all fields, then all outputs, then all errors, which are not known yet."""
+    names, unit = columns(design)
+    models = {"fem": poses["fem"], "analytic": poses["analytic"]}
+    if kind == "press":
+        names = names[:2]  # the third reads what the second does
+    else:
+        upright = None if poses["fem"] is None else dataclasses.replace(poses["fem"], tilt=0.0)
+        models = {"fem": poses["fem"], "untilted": upright, "analytic": poses["analytic"]}
+    seen = {model: readings(design, pose) for model, pose in models.items()}
+    each = [(name, k, model) for k, name in enumerate(names) for model in models]
+    return {
+        **{f"{model}_{name}_mT": seen[model][k][0] for name, k, model in each},
+        **{f"{model}_{name}_{unit}": seen[model][k][1] for name, k, model in each},
+        **{f"{model}_{name}_error_percent_FS": NAN for name, k, model in each if model != "fem"},
     }
-    if error:
-        row[f"{error}_error_percent"] = quantity.error_percent
-        row[f"homogeneous_{error}_error_percent"] = quantity.homogeneous_error_percent
-    return row
-
-
-def _reading_columns(readings: Sequence[ElementReadings]) -> FlatRow:
-    """Return the columns of readings: all fields, then all outputs, then all errors."""
-    fields, outputs, errors = FlatRow(), FlatRow(), FlatRow()
-    for r in readings:
-        models = {"fem": r.fem, "untilted": r.untilted, "analytic": r.analytic}
-        known = {model: reading for model, reading in models.items() if reading is not None}
-        fields |= {f"{model}_{r.element}_mT": reading.field_mT for model, reading in known.items()}
-        outputs |= {f"{model}_{r.element}_{r.unit}": reading.output for model, reading in known.items()}
-        if r.untilted is not None:
-            errors[f"untilted_{r.element}_error_percent_FS"] = r.untilted_error_percent_FS
-        errors[f"analytic_{r.element}_error_percent_FS"] = r.analytic_error_percent_FS
-    return fields | outputs | errors
-
-
-def _compared(column: str, error: str = "") -> dict[str, Callable[[Quantity], FlatRow]]:
-    """Return the metadata of a field that holds a quantity: the names of its columns."""
-    return {"columns": functools.partial(_quantity_columns, column, error)}
-
-
-@dataclass(frozen=True, slots=True)
-class PressRow:
-    """A press to one depth."""
-
-    depth_mm: float
-    force_N: Quantity = field(metadata=_compared("force_N", "force"))
-    shift_z_mm: Quantity = field(metadata=_compared("shift_z_mm", "shift"))
-    contact_radius_mm: Quantity = field(metadata=_compared("contact_radius_mm", "contact_radius"))
-    readings: tuple[ElementReadings, ...] = field(metadata={"columns": _reading_columns})
-    error_estimate: float
-    homogeneous_error_estimate: float
-    status: str
-    message: str
-
-    def row(self) -> FlatRow:
-        """The flat row of tables, CSV files and JSON."""
-        return records.flat(self)
-
-
-@dataclass(frozen=True, slots=True)
-class ShearRow:
-    """A press to one depth whose plate, stuck to the tip, has moved sideways.
-
-    The error estimates are relative errors of the force as a vector, and of its part along the shear.
-    """
-
-    shear_mm: float
-    depth_mm: float
-    force_x_N: Quantity = field(metadata=_compared("force_x_N", "force_x"))
-    force_z_N: Quantity = field(metadata=_compared("force_z_N", "force_z"))
-    shift_x_mm: Quantity = field(metadata=_compared("shift_x_mm", "shift_x"))
-    shift_z_mm: Quantity = field(metadata=_compared("shift_z_mm"))
-    tilt_rad: Quantity = field(metadata=_compared("tilt_rad"))
-    readings: tuple[ElementReadings, ...] = field(metadata={"columns": _reading_columns})
-    error_estimate: float
-    homogeneous_error_estimate: float
-    sideways_error_estimate: float
-    homogeneous_sideways_error_estimate: float
-    status: str
-    message: str
-
-    def row(self) -> FlatRow:
-        """The flat row of tables, CSV files and JSON."""
-        return records.flat(self)
-
-
-@dataclass(frozen=True, slots=True)
-class Answers:
-    """Poses of the magnet by the three mechanics; None if one has no solution."""
-
-    fem: Response | None
-    fem_homogeneous: Response | None
-    analytic: Response | None
-
-    def quantity(self, value: Callable[[Response], float], *, judged: bool = True) -> Quantity:
-        """Return a quantity of the poses by each mechanics; without errors if `judged` is False."""
-        fem, bare, formula = (
-            NAN if pose is None else value(pose) + 0.0 for pose in (self.fem, self.fem_homogeneous, self.analytic)
-        )
-        errors = (percent(formula, fem), percent(formula, bare)) if judged else (NAN, NAN)
-        return Quantity(fem, bare, formula, *errors)
-
-    def readings(self, design: Design, count: int, *, untilted: bool = False) -> tuple[ElementReadings, ...]:
-        """Return the readings of the first `count` elements; `with_reading_errors` adds the errors."""
-        names, unit = columns(design)
-        fem, formula = element_readings(design, self.fem), element_readings(design, self.analytic)
-        upright = None if self.fem is None else dataclasses.replace(self.fem, tilt=0.0)
-        still = element_readings(design, upright) if untilted else (None,) * 3
-        return tuple(
-            ElementReadings(name, unit, a, b, c)
-            for name, a, b, c in list(zip(names, fem, formula, still, strict=True))[:count]
-        )
 
 
 def percent(model: float, truth: float) -> float:
@@ -176,62 +100,126 @@ def percent(model: float, truth: float) -> float:
     return 100 * (model / truth - 1) if truth else NAN
 
 
-def element_readings(design: Design, response: Response | None) -> tuple[Reading, Reading, Reading]:
-    """Return the readings of the three elements at a pose; NaN without a pose, a magnet or a finite field."""
-    unknown = Reading(NAN, NAN)
-    if response is None or not design.shape.has_magnet:
-        return unknown, unknown, unknown
-    try:
-        seen = hall.readings(design, response)
-    except BadInput:
-        return unknown, unknown, unknown
-    sizes = [1.0 if unit == "V" else 1e3 for unit in seen.units]
-    first, second, third = (
-        Reading(1e3 * b, size * output) for b, output, size in zip(seen.B_T, seen.output, sizes, strict=True)
-    )
-    return first, second, third
+def readings(design: Design, pose: Response | None) -> list[tuple[float, float]]:
+    """Return field, mT, and output, V, or mT for a chip, of the three elements at a pose.
 
-
-def at_rest(design: Design) -> tuple[Reading, Reading, Reading]:
-    """Return the readings without a load."""
-    return element_readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0))
-
-
-def with_reading_errors(
-    design: Design, press: Sequence[PressRow], shear: Sequence[ShearRow]
-) -> tuple[list[PressRow], list[ShearRow]]:
-    """Return the rows with the errors of the readings in % of full scale.
-
-    Full scale is the largest change from rest of the "fem" readings in all rows. The second and the third element
-    share one full scale, since a shear along y swaps them.
+    NaN without a pose, a magnet or a finite field.
     """
-    readings = [row.readings for row in press] + [row.readings for row in shear]
-    scale = _full_scales(design, readings)
-    return (
-        [dataclasses.replace(row, readings=_judged(row.readings, scale)) for row in press],
-        [dataclasses.replace(row, readings=_judged(row.readings, scale)) for row in shear],
-    )
+    unknown = [(NAN, NAN)] * 3
+    if pose is None or not design.shape.has_magnet:
+        return unknown
+    try:
+        seen = hall.readings(design, pose)
+    except BadInput:
+        return unknown
+    sizes = [1.0 if unit == "V" else 1e3 for unit in seen.units]
+    return [(1e3 * b, size * output) for b, output, size in zip(seen.B_T, seen.output, sizes, strict=True)]
 
 
-def _full_scales(design: Design, rows: Iterable[Sequence[ElementReadings]]) -> tuple[float, float, float]:
-    rest, largest = at_rest(design), [0.0, 0.0]
-    for readings in rows:
-        for k, reading in enumerate(readings):
-            change = abs(reading.fem.field_mT - rest[k].field_mT)
-            # a NaN exceeds nothing
-            if change > largest[min(k, 1)]:
-                largest[min(k, 1)] = change
-    first, other = (value or NAN for value in largest)
-    return first, other, other
+def at_rest(design: Design) -> list[tuple[float, float]]:
+    """Return the readings without a load."""
+    return readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0))
 
 
-def _judged(readings: Sequence[ElementReadings], scale: Sequence[float]) -> tuple[ElementReadings, ...]:
-    def error(reading: Reading | None, k: int) -> float:
-        return NAN if reading is None else 100 * (reading.field_mT - readings[k].fem.field_mT) / scale[k]
+def with_reading_errors(design: Design, rows: Sequence[FlatRow]) -> list[FlatRow]:
+    """Return all rows of press and shear with the errors of their readings in % of full scale."""
+    names, rest = columns(design)[0], at_rest(design)
+    largest = [_largest_change(rows, f"fem_{name}_mT", at) for name, (at, _) in zip(names, rest, strict=True)]
+    scales = dict(zip(names, (largest[0] or NAN, *[max(largest[1:]) or NAN] * 2), strict=True))
 
-    return tuple(
-        dataclasses.replace(
-            r, analytic_error_percent_FS=error(r.analytic, k), untilted_error_percent_FS=error(r.untilted, k)
+    def errors(row: FlatRow) -> FlatRow:
+        return {
+            f"{model}_{name}_error_percent_FS": 100 * (row[f"{model}_{name}_mT"] - row[f"fem_{name}_mT"]) / scale
+            for name, scale in scales.items()
+            for model in ("untilted", "analytic")
+            if f"{model}_{name}_mT" in row
+        }
+
+    return [row | errors(row) for row in rows]
+
+
+def _largest_change(rows: Sequence[FlatRow], column: str, rest: float) -> float:
+    """Return the largest known change of a reading from rest; 0 if none is known."""
+    changes = [abs(row[column] - rest) for row in rows if column in row]
+    return max((change for change in changes if not math.isnan(change)), default=0.0)
+
+
+def check_rate(design: Design, travel: float, frequency: float | None, speed: float | None) -> None:
+    """Refuse rates that contradict each other, or for which the branches do not speak; travel of the plate in mm."""
+    if frequency is not None and speed is not None:
+        raise BadInput("--frequency and --speed both give the rate of the motion: leave one of them out")
+    for name, value, unit in (("frequency", frequency, "Hz"), ("speed", speed, "mm/s")):
+        if value is not None and not 0 < value < math.inf:
+            raise BadInput(f"--{name} must be above 0 {unit}; got {value:g}")
+    times = [] if speed is None else [travel / speed]
+    frequencies = [] if frequency is None else [frequency]
+    sentence = range_sentence(relaxation_of(design), times=times, frequencies=frequencies)
+    if sentence:
+        raise BadInput(f"{sentence}: {range_remedy(design)}")
+
+
+def factors(design: Design, travel: Array, force: Array, frequency: float | None, speed: float | None) -> Array:
+    """Return the force at a rate over the static force (n,), at rising travels (n,), mm, from 0; NaN where unknown.
+
+    >>> from geometry.design import Design
+    >>> stiff = Design(prony="0.5:1", modulus="instantaneous")
+    >>> factors(stiff, np.array([1.0]), np.array([2.0]), None, 1e6).round(3).tolist()
+    [1.0]
+    """
+    relaxation = relaxation_of(design)
+    own = 1.0 if design.modulus == "instantaneous" else relaxation.rest
+    if frequency is not None:
+        storage = float(relaxation.complex_modulus(2 * math.pi * frequency).real)
+        return np.where(np.isnan(force), np.nan, storage / own)
+    assert speed is not None
+    known = np.flatnonzero(~np.isnan(force) & (travel > 0))
+    g, tau = np.array(relaxation.shares), np.array(relaxation.times)
+    ratio, overstress = np.full(len(force), np.nan), np.zeros(len(g))
+    last = (0.0, 0.0)
+    for k in known.tolist():
+        # exact for a force that grows linearly between the rows of the table
+        x = (travel[k] - last[0]) / speed / tau
+        overstress = overstress * np.exp(-x) + g * -np.expm1(-x) / x * (force[k] - last[1])
+        ratio[k] = (relaxation.rest * force[k] + overstress.sum()) / (own * force[k])
+        last = float(travel[k]), float(force[k])
+    return ratio
+
+
+def with_rate(
+    design: Design, kind: Kind, rows: Sequence[FlatRow], frequency: float | None, speed: float | None
+) -> list[FlatRow]:
+    """Return the rows of a table with the finite elements' force at a rate, N, and its change, %; without a rate the
+    rows themselves.
+    """
+    if frequency is None and speed is None:
+        return list(rows)
+    way, column = ALONG[kind]
+    travel, force = (np.array([float(str(row[name])) for row in rows]) for name in (way, column))
+    ratio = factors(design, travel, force, frequency, speed)
+    name = column.replace("_N", "")
+    return [
+        row | {f"{name}_at_rate_N": float(f * r), f"{name}_at_rate_change_percent": float(100 * (r - 1))}
+        for row, f, r in zip(rows, force, ratio, strict=True)
+    ]
+
+
+def rate_sentence(design: Design, rows: Sequence[FlatRow], frequency: float | None, speed: float | None) -> str:
+    """Return what the rate does to the force of the deepest press that was solved, in a sentence."""
+    solved = [row for row in rows if row["fem_force_at_rate_N"] == row["fem_force_at_rate_N"]]
+    relaxation = relaxation_of(design)
+    if not solved:
+        return "no press was solved, so the force at this rate is not known"
+    last = solved[-1]
+    change, depth = last["fem_force_at_rate_change_percent"], last["depth_mm"]
+    beside = f"{abs(change):.1f} % {'above' if change >= 0 else 'below'}"
+    which = "at rest" if design.modulus == "long-term" else "with the instantaneous modulus"
+    if frequency is not None:
+        loss = float(relaxation.loss_factor(2 * math.pi * frequency))
+        return (
+            f"in small vibrations at {frequency:g} Hz the forces in phase are {beside} those {which}, and "
+            f"the loss factor is {loss:.3g} (columns at_rate, without inertia; magtip response has it)"
         )
-        for k, r in enumerate(readings)
+    return (
+        f"pressed at {speed:g} mm/s to {depth:g} mm the force is {last['fem_force_at_rate_N']:.4g} N, "
+        f"{beside} that {which} (columns at_rate, by superposition; magtip cycle solves for it)"
     )
