@@ -10,7 +10,7 @@ from analytic import beam, buckling, press_terms, shear_terms
 from analytic.press_terms import Terms
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.validation import formula_levels
+from studies.validation import ladder
 
 approx = pytest.approx
 HIGHER = beam.LEVELS[1:]
@@ -224,10 +224,10 @@ def test_analytic_says_where_a_level_ends(run, strict):
 def rows():
     """The study on its first design with a press and a shear, by finite elements."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(formula_levels, "PRESSES", (0.06, 0.18))
-        patch.setattr(formula_levels, "UNDER", (0.12,))
-        patch.setattr(formula_levels, "SHEARS", (0.05,))
-        return list(formula_levels.run("quick", 1, lambda *_: None))
+        patch.setattr(ladder, "PRESSES", (0.06, 0.18))
+        patch.setattr(ladder, "UNDER", (0.12,))
+        patch.setattr(ladder, "SHEARS", (0.05,))
+        return ladder.run(lambda *_: None, "quick", 1).records
 
 
 def test_levels_close_in_on_the_finite_elements(rows):
@@ -235,7 +235,7 @@ def test_levels_close_in_on_the_finite_elements(rows):
         level: [row for row in rows if (row["level"], row["status"]) == (level, "ok")] for level in beam.LEVELS
     }
     assert {len(own) for own in by_level.values()} == {3}
-    means = {level: formula_levels.means(own) for level, own in by_level.items()}
+    means = {level: ladder.means(own) for level, own in by_level.items()}
     force = [means[level]["press_force_error_percent"] for level in beam.LEVELS]
     assert force == sorted(force, reverse=True)
     best = means["finite"]
@@ -248,8 +248,8 @@ def test_levels_close_in_on_the_finite_elements(rows):
 
 @pytest.mark.parametrize("number", range(10))
 def test_designs_carry_their_loads(number):
-    design = formula_levels.designs()[number]
-    deepest = Load(max(formula_levels.PRESSES) * design.D, max(formula_levels.SHEARS) * design.D, friction="stick")
+    design = ladder.designs()[number]
+    deepest = Load(max(ladder.PRESSES) * design.D, max(ladder.SHEARS) * design.D, friction="stick")
     for level in beam.LEVELS:
         assert math.isfinite(beam.solve(design, deepest, level).force[0])
 

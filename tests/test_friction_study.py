@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from geometry.loads import Load
+from studies.output import result
 from studies.validation import extreme_checks, friction
 
 
@@ -27,8 +28,8 @@ def test_a_way_there_is_no_closed_loop(states):
 
 
 def test_files_of_the_study(tmp_path, states):
-    about = {"command": "magtip validate friction --quick", "origin": "here"}
-    friction.write(tmp_path, [friction.full_slip(states)], [states], states, **about)
+    found = friction.result([friction.full_slip(states)], [states], states)
+    result.write(found, tmp_path, "magtip validate friction --quick")
     report = (tmp_path / "FRICTION.md").read_text()
     assert "1 of 1 checks pass" in report
     assert "`magtip validate friction --quick`" in report
@@ -38,7 +39,7 @@ def test_files_of_the_study(tmp_path, states):
 
 def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
     check = friction._check("onset", "force", 1.1, 1.0, 0.01)
-    monkeypatch.setattr(friction, "run", lambda **_: [check])
+    monkeypatch.setattr(friction, "run", lambda *_, **__: friction.result([check], [], []))
     status, out, err = run("validate", "friction", "--json")
     assert status == 3
     assert strict(out) == [check]
@@ -58,7 +59,7 @@ def test_coulombs_law_holds_under_a_tilted_plate():
     assert friction.tilted(rough, mu=0.05, depth=0.4, shear=0.25)["passed"]
 
 
-def test_a_part_that_stops_is_a_missed_check(monkeypatch, tmp_path):
+def test_a_part_that_stops_is_a_missed_check(monkeypatch):
     def stopped(*args, **options):
         raise friction.StoppedError("stopped at depth 0.5 mm")
 
@@ -66,7 +67,8 @@ def test_a_part_that_stops_is_a_missed_check(monkeypatch, tmp_path):
     monkeypatch.setattr(friction, "onset", lambda level: [passed])
     monkeypatch.setattr(friction, "curve", stopped)
     monkeypatch.setattr(friction, "cycle", stopped)
-    checks = friction.run(quick=True, folder=tmp_path)
+    found = friction.run(lambda share, text: None, quick=True)
+    checks = found.records
     assert [check["passed"] for check in checks] == [True, False, False, False, False, False]
     assert "no measurement: stopped at depth 0.5 mm" in checks[-1]["quantity"]
-    assert "1 of 6 checks pass" in (tmp_path / "FRICTION.md").read_text("utf-8")
+    assert "1 of 6 checks pass" in found.pages["FRICTION.md"]

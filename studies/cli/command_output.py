@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from geometry.design import Design
-from studies.output import console, goals
-from studies.output.goals import Goal
+from studies.output import console
 from studies.output.result import FAILED, GOOD
 
 
@@ -39,12 +38,3 @@ def report_failures(records: Sequence[Mapping[str, Any]]) -> int:
     if failed:
         console.say(f"magtip: {failed[-1].get('message') or 'the solve failed: ' + failed[-1]['status']}")
     return FAILED if failed else GOOD
-
-
-def report_goals(posed: Sequence[Goal]) -> int:
-    """Return exit status 0 if goals were posed and all are met; else print the missed ones and return 3."""
-    lost = goals.missed(posed)
-    if posed and not lost:
-        return GOOD
-    console.say(f"magtip: {' '.join([goals.verdict(posed), '; '.join(map(str, lost))])}")
-    return FAILED

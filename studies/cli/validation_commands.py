@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.cli.command_output import report_goals
-from studies.cli.parameters import AsJson, OwnStore, Scheduler, Wide, Workers
+from studies.cli.parameters import AsJson, OwnStore, Scheduler, Wide, Workers, destination
 from studies.cli.printed_command import command
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
-from studies.output.result import FAILED, GOOD
-
-Row = dict[str, Any]
-"""A row of a study: values by the names of their columns."""
+from studies.output.goals import Goal, failures
+from studies.output.result import FAILED, GOOD, publish
 
 
 @contextlib.contextmanager
@@ -37,21 +35,11 @@ def _results(
         yield folder, progress
 
 
-def _collected(rows: Iterable[Row], line: Callable[[Row], str] | None) -> list[Row]:
-    """Return the rows of a study; each is printed as a line, if there is one, as soon as it is known."""
-    results = []
-    for row in rows:
-        results.append(row)
-        if line is not None:
-            print(line(row), flush=True)
-    return results
-
-
-def _report_failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> int:
-    """Return exit status 0 if there are rows and none failed; else print the names of those that did and return 3."""
-    if names:
-        console.say(f"magtip: {len(names)} of {count} {what}: {between.join(names)}")
-    return FAILED if names or not count else GOOD
+def report_goals(posed: Sequence[Goal]) -> int:
+    """Return exit status 0 if goals were posed and all are met; else print the missed ones and return 3."""
+    for sentence in failures(posed):
+        console.say(f"magtip: {sentence}")
+    return FAILED if failures(posed) else GOOD
 
 
 def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -64,21 +52,9 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     out
         Folder for verify.csv and VERIFY.md.
     """
-    command_line = command(verify, locals())
     from studies.validation import verify as study
 
-    with _results(out, ("VERIFY.md", "verify.csv"), as_json=as_json) as (folder, progress):
-        comparisons = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
-    console.report(
-        comparisons if as_json else list(map(study.printed, comparisons)),
-        as_json=as_json,
-        title="Verification",
-        brief=study.DETAILS,
-        first=("target", "quantity", "computed", "published", "passed"),
-        wide=wide,
-    )
-    failed = [f"{row['target']} ({row['quantity']})" for row in comparisons if not row["passed"]]
-    return _report_failed(failed, len(comparisons), "targets are missed", ", ")
+    return publish(partial(study.run, quick=quick), destination(verify, locals(), study.FILES))
 
 
 def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -91,19 +67,9 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     out
         Folder for friction.csv, FRICTION.md and friction.png.
     """
-    command_line = command(friction, locals())
     from studies.validation import friction as study
 
-    with _results(out, ("FRICTION.md", "friction.csv", "friction.png"), as_json=as_json) as (folder, progress):
-        checks = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
-    console.report(
-        checks,
-        as_json=as_json,
-        title="Friction",
-        first=("quantity", "value", "expected", "passed"),
-        wide=wide,
-    )
-    return _report_failed([check["quantity"] for check in checks if not check["passed"]], len(checks), "checks fail")
+    return publish(partial(study.run, quick=quick), destination(friction, locals(), study.FILES))
 
 
 def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
@@ -118,19 +84,9 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     out
         Folder for extremes.csv and EXTREMES.md.
     """
-    command_line = command(extremes, locals())
     from studies.validation import extremes as study
 
-    with _results(out, ("EXTREMES.md", "extremes.csv"), as_json=as_json) as (folder, progress):
-        rows = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
-        results = _collected(rows, atomic_files.json_line if as_json else study.line)
-    failed, unjudged = (
-        [result["scene"] for result in results if result["verdict"] == verdict] for verdict in ("fail", "not judged")
-    )
-    return max(
-        _report_failed(unjudged, len(results), "cases yield no measurement"),
-        _report_failed(failed, len(results), "cases fail"),
-    )
+    return publish(partial(study.run, quick=quick), destination(extremes, locals(), study.FILES))
 
 
 def accuracy(
@@ -195,27 +151,10 @@ def crosscheck(
     out
         Folder for crosscheck.csv and CROSSCHECK.md.
     """
-    command_line = command(crosscheck, locals())
-    from studies.output.provenance import versions
-    from studies.validation import error_study_cases
-    from studies.validation import model_crosscheck as study
+    from studies.validation import crosscheck as study
 
-    if not 1 <= count <= error_study_cases.DESIGNS:
-        raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
-
-    with _results(out, ("CROSSCHECK.md", "crosscheck.csv"), as_json=as_json) as (folder, progress):
-        results = _collected(
-            study.run(accuracy, count, progress, tilted=tilted), atomic_files.json_line if as_json else None
-        )
-        if folder is not None:
-            study.write(folder, results, versions(), command_line)
-    if not as_json:
-        brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in results]
-        console.report(brief, as_json=False, title="Harmonic model against tetrahedra", wide=wide)
-        for remark in console.remarks(results, ("design",)):
-            console.note(remark)
-    failed = [f"design {row['design']}" for row in results if not row["agree"]]
-    return _report_failed(failed, len(results), f"{'loads' if tilted else 'designs'} disagree", ", ")
+    found = partial(study.run, level=accuracy, count=count, tilted=tilted)
+    return publish(found, destination(crosscheck, locals(), study.FILES))
 
 
 def ladder(
@@ -239,22 +178,9 @@ def ladder(
     out
         Folder for ladder.csv, LADDER.md and ladder.png.
     """
-    command_line = command(ladder, locals())
-    from studies.output.provenance import versions
-    from studies.validation import formula_levels as study
+    from studies.validation import ladder as study
 
-    most = len(study.designs())
-    if not 1 <= count <= most:
-        raise BadInput(f"--count must lie between 1 and {most}; got {count}")
-    with _results(out, ("LADDER.md", "ladder.csv", "ladder.png"), as_json=as_json) as (folder, progress):
-        comparisons = _collected(study.run(accuracy, count, progress), atomic_files.json_line if as_json else None)
-        if folder is not None:
-            study.write(folder, comparisons, versions(), command_line)
-    if not as_json:
-        console.report(
-            study.summary(comparisons), as_json=False, title="Errors of the formulas, root mean square", wide=wide
-        )
-    return report_goals(study.goals(comparisons))
+    return publish(partial(study.run, accuracy=accuracy, count=count), destination(ladder, locals(), study.FILES))
 
 
 def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -267,20 +193,9 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     out
         Folder for range.csv, RANGE.md and rows.jsonl; a run that was stopped continues from there.
     """
-    command_line = command(range_, locals())
-    from studies.output.provenance import versions
     from studies.validation import design_range as study
 
-    if not 1 <= count <= 1024:
-        raise BadInput(f"--count must lie between 1 and 1024; got {count}")
-    origin = versions()
-    with _results(out, ("RANGE.md", "range.csv"), as_json=as_json) as (folder, progress):
-        results = _collected(study.run(count, folder, progress), atomic_files.json_line if as_json else None)
-        if folder is not None:
-            study.write(folder, results, origin, command_line)
-    if not as_json:
-        console.report(study.summary(results), as_json=False, title="Range of designs", wide=wide)
-    return report_goals(study.goals(results))
+    return publish(partial(study.run, count=count, folder=out), destination(range_, locals(), study.FILES))
 
 
 def claims(

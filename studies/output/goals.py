@@ -85,3 +85,9 @@ def verdict(goals: Sequence[Goal]) -> str:
 def page_lines(goals: Sequence[Goal]) -> list[str]:
     """Return the lines of a page: the verdict and the missed goals."""
     return [verdict(goals), *([""] if missed(goals) else []), *(f"- {goal}" for goal in missed(goals))]
+
+
+def failures(goals: Sequence[Goal]) -> list[str]:
+    """Return the sentence of missed goals, for `Result.failures`; nothing if there are goals and all are met."""
+    lost = missed(goals)
+    return [] if goals and not lost else [f"{verdict(goals)} {'; '.join(map(str, lost))}".rstrip()]

@@ -1,7 +1,4 @@
-"""Solids, moulds and meshes of designs sampled over all input ranges, for the verb range.
-
-ABOUT, which the report prints, describes the samples and checks.
-"""
+"""Solids, moulds and meshes of designs sampled over all input ranges."""
 
 from __future__ import annotations
 
@@ -10,34 +7,20 @@ import json
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.output import checkpoint
-from studies.output.goals import Goal
+from studies.output.goals import Goal, failures
+from studies.output.result import Result, Table
 from studies.validation import pages
 from studies.validation.pages import Row
 
-ABOUT = """\
-Solids, mould and meshes are made for designs that are sampled over all input ranges. An impossible design has its
-reason in the table.
-
-The samples follow a Sobol sequence over D, L and the magnet's diameter, height / diameter and edge radius. D ranges
-from 1 to 50 mm and L from D/2 + 0.05 mm to 10 D. The magnet's diameter ranges from 0.2 mm to the largest that leaves
-a wall of 0.15 mm, and its height from 0.1 to 4 times the diameter. The sampling is logarithmic, except for the edge
-radius, which is uniform from 0 to half of its largest possible value. For each quantity, a tenth of the samples lies
-at each end of the range, so that extremes of several quantities meet in one design.
-
-The section mesh has level standard, with the magnet as a hole. The mesh of tetrahedra has level quick and covers the
-half body with its magnet. A mesh passes if its volumes are right to 1e-5, its base is right to 1e-4, and no Jacobian
-is below 0.05. A design is good if each of its steps passes, or is impossible for a reason that the message names.
-"""
-
-
-SEED, COUNT = 1960, 64
-"""Seed of the sequence, and default number of designs."""
+FILES = ("RANGE.md", "range.csv")
+SEED, COUNT, MOST = 1960, 64, 1024
+"""Seed of the sequence, default and largest number of designs."""
 WALL, LEAST_STEM = 0.15, 0.05
 """Wall of silicone that the largest magnet leaves, and least L - D/2, mm."""
 LEAST_DIAMETER, LEAST_HEIGHT, SLENDER = 0.2, 0.1, (0.1, 4.0)
@@ -101,15 +84,34 @@ def _down(value: float) -> float:
     return float(f"{math.floor(value / step + 1e-9) * step:.6g}")
 
 
-def run(count: int, folder: Path | None, progress: Progress) -> Iterator[Row]:
-    """Yield the row of each design; results in the folder's rows.jsonl by the same code are not computed again."""
+def run(progress: Progress, count: int, folder: Path | None) -> Result:
+    """Examine each design; results in the folder's rows.jsonl by the same code are not computed again."""
+    if not 1 <= count <= MOST:
+        raise BadInput(f"--count must lie between 1 and {MOST}; got {count}")
     store = checkpoint.opened(None if folder is None else folder / "rows.jsonl", code())
+    rows = []
     for number, sample in enumerate(samples(count)):
         progress(number / count, f"design {number}")
         name = json.dumps([number, *sample.values()])
         if name not in store.known:
             store.keep(name, examine(number, sample))
-        yield store.known[name] | {"commit": store.commits[name]}
+        rows.append(store.known[name] | {"commit": store.commits[name]})
+    title, spread = "Range of designs", summary(rows)
+    names = ("design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra")
+    heads = {
+        name: name.removesuffix("_mm").replace("_", " ") for name in (*names, "mesh_s", "least_jacobian", "message")
+    }
+    counts = [sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")]
+    solved_at = checkpoint.solved_at(row["commit"] for row in rows)
+    about = {"rows": rows, "counts": counts, "spread": spread, "heads": heads, "solved_at": solved_at}
+    return Result(
+        title=title,
+        records=rows,
+        shown=[Table(title=title, rows=spread)],
+        tables={"range": rows},
+        pages={"RANGE.md": pages.rendered("range.md.j2", **about)},
+        failures=failures(goals(rows)),
+    )
 
 
 @functools.cache
@@ -135,26 +137,6 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     possible = sum(row["status"] != "impossible" for row in rows)
     named = f" (design {', '.join(failed)})" if failed else ""
     return [Goal(f"designs that fail{named}", len(failed), 0, possible)]
-
-
-def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
-    """Write range.csv with all columns and the report RANGE.md."""
-    from studies.output.csv_tables import write_table
-
-    write_table(folder / "range.csv", rows, digits=6)
-    good, impossible, failed = (
-        sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")
-    )
-    counts = f"Of {len(rows)} designs, {good} are good, {impossible} are impossible and {failed} failed."
-    names = ("design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra")
-    heads = {
-        name: name.removesuffix("_mm").replace("_", " ") for name in (*names, "mesh_s", "least_jacobian", "message")
-    }
-    blocks = ["# Range of designs", counts, ABOUT]
-    blocks += ["Least, median and greatest value of each measured quantity (magnitude, for errors):"]
-    blocks += [pages.markdown(summary(rows)), pages.markdown(rows, heads)]
-    blocks.append(checkpoint.solved_at(row["commit"] for row in rows))
-    pages.write(folder / "RANGE.md", blocks, command, origin)
 
 
 def examine(number: int, sample: Row) -> Row:

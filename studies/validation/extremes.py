@@ -6,7 +6,7 @@ import csv
 import functools
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -17,13 +17,13 @@ from fem.accuracy import QUICK, STANDARD, Accuracy
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.output.csv_tables import write_table
-from studies.output.provenance import versions
+from studies.output.result import Result
 from studies.validation import extreme_checks, pages
 from studies.validation.extreme_checks import LENGTHS, Case, Measurement, StoppedError, largest_height, press
 from studies.validation.pages import Row
 
 NAN = math.nan
+FILES = ("EXTREMES.md", "extremes.csv")
 Verdict = Literal["pass", "fail", "not judged"]
 
 CASES = Path(__file__).with_name("extreme_cases.csv")
@@ -122,25 +122,31 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def run(
-    *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> Iterator[Row]:
-    """Yield the result of each case; if a folder is given, write extremes.csv and EXTREMES.md at the end.
-
-    Parameters
-    ----------
-    command : the command line that the report quotes.
-    """
-    results: list[Row] = []
-    origin = versions()
-    chosen = cases(quick=quick)
+def run(progress: Progress, *, quick: bool = False) -> Result:
+    """Solve and judge all cases."""
+    chosen, rows = cases(quick=quick), list[Row]()
     for i, case in enumerate(chosen):
-        if progress is not None:
-            progress(i / len(chosen), case.name)
-        results.append(examine(case))
-        yield results[-1]
-    if folder is not None:
-        write(folder, results, origin, command)
+        progress(i / len(chosen), case.name)
+        rows.append(examine(case))
+    heads = {"scene": "case", "status": "status", "seconds": "s", "check": "check", "measured": "measured"}
+    heads |= {"bound": "bound", "inside_out_share": "inverted", "verdict": "verdict", "message": "message"}
+    marked = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in rows]
+    counts = counted([row["verdict"] for row in rows])
+    failed, unjudged = (
+        [row["scene"] for row in rows if row["verdict"] == verdict] for verdict in ("fail", "not judged")
+    )
+    return Result(
+        title="Extremes",
+        records=rows,
+        shown=[line(row) for row in rows],
+        tables={"extremes": rows},
+        digits=9,
+        pages={"EXTREMES.md": pages.rendered("extremes.md.j2", rows=marked, heads=heads, counts=counts)},
+        failures=[
+            *pages.failed(unjudged, len(rows), "cases yield no measurement"),
+            *pages.failed(failed, len(rows), "cases fail"),
+        ],
+    )
 
 
 def examine(case: Case) -> Row:
@@ -235,13 +241,3 @@ def counted(verdicts: Sequence[Verdict]) -> str:
     passed, failed, not_judged = (verdicts.count(verdict) for verdict in ("pass", "fail", "not judged"))
     verb = "is" if not_judged == 1 else "are"
     return f"{passed} of {len(verdicts)} cases pass, {failed} fail, {not_judged} {verb} not judged"
-
-
-def write(folder: Path, results: Sequence[Row], origin: str, command: str) -> None:
-    """Write extremes.csv with all columns and the report EXTREMES.md."""
-    write_table(folder / "extremes.csv", results, digits=9)
-    heads = {"scene": "case", "status": "status", "seconds": "s", "check": "check", "measured": "measured"}
-    heads |= {"bound": "bound", "inside_out_share": "inverted", "verdict": "verdict", "message": "message"}
-    rows = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in results]
-    counts = counted([row["verdict"] for row in results])
-    pages.render(folder / "EXTREMES.md", command, origin, rows=rows, heads=heads, counts=counts)

@@ -18,12 +18,12 @@ from geometry.bad_input import SolveFailed
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.output.csv_tables import write_table
-from studies.output.provenance import versions
+from studies.output.result import Result, Table
 from studies.validation import pages
 from studies.validation.pages import Row
 
 NAN = math.nan
+FILES = ("FRICTION.md", "friction.csv", "friction.png")
 DEPTH = 1.0
 """Depth of the press before full slip and before the cycle, mm."""
 MUS = {0.05: 0.5, 0.1: 1.0, 0.2: 2.0, 0.5: 4.0}
@@ -45,17 +45,8 @@ class StoppedError(SolveFailed):
     """A path of this study stopped before its last load, or without full slip."""
 
 
-def run(
-    *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> list[Row]:
-    """Run all checks; if a folder is given, write friction.csv, FRICTION.md and friction.png into it.
-
-    Parameters
-    ----------
-    quick : use coarser meshes, and leave out the tetrahedra.
-    command : the command line that the report quotes.
-    """
-    origin = versions()
+def run(progress: Progress, *, quick: bool = False) -> Result:
+    """Run all checks; if quick, on coarser meshes and without tetrahedra."""
     curves: list[list[Solution]] = []
     loop: list[Solution] = []
     level = COARSE if quick else QUICK
@@ -76,15 +67,29 @@ def run(
         parts["tilted plate"] = lambda: [tilted(SOLID)]
     checks: list[Row] = []
     for i, (name, part) in enumerate(parts.items()):
-        if progress is not None:
-            progress(i / len(parts), name)
+        progress(i / len(parts), name)
         try:
             checks += part()
         except StoppedError as stop:
             checks.append(_check(name, f"no measurement: {stop}", NAN, NAN, NAN))
-    if folder is not None:
-        write(folder, checks, curves, loop, command=command, origin=origin)
-    return checks
+    return result(checks, curves, loop)
+
+
+def result(checks: Sequence[Row], curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> Result:
+    """Return the result of some checks, with the curves and the cycle of shear that it draws."""
+    heads = {name: name for name in ("check", "quantity", "value", "expected")}
+    heads |= {"off": "relative difference", "bound": "bound", "passed": "passed"}
+    missed = [check["quantity"] for check in checks if not check["passed"]]
+    return Result(
+        title="Friction",
+        records=checks,
+        shown=[Table(title="Friction", rows=checks, first=("quantity", "value", "expected", "passed"))],
+        tables={"friction": checks},
+        digits=9,
+        files={"friction.png": lambda path: draw_friction(path, curves, loop)},
+        pages={"FRICTION.md": pages.rendered("friction.md.j2", rows=checks, heads=heads)},
+        failures=pages.failed(missed, len(checks), "checks fail"),
+    )
 
 
 def _check(check: str, quantity: str, value: float, expected: float, bound: float) -> Row:
@@ -191,23 +196,6 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
         raise StoppedError(f"under a tilted plate a shear of {shear:g} mm is not enough for full slip")
     name = f"force along / across the plate, tilt {TILT:g} rad, mu = {mu:g}"
     return _check("tilted plate", name, along / across, mu, 0.01)
-
-
-def write(
-    folder: Path,
-    checks: Sequence[Row],
-    curves: Sequence[Sequence[Solution]],
-    loop: Sequence[Solution],
-    *,
-    command: str,
-    origin: str,
-) -> None:
-    """Write friction.csv, FRICTION.md and friction.png."""
-    write_table(folder / "friction.csv", checks, digits=9)
-    draw_friction(folder / "friction.png", curves, loop)
-    heads = {name: name for name in ("check", "quantity", "value", "expected")}
-    heads |= {"off": "relative difference", "bound": "bound", "passed": "passed"}
-    pages.render(folder / "FRICTION.md", command, origin, rows=checks, heads=heads)
 
 
 def draw_friction(path: Path, curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> None:

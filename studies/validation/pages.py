@@ -68,10 +68,9 @@ def rendered(template: str, **values: Any) -> str:
     return re.sub(r"\n{3,}", "\n\n", environment.get_template(template).render(values)).strip()
 
 
-def render(path: Path, command: str, origin: str, **values: Any) -> None:
-    """Write a page, such as VERIFY.md, from its template, verify.md.j2, and its origin."""
-    text = rendered(f"{path.stem.lower()}.md.j2", **values)
-    write_text(path, f"{text}\n\n{made(command, origin)}\n")
+def failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> list[str]:
+    """Return the sentence that names what failed of `count` rows, for `Result.failures`; nothing if none failed."""
+    return [f"{len(names)} of {count} {what}: {between.join(names)}"] if names else []
 
 
 def write(path: Path, blocks: Iterable[str], command: str, origin: str) -> None:

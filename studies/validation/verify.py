@@ -15,8 +15,7 @@ import numpy as np
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
-from studies.output.csv_tables import write_table
-from studies.output.provenance import versions
+from studies.output.result import Result, Table
 from studies.validation import manufactured_solutions, motion_problems, pages, static_problems
 from studies.validation.pages import Row
 
@@ -24,7 +23,9 @@ PROBLEMS = Path(__file__).with_name("verify_problems.toml")
 """All targets, with their meshes, published values, tolerances and sources."""
 NAN = math.nan
 DETAILS = ("judged", "meshes", "source", "message", "note")
-"""Columns that the printed table leaves out."""
+PRECISE = ("published", "computed", "extrapolated")
+"""Columns that the printed table leaves out, and those that have six digits there."""
+FILES = ("VERIFY.md", "verify.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,35 +76,30 @@ def _target(problem: dict[str, Any], meshes: Sequence[int]) -> Target:
     )
 
 
-def run(
-    *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> list[Row]:
-    """Solve all targets, and write verify.csv and VERIFY.md if a folder is given.
-
-    Parameters
-    ----------
-    command : the command line that the report quotes.
-
-    Returns
-    -------
-    One comparison per quantity.
-    """
-    origin, chosen = versions(), targets(quick=quick)
-    comparisons: list[Row] = []
+def run(progress: Progress, *, quick: bool = False) -> Result:
+    """Solve all targets; a record for each quantity."""
+    chosen = targets(quick=quick)
+    rows: list[Row] = []
     for i, target in enumerate(chosen):
-        comparisons += evaluate(target, i / len(chosen), progress)
-    if folder is not None:
-        write_table(folder / "verify.csv", comparisons, digits=12)
-        shown = [
-            printed(c) | {"": "pass" if c["passed"] else f"**fail** {c['message']}".strip()} for c in comparisons
-        ]
-        heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
-        heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}
-        pages.render(folder / "VERIFY.md", command, origin, rows=comparisons, shown=shown, heads=heads)
-    return comparisons
+        rows += evaluate(target, i / len(chosen), progress)
+    printed = [row | {name: pages.cell(row[name], 6) for name in PRECISE} for row in rows]
+    shown = [row | {"": "pass" if row["passed"] else f"**fail** {row['message']}".strip()} for row in printed]
+    heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
+    heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}
+    missed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
+    first = ("target", "quantity", "computed", "published", "passed")
+    return Result(
+        title="Verification",
+        records=rows,
+        shown=[Table(title="Verification", rows=printed, brief=DETAILS, first=first)],
+        tables={"verify": rows},
+        digits=12,
+        pages={"VERIFY.md": pages.rendered("verify.md.j2", rows=rows, shown=shown, heads=heads)},
+        failures=pages.failed(missed, len(rows), "targets are missed", ", "),
+    )
 
 
-def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None) -> list[Row]:
+def evaluate(target: Target, done: float = 0.0, progress: Progress = lambda share, text: None) -> list[Row]:
     """Comparisons of one target; a problem that finds no solution fails with the reason in `message`.
 
     Parameters
@@ -113,8 +109,7 @@ def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None
     begin, message = time.perf_counter(), ""
     values: list[Sequence[float]] = []
     for n in target.meshes:
-        if progress is not None:
-            progress(done, target.name + (f", mesh {n}" if len(target.meshes) > 1 else ""))
+        progress(done, target.name + (f", mesh {n}" if len(target.meshes) > 1 else ""))
         try:
             values.append(np.atleast_1d(target.solve(n)).tolist())
         except SolveFailed as error:
@@ -184,9 +179,3 @@ def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float,
         return NAN, NAN
     p = float(brentq(excess, 0.2, 8.0, xtol=1e-13))
     return float(h + (h - g) * c**-p / (b**-p - c**-p)), p
-
-
-def printed(comparison: Row) -> Row:
-    """Return a row with enough digits of the values, for a printed table."""
-    names = ("published", "computed", "extrapolated")
-    return comparison | {name: pages.cell(comparison[name], 6) for name in names}

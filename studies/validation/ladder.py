@@ -1,12 +1,9 @@
-"""Every level of the formulas beside finite elements: ten designs, presses and shears of a glued plate (ladder).
-
-ABOUT defines the errors.
-"""
+"""Every level of the formulas beside finite elements: ten designs, presses and shears of a glued plate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,32 +14,17 @@ from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
-from studies.output.goals import Goal, page_lines
+from studies.output.goals import Goal, failures, page_lines
+from studies.output.result import Result, Table
 from studies.validation import pages
 from studies.validation.pages import Row
 
-ABOUT = """\
-All levels of the formulas are compared with finite elements. The designs span D, L/D and the magnet (none, small,
-wide, tall). In the levels above `column`, four constants of the press and two of the shear were fitted to finite
-elements of 18 designs with L/D from 0.75 to 4. Only the paper's sensor belongs to both sets of designs.
-
-The tables show root mean squares of these errors over the states of a region:
-
-- press force: relative to the force of the finite elements;
-- sinking, the shift of the magnet along the axis, with and without shear: relative to that of the finite elements;
-- press under shear: error of the press force, over the press force of the formula before the shear;
-- shear force: error over k0 delta, the force of Timoshenko's cantilever of length L under the same shear delta (the
-  shear force of the pressed beam itself passes through zero where the beam buckles);
-- shift: error of the magnet's shift along the shear, over the shear;
-- tilt: error of the magnet's tilt times R, over the shear.
-
-If a level refuses a load, or the finite elements do not reach it, the row has a message and enters no mean."""
-
+FILES = ("LADDER.md", "ladder.csv", "ladder.png")
 PRESSES = (0.03, 0.06, 0.12, 0.18, 0.25)
 UNDER, SHEARS = (0.06, 0.12, 0.25), (0.05, 0.15, 0.3)
 """Depths of the presses, depths under the shears, and shears, over D."""
 ERRORS = ("press_force", "sinking", "press_under_shear", "shear_force", "shift", "tilt")
-"""Quantities whose relative error is a column, as ABOUT defines it; one that does not apply is missing."""
+"""Quantities whose relative error is a column, as ladder.md.j2 defines it; one that does not apply is missing."""
 PANELS = ("press force", "sinking", "press under shear", "shear force / k₀ δ", "shift / δ", "tilt R / δ")
 REGIONS: dict[str, Callable[[Row], bool]] = {
     "press to 0.06 D": lambda row: not row["shear_over_D"] and row["depth_over_D"] <= 0.06,
@@ -70,13 +52,17 @@ def _design(D: float, slenderness: float, diameter: float, height: float) -> Des
     )
 
 
-def run(accuracy: str, count: int, progress: Progress) -> Iterator[Row]:
-    """Yield a row for each state and level of the first `count` designs."""
+def run(progress: Progress, accuracy: str, count: int) -> Result:
+    """Compare every level with the states of the first `count` designs."""
+    most = len(designs())
+    if not 1 <= count <= most:
+        raise BadInput(f"--count must lie between 1 and {most}; got {count}")
+    rows = []
     for number, design in enumerate(designs()[:count]):
         progress(number / count, f"design {number}: L/D = {design.L / design.D:.3g}")
-        for load, state in _states(design, accuracy):
-            for level in beam.LEVELS:
-                yield compare(number, design, load, state, level)
+        states = list(_states(design, accuracy))
+        rows += [compare(number, design, load, state, level) for load, state in states for level in beam.LEVELS]
+    return result(rows)
 
 
 def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | None]]:
@@ -186,26 +172,32 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     return posed
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
-    """Write ladder.csv, ladder.png and LADDER.md."""
-    from studies.output.csv_tables import write_table
-
-    write_table(folder / "ladder.csv", rows)
-    picture(folder / "ladder.png", rows)
-    best = beam.LEVELS[-1]
+def result(rows: Sequence[Row]) -> Result:
+    """Return the result of compared states."""
+    title, posed = "Errors of the formulas, root mean square", goals(rows)
     heads = {f"{name}_error_percent": f"{name.replace('_', ' ')} %" for name in ERRORS}
     regions = {name: name for name in ("level", "region", "states")} | heads
+    best = beam.LEVELS[-1]
     designs = by_design(rows, best)
-    blocks = ["# Levels of the formulas compared with finite elements", "\n".join(page_lines(goals(rows))), ABOUT]
-    blocks += [
-        "![Errors of the levels](ladder.png)",
-        "## By level and region",
-        pages.markdown(summary(rows), regions),
-    ]
-    shown: Mapping[str, str] = {name: heads.get(name, name) for name in designs[0]} if designs else {}
-    blocks += [f"## Level {best} by design", pages.markdown(designs, shown)]
-    stopped = sorted({f"design {row['design']}: {row['message']}" for row in rows if row["message"]})
-    pages.write(folder / "LADDER.md", [*blocks, pages.listed(stopped, "")], command, origin)
+    page = pages.rendered(
+        "ladder.md.j2",
+        verdict=page_lines(posed),
+        summary=summary(rows),
+        regions=regions,
+        best=best,
+        designs=designs,
+        heads={name: heads.get(name, name) for name in designs[0]} if designs else {},
+        stopped=sorted({f"design {row['design']}: {row['message']}" for row in rows if row["message"]}),
+    )
+    return Result(
+        title=title,
+        records=rows,
+        shown=[Table(title=title, rows=summary(rows))],
+        tables={"ladder": rows},
+        files={"ladder.png": lambda path: picture(path, rows)},
+        pages={"LADDER.md": page},
+        failures=failures(posed),
+    )
 
 
 def picture(path: Path, rows: Sequence[Row]) -> None:
