@@ -5,11 +5,10 @@ import dataclasses
 from fem.analyses.timed_path import TimedState
 from geometry.loads import Response
 from studies.simulation.cycle_findings import doubts
-from studies.simulation.cycle_loops import CycleState, LoopRow
 from studies.simulation.cycle_motion import Motion, stops
-from studies.simulation.cycle_report import Cycles, Static
+from studies.simulation.cycle_report import Cycles, CycleState, Loop, Static
 
-LOOP = LoopRow(1, 4.0, 4.0, 0.4, 10.0, 0.3, 0.3, 0.0, None, None)
+LOOP = Loop(1, 4.0, 4.0, 0.4, 10.0, 0.3, 0.3, 0.0, None, None)
 SOLVED = Static(None, 0.001)
 
 

@@ -8,8 +8,8 @@ import pytest
 from fem.analyses.timed_path import TimedState
 from geometry.design import paper
 from geometry.loads import Response
-from studies.simulation.cycle_loops import CycleState, StaticCurve, loops, outputs_of, with_readings
 from studies.simulation.cycle_motion import Motion, stops
+from studies.simulation.cycle_report import CycleState, StaticCurve, loops_of, outputs_of, with_readings
 
 SHIFTS = np.array([[-0.2, 0.0, -0.3], [0.2, 0.0, -0.3]])
 TILTS = np.array([-0.02, 0.02])
@@ -43,6 +43,6 @@ def test_a_force_that_lags_has_a_gap_above_zero_whatever_the_direction(shear):
         force = (state.load.shear_x + lag, 0.0, 1.0)
         state = dataclasses.replace(state, response=dataclasses.replace(state.response, force=force))
         states.append(CycleState(stop, state, True, np.zeros(3), np.nan))
-    (row,) = loops(motion, states)
+    (row,) = loops_of(motion, states)
     assert row.gap_N == pytest.approx(0.02)
     assert row.gap_percent > 0

@@ -9,8 +9,8 @@ from fem.analyses.timed_path import TimedState
 from geometry.design import paper
 from geometry.loads import Response
 from studies.simulation import cycle_plot
-from studies.simulation.cycle_loops import with_readings
 from studies.simulation.cycle_motion import Motion, stops
+from studies.simulation.cycle_report import with_readings
 from tests.picture_texts import check_texts, saved_figures
 
 

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from geometry.bad_input import OutOfReach
-from geometry.design import BadInput, Design
+from geometry.design import BadInput
 from geometry.loads import Magnet, Waveform
-from geometry.messages import Progress
-from studies.cli.command_output import report_failures, say_if_without_magnet
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
-from studies.cli.printed_command import command
+from studies.cli.command_output import say_if_without_magnet
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
 from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console, run_record
-from studies.output.records import FlatRow
+from studies.output.result import publish
 
 if TYPE_CHECKING:
     from fem.analyses.timed_path import ViscousLaw
-    from studies.simulation.cycle_motion import Motion
-    from studies.simulation.cycle_report import Cycles
 
 FLAG = Parameter(negative="")
 
@@ -86,112 +79,27 @@ def cycle(
     out
         Folder for cycle.csv, loops.csv and cycle.png.
     """
-    command_line = command(cycle, locals())
-    design = design_of(source, sets, magnet)
     from fem.analyses.timed_path import LEAST_TOLERANCE
     from geometry.loads import check_load
     from geometry.relaxation import check_range
-    from studies.simulation import cycle_findings
-    from studies.simulation import cycle_report as study
+    from studies.simulation import cycle_findings, cycle_report
     from studies.simulation.cycle_motion import Motion, frequency_of
     from studies.simulation.load_cases import friction_of
 
+    here = destination(cycle, locals(), cycle_findings.FILES)
+    design = design_of(source, sets, magnet)
     stroke = abs(2 * shear) or depth
     contact = friction_of(friction, "stick" if shear else "none")
     motion = Motion(depth, shear, contact, frequency_of(speed, frequency, stroke), waveform, cycles, hold)
     if not LEAST_TOLERANCE <= tolerance < 1:
         raise BadInput(f"--tolerance must be at least {LEAST_TOLERANCE:g} and below 1; got {tolerance:g}")
     if gap is not None:
-        study.check_gap(design, gap)
+        cycle_report.check_gap(design, gap)
     # a load that is impossible comes first: its stroke decides the frequency
     check_load(design, motion.largest, magnet)
     say_if_without_magnet(design)
     holds = [hold] if hold else []
     warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=extrapolate)
-    atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
     laws: tuple[ViscousLaw, ...] = ("prony", "finite") if second_law else ("prony",)
-    results: list[Cycles] = []
-    try:
-        with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-            progress(0.0, "the lowest natural frequency")
-            lowest = cycle_findings.lowest_frequency(design, magnet)
-            warnings += cycle_findings.inertia_warnings(motion, lowest)
-            progress(0.0, "the curve of slow loading")
-            static = study.static_curve(design, motion, accuracy, magnet)
-            for law in laws:
-                results.append(study.run(design, motion, law, static, accuracy, magnet, tolerance, progress))
-            answer = _search(design, motion, gap, static, accuracy, magnet, tolerance, progress)
-            if folder is not None:
-                study.write(folder, motion, results)
-                run_record.write(folder, command_line, dataclasses.asdict(design))
-    except KeyboardInterrupt as stop:
-        # a run of the search for a gap has another loss factor: its loops are not those of the design
-        if isinstance(stop, study.Interrupted) and len(results) < len(laws):
-            results.append(stop.cycles)
-        raise KeyboardInterrupt(_report_complete(results, motion, as_json=as_json, wide=wide)) from None
-    warnings += [text for one in results for text in cycle_findings.doubts(static, one)]
-    notes = cycle_findings.notes(design, motion, static, results[0], lowest)
-    if second_law and results[0].loops and results[1].loops:
-        notes.append(cycle_findings.difference(results[0], results[1]))
-    if as_json:
-        record: FlatRow = results[0].row() | answer
-        if second_law:
-            record["second_law"] = results[1].row()
-        shared = {"frequency_Hz": motion.frequency, "warnings": warnings, "notes": notes}
-        console.report([record | shared], as_json=True)
-    else:
-        _report_loops(results, wide=wide)
-        for note in [*cycle_findings.findings(results[0]), *([answer["sentence"]] if answer else []), *notes]:
-            console.note(f"{note}.")
-    for warning in warnings:
-        console.warn(warning)
-    return report_failures([*(one.row() for one in results), *([answer] if answer else [])])
-
-
-def _report_loops(results: Sequence[Cycles], *, wide: bool) -> None:
-    """Print a table of the loops by each law."""
-    for one in results:
-        title = "Loops, linear overstresses" if one.law == "prony" else "Loops, law for large rates"
-        console.report([row.row() for row in one.loops], as_json=False, title=title, wide=wide)
-
-
-def _report_complete(results: Sequence[Cycles], motion: Motion, *, as_json: bool, wide: bool) -> str:
-    """Print the loops of the cycles that were complete before Ctrl-C; return their number in words."""
-    complete = [one for one in results if one.loops]
-    if as_json:
-        console.report(
-            [{"law": one.law, "loops": [row.row() for row in one.loops]} for one in complete], as_json=True
-        )
-    else:
-        _report_loops(complete, wide=wide)
-    reached = len(results[-1].loops) if results else 0
-    return f"{reached} of {motion.cycles} cycles are complete, and no file is written"
-
-
-def _search(
-    design: Design,
-    motion: Motion,
-    gap: float | None,
-    static: object,
-    accuracy: str,
-    magnet: Magnet,
-    tolerance: float,
-    progress: Progress,
-) -> FlatRow:
-    """Return the loss factor with a gap, its loop and a sentence; nothing if no gap is wanted."""
-    from studies.simulation import cycle_report as study
-
-    if gap is None:
-        return {}
-    assert isinstance(static, study.Static)
-    try:
-        factor, row = study.loss_factor_of_gap(design, motion, gap, static, accuracy, magnet, tolerance, progress)
-    except OutOfReach as error:
-        return {"status": "failed", "message": str(error), "sentence": str(error)}
-    return {
-        "gap_percent": row.gap_percent,
-        "loss_factor_of_gap": factor,
-        "sentence": (
-            f"a gap of {gap:g} % of full scale in cycle {row.cycle} belongs to a constant loss factor of {factor:.3f}"
-        ),
-    }
+    study = partial(cycle_findings.study, design, motion, laws, gap, accuracy, magnet, tolerance, warnings)
+    return publish(study, here)

@@ -1,22 +1,138 @@
-"""What the loops of `magtip cycle` say, assume and leave out, in sentences."""
+"""What `magtip cycle` reports: the loops of a motion, and what they say, assume and leave out, in sentences."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analytic.relaxation_loops import loop
+from geometry.bad_input import OutOfReach
 from geometry.design import Design
 from geometry.loads import Magnet
+from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes, relaxation_of
+from studies.output.records import FlatRow
+from studies.output.result import Interrupted, Result, Table, failure_of
+from studies.simulation import cycle_report
 from studies.simulation.cycle_motion import Motion
+from studies.simulation.cycle_report import Cycles, Static
 
 if TYPE_CHECKING:
-    from studies.simulation.cycle_report import Cycles, Static
+    from fem.analyses.timed_path import ViscousLaw
+
+FILES = ("cycle.csv", "loops.csv", "cycle.png")
+"""Files that a folder of results holds, beside run.json."""
 
 FAST = 0.1
 """Frequency over the lowest natural frequency from which inertia changes forces by 1 % or more."""
 GAINED = 1e-2
 """Energy that a closed cycle may gain, over the area of its loop: above the errors of time steps and mesh."""
+
+
+def study(
+    design: Design,
+    motion: Motion,
+    laws: Sequence[ViscousLaw],
+    gap: float | None,
+    accuracy: str,
+    magnet: Magnet,
+    tolerance: float,
+    warnings: Sequence[str],
+    progress: Progress,
+) -> Result:
+    """Follow a motion by one law or two, and search for the loss factor of a gap, percent, if one is wanted.
+
+    Parameters
+    ----------
+    warnings : those of the options, which the result repeats.
+
+    Raises
+    ------
+    Interrupted
+        After Ctrl-C, with the loops of the cycles that are complete.
+    """
+    followed: list[Cycles] = []
+    try:
+        progress(0.0, "the lowest natural frequency")
+        lowest = lowest_frequency(design, magnet)
+        progress(0.0, "the curve of slow loading")
+        static = cycle_report.static_curve(design, motion, accuracy, magnet)
+
+        def follow(sensor: Design, law: ViscousLaw = "prony") -> Cycles:
+            return cycle_report.run(sensor, motion, law, static, accuracy, magnet, tolerance, progress)
+
+        for law in laws:
+            followed.append(follow(design, law))
+        found = {} if gap is None else _loss_factor(design, motion, gap, follow)
+    except KeyboardInterrupt as stop:
+        # a run of the search for a gap has another loss factor: its loops are not those of the design
+        if isinstance(stop, cycle_report.Interrupted) and len(followed) < len(laws):
+            followed.append(stop.cycles)
+        raise _interrupted(followed, motion) from None
+    sentences = notes(design, motion, static, followed[0], lowest)
+    record: FlatRow = followed[0].row() | found
+    if len(followed) > 1:
+        record["second_law"] = followed[1].row()
+        if all(one.loops for one in followed):
+            sentences.append(difference(*followed))
+    warned = [
+        *warnings,
+        *inertia_warnings(motion, lowest),
+        *(text for one in followed for text in doubts(static, one)),
+    ]
+    said = [*findings(followed[0]), *([found["sentence"]] if found else []), *sentences]
+    return Result(
+        title="Loops",
+        records=[record | {"frequency_Hz": motion.frequency, "warnings": warned, "notes": sentences}],
+        shown=[*map(_table, followed), *(f"{sentence}." for sentence in said)],
+        tables={
+            "cycle": [{"law": one.law} | state.row(one.unit) for one in followed for state in one.states],
+            "loops": [{"law": one.law} | asdict(row) for one in followed for row in one.loops],
+        },
+        digits=9,
+        files={"cycle.png": partial(_picture, motion=motion, followed=followed)},
+        warnings=warned,
+        failures=failure_of([*(one.row() for one in followed), *([found] if found else [])]),
+        design=design,
+    )
+
+
+def _table(cycles: Cycles) -> Table:
+    law = "linear overstresses" if cycles.law == "prony" else "law for large rates"
+    return Table(title=f"Loops, {law}", rows=[asdict(row) for row in cycles.loops])
+
+
+def _picture(path: Path, motion: Motion, followed: Sequence[Cycles]) -> None:
+    from studies.simulation import cycle_plot
+
+    cycle_plot.draw(path, motion, *(one.states for one in followed))
+
+
+def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:
+    """Return the interruption with the loops of the cycles that are complete."""
+    complete = [one for one in followed if one.loops]
+    records = [{"law": one.law, "loops": [asdict(row) for row in one.loops]} for one in complete]
+    reached = len(followed[-1].loops) if followed else 0
+    text = f"{reached} of {motion.cycles} cycles are complete, and no file is written"
+    return Interrupted(text, Result(title="Loops", records=records, shown=[_table(one) for one in complete]))
+
+
+def _loss_factor(design: Design, motion: Motion, gap: float, follow: Callable[[Design], Cycles]) -> FlatRow:
+    """Return the loss factor with a gap, percent, its loop and a sentence, or why there is none."""
+    try:
+        factor, row = cycle_report.loss_factor_of_gap(design, motion, gap, follow)
+    except OutOfReach as error:
+        return {"status": "failed", "message": str(error), "sentence": str(error)}
+    return {
+        "gap_percent": row.gap_percent,
+        "loss_factor_of_gap": factor,
+        "sentence": (
+            f"a gap of {gap:g} % of full scale in cycle {row.cycle} belongs to a constant loss factor of {factor:.3f}"
+        ),
+    }
 
 
 def lowest_frequency(design: Design, magnet: Magnet) -> float:

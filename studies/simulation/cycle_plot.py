@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from studies.output.table_plots import ANALYTIC, COLOURS, FEM, canvas, label
-from studies.simulation.cycle_loops import CycleState
 from studies.simulation.cycle_motion import Motion
+from studies.simulation.cycle_report import CycleState
 
 ARROW = (0.55, 0.65)
 """Ends of the arrows on a loop, as shares of the stroke."""

@@ -1,33 +1,36 @@
-"""What `magtip cycle` computes: loops of a viscoelastic sensor in numbers, tables and pictures."""
+"""Loading cycles of a viscoelastic sensor: the motion followed in time, its readings, and the measures of each loop.
+
+Gap and full scale of a loop are those of the paper's Figure 13: the difference of the forces on both ways at
+mid-stroke, over the difference of the largest and the least force. The decoded force is read from the outputs by the
+sensor's static inverse: the point nearest to them on the curve of outputs that slow, fully relaxed loading passes
+through, and the force there.
+"""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analytic.batch_readings import batch_readings
 from analytic.relaxation_loops import loop
+from fem.analyses.timed_path import TimedState
 from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import moduli, relaxation_of
-from studies.output.csv_tables import write_table
 from studies.output.records import FlatRow
-from studies.simulation.cycle_loops import CycleState, LoopRow, StaticCurve, loops, outputs_of, with_readings
-from studies.simulation.cycle_motion import Motion, Stop, stops
+from studies.simulation.cycle_motion import Motion, Phase, Stop, stops
 
 if TYPE_CHECKING:
-    from fem.analyses.timed_path import TimedState, ViscousLaw
+    from fem.analyses.timed_path import ViscousLaw
 
-FILES = ("cycle.csv", "loops.csv", "cycle.png")
-"""Files that a folder of results holds, beside run.json."""
 STEPS = 32
 """Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
 CURVE, BEYOND = 24, 0.25
@@ -39,6 +42,175 @@ EXPECTED = ("part_slips", "full_slip", "idle_stick", "touch_lost")
 """Remarks on single states of a motion that limit nothing."""
 MOST_LOSS = 1.0
 """Largest loss factor of the search, the bound of the design's field."""
+
+
+# States and loops
+
+
+@dataclass(frozen=True, slots=True)
+class CycleState:
+    """A state with its place in the cycle, the elements' outputs (V, or T for a chip), and the decoded force."""
+
+    stop: Stop
+    state: TimedState
+    at_stop: bool
+    outputs: Array
+    decoded: float
+
+    def row(self, unit: str) -> FlatRow:
+        """Return the row of cycle.csv."""
+        s, r = self.state, self.state.response
+        return {
+            "time_s": s.time,
+            "cycle": self.stop.cycle,
+            "phase": self.stop.phase,
+            "depth_mm": s.load.depth,
+            "shear_mm": s.load.shear_x,
+            **{f"force_{axis}_N": value for axis, value in zip("xyz", r.force, strict=True)},
+            **{f"shift_{axis}_mm": value for axis, value in zip("xyz", r.shift, strict=True)},
+            "tilt_rad": r.tilt,
+            "contact_radius_mm": r.contact_radius,
+            **{f"S{i}_{unit}": float(value) for i, value in enumerate(self.outputs, 1)},
+            "decoded_force_N": self.decoded,
+            "time_error": s.time_error,
+            "work_mJ": s.work,
+            "stored_mJ": s.stored,
+            "dissipated_mJ": s.dissipated,
+            "friction_dissipated_mJ": s.friction_dissipated,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """The loop of one cycle.
+
+    Attributes
+    ----------
+    largest_N, full_scale_N : largest force along the motion, and its difference to the least one.
+    gap_N, gap_percent : difference of the forces at mid-stroke, in and out, also in percent of full scale.
+    area_mJ : work of the plate in the cycle, the area of the loop.
+    material_mJ, friction_mJ : what silicone and friction dissipated in it; the rest was stored, or, if negative,
+        stored before and released.
+    decoded_gap_percent : gap of the decoded force, in percent of its full scale; None without a magnet.
+    decoded_error_percent : largest difference of the decoded force and the force, in percent of full scale.
+    """
+
+    cycle: int
+    largest_N: float
+    full_scale_N: float
+    gap_N: float
+    gap_percent: float
+    area_mJ: float
+    material_mJ: float
+    friction_mJ: float
+    decoded_gap_percent: float | None
+    decoded_error_percent: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class StaticCurve:
+    """Forces (n,) along the motion of slow loading, and the outputs (n, 3) of the elements; None without a magnet."""
+
+    forces: Array
+    outputs: Array
+
+    def decode(self, outputs: Array) -> Array:
+        """Return the forces (m,) of outputs (m, 3): those of the nearest points of the curve."""
+        begin, along = self.outputs[:-1], np.diff(self.outputs, axis=0)
+        length = np.maximum((along**2).sum(axis=1), 1e-300)
+        share = np.clip(np.einsum("mnk,nk->mn", outputs[:, None] - begin, along) / length, 0, 1)
+        off = ((outputs[:, None] - begin - share[..., None] * along) ** 2).sum(axis=2)
+        best = off.argmin(axis=1)
+        part = share[np.arange(len(outputs)), best]
+        return np.asarray(self.forces[best] + part * np.diff(self.forces)[best])
+
+
+def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
+    """Return the outputs (n, 3) of the elements for shifts (n, 3), mm, and tilts (n,) towards x, rad."""
+    rotations = np.stack([np.zeros(len(tilts)), tilts], axis=1)
+    return batch_readings([design], np.zeros(len(shifts), dtype=np.int64), shifts, rotations).output
+
+
+def with_readings(
+    design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], curve: StaticCurve | None
+) -> list[CycleState]:
+    """Return the states with their outputs and decoded forces."""
+    shifts = np.array([state.response.shift for _, state, _ in passed])
+    outputs = outputs_of(design, shifts, np.array([state.response.tilt for _, state, _ in passed]))
+    decoded = np.full(len(passed), np.nan) if curve is None else curve.decode(outputs)
+    # the curve is that of the strokes: it knows no press before a shear
+    decoded[[stop.phase == "press" and not state.load.shear_x for stop, state, _ in passed]] = np.nan
+    return [
+        CycleState(stop, state, at_stop, one, float(force))
+        for (stop, state, at_stop), one, force in zip(passed, outputs, decoded, strict=True)
+    ]
+
+
+def loops_of(motion: Motion, states: Sequence[CycleState]) -> list[Loop]:
+    """Return the loops of all complete cycles."""
+    rows = []
+    for cycle in range(1, motion.cycles + 1):
+        own = [one for one in states if one.stop.cycle == cycle]
+        ends = [one for one in own if one.at_stop and one.stop.place == "end"]
+        if len(ends) == 2:
+            rows.append(_loop(motion, cycle, own, _before(states, own)))
+    return rows
+
+
+def _before(states: Sequence[CycleState], own: Sequence[CycleState]) -> TimedState | None:
+    """Return the state before a cycle; None at rest."""
+    at = states.index(own[0])
+    return states[at - 1].state if at else None
+
+
+def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedState | None) -> Loop:
+    axis, last = 0 if motion.shear else 2, own[-1].state
+    # forces count along the first way of the plate
+    way = -1.0 if motion.shear < 0 else 1.0
+    force = way * np.array([one.state.response.force[axis] for one in own])
+    decoded = way * np.array([one.decoded for one in own])
+    # a shear passes its ends outside of a cycle too
+    gap, scale = _gap(own, force), _scale(force, None if before is None else way * before.response.force[axis])
+    known = bool(np.isfinite(decoded).all())
+    start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.friction_dissipated)
+    most = max(abs(one.state.work) for one in own)
+    return Loop(
+        cycle=cycle,
+        largest_N=float(np.abs(force).max()),
+        full_scale_N=scale,
+        gap_N=_rounded(gap, scale),
+        gap_percent=100 * _rounded(gap, scale) / scale if scale else 0.0,
+        area_mJ=_rounded(last.work - start[0], most),
+        material_mJ=_rounded(last.dissipated - start[1], most),
+        friction_mJ=_rounded(last.friction_dissipated - start[2], most),
+        decoded_gap_percent=100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
+        if known and np.ptp(decoded)
+        else None,
+        decoded_error_percent=100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
+    )
+
+
+def _rounded(value: float, scale: float) -> float:
+    """Return a value rounded to a millionth of a scale: far below the errors, but in sight where it should be 0."""
+    return round(value, 5 - math.floor(math.log10(scale))) + 0.0 if scale else value
+
+
+def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
+    """Return the difference of the forces at mid-stroke, on the way in and on the way out."""
+    middle: dict[Phase, float] = {
+        one.stop.phase: float(value)
+        for one, value in zip(own, force, strict=True)
+        if one.at_stop and one.stop.place == "middle"
+    }
+    return middle["in"] - middle["out"]
+
+
+def _scale(force: Array, before: float | None) -> float:
+    """Return the difference of the largest and the least force of a cycle, with that before it."""
+    return float(np.ptp(force if before is None else np.append(force, before)))
+
+
+# Motion in time
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +229,7 @@ class Cycles:
     status: str
     message: str
     states: list[CycleState]
-    loops: list[LoopRow]
+    loops: list[Loop]
     unit: str
     seconds: float
 
@@ -86,7 +258,7 @@ class Cycles:
             "law": self.law,
             "status": self.status,
             "message": self.message,
-            "loops": [one.row() for one in self.loops],
+            "loops": [asdict(one) for one in self.loops],
             "drift_percent": self.drift_percent,
             "time_error": self.time_error if self.states else None,
             "balance_error": self.balance_error if self.states else None,
@@ -221,7 +393,7 @@ def _results(
     if failed:
         status, message = failed[0].status, failed[0].message
     unit = "V" if design.hall_layout == "three" else "T"
-    return Cycles(law, status, message, states, loops(motion, states), unit, time.process_time() - begin)
+    return Cycles(law, status, message, states, loops_of(motion, states), unit, time.process_time() - begin)
 
 
 def _follow(
@@ -273,15 +445,20 @@ def loss_factor_of_gap(
     design: Design,
     motion: Motion,
     gap_percent: float,
-    static: Static,
-    accuracy: str,
-    magnet: Magnet,
-    tolerance: float,
-    progress: Progress,
-) -> tuple[float, LoopRow]:
+    followed: Callable[[Design], Cycles],
+) -> tuple[float, Loop]:
     """Return the constant loss factor with which the last loop has this gap, percent, and that loop, by secants.
 
     The first guess is that of a linear spring, whose gap is nearly proportional to the loss factor.
+
+    Parameters
+    ----------
+    followed : returns the cycles of a design in this motion.
+
+    Raises
+    ------
+    OutOfReach
+        No loss factor has this gap, or a motion ended early.
     """
     check_gap(design, gap_percent)
     known = relaxation_of(replace(design, loss_factor=0.1))
@@ -289,8 +466,7 @@ def loss_factor_of_gap(
     factor = 0.1 * gap_percent / (100 * loop(known, motion.frequency, motion.waveform, motion.hold).hysteresis)
     factor = min(factor, MOST_LOSS)
     for _ in range(SEARCHES):
-        trial = replace(design, loss_factor=factor)
-        cycles = run(trial, motion, "prony", static, accuracy, magnet, tolerance, progress)
+        cycles = followed(replace(design, loss_factor=factor))
         if cycles.status not in ANSWERED or not cycles.loops:
             raise OutOfReach(f"with a loss factor of {factor:.3g} {cycles.message or 'the path ended early'}")
         last = cycles.loops[-1]
@@ -305,18 +481,3 @@ def loss_factor_of_gap(
         (f0, g0), (f1, g1) = tried[-2:]
         factor = min(max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1), MOST_LOSS)
     raise OutOfReach(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")
-
-
-def write(folder: Path, motion: Motion, results: list[Cycles]) -> None:
-    """Write the states and loops of all laws, and their picture."""
-    from studies.simulation import cycle_plot
-
-    write_table(
-        folder / "cycle.csv",
-        [{"law": one.law} | state.row(one.unit) for one in results for state in one.states],
-        digits=9,
-    )
-    write_table(
-        folder / "loops.csv", [{"law": one.law} | row.row() for one in results for row in one.loops], digits=9
-    )
-    cycle_plot.draw(folder / "cycle.png", motion, *(one.states for one in results))
