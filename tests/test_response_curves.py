@@ -40,7 +40,7 @@ def test_a_saturated_element_reads_nothing():
 
 def test_rows_hold_gains_and_phases():
     one = curves(paper(), Load(depth=1.0, friction="stick"), [1.0, 10.0])["x"]
-    rows = response_curves.rows(one, None, {})
+    rows = response_curves.rows(one, None, None)
     assert rows[1]["S2_V_per_N"] == pytest.approx(abs(one.per_N[1, 1]))
     assert rows[1]["force_phase_deg"] == pytest.approx(np.degrees(np.angle(one.force[1])))
     assert rows[1]["S1_V_per_N"] is None  # forbidden by symmetry
@@ -59,8 +59,8 @@ def test_a_prony_oscillator_without_branches_is_the_undamped_one():
     f = np.array([0.1, 0.5 * natural])
     assert one(f) == pytest.approx(other(f), rel=1e-12)
     rungs = oscillator_ladder.rungs("x", models, one, BAND)
-    assert [rung.natural_Hz for rung in rungs] == [natural, natural, None]
-    assert all(rung.peak_Hz is None for rung in rungs)  # an undamped resonance has no height
+    assert [rung["natural_Hz"] for rung in rungs] == [natural, natural, None]
+    assert all(rung["peak_Hz"] is None for rung in rungs)  # an undamped resonance has no height
 
 
 def test_an_oscillator_takes_its_loss_factor_where_the_branches_speak():

@@ -10,7 +10,7 @@ from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
 from studies.output import goals
-from studies.simulation import vibration_estimates
+from studies.simulation import response_curves
 from studies.simulation.response_curves import Curves
 from studies.validation import vibration_errors
 
@@ -42,13 +42,13 @@ def test_the_page_has_a_row_for_each_quantity(judged, tmp_path):
 
 def test_meshes_that_agree_by_chance_have_an_error():
     force = np.full(21, 5.0 + 1.0j)
-    errors = vibration_estimates.force_errors(curves(force), curves(force), SCENE)
+    errors = response_curves.force_errors(curves(force), curves(force), SCENE)
     assert (errors > 1e-3).all()
 
 
 def test_an_error_grows_at_a_resonance():
     force = 1 - (FREQUENCIES / 30) ** 2 + 0.1j
-    errors = vibration_estimates.force_errors(curves(force), curves(force), SCENE)
+    errors = response_curves.force_errors(curves(force), curves(force), SCENE)
     assert errors.max() > 4 * errors[0]
     assert FREQUENCIES[errors.argmax()] == pytest.approx(30, rel=0.2)
 
@@ -56,13 +56,13 @@ def test_an_error_grows_at_a_resonance():
 def test_a_difference_that_the_coarser_mesh_lacks_is_interpolated():
     force = np.full(21, 5.0 + 0j)
     coarse = curves(1.1 * force[::2], FREQUENCIES[::2])
-    errors = vibration_estimates.force_errors(curves(force), coarse, SCENE)
+    errors = response_curves.force_errors(curves(force), coarse, SCENE)
     assert np.allclose(errors, errors[0])
 
 
 def test_half_widths_of_a_large_difference_cover_it():
     force = np.full(21, 5.0 + 0j)
-    assert (vibration_estimates.force_errors(curves(force), curves(1.5 * force), SCENE) > 0.25).all()
+    assert (response_curves.force_errors(curves(force), curves(1.5 * force), SCENE) > 0.25).all()
 
 
 def test_kept_curves_come_back(judged):

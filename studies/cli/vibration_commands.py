@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from geometry.bad_input import SolveFailed
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
-from studies.cli.command_output import report_failures, say_if_without_magnet
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
-from studies.cli.printed_command import command
+from studies.cli.command_output import say_if_without_magnet
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
 from studies.inputs.option_groups import ACCURACY, MAGNET, SHEAR, SHEAR_Y, Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console, run_record
+from studies.output.result import publish
 
 FEWEST, MOST = 2, 10_000
 """Fewest and most frequencies of a table."""
@@ -66,14 +64,13 @@ def response(
     out
         Folder for response.csv, ladder.csv and the Bode plots.
     """
-    command_line = command(response, locals())
-    design = design_of(source, sets, magnet)
     from geometry.loads import check_load
     from geometry.relaxation import check_range
-    from studies.simulation import motion_lines
-    from studies.simulation import vibration_report as study
+    from studies.simulation import vibration_report
     from studies.simulation.load_cases import friction_of, plate_tilt_of
 
+    here = destination(response, locals(), vibration_report.FILES)
+    design = design_of(source, sets, magnet)
     band = read_band(frequencies)
     depth = (1.0 if grip is None else 0.0) if depth is None else depth
     if not FEWEST <= count <= MOST:
@@ -94,37 +91,8 @@ def response(
         load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt)
     check_load(design, load, magnet)
     say_if_without_magnet(design)
-    atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
-    with atomic_files.results(out, study.FILES) as folder, console.progress(as_json=as_json) as progress:
-        try:
-            report = study.run(design, load, band, count, magnet, accuracy, folder, progress)
-        except SolveFailed as error:
-            record = {"status": "failed", "message": str(error), "depth_mm": depth, "shear_mm": shear}
-            console.report([record], as_json=as_json, title="Vibration")
-            return report_failures([record])
-        if folder is not None:
-            run_record.write(folder, command_line, dataclasses.asdict(design))
-    warnings += [text for motion in report.motions for text in motion_lines.mesh_warnings(motion)]
-    shared = {"warnings": warnings, "notes": report.notes}
-    if as_json:
-        console.report([motion.row() | shared for motion in report.motions], as_json=True)
-    else:
-        for motion in report.motions:
-            moved = "grip" if grip is not None else "plate" if depth else "base"
-            way = "x, the direction of the shear" if motion.motion == "x" and shear_y else motion.motion
-            console.lines(f"The {moved} moves along {way}", motion_lines.lines(motion))
-        if report.ladder:
-            console.report(
-                [rung.row() for rung in report.ladder],
-                as_json=False,
-                title=f"Shift per N: relative to that at {band[0]:g} Hz, and accurate within 5 % of it",
-                wide=wide,
-            )
-        for note in report.notes:
-            console.note(f"{note}.")
-    for warning in warnings:
-        console.warn(warning)
-    return report_failures([motion.row() for motion in report.motions])
+    study = partial(vibration_report.run, design, load, band, count, magnet, accuracy, warnings)
+    return publish(study, here)
 
 
 def read_band(text: str) -> tuple[float, float]:

@@ -26,7 +26,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.explorer.explorer_state import ExplorerState
-from studies.simulation import resonance_peaks, response_curves, vibration_estimates
+from studies.simulation import resonance_peaks, response_curves
 from studies.simulation.cycle_motion import Motion, frequency_of
 from studies.simulation.response_curves import At, Complex
 
@@ -83,7 +83,7 @@ def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating
 def vibration(vibrating: Vibrating, frequency: float) -> Data:
     """Return the part `vibration` at a frequency, Hz: rows of name, unit, value and half width, and a message.
 
-    Half widths are those of `studies.simulation.vibration_estimates`.
+    Half widths are those of `studies.simulation.response_curves`.
     """
     low, high = vibrating.band
     if not low <= frequency <= high:
@@ -103,7 +103,7 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
         """Add gain, phase in degrees, and gain over the static one."""
         ratio, error = gain[2] / gain[0], None
         if other is not None and coarse is not None:
-            error = float(vibration_estimates.errors(quantity, one, other, gain, coarse, scene)[2])
+            error = float(response_curves.errors(quantity, one, other, gain, coarse, scene)[2])
         values = {
             (name, unit): (abs(gain[2]), abs(gain[2])),
             (f"phase of {name}", "deg"): (math.degrees(math.atan2(ratio.imag, ratio.real)), math.degrees(1.0)),

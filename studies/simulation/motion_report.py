@@ -1,106 +1,58 @@
-"""The vibration of a sensor under one motion of the plate, in numbers and a sentence."""
+"""The vibration of a sensor under one motion of the plate: the record of `magtip response`, and its lines.
+
+Lists over elements have the order of `element`. Values that lie outside the band, or do not exist, are None.
+
+status, message : of the state at rest; the message also says what the vibration shows.
+motion : "z" or "x".
+force_N : (x, y, z) on the tip at rest.
+stiffness_N_per_mm : force along the motion over its amplitude, at the lowest frequency.
+undamped_Hz : lowest natural frequencies about this state, glued to a plate that does not move, without damping
+    and with the long-term modulus; under a shear those of both motions.
+resonance_per_mm_Hz, resonance_per_mm_Q : resonances of the magnet's motion under a plate with a fixed amplitude.
+resonance_per_N_Hz, resonance_per_N_Q : the same under a force with a fixed amplitude on a plate without mass.
+reading_V_per_mm, reading_V_per_N : readings (T for a chip) at the lowest frequency over motion and force.
+bandwidth_per_mm_Hz, bandwidth_per_N_Hz : frequency at which these are 3 dB lower.
+accurate_per_N_Hz : frequency up to which those per N change by less than ACCURATE.
+relative_reading_at_600, phase_at_600_deg : readings per N at 600 Hz over those at the lowest frequency, and their
+    phase; negative where they lag behind the force.
+kept_amplitude_mm, kept_amplitude_Hz : amplitude of the motion at which a quarter of the contact area loses its
+    pressure within a cycle, the least one of all frequencies, and its frequency.
+lift_amplitude_mm, lift_amplitude_Hz : the same for the whole force; None where the motion does not change it.
+mesh_difference, largest_mesh_difference : relative difference of force (of the magnet's shift for the free
+    sensor) to a mesh coarser by 1.5: median and largest of all frequencies.
+error_estimate, largest_error_estimate : estimated relative error of the same: median and largest of all
+    frequencies.
+reading_error_estimate, largest_reading_error_estimate : the same of the readings per N.
+factorisations, reduced_error : factorisations for all frequencies, and error of the reduced basis.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometry.arrays import Array
 from geometry.loads import Load
-from studies.output import records
 from studies.output.records import FlatRow
-from studies.simulation import resonance_peaks, vibration_estimates
+from studies.output.text_tables import shown
+from studies.simulation import response_curves
 from studies.simulation.modal_report import BAND
-from studies.simulation.resonance_peaks import Peak
-from studies.simulation.response_curves import At, Complex, Curves, mesh_difference
+from studies.simulation.resonance_peaks import ACCURATE, Gain, Peak, bandwidth, flat_to, peaks
+from studies.simulation.response_curves import At, Complex, Curves
 
 if TYPE_CHECKING:
     from fem.analyses.vibration import VibratingSensor
 
-
-def _per(unit: str) -> Callable[[tuple[str, list[float | None]]], FlatRow]:
-    """Return the function that names the column of readings over a unit by the unit of the readings."""
-    return lambda readings: {f"reading_{readings[0]}_per_{unit}": readings[1]}
-
-
-@dataclass(frozen=True, slots=True)
-class MotionReport:
-    """The vibration under one motion of the plate; about the free sensor the base is shaken, and there is no force.
-
-    Lists over elements have the order of `element`. Values that lie outside the band, or do not exist, are None.
-
-    Attributes
-    ----------
-    status, message : of the state at rest; the message also says what the vibration shows.
-    motion : "z" or "x".
-    force_N : (x, y, z) on the tip at rest.
-    stiffness_N_per_mm : force along the motion over its amplitude, at the lowest frequency.
-    undamped_Hz : lowest natural frequencies about this state, glued to a plate that does not move, without damping
-        and with the long-term modulus; under a shear those of both motions.
-    resonance_per_mm_Hz, resonance_per_mm_Q : resonances of the magnet's motion under a plate with a fixed amplitude.
-    resonance_per_N_Hz, resonance_per_N_Q : the same under a force with a fixed amplitude on a plate without mass.
-    reading_per_mm, reading_per_N : unit of the readings, and readings at the lowest frequency over motion and force.
-    bandwidth_per_mm_Hz, bandwidth_per_N_Hz : frequency at which these are 3 dB lower.
-    accurate_per_N_Hz : frequency up to which those per N change by less than ACCURATE.
-    relative_reading_at_600, phase_at_600_deg : readings per N at 600 Hz over those at the lowest frequency, and their
-        phase; negative where they lag behind the force.
-    kept_amplitude_mm, kept_amplitude_Hz : amplitude of the motion at which a quarter of the contact area loses its
-        pressure within a cycle, the least one of all frequencies, and its frequency.
-    lift_amplitude_mm, lift_amplitude_Hz : the same for the whole force; None where the motion does not change it.
-    mesh_difference, largest_mesh_difference : relative difference of force (of the magnet's shift for the free
-        sensor) to a mesh coarser by 1.5: median and largest of all frequencies.
-    error_estimate, largest_error_estimate : estimated relative error of the same: median and largest of all
-        frequencies.
-    reading_error_estimate, largest_reading_error_estimate : the same of the readings per N.
-    factorisations, reduced_error : factorisations for all frequencies, and error of the reduced basis.
-    """
-
-    status: str
-    message: str
-    motion: str
-    depth_mm: float
-    shear_mm: float
-    shear_y_mm: float
-    force_N: list[float]
-    lowest_Hz: float
-    highest_Hz: float
-    stiffness_N_per_mm: float | None
-    undamped_Hz: list[float]
-    resonance_per_mm_Hz: list[float]
-    resonance_per_mm_Q: list[float | None]
-    resonance_per_N_Hz: list[float]
-    resonance_per_N_Q: list[float | None]
-    element: list[str]
-    reading_per_mm: tuple[str, list[float | None]] = field(metadata={"columns": _per("mm")})
-    reading_per_N: tuple[str, list[float | None]] = field(metadata={"columns": _per("N")})
-    bandwidth_per_mm_Hz: list[float | None]
-    bandwidth_per_N_Hz: list[float | None]
-    accurate_per_N_Hz: list[float | None]
-    relative_reading_at_600: list[float | None]
-    phase_at_600_deg: list[float | None]
-    kept_amplitude_mm: float | None
-    kept_amplitude_Hz: float | None
-    lift_amplitude_mm: float | None
-    lift_amplitude_Hz: float | None
-    mesh_difference: float | None
-    largest_mesh_difference: float | None
-    error_estimate: float | None
-    largest_error_estimate: float | None
-    reading_error_estimate: float | None
-    largest_reading_error_estimate: float | None
-    factorisations: int
-    reduced_error: float
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
+Line = tuple[str, str]
+"""Name and value with its unit."""
+ROUGH = 0.05
+"""Relative difference to a coarser mesh, median of all frequencies, beyond which the mesh is too coarse."""
 
 
-def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, coarse: Curves | None) -> MotionReport:
-    """Return the report of one motion.
+def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, coarse: Curves | None) -> FlatRow:
+    """Return the record of one motion; about the free sensor the base is shaken, and there is no force.
 
     Parameters
     ----------
@@ -111,83 +63,56 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
     stiffness = sensor.static_stiffness().get(motion)
     low, high = float(curves.frequency[0]), float(curves.frequency[-1])
 
-    def gain(value: Callable[[Curves], Complex]) -> resonance_peaks.Gain:
+    def gain(value: Callable[[Curves], Complex]) -> Gain:
         return lambda f: np.abs(value(at(f)[motion]))
 
-    by_mm = resonance_peaks.peaks(gain(lambda c: c.along), low, high)
-    by_N = [] if free else resonance_peaks.peaks(gain(lambda c: c.along / _known(c.force)), low, high)
-    elements = [
-        _read_element(k, gain, low, high) if k in curves.readers and not free else _Element()
-        for k in range(len(curves.names))
-    ]
+    def of_readers(value: Callable[[int], float | None]) -> list[float | None]:
+        # about the free sensor there is no force, and no bandwidth either
+        return [value(k) if k in curves.readers and not free else None for k in range(len(curves.names))]
+
+    def per_mm(k: int) -> Gain:
+        return gain(lambda c: c.per_mm[:, k])
+
+    def per_N(k: int) -> Gain:
+        return gain(lambda c: _known(c.per_N)[:, k])
+
+    by_mm = peaks(gain(lambda c: c.along), low, high)
+    by_N = [] if free else peaks(gain(lambda c: c.along / _known(c.force)), low, high)
     at_band = _at_band(at, curves) if low <= BAND <= high and not free else {}
-    kept = _least(curves.kept_amplitude, curves.frequency)
-    lift = _least(_lift(sensor.state.response.force[2], curves), curves.frequency)
-    differences = None if coarse is None else mesh_difference(curves, coarse)
-    errors, reading_errors = vibration_estimates.columns(curves, coarse, sensor.scene).values()
-    return MotionReport(
-        status=sensor.state.status,
-        message="; ".join(
-            filter(
-                None,
-                [sensor.state.message, _message(curves, by_N or by_mm, at_band, damped=damped, stiffness=stiffness)],
-            )
-        ),
-        motion=motion,
-        depth_mm=load.depth,
-        shear_mm=load.shear_x,
-        shear_y_mm=load.shear_y,
-        force_N=list(sensor.state.response.force),
-        lowest_Hz=low,
-        highest_Hz=high,
-        stiffness_N_per_mm=None if curves.force is None else float(abs(curves.force[0])),
-        undamped_Hz=[f for name, fs in sensor.undamped().items() if motion in name.split(" and ") for f in fs],
-        resonance_per_mm_Hz=[peak.frequency for peak in by_mm],
-        resonance_per_mm_Q=[peak.Q if damped else None for peak in by_mm],
-        resonance_per_N_Hz=[peak.frequency for peak in by_N],
-        resonance_per_N_Q=[peak.Q if damped else None for peak in by_N],
-        element=list(curves.names),
-        reading_per_mm=(curves.units[0], _slow(curves.per_mm, curves.readers)),
-        reading_per_N=(curves.units[0], _slow(curves.per_N, curves.readers)),
-        bandwidth_per_mm_Hz=[element.bandwidth_per_mm for element in elements],
-        bandwidth_per_N_Hz=[element.bandwidth_per_N for element in elements],
-        accurate_per_N_Hz=[element.accurate_per_N for element in elements],
-        relative_reading_at_600=[at_band.get(k, (None, None))[0] for k in range(len(elements))],
-        phase_at_600_deg=[at_band.get(k, (None, None))[1] for k in range(len(elements))],
-        kept_amplitude_mm=kept[0],
-        kept_amplitude_Hz=kept[1],
-        lift_amplitude_mm=lift[0],
-        lift_amplitude_Hz=lift[1],
-        mesh_difference=_median(differences),
-        largest_mesh_difference=_largest(differences),
-        error_estimate=_median(errors),
-        largest_error_estimate=_largest(errors),
-        reading_error_estimate=_median(reading_errors),
-        largest_reading_error_estimate=_largest(reading_errors),
-        factorisations=sensor.factorisations,
-        reduced_error=sensor.error,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class _Element:
-    """Bandwidths of one element's readings, Hz; None where they exceed the band or the element reads nothing."""
-
-    bandwidth_per_mm: float | None = None
-    bandwidth_per_N: float | None = None
-    accurate_per_N: float | None = None
-
-
-def _read_element(
-    k: int, gain: Callable[[Callable[[Curves], Complex]], resonance_peaks.Gain], low: float, high: float
-) -> _Element:
-    """Return the bandwidths of element k."""
-    per_mm, per_N = gain(lambda c: c.per_mm[:, k]), gain(lambda c: _known(c.per_N)[:, k])
-    return _Element(
-        resonance_peaks.bandwidth(per_mm, low, high),
-        resonance_peaks.bandwidth(per_N, low, high),
-        resonance_peaks.flat_to(per_N, resonance_peaks.ACCURATE, low, high),
-    )
+    differences = None if coarse is None else response_curves.mesh_difference(curves, coarse)
+    errors = response_curves.error_columns(curves, coarse, sensor.scene)
+    message = _message(curves, by_N or by_mm, at_band, damped=damped, stiffness=stiffness)
+    return {
+        "status": sensor.state.status,
+        "message": "; ".join(filter(None, [sensor.state.message, message])),
+        "motion": motion,
+        "depth_mm": load.depth,
+        "shear_mm": load.shear_x,
+        "shear_y_mm": load.shear_y,
+        "force_N": list(sensor.state.response.force),
+        "lowest_Hz": low,
+        "highest_Hz": high,
+        "stiffness_N_per_mm": None if curves.force is None else float(abs(curves.force[0])),
+        "undamped_Hz": [f for name, fs in sensor.undamped().items() if motion in name.split(" and ") for f in fs],
+        "resonance_per_mm_Hz": [peak.frequency for peak in by_mm],
+        "resonance_per_mm_Q": [peak.Q if damped else None for peak in by_mm],
+        "resonance_per_N_Hz": [peak.frequency for peak in by_N],
+        "resonance_per_N_Q": [peak.Q if damped else None for peak in by_N],
+        "element": list(curves.names),
+        f"reading_{curves.units[0]}_per_mm": _slow(curves.per_mm, curves.readers),
+        f"reading_{curves.units[0]}_per_N": _slow(curves.per_N, curves.readers),
+        "bandwidth_per_mm_Hz": of_readers(lambda k: bandwidth(per_mm(k), low, high)),
+        "bandwidth_per_N_Hz": of_readers(lambda k: bandwidth(per_N(k), low, high)),
+        "accurate_per_N_Hz": of_readers(lambda k: flat_to(per_N(k), ACCURATE, low, high)),
+        "relative_reading_at_600": [at_band.get(k, (None, None))[0] for k in range(len(curves.names))],
+        "phase_at_600_deg": [at_band.get(k, (None, None))[1] for k in range(len(curves.names))],
+        **_least("kept_amplitude", curves.kept_amplitude, curves.frequency),
+        **_least("lift_amplitude", _lift(sensor.state.response.force[2], curves), curves.frequency),
+        **_median_and_largest("mesh_difference", differences),
+        **{key: value for name, each in errors.items() for key, value in _median_and_largest(name, each).items()},
+        "factorisations": sensor.factorisations,
+        "reduced_error": sensor.error,
+    }
 
 
 def _at_band(at: At, curves: Curves) -> dict[int, tuple[float | None, float | None]]:
@@ -220,20 +145,18 @@ def _known(values: Complex | None) -> Complex:
     return values
 
 
-def _median(values: Array | None) -> float | None:
-    return None if values is None else float(np.median(values))
+def _median_and_largest(name: str, values: Array | None) -> FlatRow:
+    if values is None:
+        return {name: None, f"largest_{name}": None}
+    return {name: float(np.median(values)), f"largest_{name}": float(values.max())}
 
 
-def _largest(values: Array | None) -> float | None:
-    return None if values is None else float(values.max())
-
-
-def _least(values: Array | None, frequency: Array) -> tuple[float | None, float | None]:
-    """Return the least of values (f,) and its frequency; None without a finite value."""
+def _least(name: str, values: Array | None, frequency: Array) -> FlatRow:
+    """Return the least of values (f,), mm, and its frequency; None without a finite value."""
     if values is None or not np.isfinite(values).any():
-        return None, None
+        return {f"{name}_mm": None, f"{name}_Hz": None}
     i = int(np.nanargmin(values))
-    return float(values[i]), float(frequency[i])
+    return {f"{name}_mm": float(values[i]), f"{name}_Hz": float(frequency[i])}
 
 
 def _message(
@@ -265,3 +188,150 @@ def _message(
         f"at {BAND:.0f} Hz {curves.names[k]} reads {gain:.3g} times as much per N as at {curves.frequency[0]:g} Hz, "
         f"{abs(phase):.0f} degrees {'behind' if phase < 0 else 'ahead of'} the force; {first}"
     )
+
+
+def lines(motion: FlatRow) -> list[Line]:
+    """Return the lines of a motion; those of a force or of a contact only where there is one."""
+    free = motion["stiffness_N_per_mm"] is None
+    rest = [
+        ("press at rest", _with_unit(motion["depth_mm"], "mm")),
+        ("shear at rest", _shear(motion)),
+    ]
+    rest.append(("force at rest (x, y, z)", _listed(motion["force_N"], "N")))
+    band = f"{motion['lowest_Hz']:g} to {motion['highest_Hz']:g} Hz"
+    return [
+        ("in short", motion["message"]),
+        *([] if free else rest),
+        ("frequencies", band),
+        ("natural frequencies, undamped", _listed(motion["undamped_Hz"], "Hz")),
+        *_resonances("plate" if not free else "base", motion["resonance_per_mm_Hz"], motion["resonance_per_mm_Q"]),
+        *([] if free else _resonances("force", motion["resonance_per_N_Hz"], motion["resonance_per_N_Q"])),
+        *_readings(motion),
+        *_amplitudes(motion),
+        *_errors(motion),
+    ]
+
+
+def _resonances(driven_by: str, frequencies: Sequence[float], quality: Sequence[float | None]) -> list[Line]:
+    """Return the line of the resonances under a plate, a base or a force of fixed amplitude."""
+    each = [
+        f"{_number(f)} Hz" + ("" if Q is None else f" (Q = {Q:.3g})")
+        for f, Q in zip(frequencies, quality, strict=True)
+    ]
+    return [(f"resonances, {driven_by} of fixed amplitude", ", ".join(each) or "none in the band")]
+
+
+def _readings(motion: FlatRow) -> list[Line]:
+    """Return the lines of the readings: at the lowest frequency, bandwidths, and at 600 Hz."""
+    slowest = f"{motion['lowest_Hz']:g} Hz"
+    unit, per_mm = _readings_per("mm", motion)
+    rows = [
+        ("elements", ", ".join(motion["element"])),
+        (f"readings per mm at {slowest}", _listed(per_mm, f"{unit}/mm")),
+    ]
+    if motion["stiffness_N_per_mm"] is None:
+        return rows
+    beyond = f"above {motion['highest_Hz']:g}"
+    reads = [value is not None for value in per_mm]
+
+    def reached(values: Sequence[float | None]) -> str:
+        texts = [
+            "-" if not reading else beyond if value is None else _number(value)
+            for value, reading in zip(values, reads, strict=True)
+        ]
+        return f"{', '.join(texts)} Hz"
+
+    rows += [
+        (f"readings per N at {slowest}", _listed(_readings_per("N", motion)[1], f"{unit}/N")),
+        ("readings per mm are 3 dB lower at", reached(motion["bandwidth_per_mm_Hz"])),
+        ("readings per N are 3 dB lower at", reached(motion["bandwidth_per_N_Hz"])),
+        (f"readings per N are {100 * ACCURATE:g} % off at", reached(motion["accurate_per_N_Hz"])),
+    ]
+    if motion["lowest_Hz"] <= BAND <= motion["highest_Hz"]:
+        rows += [
+            (f"readings per N at {BAND:g} Hz over {slowest}", _listed(motion["relative_reading_at_600"])),
+            (f"phase to the force at {BAND:g} Hz", _listed(motion["phase_at_600_deg"], "°")),
+        ]
+    return rows
+
+
+def _readings_per(what: str, motion: FlatRow) -> tuple[str, list[float | None]]:
+    """Return unit and values of the readings per mm or per N."""
+    (key,) = [key for key in motion if key.startswith("reading_") and key.endswith(f"_per_{what}")]
+    return key.split("_")[1], motion[key]
+
+
+def _shear(motion: FlatRow) -> str:
+    """Return the shear at rest, with both components where it is not along x."""
+    along_x = _with_unit(motion["shear_mm"], "mm")
+    return (
+        along_x
+        if not motion["shear_y_mm"]
+        else f"{along_x} along x, {_with_unit(motion['shear_y_mm'], 'mm')} along y"
+    )
+
+
+def _amplitudes(motion: FlatRow) -> list[Line]:
+    """Return the lines of stiffness and of the amplitudes up to which contact is kept."""
+    if motion["stiffness_N_per_mm"] is None:
+        return []
+    amplitudes = (
+        ("amplitude that opens a quarter of the contact", motion["kept_amplitude_mm"], motion["kept_amplitude_Hz"]),
+        ("amplitude that takes the whole normal force", motion["lift_amplitude_mm"], motion["lift_amplitude_Hz"]),
+    )
+    return [
+        (f"stiffness at {motion['lowest_Hz']:g} Hz", _with_unit(motion["stiffness_N_per_mm"], "N/mm")),
+        *(
+            (name, f"{_with_unit(value, 'mm')}, the least, at {_with_unit(at, 'Hz')}")
+            for name, value, at in amplitudes
+            if value is not None
+        ),
+    ]
+
+
+def _errors(motion: FlatRow) -> list[Line]:
+    """Return the lines of the numerical errors."""
+    rows = [
+        ("reduced basis", f"{motion['factorisations']} factorisations, relative error {motion['reduced_error']:.2g}"),
+    ]
+    what = "shift" if motion["stiffness_N_per_mm"] is None else "force"
+    estimates = (
+        (what, motion["error_estimate"], motion["largest_error_estimate"]),
+        ("readings per N", motion["reading_error_estimate"], motion["largest_reading_error_estimate"]),
+    )
+    known = [
+        (f"estimated error of the {name}", f"median {100 * median:.2g} %, largest {100 * largest:.2g} %")
+        for name, median, largest in estimates
+        if median is not None and largest is not None
+    ]
+    return [*known, *rows]
+
+
+def mesh_warnings(motion: FlatRow) -> list[str]:
+    """Return a sentence if the mesh is too coarse for the state at rest, or the difference is not known."""
+    remedy = "take a finer --accuracy or a smaller load"
+    if motion["mesh_difference"] is None:
+        return [f"the state is not reached on a coarser mesh, so the error of the mesh is not known: {remedy}"]
+    if motion["mesh_difference"] <= ROUGH:
+        return []
+    return [
+        (
+            f"along {motion['motion']} the results differ by {100 * motion['mesh_difference']:.2g} % from those on a "
+            f"coarser mesh (median of all frequencies), by more than {100 * ROUGH:g} %: {remedy}"
+        )
+    ]
+
+
+def _number(value: float | None) -> str:
+    return shown("", value)
+
+
+def _with_unit(value: float | None, unit: str) -> str:
+    return f"{_number(value)} {unit}"
+
+
+def _listed(values: Sequence[float | None], unit: str = "") -> str:
+    """Return values with their unit; "none" for an empty list, and no unit if there is no number."""
+    if not any(value is not None for value in values):
+        return ", ".join("-" for _ in values) or "none"
+    return f"{', '.join(map(_number, values))} {unit}".strip()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from analytic.oscillator import moving_mass, natural_frequency, receptance
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.prony import Relaxation
-from studies.output import records
 from studies.output.records import FlatRow
 from studies.simulation import resonance_peaks
 from studies.simulation.modal_report import BAND
@@ -21,32 +19,6 @@ Response = Callable[[Array], NDArray[np.complex128]]
 """Complex amplitude at frequencies (f,), Hz."""
 Models = dict[str, tuple[float, Response]]
 """Natural frequency, Hz, and response of oscillators by their names."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rung:
-    """One model of the response per N.
-
-    Attributes
-    ----------
-    natural_Hz : its natural frequency without damping; None for the finite elements, which have many.
-    peak_Hz, peak_gain, Q : its first resonance inside the band, over the lowest frequency; None without one.
-    relative_at_600 : response at 600 Hz over that at the lowest frequency; None outside the band.
-    accurate_to_Hz : frequency up to which it changes by less than ACCURATE; None if it does so in the whole band.
-    """
-
-    motion: str
-    model: str
-    natural_Hz: float | None
-    peak_Hz: float | None
-    peak_gain: float | None
-    Q: float | None
-    relative_at_600: float | None
-    accurate_to_Hz: float | None
-
-    def row(self) -> FlatRow:
-        """Return the row of ladder.csv."""
-        return records.flat(self)
 
 
 def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relaxation) -> Models:
@@ -95,8 +67,14 @@ def rungs(
     models: Models,
     finite_elements: Response,
     band: tuple[float, float],
-) -> list[Rung]:
-    """Return the rungs of the oscillators and of the finite elements."""
+) -> list[FlatRow]:
+    """Return the rows of ladder.csv: the oscillators and the finite elements.
+
+    natural_Hz : natural frequency without damping; None for the finite elements, which have many.
+    peak_Hz, peak_gain, Q : the first resonance inside the band, over the lowest frequency; None without one.
+    relative_at_600 : response at 600 Hz over that at the lowest frequency; None outside the band.
+    accurate_to_Hz : frequency up to which it changes by less than ACCURATE; None if it does so in the whole band.
+    """
     listed: Sequence[tuple[str, float | None, Response]] = [
         *((name, natural, response) for name, (natural, response) in models.items()),
         ("finite elements", None, finite_elements),
@@ -104,7 +82,7 @@ def rungs(
     return [_rung(motion, name, natural, response, band) for name, natural, response in listed]
 
 
-def _rung(motion: str, name: str, natural: float | None, response: Response, band: tuple[float, float]) -> Rung:
+def _rung(motion: str, name: str, natural: float | None, response: Response, band: tuple[float, float]) -> FlatRow:
     """Return the rung of one model."""
     low, high = band
     first = float(abs(response(np.array([low]))[0]))
@@ -115,13 +93,13 @@ def _rung(motion: str, name: str, natural: float | None, response: Response, ban
     # an undamped resonance has no height
     damped = bool(np.iscomplex(response(np.array([high]))).any())
     peak = next(iter(resonance_peaks.peaks(gain, low, high)), None) if damped else None
-    return Rung(
-        motion=motion,
-        model=name,
-        natural_Hz=natural,
-        peak_Hz=None if peak is None else peak.frequency,
-        peak_gain=None if peak is None else peak.gain,
-        Q=None if peak is None else peak.Q,
-        relative_at_600=float(gain(np.array([BAND]))[0]) if low <= BAND <= high else None,
-        accurate_to_Hz=resonance_peaks.flat_to(gain, resonance_peaks.ACCURATE, low, high),
-    )
+    return {
+        "motion": motion,
+        "model": name,
+        "natural_Hz": natural,
+        "peak_Hz": peak and peak.frequency,
+        "peak_gain": peak and peak.gain,
+        "Q": peak and peak.Q,
+        "relative_at_600": float(gain(np.array([BAND]))[0]) if low <= BAND <= high else None,
+        "accurate_to_Hz": resonance_peaks.flat_to(gain, resonance_peaks.ACCURATE, low, high),
+    }

@@ -2,46 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometry.arrays import Array
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes
-from studies.output.csv_tables import write_table
-from studies.simulation import oscillator_ladder, resonance_peaks, response_curves, vibration_estimates
-from studies.simulation.motion_report import MotionReport, report_motion
-from studies.simulation.oscillator_ladder import Rung
+from studies.output.records import FlatRow
+from studies.output.result import Block, Lines, Result, Table, Writer, failure_of
+from studies.simulation import oscillator_ladder, resonance_peaks, response_curves
+from studies.simulation.motion_report import lines, mesh_warnings, report_motion
 from studies.simulation.response_curves import At, Curves
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
-    from fem.scene import Scene
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
 """Files that a folder of results may hold, beside run.json."""
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
-    """The vibration under all motions.
+class Vibration:
+    """The vibration about a state.
 
     Attributes
     ----------
-    motions : one for each motion.
-    ladder : models of one mass on one spring beside the finite elements.
-    notes : what the numbers assume, in sentences.
+    motions : record of each motion.
+    rows, ladder : rows of response.csv and ladder.csv.
+    pictures : writers by the names of their files.
+    at_rest : the design whose modulus is that of the state at rest.
     """
 
-    motions: list[MotionReport]
-    ladder: list[Rung]
-    notes: list[str]
+    motions: list[FlatRow]
+    rows: list[FlatRow]
+    ladder: list[FlatRow]
+    pictures: dict[str, Writer]
+    at_rest: Design
 
 
 def run(
@@ -51,27 +55,67 @@ def run(
     count: int,
     magnet: Magnet,
     accuracy: str,
-    folder: Path | None,
+    warnings: Sequence[str],
     progress: Progress,
-) -> Report:
-    """Compute the vibration about a state; write tables and plots if a folder is given.
+) -> Result:
+    """Compute the vibration about a state; the status of a state that is not reached or not stable is failed.
 
     Parameters
     ----------
     load : press and shear; depth 0 for the free sensor, whose base is shaken.
     band : lowest and highest frequency, Hz.
     count : number of frequencies, spaced evenly on a logarithmic scale; the table has the resonances too.
+    warnings : those of the options, which the result repeats.
 
     Raises
     ------
     BadInput
-        A value is out of range, or the state is not reached or not stable.
+        A value is out of range.
     """
     from fem.accuracy import LEVELS
+
+    level = LEVELS[accuracy]
+    try:
+        found = _solve(design, load, band, count, level, magnet, progress)
+        notes = [*_notes(design, load), _free_note(found.at_rest, magnet, level)]
+    except SolveFailed as error:
+        record = {"status": "failed", "message": str(error), "depth_mm": load.depth, "shear_mm": load.shear_x}
+        return Result(title="Vibration", records=[record], failures=failure_of([record]))
+    warned = [*warnings, *(text for motion in found.motions for text in mesh_warnings(motion))]
+    moved = "grip" if load.grip is not None else "plate" if load.depth else "base"
+    ways = {"z": "z", "x": "x, the direction of the shear" if load.shear_y else "x"}
+    shown: list[Block] = [
+        Lines(f"The {moved} moves along {ways[motion['motion']]}", lines(motion)) for motion in found.motions
+    ]
+    if found.ladder:
+        title = f"Shift per N: relative to that at {band[0]:g} Hz, and accurate within 5 % of it"
+        shown.append(Table(title=title, rows=found.ladder))
+    return Result(
+        title="Vibration",
+        records=[motion | {"warnings": warned, "notes": notes} for motion in found.motions],
+        shown=[*shown, *(f"{note}." for note in notes)],
+        tables={"response": found.rows} | ({"ladder": found.ladder} if found.ladder else {}),
+        digits=9,
+        files=found.pictures,
+        warnings=warned,
+        failures=failure_of(found.motions),
+        design=design,
+    )
+
+
+def _solve(
+    design: Design,
+    load: Load,
+    band: tuple[float, float],
+    count: int,
+    level: Accuracy,
+    magnet: Magnet,
+    progress: Progress,
+) -> Vibration:
+    """Compute the vibration; the memory of its matrices is free when this returns."""
     from fem.analyses.vibration import check_vibration, vibrating_sensor
 
     check_load(design, load, magnet)
-    level = LEVELS[accuracy]
     check_vibration(design, load, band, level)
     frequencies = np.geomspace(*band, count)
     # geomspace rounds its ends
@@ -85,26 +129,28 @@ def run(
     at = response_curves.evaluator(design, sensor)
     curves = at(frequencies)
     motions = [report_motion(sensor, at, one, load, coarse.get(one.motion)) for one in curves.values()]
-    ladder: list[Rung] = []
+    ladder: list[FlatRow] = []
     models: dict[str, oscillator_ladder.Models] = {}
-    for motion, stiffness in sensor.static_stiffness().items():
+    for name, stiffness in sensor.static_stiffness().items():
         if stiffness > 0:  # the sensor is stable under a force too
-            models[motion] = oscillator_ladder.oscillators(design, motion, stiffness, sensor.relaxation)
-            ladder += oscillator_ladder.rungs(motion, models[motion], _per_force(at, motion), band)
-    at_rest = sensor.scene.design
-    tops = {one.motion: [*one.resonance_per_mm_Hz, *one.resonance_per_N_Hz] for one in motions}
-    tabled = {name: at(np.union1d(frequencies, tops[name]))[name] for name in curves}
-    drawn = {}
-    if folder is not None:
-        for name in curves:
-            peaks = [*tops[name], *(one.peak_Hz for one in ladder if one.motion == name and one.peak_Hz is not None)]
-            drawn[name] = at(resonance_peaks.around(peaks, tabled[name].frequency))[name]
-    scene = sensor.scene
-    del sensor, at  # their memory is free for the pictures
-    notes = [*_notes(design, load), _free_note(at_rest, magnet, level)]
-    if folder is not None:
-        _write(folder, scene, tabled, drawn, coarse, ladder, models)
-    return Report(motions, ladder, notes)
+            models[name] = oscillator_ladder.oscillators(design, name, stiffness, sensor.relaxation)
+            ladder += oscillator_ladder.rungs(name, models[name], _per_force(at, name), band)
+    rows: list[FlatRow] = []
+    pictures: dict[str, Writer] = {}
+    for name, motion in zip(curves, motions, strict=True):
+        tops = [*motion["resonance_per_mm_Hz"], *motion["resonance_per_N_Hz"]]
+        table = at(np.union1d(frequencies, tops))[name]
+        rows += response_curves.rows(table, coarse.get(name), sensor.scene)
+        tops += [rung["peak_Hz"] for rung in ladder if rung["motion"] == name and rung["peak_Hz"] is not None]
+        drawn = at(resonance_peaks.around(tops, table.frequency))[name]
+        pictures[f"response_{name}.png"] = partial(_draw, curves=drawn, models=models.get(name, {}))
+    return Vibration(motions, rows, ladder, pictures, sensor.scene.design)
+
+
+def _draw(path: Path, curves: Curves, models: oscillator_ladder.Models) -> None:
+    from studies.simulation import bode_plot
+
+    bode_plot.draw(path, curves, {name: response(curves.frequency) for name, (_, response) in models.items()})
 
 
 def _coarse_curves(
@@ -174,27 +220,3 @@ def _free_note(at_rest: Design, magnet: Magnet, level: Accuracy) -> str:
         f"without damping and with the long-term modulus the free sensor resonates at {named}; the paper's formula "
         f"(970 Hz in the paper) gives {silicone:.0f} Hz, and {whole:.0f} Hz with the magnet's mass"
     )
-
-
-def _write(
-    folder: Path,
-    scene: Scene,
-    tabled: Mapping[str, Curves],
-    drawn: Mapping[str, Curves],
-    coarse: Mapping[str, Curves],
-    ladder: list[Rung],
-    models: Mapping[str, oscillator_ladder.Models],
-) -> None:
-    """Write the tables and a plot for each motion; a plot has more frequencies than the table."""
-    from studies.simulation import bode_plot
-
-    rows = []
-    for motion, one in tabled.items():
-        other = coarse.get(motion)
-        rows += response_curves.rows(one, other, vibration_estimates.columns(one, other, scene))
-    write_table(folder / "response.csv", rows, digits=9)
-    if ladder:
-        write_table(folder / "ladder.csv", [rung.row() for rung in ladder], digits=9)
-    for motion, one in drawn.items():
-        responses = {name: response(one.frequency) for name, (_, response) in models.get(motion, {}).items()}
-        bode_plot.draw(folder / f"response_{motion}.png", one, responses)

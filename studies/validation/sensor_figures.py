@@ -171,20 +171,20 @@ class ResponseFigures:
 def response_figures(accuracy: Accuracy) -> ResponseFigures:
     """Return what `magtip response` says of the paper's sensor with the loss factor of the preset."""
     design, load = paper(), Load(VIBRATION_DEPTH, friction="stick")
-    report = vibration_report.run(
-        design, load, VIBRATION_BAND, 2, "rigid", accuracy.name, None, lambda share, text: None
+    result = vibration_report.run(
+        design, load, VIBRATION_BAND, 2, "rigid", accuracy.name, [], lambda share, text: None
     )
-    along = {motion.motion: motion for motion in report.motions}
-    first = {name: along[name].element.index(element) for name, element in (("z", "S1"), ("x", "S2"))}
-    gains = {name: along[name].relative_reading_at_600[k] for name, k in first.items()}
-    flat = [along[name].accurate_per_N_Hz[k] for name, k in first.items()]
+    along = {motion["motion"]: motion for motion in result.records}
+    first = {name: along[name]["element"].index(element) for name, element in (("z", "S1"), ("x", "S2"))}
+    gains = {name: along[name]["relative_reading_at_600"][k] for name, k in first.items()}
+    flat = [along[name]["accurate_per_N_Hz"][k] for name, k in first.items()]
     x = along["x"]
     return ResponseFigures(
         design.loss_factor,
         gains["z"] or math.nan,
         gains["x"] or math.nan,
-        next(iter(x.resonance_per_N_Hz), None),
-        next(iter(x.resonance_per_N_Q), None),
+        next(iter(x["resonance_per_N_Hz"]), None),
+        next(iter(x["resonance_per_N_Q"]), None),
         min((one for one in flat if one is not None), default=VIBRATION_BAND[1]),
     )
 

@@ -28,7 +28,7 @@ from studies.output.csv_tables import write_table
 from studies.output.goals import Goal, missed, verdict
 from studies.output.provenance import versions
 from studies.output.result import FAILED, GOOD
-from studies.simulation import response_curves, vibration_estimates
+from studies.simulation import response_curves
 from studies.simulation.response_curves import Complex, Curves
 from studies.validation import pages
 from studies.validation.error_study_cases import designs, rounded
@@ -202,9 +202,9 @@ def judge(
             gains[QUANTITIES[1]] = "shift", [c.along / _known(c.force) for c in (one, other, true)]
             gains[QUANTITIES[2]] = "reading", [_known(c.per_N)[:, k] for c in (one, other, true)]
         for name, (rule, (g, g_coarse, g_true)) in gains.items():
-            estimate = vibration_estimates.errors(rule, one, other, g, g_coarse, scene)
+            estimate = response_curves.errors(rule, one, other, g, g_coarse, scene)
             error = np.abs(g - g_true) / np.abs(g_true)
-            slope = vibration_estimates.amplification(one.frequency, g)
+            slope = response_curves.amplification(one.frequency, g)
             difference = np.abs(g - g_coarse) / np.maximum(np.abs(g), np.abs(g_coarse)) / slope
             holds, sharp = estimate >= error, (estimate <= SHARP * error) | (estimate <= RESOLVED)
             figures = (error[0], estimate[0], error.max(), np.median(difference), holds.mean(), sharp.mean())
