@@ -1,8 +1,8 @@
 """From readings back to the pose of the magnet and the load on the tip. Lengths in mm, B in T, forces in N.
 
-The decoder finds all poses in the workspace that have the readings. A table of the workspace gives one start for each
-possible pose (`analytic.inverse.start_table`). From each start, damped Newton steps on the exact forward model lead
-to a pose (`analytic.inverse.pose_search`); equal poses count once. A converged iteration does not prove that the
+The decoder finds all poses in the workspace that have the readings (`analytic.inverse.pose_search`). A table of the
+workspace gives one start for each possible pose. From each start, damped Newton steps on the exact forward model lead
+to a pose; equal poses count once. A converged iteration does not prove that the
 pose is the right one: several poses can have the same readings. The decoder then returns all of them, with
 status "ambiguous".
 
@@ -15,15 +15,15 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analytic.hall import Mode, at_rail
-from analytic.inverse import response_surface, start_table
+from analytic.inverse import pose_search, response_surface
 from analytic.inverse.forward_model import NO_TILT, Forward, model, readings_at, rotation
-from analytic.inverse.pose_search import Search
+from analytic.inverse.pose_search import Goal, StartTable
 from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
 from geometry.arrays import Array
@@ -58,38 +58,19 @@ class Decoder:
     Attributes
     ----------
     low, high : corners of the workspace, shape (3,), mm.
+    table, goal : starts of the search for poses, and what a pose must fit.
+    span : range of each element's readings in the workspace, shape (k,), T.
     sigma : standard deviation of each reading from noise and converter, shape (k,), T.
-    tolerance : largest misfit of each reading if there are more than three, shape (k,), T.
     """
 
     forward: Forward
     mechanics: Mechanics | None
     low: Array
     high: Array
-    table: start_table.StartTable
-    search: Search
+    table: StartTable
+    goal: Goal
+    span: Array
     sigma: Array
-    tolerance: Array
-
-
-class Poses(NamedTuple):
-    """Poses of n rows of readings, m in all.
-
-    Attributes
-    ----------
-    status : of each row; "tension" is not told.
-    shift, slopes : of all poses, shape (3, m), mm, and dB/ds, shape (3, k, m), T/mm.
-    owner : row of each pose, shape (m,), ascending.
-    chosen : index of the pose chosen for each row, -1 for none, shape (n,).
-    multiplicity : number of poses of each row, shape (n,).
-    """
-
-    status: list[Status]
-    shift: Array
-    slopes: Array
-    owner: NDArray[np.int64]
-    chosen: NDArray[np.int64]
-    multiplicity: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,14 +142,14 @@ def decoder(
     low, high = response_surface.workspace(design, law) if workspace is None else map(np.asarray, workspace)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
+    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     pad = PAD * (high - low)
-    table = start_table.build(forward, low - pad, high + pad, cells)
+    table, span = pose_search.start_table(forward, low - pad, high + pad, cells)
     sigma = np.array([element.noise_T for element in forward.elements])
     explained = np.hypot(sigma, deviation)
-    tolerance = np.where(explained > 0, DOUBT * explained, MISFIT_SHARE * table.span)
-    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
-    search = Search(forward, table, low - EDGE, high + EDGE, _weights(sigma), tolerance)
-    return Decoder(forward, law, low, high, table, search, sigma, tolerance)
+    tolerance = np.where(explained > 0, DOUBT * explained, MISFIT_SHARE * span)
+    goal = pose_search.goal(low - EDGE, high + EDGE, _weights(sigma), tolerance, (high - low + 2 * pad) / cells)
+    return Decoder(forward, law, low, high, table, goal, span, sigma)
 
 
 def field_of(elements: Sequence[Element], outputs: ArrayLike) -> Array:
@@ -192,68 +173,58 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     BadInput
         The readings have a wrong shape.
     """
-    poses = find(coder, readings, np.zeros(3) if near is None else np.asarray(near, float), follow=follow)
-    n, decoded = len(poses.status), poses.chosen >= 0
-    s, A = poses.shift[:, poses.chosen[decoded]], poses.slopes[:, :, poses.chosen[decoded]]
-    errors = spread(coder.sigma, A)
-    tilt, force, load, force_slopes = state(coder, s)
-    for k in np.flatnonzero(decoded)[np.isnan(force[2])].tolist() if coder.mechanics is not None else []:
-        poses.status[k] = "tension" if poses.status[k] == "ok" else poses.status[k]
-
-    def rows(values: Array) -> Array:
-        """Return values of the chosen poses (j, m) as rows (n, j), NaN where a row has no pose."""
-        table = np.full((n, len(values)), np.nan)
-        table[decoded] = values.T
-        return table
-
-    return Decoded(
-        status=poses.status,
-        shift=rows(s),
-        tilt=rows(tilt),
-        force=rows(force),
-        load=rows(load),
-        condition=rows(condition(A)[None])[:, 0],
-        multiplicity=poses.multiplicity,
-        noise_mm=rows(np.sqrt((errors**2).sum(axis=1))),
-        noise_N=rows(np.sqrt((np.einsum("jin,jkn->ikn", force_slopes, errors) ** 2).sum(axis=1))),
-        poses=np.ascontiguousarray(poses.shift.T),
-        owner=poses.owner,
-    )
-
-
-def find(coder: Decoder, readings: ArrayLike, near: Array, *, follow: bool = False) -> Poses:
-    """Find all poses of rows of readings and choose one for each row; parameters and errors as in `decode`."""
     rows, count = np.ascontiguousarray(readings, dtype=np.float64), len(coder.forward.elements)
     if rows.ndim != 2 or rows.shape[1] != count:
         raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {rows.shape}")
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
     saturated = at_rail(coder.forward.elements, np.where(finite[:, None], rows, 0.0).T)
+    last = np.zeros(3) if near is None else np.asarray(near, float)
     status: list[Status] = []
-    shifts, slopes = [np.empty((0, 3))], [np.empty((0, count, 3))]
-    chosen, multiplicity, total = np.full(len(rows), -1), np.zeros(len(rows), dtype=np.int64), 0
+    poses, multiplicity = [np.empty((0, 3))], np.zeros(len(rows), dtype=np.int64)
+    shift, slopes = np.full((len(rows), 3), np.nan), np.full((len(rows), count, 3), np.nan)
     for k, row in enumerate(rows):
         if not finite[k] or saturated[k]:
             status.append("saturated" if finite[k] else "not_finite")
             continue
-        poses, slope, misfit = coder.search(row)
-        multiplicity[k] = many = len(poses)
+        found, slope, misfit = pose_search.poses_of(row, coder.forward, coder.table, coder.goal)
+        multiplicity[k] = many = len(found)
         status.append(
             "ok" if many == 1 else "ambiguous" if many else "inconsistent" if misfit else "out_of_workspace"
         )
-        if not many:
-            continue
-        nearest = int(((poses - near) ** 2).sum(axis=1).argmin()) if many > 1 else 0
-        near = poses[nearest] if follow else near
-        shifts.append(poses)
-        slopes.append(slope)
-        chosen[k], total = total + nearest, total + many
-    owner = np.repeat(np.arange(len(rows)), multiplicity)
-    return Poses(
-        status, np.concatenate(shifts).T, np.concatenate(slopes).transpose(2, 1, 0), owner, chosen, multiplicity
+        if many:
+            nearest = int(((found - last) ** 2).sum(axis=1).argmin()) if many > 1 else 0
+            shift[k], slopes[k] = found[nearest], slope[nearest]
+            last = shift[k] if follow else last
+            poses.append(found)
+    decoded = multiplicity > 0
+    s, A = shift[decoded].T, slopes[decoded].transpose(2, 1, 0)
+    tilt, force, load, force_slopes = _state(coder, s)
+    for k in np.flatnonzero(decoded)[np.isnan(force[2])].tolist() if coder.mechanics is not None else []:
+        status[k] = "tension" if status[k] == "ok" else status[k]
+    errors = spread(coder.sigma, A)
+
+    def filled(values: Array) -> Array:
+        """Return values of the decoded rows (j, m) as rows (n, j), NaN where a row has no pose."""
+        table = np.full((len(rows), len(values)), np.nan)
+        table[decoded] = values.T
+        return table
+
+    return Decoded(
+        status=status,
+        shift=shift,
+        tilt=filled(tilt),
+        force=filled(force),
+        load=filled(load),
+        condition=filled(condition(A)[None])[:, 0],
+        multiplicity=multiplicity,
+        noise_mm=filled(np.sqrt((errors**2).sum(axis=1))),
+        noise_N=filled(np.sqrt((np.einsum("jin,jkn->ikn", force_slopes, errors) ** 2).sum(axis=1))),
+        poses=np.concatenate(poses),
+        owner=np.repeat(np.arange(len(rows)), multiplicity),
     )
 
 
-def state(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:
+def _state(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:
     """Return tilt (2, n), rad, force and load (3, n), N and mm, and slopes of the force, at shifts (3, n), mm."""
     tilt = rotation(coder.forward.tau, shift)
     if coder.mechanics is None:
@@ -305,16 +276,15 @@ def poses_outside(coder: Decoder, readings: Array) -> Array:
     """
     shifts = np.full((len(readings), 3), np.nan)
     low, high = (WIDER * end for end in response_surface.workspace(coder.forward.design))
+    goal = coder.goal._replace(floor=low, roof=high)
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, OUTER_GRID, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
     # beyond the workspace the magnet may overlap an element, where its field can be undefined
     with contextlib.suppress(BadInput):
         there = readings_at(coder.forward, grid).T
         for k, row in enumerate(readings):
-            starts = np.argpartition((((row - there) / coder.table.span) ** 2).sum(axis=1), OUTER_STARTS)[
-                :OUTER_STARTS
-            ]
-            poses = np.array([coder.search.pose_from(grid[:, start], row, low, high) for start in starts])
+            starts = np.argpartition((((row - there) / coder.span) ** 2).sum(axis=1), OUTER_STARTS)[:OUTER_STARTS]
+            poses = np.array([pose_search.pose_from(grid[:, start], row, coder.forward, goal) for start in starts])
             far = np.maximum(np.maximum(coder.low - poses, poses - coder.high), 0.0).max(axis=1)
             far = np.where(far > EDGE, far, np.inf)
             if np.isfinite(far).any():

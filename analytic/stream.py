@@ -1,16 +1,10 @@
-"""Decoding of one row of readings at a time, for a real-time loop: `analytic.decode` without what only a study needs.
-
-Of several poses the stream chooses the one nearest to the last pose.
-"""
+"""Decoding of one row of readings at a time, for a real-time loop: thousands of rows per second."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from analytic import decode
-from analytic.decode import Decoder, Status
+from analytic.decode import Decoder, Status, decode
 
 __all__ = ["Sample", "Stream"]
 
@@ -25,10 +19,6 @@ class Sample(NamedTuple):
     tilt: tuple[float, float]
     force: Vector
     multiplicity: int
-
-
-NAN3 = (np.nan, np.nan, np.nan)
-"""A vector without a value."""
 
 
 class Stream:
@@ -51,14 +41,9 @@ class Stream:
         BadInput
             The number of readings differs from the number of elements.
         """
-        poses = decode.find(self.coder, [field], np.array(self.last))
-        (status,), (chosen,), (many,) = poses.status, poses.chosen.tolist(), poses.multiplicity.tolist()
-        if chosen < 0:
-            return Sample(status, NAN3, (np.nan, np.nan), NAN3, 0)
-        shift = poses.shift[:, [chosen]]
-        tilt, force, _, _ = decode.state(self.coder, shift)
-        if status == "ok" and self.coder.mechanics is not None and np.isnan(force[2, 0]):
-            status = "tension"
-        self.last = x, y, z = shift[:, 0].tolist()
-        (rx, ry), (f_x, f_y, f_n) = tilt[:, 0].tolist(), force[:, 0].tolist()
+        found = decode(self.coder, [field], near=self.last)
+        (status,), (many,) = found.status, found.multiplicity.tolist()
+        (x, y, z), (rx, ry), (f_x, f_y, f_n) = (v[0].tolist() for v in (found.shift, found.tilt, found.force))
+        if many:
+            self.last = x, y, z
         return Sample(status, (x, y, z), (rx, ry), (f_x, f_y, f_n), many)

@@ -2,13 +2,15 @@
 
 import numpy as np
 
+from analytic.inverse import pose_search
+
 
 def exhaustive(coder, field):
     """All poses of one set of readings, from starts all over the workspace."""
     axes = [np.linspace(a + 0.01, b - 0.01, n) for a, b, n in zip(coder.low, coder.high, (11, 11, 6), strict=True)]
     starts = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1).T
-    low, high = coder.low - 0.5, coder.high + 0.5
-    found = np.array([coder.search.pose_from(start, field, low, high) for start in starts])
+    goal = coder.goal._replace(floor=coder.low - 0.5, roof=coder.high + 0.5)
+    found = np.array([pose_search.pose_from(start, field, coder.forward, goal) for start in starts])
     inside = (found > coder.low - 1e-6).all(axis=1) & (found < coder.high + 1e-6).all(axis=1)
     distinct = []
     for pose in found[inside]:

@@ -1,11 +1,21 @@
-"""All poses that have one row of readings: starts from the table, a damped Newton iteration from each.
+"""All poses that have one row of readings: starts from a table of cells, a damped Newton iteration from each.
 
-The starts are those that `analytic.inverse.start_table` explains. With the residual f = w (B(s) - B_read) and
-A = w dB/ds, a step is p = -(A'A + mu tr(A'A) I)^-1 A'f (Gauss-Newton for more than three readings). The damping mu
-follows Levenberg and Marquardt: it is 0 until a step fails to reduce |f|, grows by a factor of 10 from 1e-3 while
-steps fail, and falls by a factor of 10 when they succeed. Newton's method converges quadratically, so the error after
-a step of length p that follows one of length p' is about p (p/p')^2. The iteration ends where this estimate is below
-`GOAL`.
+The table. A grid over the workspace divides it into cells. In each cell a linear map from shift to readings is fitted
+to the corners, so the image of the cell in the space of readings is a parallelepiped. Several poses can have the same
+readings; then several parallelepipeds contain the point of these readings, and each gives one start. Adjacent
+parallelepipeds leave gaps and overlap, so each is enlarged by a margin. More than three readings are projected onto
+the three directions in which they vary most over the workspace.
+
+On a fold det J = 0, with J = dB/ds, and two poses merge; close to it a linear map finds neither of them. A cell whose
+corners differ in the sign of det J is therefore replaced by its parts, which are cells of their own. A part whose
+corners still differ gives one start on each side of the fold: its corner whose readings are nearest. The image of
+such a part is flat, so that its box lies along the principal axes of the linear map.
+
+The iteration. With the residual f = w (B(s) - B_read) and A = w dB/ds, a step is p = -(A'A + mu tr(A'A) I)^-1 A'f
+(Gauss-Newton for more than three readings). The damping mu follows Levenberg and Marquardt: it is 0 until a step
+fails to reduce |f|, grows by a factor of 10 from 1e-3 while steps fail, and falls by a factor of 10 when they
+succeed. Newton's method converges quadratically, so the error after a step of length p that follows one of length p'
+is about p (p/p')^2. The iteration ends where this estimate is below `GOAL`.
 
 Two rules end iterations that would lead nowhere. A start stands for the poses near it, since every other pose has a
 start of its own: an iteration that moves farther than `REACH` cell diagonals from its start ends. So does one whose
@@ -15,15 +25,25 @@ misfit does not fall to `FALL` of its size in `STALL` evaluations, as next to a 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from analytic.inverse.forward_model import Forward, read
-from analytic.inverse.start_table import FOLD_MARGIN, MARGIN, StartTable
-from geometry.arrays import Array
+from analytic.inverse.forward_model import Forward, read, readings_with_slopes
+from geometry.arrays import Array, Ints
 from geometry.compiled import compiled
 
+MARGIN = 0.2
+"""Margin by which a cell is enlarged on every side, in units of its edges: it closes the gaps between linear maps."""
+FOLD_MARGIN = 1.0
+"""The same for the readings of a folded part, over the range of its corners: the fold bulges beyond them."""
+PARTS = 3
+"""Number of parts of a folded cell along each edge, and of neighbouring cells of a block."""
+BLOCK = PARTS**3
+"""Number of cells of a block."""
+CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+"""Corners of a unit cell, shape (8, 3)."""
 SAME = 1e-5
 """Distance below which two poses count as one, mm: far above the error of a converged pose."""
 EXACT = 1e-7
@@ -47,78 +67,185 @@ LOST, MISFIT, POSE = 0, 1, 2
 """Ends of an iteration: no convergence, a pose that does not fit the readings, a pose that does."""
 
 
-class Search:
-    """The arguments of `poses_of` for one decoder.
+class StartTable(NamedTuple):
+    """n cells that give starts: those of the grid without a fold, then the parts of the folded ones.
+
+    Attributes
+    ----------
+    basis : projection of k readings onto three numbers, shape (3, k).
+    low, high : bounding boxes of the projected readings, enlarged by the margin, shape (n, 3), T.
+    block_low, block_high : the same of each `BLOCK` cells that follow each other, so that most cells need no look.
+    maps : inverse linear maps of the cells, shape (n, 3, 4). The readings r lie at
+        maps[:, :, :3] @ r + maps[:, :, 3], measured from the cell's centre in units of its edges; for a folded part,
+        in units of the box of its readings along their principal axes.
+    sign : sign of det J at all corners of a cell, shape (n,); 0 for a folded part.
+    centre, edge : centres and edges of the cells, shape (n, 3), mm.
+    corners, corner_sign : where the readings at the corners of the m folded parts, the last cells, lie in their
+        boxes, shape (m, 8, 3), and sign of det J there, shape (m, 8).
+    """
+
+    basis: Array
+    low: Array
+    high: Array
+    block_low: Array
+    block_high: Array
+    maps: Array
+    sign: Ints
+    centre: Array
+    edge: Array
+    corners: Array
+    corner_sign: Ints
+
+
+class Goal(NamedTuple):
+    """What a pose must fit, and where: k readings.
+
+    Attributes
+    ----------
+    low, high : corners of the box in which it must lie, shape (3,), mm.
+    floor, roof : corners of the box in which the iteration moves, shape (3,), mm: the way to a pose inside may lead
+        through shifts a little outside.
+    weights : of the readings in the misfit, shape (k,).
+    tolerance : largest misfit of each reading if there are more than three, shape (k,), T.
+    reach : farthest that the iteration moves from a start of the table, mm.
+    """
+
+    low: Array
+    high: Array
+    floor: Array
+    roof: Array
+    weights: Array
+    tolerance: Array
+    reach: float
+
+
+def goal(low: Array, high: Array, weights: Array, tolerance: Array, edge: Array) -> Goal:
+    """Return the goal of a search in a workspace whose cells have the edges `edge`, shape (3,), mm."""
+    pad = 3 * edge
+    return Goal(low, high, low - pad, high + pad, weights, tolerance, REACH * float(np.linalg.norm(edge)))
+
+
+def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> tuple[StartTable, Array]:
+    """Return the table over a box of shifts, and the range of each element's readings over its grid, shape (k,), T.
 
     Parameters
     ----------
-    forward, table : forward model, and table of starts.
-    low, high : corners of the workspace, rounding on its faces included, shape (3,), mm.
-    weights : of the readings in the misfit, shape (k,).
-    tolerance : largest misfit of each reading if there are more than three, shape (k,), T.
+    low, high : of the box, shape (3,), mm.
+    counts : number of cells along x, y and z.
+
+    Raises
+    ------
+    BadInput
+        The field is not defined at a point of the grid.
     """
+    edge = (high - low) / counts
+    nodes, corner_nodes = _nodes(counts)
+    # cells that lie close to each other follow each other
+    corner_nodes = corner_nodes[np.lexsort((nodes[corner_nodes[:, 0]] // PARTS).T)]
+    readings, slopes = readings_with_slopes(forward, low[:, None] + (edge * nodes).T)
+    basis = np.eye(3)
+    if len(readings) > 3:
+        spread = readings - readings.mean(axis=1, keepdims=True)
+        basis = np.linalg.svd(spread @ spread.T)[0].T[:3].copy()
+    at_nodes, sign_at_nodes = _projected(basis, readings, slopes)
+    corners, sign = at_nodes[corner_nodes], sign_at_nodes[corner_nodes]
+    centre = low + edge * (nodes[corner_nodes[:, 0]] + 0.5)
+    whole = (sign == sign[:, :1]).all(axis=1)
 
-    def __init__(
-        self, forward: Forward, table: StartTable, low: Array, high: Array, weights: Array, tolerance: Array
-    ) -> None:
-        k = len(forward.elements)
-        self._kernel = forward.kernel
-        self._table: tuple[Any, ...] = (
-            *(table.basis, table.low, table.high, table.after, table.maps, table.sign, table.centre, table.edge),
-            *(table.fold, table.corners, table.corner_sign),
-        )
-        # the way to a pose inside may lead through shifts a little outside
-        pad = 3 * table.edge[0]
-        self._box = low, high, low - pad, high + pad, REACH * float(np.linalg.norm(table.edge[0]))
-        self._weights, self._tolerance = weights, tolerance
-        self._scratch = tuple(np.empty((1, *shape)) for shape in ((3,), (k,), (k, 3)) * 2)
+    part_nodes, part_corners = _nodes((PARTS,) * 3)
+    shifts = centre[~whole, None] + edge * (part_nodes / PARTS - 0.5)
+    r, s = _projected(basis, *readings_with_slopes(forward, shifts.reshape(-1, 3).T))
+    part_readings = r.reshape(-1, len(part_nodes), 3)[:, part_corners].reshape(-1, 8, 3)
+    part_sign = s.reshape(-1, len(part_nodes))[:, part_corners].reshape(-1, 8)
+    middle = shifts[:, part_corners[:, 0]].reshape(-1, 3) + edge / (2 * PARTS)
+    # the folded parts come last
+    alike = (part_sign == part_sign[:, :1]).all(axis=1)
+    order = np.argsort(~alike, kind="stable")
+    corners = np.concatenate([corners[whole], part_readings[order]])
+    sign = np.concatenate([sign[whole], part_sign[order]])
+    alike = np.concatenate([np.full(whole.sum(), True), alike[order]])
+    maps = _maps(corners, alike)
+    least, most = corners.min(axis=1), corners.max(axis=1)
+    reach = np.where(alike, MARGIN, FOLD_MARGIN)[:, None] * (most - least)
+    least, most, blocks = least - reach, most + reach, np.arange(0, len(least), BLOCK)
+    table = StartTable(
+        basis=basis,
+        low=least,
+        high=most,
+        block_low=np.minimum.reduceat(least, blocks),
+        block_high=np.maximum.reduceat(most, blocks),
+        maps=maps,
+        sign=sign[:, 0] * alike,
+        centre=np.concatenate([centre[whole], middle[order]]),
+        edge=np.where(np.arange(len(sign))[:, None] < whole.sum(), edge, edge / PARTS),
+        corners=np.einsum("mij,mcj->mci", maps[~alike, :, :3], corners[~alike]) + maps[~alike, None, :, 3],
+        corner_sign=sign[~alike],
+    )
+    return table, np.ptp(readings, axis=1)
 
-    def __call__(self, field: Array) -> tuple[Array, Array, bool]:
-        """Return shifts (n, 3), mm, and slopes (n, k, 3), T/mm, of all poses, and whether one was a misfit.
 
-        Parameters
-        ----------
-        field : B.n of each element, shape (k,), T.
-        """
-        shifts, slopes, count, misfit = poses_of(
-            field, self._kernel, self._table, self._box, self._weights, self._tolerance, self._scratch
-        )
-        return shifts[:count], slopes[:count], misfit
+def _nodes(counts: tuple[int, ...]) -> tuple[Array, Ints]:
+    """Return the nodes of a grid of unit cells, shape (m, 3), and those at the corners of each cell, shape (n, 8)."""
+    shape = [n + 1 for n in counts]
+    nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    first = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    step = np.array([shape[1] * shape[2], shape[2], 1])
+    return nodes.astype(np.float64), (first @ step)[:, None] + CORNERS @ step
 
-    def pose_from(self, start: Array, field: Array, low: Array, high: Array) -> Array:
-        """Return the pose that an iteration from a start finds in a box, shape (3,), mm; NaN if it finds none."""
-        box, arrays = (low, high), (self._weights, self._tolerance, self._scratch)
-        end = newton(np.ascontiguousarray(start), math.inf, np.ascontiguousarray(field), self._kernel, *box, *arrays)
-        return self._scratch[0][0].copy() if end == POSE else np.full(3, np.nan)
+
+def _projected(basis: Array, readings: Array, slopes: Array) -> tuple[Array, Ints]:
+    """Return the projected readings, shape (n, 3), T, and the sign of det J, shape (n,)."""
+    sign = np.sign(np.linalg.det(np.einsum("ik,jkn->nij", basis, slopes)))
+    return (basis @ readings).T.copy(), sign.astype(np.int64)
+
+
+def _maps(corners: Array, alike: NDArray[np.bool_]) -> Array:
+    """Return `StartTable.maps` from the readings at the corners, (n, 8, 3); `alike` are the signs of det J, (n,)."""
+    middle = corners.mean(axis=1)
+    # the linear map that fits the corners best: its slope along an edge is the mean difference
+    linear = np.einsum("ncr,cj->nrj", corners, (2 * CORNERS - 1) / 4)
+    inverse = np.empty_like(linear)
+    inverse[alike] = np.linalg.inv(linear[alike])
+    # beside a fold the image is flat: its box lies along the principal axes of the linear map
+    axes = np.linalg.svd(linear[~alike])[0]
+    along = (corners[~alike] - middle[~alike, None]) @ axes
+    least, most = along.min(axis=1), along.max(axis=1)
+    middle[~alike] += np.einsum("nij,nj->ni", axes, (least + most) / 2)
+    inverse[~alike] = np.swapaxes(axes, 1, 2) / (most - least)[:, :, None]
+    return np.concatenate([inverse, -inverse @ middle[..., None]], axis=2)
+
+
+def poses_of(field: Array, forward: Forward, table: StartTable, goal: Goal) -> tuple[Array, Array, bool]:
+    """Return shifts (n, 3), mm, and slopes (n, k, 3), T/mm, of all poses, and whether one was a misfit.
+
+    A misfit is a converged pose in the workspace that does not fit the readings.
+
+    Parameters
+    ----------
+    field : B.n of each element, or |B|, shape (k,), T.
+    """
+    shifts, slopes, count, misfit = search(field, forward.kernel, table, goal)
+    return shifts[:count], slopes[:count], misfit
+
+
+def pose_from(start: Array, field: Array, forward: Forward, goal: Goal) -> Array:
+    """Return the pose that an iteration from a start finds in the box, shape (3,), mm; NaN if it finds none."""
+    end, s, _ = newton(np.ascontiguousarray(start), math.inf, np.ascontiguousarray(field), forward.kernel, goal)
+    return s[0] if end == POSE else np.full(3, np.nan)
 
 
 @compiled
-def poses_of(field, kernel, table, box, weights, tolerance, scratch):
-    """Return the poses of one row of readings.
-
-    Parameters
-    ----------
-    field : B.n or |B| of k elements, T.
-    kernel : `Forward.kernel`.
-    table, box, weights, tolerance, scratch : as in `Search`.
-
-    Returns
-    -------
-    shifts, slopes : shape (n, 3), mm, and dB/ds, shape (n, k, 3), T/mm.
-    count : number n of poses; the arrays are longer.
-    misfit : whether a converged pose in the workspace does not fit the readings.
-    """
-    low, high, floor, roof, reach = box
-    s, A = scratch[0], scratch[2]
+def search(field, kernel, table, goal):
+    """Return what `poses_of` does, in arrays that are longer than the number of poses, which follows them."""
     starts = starts_of(field, table)
     shifts, slopes = np.empty((len(starts), 3)), np.empty((len(starts), len(field), 3))
     count, misfit, start = 0, False, np.empty(3)
     for _, _, x, y, z in starts:
         start[0], start[1], start[2] = x, y, z
-        end = newton(start, reach, field, kernel, floor, roof, weights, tolerance, scratch)
+        end, s, A = newton(start, goal.reach, field, kernel, goal)
         inside, known = end != LOST, False
         for j in range(3):
-            inside = inside and low[j] <= s[0, j] <= high[j]
+            inside = inside and goal.low[j] <= s[0, j] <= goal.high[j]
         misfit = misfit or (inside and end == MISFIT)
         for i in range(count):
             apart = 0.0
@@ -126,10 +253,7 @@ def poses_of(field, kernel, table, box, weights, tolerance, scratch):
                 apart = max(apart, abs(shifts[i, j] - s[0, j]))
             known = known or apart < SAME
         if inside and end == POSE and not known:
-            for j in range(3):
-                shifts[count, j] = s[0, j]
-                for i in range(len(field)):
-                    slopes[count, i, j] = A[0, i, j]
+            shifts[count], slopes[count] = s[0], A[0]
             count += 1
     return shifts, slopes, count, misfit
 
@@ -137,40 +261,49 @@ def poses_of(field, kernel, table, box, weights, tolerance, scratch):
 @compiled
 def starts_of(field, table):
     """Return the starts for one row of readings: of each how far off the centre, sign of det J and shift, mm."""
-    basis, low, high, after, maps, sign, centre, edge, fold, corners, corner_sign = table
-    r, u = np.zeros(3), np.zeros(3)
+    basis, low, high, block_low, block_high, maps, sign, centre, edge, corners, corner_sign = table
+    r, u, folded = np.zeros(3), np.zeros(3), len(low) - len(corners)
     for i in range(3):
         for j in range(len(field)):
             r[i] += basis[i, j] * field[j]
     starts = [(0.0, 0, 0.0, 0.0, 0.0) for _ in range(0)]
-    cell = 0
-    while cell < len(low):
-        a, b = low[cell], high[cell]
-        if not (a[0] <= r[0] <= b[0] and a[1] <= r[1] <= b[1] and a[2] <= r[2] <= b[2]):
-            cell = after[cell]
-            continue
-        c, e = centre[cell], edge[cell]
+    cells = [
+        cell
+        for block in range(len(block_low))
+        if holds(block_low, block_high, block, r[0], r[1], r[2])
+        for cell in range(BLOCK * block, min(BLOCK * (block + 1), len(low)))
+        if holds(low, high, cell, r[0], r[1], r[2])
+    ]
+    for cell in cells:
+        c, e, side = centre[cell], edge[cell], sign[cell]
         apart = APART * math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
         for i in range(3):
             row = maps[cell, i]
             u[i] = row[0] * r[0] + row[1] * r[1] + row[2] * r[2] + row[3]
         far = max(abs(u[0]), abs(u[1]), abs(u[2]))
-        if sign[cell] != 0 and far <= 0.5 + MARGIN:
-            add_start(starts, far, sign[cell], c[0] + u[0] * e[0], c[1] + u[1] * e[1], c[2] + u[2] * e[2], apart)
-        elif fold[cell] >= 0 and far <= 0.5 + FOLD_MARGIN:
+        if cell < folded and far <= 0.5 + MARGIN:
+            add_start(starts, far, side, c[0] + u[0] * e[0], c[1] + u[1] * e[1], c[2] + u[2] * e[2], apart)
+        elif cell >= folded and far <= 0.5 + FOLD_MARGIN:
             for side in (-1, 1):
                 near, best = math.inf, -1
                 for corner in range(8):
-                    p = corners[fold[cell], corner]
+                    p = corners[cell - folded, corner]
                     d = max(abs(p[0] - u[0]), abs(p[1] - u[1]), abs(p[2] - u[2]))
-                    if corner_sign[fold[cell], corner] == side and d < near:
+                    if corner_sign[cell - folded, corner] == side and d < near:
                         near, best = d, corner
                 if best >= 0:
                     x, y, z = best // 4 - 0.5, best // 2 % 2 - 0.5, best % 2 - 0.5
                     # farther than any place in a cell
                     add_start(starts, 1 + near, side, c[0] + x * e[0], c[1] + y * e[1], c[2] + z * e[2], apart)
-        cell += 1
     return starts
+
+
+@compiled
+def holds(low, high, box, x, y, z):
+    """Return whether projected readings lie in a box."""
+    # without a branch (`and`), which would take ten times as long: whether a box holds x is hard to predict
+    beside = (x < low[box, 0]) | (high[box, 0] < x) | (y < low[box, 1]) | (high[box, 1] < y)
+    return not (beside | (z < low[box, 2]) | (high[box, 2] < z))
 
 
 @compiled
@@ -189,51 +322,50 @@ def add_start(starts, far, side, x, y, z, apart):
 
 
 @compiled
-def newton(start, reach, field, kernel, floor, roof, weights, tolerance, scratch):
-    """Iterate from a start (3,), within a box, and return how this ends: LOST, MISFIT or POSE.
+def newton(start, reach, field, kernel, goal):
+    """Iterate from a start (3,), no farther than `reach`, mm.
 
-    `scratch` then begins with the pose, shape (1, 3), mm, the misfit, T, and the slopes there, T/mm.
+    Return how this ends (LOST, MISFIT or POSE), the shift there, shape (1, 3), mm, and its slopes (1, k, 3), T/mm.
     """
-    s, f, A, trial, g, B = scratch
+    k = len(field)
+    s, trial, f, g, A, B = (
+        *(np.empty((1, 3)), np.empty((1, 3)), np.empty((1, k)), np.empty((1, k))),
+        *(np.empty((1, k, 3)), np.empty((1, k, 3))),
+    )
     for j in range(3):
-        s[0, j] = min(max(start[j], floor[j]), roof[j])
+        s[0, j] = min(max(start[j], goal.floor[j]), goal.roof[j])
     mu, last = 0.0, math.inf
-    size = misfit_of(s, field, kernel, weights, f, A)
+    size = misfit_of(s, field, kernel, goal.weights, f, A)
     sizes = np.full(STALL, size)
     for turn in range(STEPS):
-        p = step(f[0], A[0], weights, mu)
+        p = step(f[0], A[0], goal.weights, mu)
         length = math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
         error = length * (length / min(last, 1e-2)) ** 2
         # a damped step is short because of its damping, which says nothing of the error
         if size == 0 or (mu == 0 and (length < 1e-3 * GOAL or (last < math.inf and error < GOAL))):
             for j in range(3):
                 s[0, j] += p[j]
-            misfit_of(s, field, kernel, weights, f, A)
-            return POSE if fits(f[0], A[0], tolerance) else MISFIT
+            misfit_of(s, field, kernel, goal.weights, f, A)
+            return POSE if fits(f[0], A[0], goal.tolerance) else MISFIT, s, A
         if not size < math.inf or (mu > 0 and length < STUCK):
-            return LOST
+            break
         if turn >= STALL and size > FALL * FALL * sizes[turn % STALL] and length >= 1e-6:
-            return LOST
+            break
         sizes[turn % STALL] = size
         if (s[0, 0] - start[0]) ** 2 + (s[0, 1] - start[1]) ** 2 + (s[0, 2] - start[2]) ** 2 > reach * reach:
-            return LOST
+            break
         short = min(1.0, LONGEST / length) if length > 0 else 1.0
         for j in range(3):
-            trial[0, j] = min(max(s[0, j] + short * p[j], floor[j]), roof[j])
-        size_there = misfit_of(trial, field, kernel, weights, g, B)
+            trial[0, j] = min(max(s[0, j] + short * p[j], goal.floor[j]), goal.roof[j])
+        size_there = misfit_of(trial, field, kernel, goal.weights, g, B)
         # next to the solution rounding decides whether the misfit shrinks, so short steps are accepted
         if size_there < size or (length < 1e-6 and size_there <= 4 * size + 1e-30):
-            for j in range(3):
-                s[0, j] = trial[0, j]
-            for i in range(len(field)):
-                f[0, i] = g[0, i]
-                for j in range(3):
-                    A[0, i, j] = B[0, i, j]
+            s, trial, f, g, A, B = trial, s, g, f, B, A
             size, last = size_there, length
             mu = mu / 10 if mu > 1e-4 else 0.0
         else:
             mu = max(10 * mu, 1e-3)
-    return LOST
+    return LOST, s, A
 
 
 @compiled
