@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.cli.parameters import AsJson, Wide
-from studies.cli.printed_command import command
+from studies.cli.parameters import AsJson, Wide, destination
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import LawName
-from studies.output import atomic_files, console
-from studies.output.records import FlatRow
-from studies.output.result import FAILED, GOOD
-
-if TYPE_CHECKING:
-    from studies.simulation.relaxation_fit import BranchRow
+from studies.output.result import publish
 
 COLUMNS = (
     "CSV of a uniaxial test: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or "
@@ -64,121 +58,14 @@ def fit(
     nu
         Poisson's ratio for which E is given.
     """
-    command_line = command(fit, locals())
-    from studies.simulation import material_fit as study
-    from studies.simulation import relaxation_test
-    from studies.simulation.law_selection import WRONG, reasons
+    from studies.simulation import material_fit, relaxation_test
 
-    atomic_files.check_apart(atomic_files.inside(out, study.FILES), [data])
+    here = destination(fit, locals(), material_fit.FILES, [data])
     kind = relaxation_test.kind_of(data)
     uses = (("--law", law, "uniaxial"), ("--stretch", stretch, "relaxation"), ("--ramp", ramp, "relaxation"))
     for option, value, fits in uses:
         if value is not None and kind != fits:
             say_no_effect(option, f"{data} is a {kind} test")
-    if kind != "uniaxial":
-        return _fit_branches(data, nu, out, stretch, ramp, command_line, wide=wide, as_json=as_json)
-    with atomic_files.results(out, study.FILES) as folder, console.progress(as_json=as_json) as progress:
-        rows = study.run(data, nu, folder, law, progress, command_line)
-    if as_json:
-        console.report([row.row() for row in rows], as_json=True)
-    else:
-        _print_laws([row.texts() for row in rows], wide=wide)
-        for reason in filter(None, (reasons(row.judged) for row in rows)):
-            console.note(f"{reason}.")
-    chosen = [row for row in rows if row.judged.chosen]
-    for row in chosen or rows:
-        for warning in row.warnings:
-            console.warn(warning)
-    if not chosen:
-        console.say(
-            "magtip: no law is chosen and no design.toml written: every fitted E is outside the range of a design, "
-            f"or the law misses the test by more than {100 * WRONG:g} % of the largest stress"
-        )
-        return FAILED
-    return GOOD
-
-
-def _print_laws(rows: list[FlatRow], *, wide: bool) -> None:
-    """Print the laws as three tables that fit into 80 columns, or as a wide one."""
-    ranking = (
-        "ranked by AICc"
-        if rows[0]["ranked_by"] == "AICc"
-        else "ranked by number of constants (too few points for AICc)"
-    )
-    title = f"Laws, best first, {ranking}"
-    if wide:
-        console.report(rows, as_json=False, title=title, wide=True)
-        return
-    fits = ("law", "chosen", "AICc", "rms_percent", "small_strain_excess_percent", "E_MPa")
-    ranges = ("law", "stable_uniaxial", "stable_equibiaxial", "stable_planar")
-    for name, keys in ((title, fits), ("Numbers", ("law", "numbers")), ("Stable stretches", ranges)):
-        console.report([{key: row[key] for key in keys} for row in rows], as_json=False, title=name)
-    if rows[0]["ranked_by"] == "AICc":
-        console.note(
-            "Laws within 2 of the least AICc count as equally good; those with the fewest constants come first."
-        )
-
-
-def _fit_branches(
-    data: str,
-    nu: float,
-    out: Path | None,
-    stretch: float | None,
-    ramp: float | None,
-    command_line: str,
-    *,
-    wide: bool,
-    as_json: bool,
-) -> int:
-    """Fit Prony branches and print them; see `fit`."""
-    from geometry.relaxation import range_text
-    from studies.simulation import relaxation_fit as study
-    from studies.simulation.material_fit import FILES
-
-    with atomic_files.results(out, FILES) as folder:
-        rows = study.run(data, nu, folder, stretch, ramp, command_line)
-    (chosen,) = [row for row in rows if row.chosen]
-    usable = study.is_usable(chosen)
-    if as_json:
-        console.report([row.row() for row in rows], as_json=True)
-    else:
-        _print_branches(rows, chosen, wide=wide)
-        if usable:
-            console.note("Lines for a design file:")
-            for line in study.design_lines(chosen, nu):
-                console.note(f"  {line}")
-        if chosen.fit.count:
-            console.note(f"The branches speak for {range_text(chosen.fit.relaxation)}.")
-    for warning in chosen.warnings:
-        console.warn(warning)
-    if usable:
-        return GOOD
-    reason = "E is outside the range of a design" if chosen.fit.count else "the test has no branches"
-    if chosen.fit.count and chosen.fit.rms > study.WRONG:
-        reason = f"the branches miss the test by more than {100 * study.WRONG:g} %"
-    console.say(f"magtip: {reason}: no design.toml is written")
-    return FAILED
-
-
-def _print_branches(rows: Sequence[BranchRow], chosen: BranchRow, *, wide: bool) -> None:
-    """Print the numbers of branches, the moduli with their confidence, and the chosen branches as tables."""
-    table = [row.texts() for row in rows]
-    if wide:
-        console.report(table, as_json=False, title="Numbers of branches, least AICc first", wide=True)
-    else:
-        keys = ("branches", "chosen", "AICc", "rms_percent", "long_term_share")
-        brief = [{key: row[key] for key in keys} for row in table]
-        console.report(brief, as_json=False, title="Numbers of branches, least AICc first")
-    console.note("Of the fits within 2 of the least AICc, the one with the fewest branches is chosen.")
-    each = chosen.fit
-    if chosen.test.has_modulus:
-        moduli = (
-            ("long-term", each.long_term, each.long_term_half_width),
-            ("instantaneous", each.instantaneous, each.instantaneous_half_width),
-        )
-        lines = [[name, f"{value:.5g}", f"{width:.2g}"] for name, value, width in moduli]
-        console.table("Young's modulus", ["modulus", "E (MPa)", "95 %: +- (MPa)"], lines)
-    pairs = zip(each.relaxation.shares, each.relaxation.times, strict=True)
-    branches = [[f"{g:.4g}", f"{tau:.4g}"] for g, tau in pairs]
-    if branches:
-        console.table("Branches", ["share g", "tau (s)"], branches)
+    if kind == "uniaxial":
+        return publish(partial(material_fit.laws, data, nu, law, here.command, wide=wide), here)
+    return publish(partial(material_fit.branches, data, nu, stretch, ramp, here.command, wide=wide), here)

@@ -1,125 +1,148 @@
-"""Fit the silicone's laws to a uniaxial test and write a design file."""
+"""What `magtip fit` finds: laws of a uniaxial test, or branches of a relaxation or dynamic test, and a design file.
+
+`laws` ranks the laws (`law_regression`, `law_selection`), and `branches` the numbers of Prony branches
+(`branch_regression`). A law or a number of branches is a record; fit.csv has its lists as texts.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geometry.arrays import Array
-from geometry.design import SILICONE_E
+from geometry.design import SILICONE_E, BadInput, Design
 from geometry.messages import Progress
-from studies.output import own_files
+from geometry.prony import branches_text
+from geometry.relaxation import range_text
 from studies.output.atomic_files import write_text
 from studies.output.records import FlatRow
-from studies.simulation.law_regression import Fit, fit, nominal_stress
-from studies.simulation.law_selection import Judged, choose, warnings
-from studies.simulation.tensile_test import Specimen, read
+from studies.output.result import Block, Result, Table, Texts
+from studies.simulation import branch_regression, law_regression, law_selection, relaxation_test, tensile_test
+from studies.simulation.branch_regression import BranchFit, thinned
+from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
+from studies.simulation.law_selection import Judged
+from studies.simulation.relaxation_test import Test
+from studies.simulation.tensile_test import Specimen
 
 FILES = ("fit.csv", "fit.png", "design.toml")
-"""Files that `run` writes into a folder."""
-
+"""Files of a fit."""
 MARK = "# fitted to "
 """First characters of a design file that this module writes."""
+STILL_FALLING = 3.0
+"""A branch longer than the longest time over this has not relaxed by the end of the test."""
+WRONG = 0.05
+"""Rms residual from which on branches do not describe the test, and are no design."""
+AT_START = 1.02
+"""Ratio of the shortest branch to the first time up to which it lies at the bound of the fit."""
+
+# Laws of a uniaxial test
 
 
-@dataclass(frozen=True, slots=True)
-class FitRow:
-    """One law fitted to a test, with the properties of the test."""
-
-    judged: Judged
-    data: Specimen
-
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings about the use of the law."""
-        return warnings(self.judged, self.data)
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON; `texts` has the same columns for tables."""
-        judged, fit, data = self.judged, self.judged.fit, self.data
-        return {
-            "rank": judged.rank,
-            "law": fit.law,
-            "chosen": judged.chosen,
-            "AICc": fit.aicc,
-            "rms_MPa": fit.rms,
-            "rms_percent": 100 * fit.share,
-            "E_MPa": fit.E,
-            "numbers": fit.numbers,
-            **{f"stable_{mode}": list(ends) for mode, ends in fit.stable.items()},
-            "small_strain_excess_percent": 100 * fit.small,
-            "compression_spread_percent": 100 * judged.spread,
-            "constants": fit.constants,
-            "points": int(data.telling.sum()),
-            "exactly_determined": fit.exact,
-            "least_strain_percent": 100 * data.least_strain,
-            "ranked_by": fit.criterion,
-            "at_bound": list(fit.bounded),
-            "stable_in_test": judged.in_test,
-            "stable_in_solve": judged.in_solve,
-            "E_of_a_silicone": SILICONE_E[0] <= fit.E <= SILICONE_E[1],
-            "not_chosen_because": list(judged.against),
-            "stable_farther": judged.farther.law if judged.farther else None,
-            "warnings": self.warnings,
-            "warning": "; ".join(self.warnings),
-        }
-
-    def texts(self) -> FlatRow:
-        """Return the row for a table and for fit.csv: numbers, ranges and lists as texts."""
-        fit = self.judged.fit
-        texts: FlatRow = {"numbers": ", ".join(f"{name}={value:.6g}" for name, value in fit.numbers.items())}
-        texts |= {f"stable_{mode}": f"{low:.3g} to {high:.3g}" for mode, (low, high) in fit.stable.items()}
-        texts |= {"at_bound": ", ".join(fit.bounded), "not_chosen_because": ", ".join(self.judged.against)}
-        return {name: value for name, value in {**self.row(), **texts}.items() if name != "warnings"}
-
-
-def run(
-    path: str,
-    nu: float,
-    folder: Path | None,
-    asked: str | None = None,
-    progress: Progress | None = None,
-    command: str = "magtip fit",
-) -> list[FitRow]:
-    """Fit the test in a file, and write fit.csv, fit.png and design.toml into an existing folder.
+def laws(path: str, nu: float, asked: str | None, command: str, progress: Progress, *, wide: bool = False) -> Result:
+    """Fit all laws to the uniaxial test in a file, the best first; at most one is chosen, and is in design.toml.
 
     Parameters
     ----------
     asked : the law that the user chooses.
     command : command line that design.toml names as its origin.
-
-    Returns
-    -------
-    A row for each law, the best first; that of the law in design.toml is chosen. Where no E is one that a design may
-    have, none is chosen and there is no design.toml.
+    wide : whether the terminal shows one wide table.
     """
-    data = read(path)
-    if folder is not None:
-        own_files.check(folder, FILES)
-    if progress is not None:
-        progress(0.0, "fits of all laws")
-    laws = choose(fit(data, nu), data, asked)
-    rows = [FitRow(judged, data) for judged in laws]
-    if folder is not None:
-        from studies.output.csv_tables import write_table
-        from studies.simulation import fit_plot
+    data = tensile_test.read(path)
+    progress(0.0, "fits of all laws")
+    judged = law_selection.choose(law_regression.fit(data, nu), data, asked)
+    records = [law_record(each, data) for each in judged]
+    texts = [_law_texts(each, record) for each, record in zip(judged, records, strict=True)]
+    chosen = [each for each in judged if each.chosen]
+    said = [f"{reason}." for reason in map(law_selection.reasons, judged) if reason]
+    lost = (
+        "no law is chosen and no design.toml written: every fitted E is outside the range of a design, or the law "
+        f"misses the test by more than {100 * law_selection.WRONG:g} % of the largest stress"
+    )
+    files = {"fit.png": partial(_draw_laws, data=data, fits=[each.fit for each in judged], nu=nu)}
+    if chosen:
+        files["design.toml"] = partial(write_text, text=design_text(path, chosen[0].fit, nu, command))
+    return Result(
+        title="Laws",
+        records=records,
+        shown=[*_law_tables(texts, wide=wide), *said],
+        tables={"fit": texts},
+        files=files,
+        warnings=[text for each in chosen or judged for text in law_selection.warnings(each, data)],
+        failures=[] if chosen else [lost],
+    )
 
-        write_table(folder / "fit.csv", [row.texts() for row in rows])
-        smooth = np.geomspace(min(1.0, data.stretch.min()), max(1.0, data.stretch.max()), 300)
-        curves = {
-            judged.fit.law: [_model(judged.fit, x, nu).tolist() for x in (smooth, data.stretch)] for judged in laws
-        }
-        fit_plot.draw(folder / "fit.png", data.stretch.tolist(), data.stress.tolist(), smooth.tolist(), curves)
-        for judged in laws:
-            if judged.chosen:
-                write_text(folder / "design.toml", design_text(path, judged.fit, nu, command))
-    return rows
+
+def law_record(judged: Judged, data: Specimen) -> FlatRow:
+    """Return the record of one law fitted to a test, with the properties of the test."""
+    fit, warned = judged.fit, law_selection.warnings(judged, data)
+    return {
+        "rank": judged.rank,
+        "law": fit.law,
+        "chosen": judged.chosen,
+        "AICc": fit.aicc,
+        "rms_MPa": fit.rms,
+        "rms_percent": 100 * fit.share,
+        "E_MPa": fit.E,
+        "numbers": fit.numbers,
+        **{f"stable_{mode}": list(ends) for mode, ends in fit.stable.items()},
+        "small_strain_excess_percent": 100 * fit.small,
+        "compression_spread_percent": 100 * judged.spread,
+        "constants": fit.constants,
+        "points": int(data.telling.sum()),
+        "exactly_determined": fit.exact,
+        "least_strain_percent": 100 * data.least_strain,
+        "ranked_by": fit.criterion,
+        "at_bound": list(fit.bounded),
+        "stable_in_test": judged.in_test,
+        "stable_in_solve": judged.in_solve,
+        "E_of_a_silicone": SILICONE_E[0] <= fit.E <= SILICONE_E[1],
+        "not_chosen_because": list(judged.against),
+        "stable_farther": judged.farther.law if judged.farther else None,
+        "warnings": warned,
+        "warning": "; ".join(warned),
+    }
 
 
-def _model(fit: Fit, stretch: Array, nu: float) -> Array:
+def _law_texts(judged: Judged, record: FlatRow) -> FlatRow:
+    """Return a record for tables: numbers, ranges and lists as texts."""
+    fit = judged.fit
+    texts: FlatRow = {"numbers": ", ".join(f"{name}={value:.6g}" for name, value in fit.numbers.items())}
+    texts |= {f"stable_{mode}": f"{low:.3g} to {high:.3g}" for mode, (low, high) in fit.stable.items()}
+    texts |= {"at_bound": ", ".join(fit.bounded), "not_chosen_because": ", ".join(judged.against)}
+    return {name: value for name, value in (record | texts).items() if name != "warnings"}
+
+
+def _law_tables(rows: Sequence[FlatRow], *, wide: bool) -> list[Block]:
+    """Return the laws as three tables that fit into 80 columns, or as a wide one."""
+    by_AICc = rows[0]["ranked_by"] == "AICc"
+    ranking = "AICc" if by_AICc else "number of constants (too few points for AICc)"
+    title = f"Laws, best first, ranked by {ranking}"
+    if wide:
+        return [Table(title=title, rows=rows)]
+    fits = ("law", "chosen", "AICc", "rms_percent", "small_strain_excess_percent", "E_MPa")
+    ranges = ("law", "stable_uniaxial", "stable_equibiaxial", "stable_planar")
+    tables: list[Block] = [
+        Table(title=name, rows=[{key: row[key] for key in keys} for row in rows])
+        for name, keys in ((title, fits), ("Numbers", ("law", "numbers")), ("Stable stretches", ranges))
+    ]
+    alike = "Laws within 2 of the least AICc count as equally good; those with the fewest constants come first."
+    return [*tables, alike] if by_AICc else tables
+
+
+def _draw_laws(path: Path, data: Specimen, fits: Sequence[Fit], nu: float) -> None:
+    from studies.simulation import fit_plot
+
+    smooth = np.geomspace(min(1.0, data.stretch.min()), max(1.0, data.stretch.max()), 300)
+    curves = {fit.law: [_stress(fit, x, nu).tolist() for x in (smooth, data.stretch)] for fit in fits}
+    fit_plot.draw(path, data.stretch.tolist(), data.stress.tolist(), smooth.tolist(), curves)
+
+
+def _stress(fit: Fit, stretch: Array, nu: float) -> Array:
     """Return the nominal stress of a fitted law at stretches, MPa."""
     return fit.E / (2 * (1 + nu)) * nominal_stress(fit.law, tuple(fit.numbers.values()), stretch)
 
@@ -137,3 +160,201 @@ def design_text(path: str, fit: Fit, nu: float, command: str) -> str:
 def printable(text: str) -> str:
     """Return the text without characters that a comment cannot contain."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+# Branches of a relaxation test or a dynamic test
+
+
+def branches(
+    path: str,
+    nu: float,
+    stretch: float | None,
+    ramp: float | None,
+    command: str,
+    progress: Progress,
+    *,
+    wide: bool = False,
+) -> Result:
+    """Fit Prony branches to the test in a file: a record for each number of branches, the least AICc first.
+
+    If the chosen one has no branches, or an E that a design cannot have, there is no design.toml.
+
+    Parameters
+    ----------
+    stretch, ramp : held stretch, and the time in which it rose, s, where the file does not state them.
+    command, wide : as in `laws`.
+    """
+    if not 0.0 <= nu <= 0.5:
+        raise BadInput(f"--nu must lie between 0 and 0.5; got {nu:g}")
+    test = relaxation_test.read(path, nu, stretch, ramp)
+    progress(0.0, "fits of branches")
+    fits, best = branch_regression.fit(thinned(test))
+    chosen = fits[best]
+    order = sorted(range(len(fits)), key=lambda k: fits[k].aicc)
+    records = [branch_record(fits[k], test, place + 1, chosen=k == best) for place, k in enumerate(order)]
+    texts = [_branch_texts(record) for record in records]
+    files = {"fit.png": partial(_draw_branches, test=test, fit=chosen)}
+    shown = _branch_tables(texts, chosen, test, wide=wide)
+    usable = is_usable(chosen, test)
+    if usable:
+        files["design.toml"] = partial(write_text, text=branches_design(path, chosen, test, nu, command))
+        shown += ["Lines for a design file:", *(f"  {line}" for line in design_lines(chosen, test, nu))]
+    if chosen.count:
+        shown.append(f"The branches speak for {range_text(chosen.relaxation)}.")
+    return Result(
+        title="Branches",
+        records=records,
+        shown=shown,
+        tables={"fit": texts},
+        files=files,
+        warnings=next(record["warnings"] for record in records if record["chosen"]),
+        failures=[] if usable else [f"{_why_unusable(chosen)}: no design.toml is written"],
+    )
+
+
+def branch_record(fit: BranchFit, test: Test, rank: int, *, chosen: bool) -> FlatRow:
+    """Return the record of one number of branches; E is None where the file has a stress without a stretch."""
+    relaxation, warned = fit.relaxation, [*_remarks(test), *_warnings(fit, test)]
+    E = {
+        "E_MPa": fit.long_term,
+        "E_long_term_MPa": fit.long_term,
+        "E_long_term_half_width_MPa": fit.long_term_half_width,
+        "E_instantaneous_MPa": fit.instantaneous,
+        "E_instantaneous_half_width_MPa": fit.instantaneous_half_width,
+    }
+    return {
+        "rank": rank,
+        "test": test.kind,
+        "branches": fit.count,
+        "chosen": chosen,
+        "AICc": fit.aicc,
+        "rms_percent": 100 * fit.rms,
+        **{name: value if test.has_modulus else None for name, value in E.items()},
+        "long_term_share": relaxation.rest,
+        "shares": list(relaxation.shares),
+        "times_s": list(relaxation.times),
+        "covered_s": list(relaxation.speaks_for),
+        "covered_Hz": list(relaxation.speaks_for_frequencies),
+        "prony": _prony(fit),
+        "points": len(test.at),
+        "ranked_by": "AICc",
+        "warnings": warned,
+        "warning": "; ".join(warned),
+    }
+
+
+def _prony(fit: BranchFit) -> str:
+    """Return the branches as the field `prony` takes them; empty without branches."""
+    return branches_text(fit.relaxation) if fit.count else ""
+
+
+def _branch_texts(record: FlatRow) -> FlatRow:
+    """Return a record for tables: lists as texts."""
+    return {
+        name: ", ".join(f"{part:.6g}" for part in value) if isinstance(value, list) else value
+        for name, value in record.items()
+        if name != "warnings"
+    }
+
+
+def _branch_tables(rows: Sequence[FlatRow], chosen: BranchFit, test: Test, *, wide: bool) -> list[Block]:
+    """Return the numbers of branches, the moduli with their confidence, and the chosen branches."""
+    keys = rows[0] if wide else ("branches", "chosen", "AICc", "rms_percent", "long_term_share")
+    title = "Numbers of branches, least AICc first"
+    tables: list[Block] = [Table(title=title, rows=[{key: row[key] for key in keys} for row in rows])]
+    tables.append("Of the fits within 2 of the least AICc, the one with the fewest branches is chosen.")
+    if test.has_modulus:
+        moduli = (
+            ("long-term", chosen.long_term, chosen.long_term_half_width),
+            ("instantaneous", chosen.instantaneous, chosen.instantaneous_half_width),
+        )
+        cells = [[name, f"{value:.5g}", f"{width:.2g}"] for name, value, width in moduli]
+        tables.append(Texts("Young's modulus", ["modulus", "E (MPa)", "95 %: +- (MPa)"], cells))
+    pairs = zip(chosen.relaxation.shares, chosen.relaxation.times, strict=True)
+    if cells := [[f"{g:.4g}", f"{tau:.4g}"] for g, tau in pairs]:
+        tables.append(Texts("Branches", ["share g", "tau (s)"], cells))
+    return tables
+
+
+def _draw_branches(path: Path, test: Test, fit: BranchFit) -> None:
+    from studies.simulation import relaxation_plot
+
+    smooth = replace(test, at=np.geomspace(test.at[0], test.at[-1], 400))
+    curves = (branch_regression.model(each, fit) for each in (smooth, test))
+    relaxation_plot.draw(path, test, smooth.at, *curves)
+
+
+def is_usable(fit: BranchFit, test: Test) -> bool:
+    """Return whether a design can have the branches and the E of a fit, and these describe the test."""
+    if fit.rms > WRONG:
+        return False
+    spec = Design.__dataclass_fields__["E"].metadata
+    return fit.count > 0 and (not test.has_modulus or spec["low"] <= fit.long_term <= spec["high"])
+
+
+def _why_unusable(fit: BranchFit) -> str:
+    if not fit.count:
+        return "the test has no branches"
+    if fit.rms > WRONG:
+        return f"the branches miss the test by more than {100 * WRONG:g} %"
+    return "E is outside the range of a design"
+
+
+def design_lines(fit: BranchFit, test: Test, nu: float) -> list[str]:
+    """Return the lines of a design file: E at rest, if it is known, and the branches."""
+    lines = [f"E = {fit.long_term:.6g}", f"nu = {nu!r}"] if test.has_modulus else []
+    return [*lines, 'modulus = "long-term"', f'prony = "{_prony(fit)}"']
+
+
+def branches_design(path: str, fit: BranchFit, test: Test, nu: float, command: str) -> str:
+    """Return the text of the design file of a fit; it names the command and the range of the test."""
+    head = f"{MARK}{printable(Path(path).name)}: rms residual {100 * fit.rms:.3g} %"
+    about = f"# the branches speak for {range_text(fit.relaxation)}"
+    return "\n".join([head, f"# by {printable(command)}", about, *design_lines(fit, test, nu), ""])
+
+
+def _remarks(test: Test) -> list[str]:
+    """Return warnings about a test that hold for every number of branches."""
+    texts = []
+    if test.kind == "relaxation" and test.ramp is None:
+        texts.append(
+            "no ramp time is stated: the stretch is taken to rise at once at t = 0; state --ramp, or give data from "
+            "ten ramp times on"
+        )
+    if test.ramp and test.at[0] < test.ramp:
+        texts.append(
+            f"the first time, {test.at[0]:.3g} s, is shorter than the ramp of {test.ramp:.3g} s: the fit accounts "
+            f"for the ramp, but speaks for times from {test.ramp:.3g} s on; data from ten ramp times on are safer"
+        )
+    if not test.has_modulus:
+        texts.append("the file has a stress, but no held stretch: E is unknown; state --stretch")
+    if test.covered[1] < 10 * test.covered[0]:
+        texts.append("the test covers less than one decade of time: it says little of the relaxation")
+    return texts
+
+
+def _warnings(each: BranchFit, test: Test) -> list[str]:
+    """Return warnings about the use of fitted branches."""
+    texts = []
+    if each.rms > MISFIT and each.count:
+        ramp = "; a wrong --ramp does so" if test.ramp else ""
+        texts.append(f"the branches miss the test by {100 * each.rms:.2g} % (rms){ramp}")
+    times = each.relaxation.times
+    if times and times[-1] > test.covered[1] / STILL_FALLING:
+        texts.append(
+            f"relaxation goes on beyond the test: a branch has {times[-1]:.3g} s where the test covers "
+            f"{test.covered[1]:.3g} s, so the long-term modulus is extrapolated"
+        )
+    if times and test.kind == "relaxation" and times[0] < AT_START * test.at[0]:
+        texts.append(
+            f"a branch is as short as the first time of the test, {test.at[0]:.3g} s, and may be shorter: the "
+            "instantaneous modulus is extrapolated; record from the beginning of the stretch, whose time is 0"
+        )
+    if not times:
+        texts.append(f"the test shows no relaxation above its noise of {100 * each.rms:.2g} % (rms)")
+    if test.has_modulus and not SILICONE_E[0] <= each.long_term <= SILICONE_E[1]:
+        texts.append(
+            f"E = {each.long_term:.3g} MPa is outside the range of silicones, {SILICONE_E[0]:g} to "
+            f"{SILICONE_E[1]:g} MPa: check that the column {test.column} is in the unit of its name"
+        )
+    return texts
