@@ -27,7 +27,7 @@ rings cancel; there it is the sum of the slopes of the rings at the Gauss points
 
 The other entries of the Jacobian follow from div B = 0 and curl B = 0.
 
-Plain Python runs these functions for few points, and `analytic.cylinder_compiled` compiles them by numba for many.
+Plain Python runs these functions for few points, and numba compiles them for many (`compiled_functions`).
 They use +, -, *, / and square roots only, so that both have the same digits. Points are computed in batches, sorted
 by method: a loop over a batch has no branches and a fixed number of steps, and all its numbers are in one array at
 constant offsets, so that the compiled loops compute several points in one instruction.
@@ -36,11 +36,13 @@ constant offsets, so that the compiled loops compute several points in one instr
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache, lru_cache
+from types import FunctionType, SimpleNamespace
 
 import numpy as np
 
-from geometry.arrays import Array
+from geometry import compiled as compilation
+from geometry.arrays import Array, Ints
 
 FAR = 5.0
 """Distance, in circumscribed radii, beyond which the multipole series is used; its truncation error is 5^-28."""
@@ -62,6 +64,12 @@ most before the last step, which squares it and is thus exact to rounding."""
 STEPS, RIM_STEPS = (0,) * 5, (0,) * 12
 """Steps of the mean, and of that beside the rim, down to k = 1e-100. The number of steps is the length of a tuple,
 since this is part of its type: numba compiles the loops anew for each length, without a branch."""
+
+MIN_COMPILED_POINTS = 2000
+"""Number of points in a call from which the compiled functions are loaded: that takes some tenths of a second, once
+in a process, and plain Python less than 0.1 s for fewer points."""
+THREAD_POINTS = 20_000
+"""Number of points for each thread: they take 1 ms, ten times the time to start a thread."""
 
 POINTS = 256
 """Number of points in a batch: its numbers stay in the processor's second cache."""
@@ -454,8 +462,53 @@ def cylinder_series(z0: float) -> Array:
     return _series(moments)
 
 
-def fill_plain(x: Array, radius: float, half: float, J: float, B: Array, jacobian: Array) -> int:
-    """Do what `fill` does, in plain Python, which indexes lists faster than arrays."""
-    series, disc = cylinder_series(half / radius).tolist(), disc_series().tolist()
-    work = [0.0] * SIZE, [[0] * FACES for _ in range(METHODS)], [0] * METHODS
-    return int(fill(x, radius, half, J, series, disc, work, B, jacobian))
+def computed(x: Array, radius: float, half: float, J: float, *, slope: bool) -> tuple[Array, Array, int]:
+    """Return B, its Jacobian (shape (0, 3, 3) without `slope`), and the first point without a field, or -1.
+
+    Such a point gets NaN. Threads share many points. The digits do not depend on their number: each computes whole
+    batches. Parameters as in `fill`.
+    """
+    B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
+    series = cylinder_series(half / radius), disc_series()
+    if len(x) < MIN_COMPILED_POINTS and not compiled_functions.cache_info().currsize:
+        # plain Python indexes lists faster than arrays
+        work = [0.0] * SIZE, [[0] * FACES for _ in range(METHODS)], [0] * METHODS
+        lists = series[0].tolist(), series[1].tolist()
+        return B, jacobian, int(fill(x, radius, half, J, *lists, work, B, jacobian))
+    count = max(min(compilation.threads(), len(x) // THREAD_POINTS), 1)
+    share = math.ceil(len(x) / count / POINTS) * POINTS
+    fill_compiled = compiled_functions().fill
+
+    def fill_part(start: int) -> int:
+        part = slice(start, start + share)
+        bad = int(fill_compiled(x[part], radius, half, J, *series, workspace(), B[part], jacobian[part]))
+        return start + bad if bad >= 0 else len(x)
+
+    if count == 1:
+        bad = fill_part(0)
+    else:
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(count) as pool:
+            bad = min(pool.map(fill_part, range(0, len(x), share)))
+    return B, jacobian, bad if bad < len(x) else -1
+
+
+def workspace() -> tuple[Array, Ints, Ints]:
+    """Return the scratch that `fill` and `compute` need: numbers, points and faces by method, and their counts."""
+    return np.empty(SIZE), np.empty((METHODS, FACES), np.int64), np.empty(METHODS, np.int64)
+
+
+@cache
+def compiled_functions() -> SimpleNamespace:
+    """Return the functions without annotations, compiled by numba, which this imports.
+
+    They are a second set of function objects with a scope of their own: the plain functions stay beside them. Other
+    functions that numba compiles can call `set_point`, `correct_gap` and `compute`.
+    """
+    scope = dict(globals())
+    for name, plain in globals().items():
+        # numba looks up the names in a function when it is first called, so the order does not matter
+        if isinstance(plain, FunctionType) and plain.__module__ == __name__ and not plain.__annotations__:
+            scope[name] = compilation.compiled(FunctionType(plain.__code__, scope, name), nogil=True)
+    return SimpleNamespace(**scope)

@@ -4,9 +4,9 @@ Lengths in mm (the field depends on their ratios only, so any one unit works), J
 polarisation. The cylinder has sharp edges; an edge radius is ignored. Points and fields are in the magnet's frame:
 origin at its centre, z along the magnetisation.
 
-The exact field has one implementation, `analytic.cylinder`. Plain Python runs it for fewer than `MIN_COMPILED_POINTS`
-points in a call, numba compiles it for more; both have the same digits. Once a process has the compiled functions, it
-takes them for all calls. Calls with 40 000 points or more use all cores (`geometry.compiled.threads`).
+The exact field has one implementation, `analytic.cylinder`. Plain Python runs it for few points in a call, numba
+compiles it for more; both have the same digits. Once a process has the compiled functions, it takes them for all
+calls. Calls with 40 000 points or more use all cores (`geometry.compiled.threads`).
 
 Sources: Derby & Olbert, Am. J. Phys. 78 (2010) 229; Bulirsch, Numer. Math. 13 (1969) 305; Chathuranga et al.,
 IEEE Sensors Journal 2016, equations (1) to (3).
@@ -15,13 +15,11 @@ IEEE Sensors Journal 2016, equations (1) to (3).
 from __future__ import annotations
 
 import math
-import sys
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from analytic import cylinder
-from geometry import compiled as compilation
 from geometry.arrays import Array
 from geometry.cad import magnet_volume
 from geometry.design import BadInput, Design
@@ -30,17 +28,12 @@ __all__ = ["cylinder_field", "cylinder_field_jacobian", "dipole_field", "paper_f
 
 Pair = tuple[Array, Array]
 
-MIN_COMPILED_POINTS = 2000
-"""Number of points in a call from which the compiled functions are loaded: that takes some tenths of a second, once
-in a process, and plain Python less than 0.1 s for fewer points."""
 MU_0 = 4e-7 * math.pi
 """Vacuum permeability, T m/A."""
 GRAVITY, GRIP = 9.81, 0.3
 """Acceleration, m/s^2, and friction of a magnet on the floor of its pocket over its weight, a common value."""
 FACE_RADII, FACE_ANGLES = 16, 24
 """Points of the integrals over half a face: the force of magnets that nearly touch is exact to 1e-4, else to 1e-7."""
-THREAD_POINTS = 20_000
-"""Number of points for each thread: they take 1 ms, ten times the time to start a thread."""
 
 
 def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
@@ -88,7 +81,7 @@ def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: 
 
 def field_or_nan(points: Array, radius: float, height: float, J: float) -> Array:
     """Return B as `cylinder_field` does, but NaN for a point on a rim or a point that is not finite."""
-    return _computed(points, radius, height, J, slope=False)[0]
+    return cylinder.computed(points, radius, height / 2, J, slope=False)[0]
 
 
 def dipole_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
@@ -186,38 +179,10 @@ def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: 
     """Return B and, with `slope`, its Jacobian (else shape (0, 3, 3)); refuse points without a field."""
     check_magnet(radius, height, J)
     x = _points(points)
-    B, jacobian, bad = _computed(x, float(radius), float(height), float(J), slope=slope)
+    B, jacobian, bad = cylinder.computed(x, float(radius), float(height) / 2, float(J), slope=slope)
     if bad >= 0:
         raise _undefined(x[bad])
     return B, jacobian
-
-
-def _computed(x: Array, radius: float, height: float, J: float, *, slope: bool) -> tuple[Array, Array, int]:
-    """Return B, its Jacobian and the index of the first point without a field, -1 for none, by `analytic.cylinder`.
-
-    Threads share many points. The digits do not depend on their number: each computes whole batches.
-    """
-    B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
-    if len(x) < MIN_COMPILED_POINTS and "analytic.cylinder_compiled" not in sys.modules:
-        return B, jacobian, cylinder.fill_plain(x, radius, height / 2, J, B, jacobian)
-    from analytic.cylinder_compiled import fill_compiled
-
-    count = max(min(compilation.threads(), len(x) // THREAD_POINTS), 1)
-    share = math.ceil(len(x) / count / cylinder.POINTS) * cylinder.POINTS
-
-    def fill(start: int) -> int:
-        part = slice(start, start + share)
-        bad = fill_compiled(x[part], radius, height / 2, J, B[part], jacobian[part])
-        return start + bad if bad >= 0 else len(x)
-
-    if count == 1:
-        bad = fill(0)
-    else:
-        from concurrent.futures import ThreadPoolExecutor
-
-        with ThreadPoolExecutor(count) as pool:
-            bad = min(pool.map(fill, range(0, len(x), share)))
-    return B, jacobian, bad if bad < len(x) else -1
 
 
 def _points(points: ArrayLike) -> Array:

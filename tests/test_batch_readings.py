@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import batch_readings as module
-from analytic import hall, magnet
+from analytic import cylinder, hall, magnet
 from analytic.batch_readings import batch_readings
 from geometry.design import HALL_LAYOUTS, BadInput, Design, paper
 
@@ -67,7 +67,7 @@ def poses(count):
 
 @pytest.mark.parametrize("compiled", [False, True])
 def test_rows_are_single_readings(compiled, monkeypatch):
-    monkeypatch.setattr(magnet, "MIN_COMPILED_POINTS", 1 if compiled else 10**9)
+    monkeypatch.setattr(cylinder, "MIN_COMPILED_POINTS", 1 if compiled else 10**9)
     designs = [random_design() for _ in range(40)]
     batch = assert_singles(designs, RNG.integers(0, 40, 300), *poses(300))
     assert batch.saturated.any()
@@ -112,7 +112,7 @@ def test_no_row_has_a_magnet():
 @pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("plate", [0.0, 0.4])
 def test_an_element_on_the_rim_has_no_reading(plate, compiled, monkeypatch):
-    monkeypatch.setattr(magnet, "MIN_COMPILED_POINTS", 1 if compiled else 10**9)
+    monkeypatch.setattr(cylinder, "MIN_COMPILED_POINTS", 1 if compiled else 10**9)
     # at rest S2 lies 0.5 mm above the magnet's lower rim; without a plate the shift moves it onto the rim
     design = Design(l0=2.0, c=1.5, f=2.5, magnet_diameter=4.0, magnet_height=2.0, hall_plate=plate)
     shift = np.array([[0.0, 0, 0], [0.5, 0, 0.5], [0.5, 0, 0.6]])

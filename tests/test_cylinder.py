@@ -32,11 +32,11 @@ def places(a, h, count=400):
 def computed(monkeypatch, threads, x, a, h):
     """B and its Jacobian in plain Python (no threads), or compiled in a number of threads."""
     if not threads:
-        monkeypatch.delitem(sys.modules, "analytic.cylinder_compiled", raising=False)
-    monkeypatch.setattr(magnet, "MIN_COMPILED_POINTS", 0 if threads else 10**9)
-    monkeypatch.setattr(magnet, "THREAD_POINTS", 500)
+        cylinder.compiled_functions.cache_clear()
+    monkeypatch.setattr(cylinder, "MIN_COMPILED_POINTS", 0 if threads else 10**9)
+    monkeypatch.setattr(cylinder, "THREAD_POINTS", 500)
     monkeypatch.setattr(compiled, "threads", lambda: threads)
-    return magnet._computed(x, a, h, 1.2, slope=True)
+    return cylinder.computed(x, a, h / 2, 1.2, slope=True)
 
 
 @pytest.mark.parametrize("flatness", [1e-6, 1e-2, 0.3, 1.0, 2.0, 30.0, 1e3])
@@ -70,7 +70,7 @@ def test_every_method_computes_some_of_these_points():
 def test_the_first_of_the_points_without_a_field_is_named():
     for point, text in (((2, 0, 1), r"where \(2, 0, 1\) mm lies"), ((0, np.nan, 1), "points must be finite")):
         with pytest.raises(BadInput, match=text):
-            magnet.cylinder_field([(1, 1, 1)] * magnet.MIN_COMPILED_POINTS + [point, (-2, 0, 1)], 2, 2, 1.2)
+            magnet.cylinder_field([(1, 1, 1)] * cylinder.MIN_COMPILED_POINTS + [point, (-2, 0, 1)], 2, 2, 1.2)
 
 
 def test_few_points_do_without_numba():

@@ -28,14 +28,18 @@ from typing import Any
 
 import numpy as np
 
-from analytic.cylinder import ALONG, ALONG_Z, LEAN, LEAN_Z, POINTS, cylinder_series, disc_series
-from analytic.cylinder_compiled import compute, correct_gap, set_point, workspace
+from analytic.cylinder import ALONG, ALONG_Z, LEAN, LEAN_Z, POINTS, cylinder_series, disc_series, workspace
+from analytic.cylinder import compiled_functions as field_functions
 from analytic.hall import Mode, plates, rotated
 from analytic.parts import Element, of_design
 from geometry.arrays import Array
 from geometry.compiled import compiled
 from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
+
+compute, correct_gap, set_point = (
+    getattr(field_functions(), name) for name in ("compute", "correct_gap", "set_point")
+)
 
 Vector = tuple[float, float, float]
 
