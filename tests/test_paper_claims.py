@@ -6,8 +6,8 @@ import json
 import pytest
 
 from studies.cli import entry_point
-from studies.validation import paper_claims
-from studies.validation.other_answers import hall_factor, hysteresis
+from studies.validation import claims
+from studies.validation.claims import hall_factor, hysteresis
 from studies.validation.sensor_figures import factor_figures, loop_figures
 
 VERDICTS = {
@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 
 
 def test_all_files_are_written(folder):
-    assert {path.name for path in folder.glob("[!.]*")} == set(paper_claims.FILES)
+    assert {path.name for path in folder.glob("[!.]*")} == set(claims.FILES)
 
 
 def test_verdicts(folder):
@@ -51,7 +51,7 @@ def test_the_modulus_that_makes_the_claim_true(folder):
 def test_report_names_its_command_and_every_picture(folder):
     text = (folder / "CLAIMS.md").read_text("utf-8")
     assert "Made with `magtip validate claims --quick" in text
-    assert all(f"]({name})" in text for name in paper_claims.FILES if name.endswith(".png"))
+    assert all(f"]({name})" in text for name in claims.FILES if name.endswith(".png"))
 
 
 def test_decoded_force_is_the_sum_of_its_parts(folder):

@@ -215,23 +215,12 @@ def claims(
     out
         Folder for CLAIMS.md, tables and plots.
     """
-    command_line = command(claims, locals())
     from studies.exploration import store as stores
-    from studies.output.provenance import versions
-    from studies.validation import claim_states, paper_claims
+    from studies.validation import claims as study
 
-    origin = versions(("matplotlib",))
-    extent = claim_states.QUICK_EXTENT if quick else claim_states.Extent()
-    with (
-        _results(out, paper_claims.FILES, as_json=as_json, inputs=[store]) as (folder, progress),
-        stores.opened(store or stores.default()) as states,
-    ):
-        results = paper_claims.run(extent, states, progress)
-        if folder is not None:
-            paper_claims.write(folder, results, origin, command_line)
-    rows = [answer.row() if as_json else answer.printed() for answer in results.answers]
-    console.report(rows, as_json=as_json, title="The paper's claims", first=("claim", "verdict"), wide=wide)
-    return GOOD
+    here = destination(claims, locals(), study.FILES, [store])
+    with stores.opened(store or stores.default()) as states:
+        return publish(partial(study.run, store=states, quick=quick), here)
 
 
 def assumption(

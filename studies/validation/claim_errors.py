@@ -24,9 +24,12 @@ from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load, Response
 from studies.validation.claim_states import NAN, Press, Sheared, s1_output
+from studies.validation.pages import Row
 
 BOUND = 0.05
 """Largest error that the paper claims."""
+CLAIMED = ((1.0, 3.0), (5.0, 9.0), (10.0, 18.0))
+"""Moduli, MPa, and the largest forces that the paper gives for them, N (section VI)."""
 MODULI = (0.3, 3.0)
 """Moduli of the silicone that are searched, MPa."""
 PUBLISHED = (0.55, 1.02)
@@ -36,41 +39,6 @@ GAINS = (0.2, 5.0)
 """Factors on the gain of S1 that are searched."""
 
 Interval = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class HeightRow:
-    """What holds for one height of the magnet; errors in %, of the largest force or voltage where the name says so.
-
-    Attributes
-    ----------
-    E_from_MPa, E_to_MPa : moduli for which the force formula is within 5 % of the largest force at every depth; NaN
-        where there is none.
-    best_E_MPa, best_error_percent_of_largest : the modulus of least error, and that error.
-    error_percent_of_largest : the error for E = 1 MPa.
-    worst_error_percent, worst_at_mm : largest error relative to the force of the same depth, for E = 1 MPa.
-    each_depth_from_mm : least depth from which on one modulus keeps the error of every depth within 5 % of its force.
-    S1_error_percent : largest error of the voltage of S1 at equal force for E = 1 MPa, in % of its largest change;
-        `best_E` for the modulus that fits the forces best, `least` for the one that fits the voltage best. `any_gain`
-        fits the gain of S1 too, as a calibration would.
-    """
-
-    magnet_height_mm: float
-    l0_mm: float
-    reached_mm: float
-    E_from_MPa: float
-    E_to_MPa: float
-    best_E_MPa: float
-    best_error_percent_of_largest: float
-    error_percent_of_largest: float
-    worst_error_percent: float
-    worst_at_mm: float
-    each_depth_from_mm: float
-    S1_error_percent: float
-    best_E_S1_error_percent: float
-    best_E_S1_error_any_gain_percent: float
-    least_S1_error_percent: float
-    least_S1_error_any_gain_percent: float
 
 
 def formula(depths: Array) -> Array:
@@ -183,42 +151,46 @@ def voltages(press: Press) -> Voltages:
     return Voltages(formula(depth), modelled, press.force, measured, float(formula(press.depth)[-1]))
 
 
-def height_row(press: Press) -> HeightRow:
-    """Return what holds for one height of the magnet, as far as the presses reach every depth."""
-    reached = np.isfinite(press.force)
-    l0 = press.design.l0 if press.height else NAN
+def height_row(press: Press) -> Row:
+    """Return what holds for one height of the magnet; NaN unless the presses reach every depth.
+
+    Errors are in %, of the largest force or voltage where the name says so. E_from_MPa to E_to_MPa are the moduli for
+    which the force formula is within 5 % of the largest force at every depth. The worst error is relative to the
+    force of the same depth, for E = 1 MPa; from each_depth_from_mm on, one modulus keeps it within 5 %. The errors of
+    S1 are those of its voltage at equal force: for E = 1 MPa, for the modulus that fits the forces best, and for the
+    one that fits the voltage best (least); `any_gain` fits the gain of S1 too, as a calibration would.
+    """
+    predicted, force, depth = formula(press.depth), press.force, press.depth
+    reached = np.isfinite(force)
+    row: Row = {"magnet_height_mm": press.height, "l0_mm": press.design.l0 if press.height else NAN}
+    row["reached_mm"] = float(depth[reached].max(initial=0.0))
+    row |= dict.fromkeys(HEIGHT_FIGURES, NAN)
     if not press.complete:
-        deepest = float(press.depth[reached].max(initial=0.0))
-        return HeightRow(press.height, l0, deepest, *[NAN] * 13)
-    predicted = formula(press.depth)
-    interval = modulus_interval(predicted, press.force, np.full_like(predicted, BOUND * press.force.max()))
-    best = best_modulus(predicted, press.force)
-    relative = relative_errors(press)
+        return row
+    interval = modulus_interval(predicted, force, np.full_like(predicted, BOUND * force.max()))
+    row["E_from_MPa"], row["E_to_MPa"] = interval or (NAN, NAN)
+    best, relative = best_modulus(predicted, force), relative_errors(press)
     worst = int(np.abs(relative).argmax())
-    voltages = _voltage_figures(press, best) if press.height else (NAN,) * 5
-    return HeightRow(
-        press.height,
-        l0,
-        float(press.depth[-1]),
-        *(interval or (NAN, NAN)),
-        best,
-        error_of_largest(predicted, press.force, best),
-        error_of_largest(predicted, press.force, 1.0),
-        float(relative[worst]),
-        float(press.depth[worst]),
-        each_depth_from(press.depth, predicted, press.force),
-        *voltages,
-    )
+    row["best_E_MPa"], row["best_error_percent_of_largest"] = best, error_of_largest(predicted, force, best)
+    row["error_percent_of_largest"] = error_of_largest(predicted, force, 1.0)
+    row["worst_error_percent"], row["worst_at_mm"] = float(relative[worst]), float(depth[worst])
+    row["each_depth_from_mm"] = each_depth_from(depth, predicted, force)
+    if press.height:
+        readings = voltages(press)
+        searched = [float(E) for E in moduli() if readings.reaches(float(E))]
+        row["S1_error_percent"], row["best_E_S1_error_percent"] = readings.error(1.0), readings.error(best)
+        row["best_E_S1_error_any_gain_percent"] = readings.error(best, any_gain=True)
+        for name, free in (("least_S1_error_percent", False), ("least_S1_error_any_gain_percent", True)):
+            row[name] = min((readings.error(E, any_gain=free) for E in searched), default=NAN)
+    return row
 
 
-def _voltage_figures(press: Press, best: float) -> tuple[float, float, float, float, float]:
-    """Return the errors of the voltage of S1 in the order of `HeightRow`."""
-    readings = voltages(press)
-    searched = [float(E) for E in moduli() if readings.reaches(float(E))]
-    least, any_gain = (
-        min((readings.error(E, any_gain=free) for E in searched), default=NAN) for free in (False, True)
-    )
-    return readings.error(1.0), readings.error(best), readings.error(best, any_gain=True), least, any_gain
+HEIGHT_FIGURES = (
+    *("E_from_MPa", "E_to_MPa", "best_E_MPa", "best_error_percent_of_largest", "error_percent_of_largest"),
+    *("worst_error_percent", "worst_at_mm", "each_depth_from_mm", "S1_error_percent", "best_E_S1_error_percent"),
+    *("best_E_S1_error_any_gain_percent", "least_S1_error_percent", "least_S1_error_any_gain_percent"),
+)
+"""Columns of `height_row` that follow from presses to every depth."""
 
 
 def relative_errors(press: Press) -> Array:
@@ -230,43 +202,6 @@ FARTHEST = 3.1
 """Largest shear of the paper's Figure 11, mm."""
 
 
-@dataclass(frozen=True, slots=True)
-class TipRow:
-    """Error of (6) under one condition of the tip.
-
-    Attributes
-    ----------
-    stiffness_N_per_mm : force over the first shear.
-    first_error_percent, worst_error_percent, last_error_percent : error of (6) for E = 1 MPa at the first shear, the
-        largest, and at the last shear.
-    best_E_MPa, best_error_percent : modulus that makes the largest error of (6) least, and that error.
-    """
-
-    tip: str
-    stiffness_N_per_mm: float
-    first_error_percent: float
-    worst_error_percent: float
-    last_error_percent: float
-    best_E_MPa: float
-    best_error_percent: float
-    within_5_percent_from_E_MPa: float
-    within_5_percent_to_E_MPa: float
-
-
-@dataclass(frozen=True, slots=True)
-class SplitRow:
-    """Error of the shear force that the paper's sensor decodes, N, split into its parts."""
-
-    shear_mm: float
-    fem_force_x_N: float
-    decoded_force_x_N: float
-    error_N: float
-    tilt_N: float
-    geometry_N: float
-    force_law_N: float
-    fem_tilt_rad: float
-
-
 def compared(sheared: Sheared) -> tuple[Array, Array]:
     """Return the shears within the paper's range and their forces, without the unsheared state, shape (n,)."""
     shear, force = np.array(sheared.shear), sheared.force()
@@ -274,26 +209,35 @@ def compared(sheared: Sheared) -> tuple[Array, Array]:
     return shear[kept], force[kept]
 
 
-def tip_row(sheared: Sheared) -> TipRow:
-    """Return the errors of (6) under one condition of the tip."""
+TIP_FIGURES = (
+    *("stiffness_N_per_mm", "first_error_percent", "worst_error_percent", "last_error_percent", "best_E_MPa"),
+    *("best_error_percent", "within_5_percent_from_E_MPa", "within_5_percent_to_E_MPa"),
+)
+"""Columns of `tip_row`."""
+
+
+def tip_row(sheared: Sheared) -> Row:
+    """Return the errors of (6) under one condition of the tip, for E = 1 MPa; NaN without a shear.
+
+    The stiffness is the force over the first shear; best_E_MPa makes the largest error least.
+    """
     shear, force = compared(sheared)
+    row: Row = {"tip": sheared.tip} | dict.fromkeys(TIP_FIGURES, NAN)
     if not len(shear):
-        return TipRow(sheared.tip, *[NAN] * 8)
+        return row
     predicted = beam.cantilever_stiffness(sheared.design) * shear
     # forces are proportional to E: error of E is ratio / E - 1, whose extremes balance at the mean of the extremes
     ratio = predicted / force
     error = 100 * (ratio - 1)
     low, high = float(ratio.min()), float(ratio.max())
     interval = modulus_interval(predicted, force, BOUND * force) or (NAN, NAN)
-    worst = float(error[np.abs(error).argmax()])
-    best, spread = (low + high) / 2, 100 * (high - low) / (high + low)
-    return TipRow(
-        sheared.tip, float(force[0] / shear[0]), float(error[0]), worst, float(error[-1]), best, spread, *interval
-    )
+    errors = (float(error[0]), float(error[np.abs(error).argmax()]), float(error[-1]))
+    best = (low + high) / 2, 100 * (high - low) / (high + low)
+    return row | dict(zip(TIP_FIGURES, (float(force[0] / shear[0]), *errors, *best, *interval), strict=True))
 
 
-def split(sheared: Sheared) -> list[SplitRow]:
-    """Return the parts of the error at each shear of the paper's range that was reached; NaN if it has no pose."""
+def split(sheared: Sheared) -> list[Row]:
+    """Return the parts of the error at each shear of the paper's range that was reached, N; NaN if it has no pose."""
     design = sheared.design
     states = [
         (shear, response)
@@ -304,12 +248,12 @@ def split(sheared: Sheared) -> list[SplitRow]:
     stiffness, lever = beam.cantilever_stiffness(design), design.L / design.H
     rows = []
     for (shear, response), shift in zip(states, shifts, strict=True):
-        force = response.force[0]
-        law = stiffness * shear
+        force, law = response.force[0], stiffness * shear
         geometry = stiffness * lever * response.shift[0]
         decoded = stiffness * lever * float(shift[0])
-        parts = (decoded - geometry, geometry - law, law - force)
-        rows.append(SplitRow(shear, force, decoded, decoded - force, *parts, response.tilt))
+        row = {"shear_mm": shear, "fem_force_x_N": force, "decoded_force_x_N": decoded, "error_N": decoded - force}
+        row |= {"tilt_N": decoded - geometry, "geometry_N": geometry - law, "force_law_N": law - force}
+        rows.append(row | {"fem_tilt_rad": response.tilt})
     return rows
 
 
@@ -329,13 +273,12 @@ def _decoder_without_tilt(design: Design) -> decode.Decoder:
     return decode.decoder(design, workspace=((-reach, -reach, -reach), (reach, reach, 0.5)))
 
 
-def share(rows: Sequence[SplitRow], part: str) -> float:
+def share(rows: Sequence[Row], part: str) -> float:
     """Return the size of one part over the sizes of all parts, as sums over the shears, %.
 
-    >>> rows = [SplitRow(1.0, 1.0, 1.5, 0.5, 0.1, 0.5, -0.4, 0.08)]
-    >>> round(share(rows, "tilt_N"))
+    >>> round(share([{"tilt_N": 0.1, "geometry_N": 0.5, "force_law_N": -0.4}], "tilt_N"))
     10
     """
-    sizes = {name: sum(abs(getattr(row, name)) for row in rows) for name in ("tilt_N", "geometry_N", "force_law_N")}
+    sizes = {name: sum(abs(row[name]) for row in rows) for name in ("tilt_N", "geometry_N", "force_law_N")}
     whole = sum(sizes.values())
     return 100 * sizes[part] / whole if whole else NAN

@@ -14,6 +14,7 @@ from geometry.design import paper
 from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, OTHER, bands, canvas, label
 from studies.validation.claim_errors import (
     BOUND,
+    CLAIMED,
     FARTHEST,
     MODULI,
     PUBLISHED,
@@ -26,20 +27,19 @@ from studies.validation.claim_errors import (
     voltages,
 )
 from studies.validation.claim_states import Press, Sheared, States, s1_output, with_magnet
-from studies.validation.press_answers import CLAIMED
 
 POINTS = 41
 """Points along x and y in Figure 6."""
 
 
-def draw(folder: Path, states: States, best_E: float) -> list[str]:
-    """Write all figures into a folder and return their names.
+def pictures(states: States, best_E: float) -> dict[str, Callable[[Path], None]]:
+    """Return what draws each figure, by the name of its file.
 
     Parameters
     ----------
     best_E : modulus that fits the press forces of the preset's magnet best, MPa.
     """
-    pictures: dict[str, Callable[[Path], None]] = {
+    return {
         "modulus_and_height.png": lambda path: modulus_and_height(path, states.presses),
         "figure_6.png": lambda path: figure_6(path, states.sheared[0]),
         "figure_8.png": lambda path: figure_8(path, states, best_E),
@@ -47,9 +47,6 @@ def draw(folder: Path, states: States, best_E: float) -> list[str]:
         "figure_11.png": lambda path: figure_11(path, states.sheared),
         "figure_12.png": lambda path: figure_12(path, states),
     }
-    for name, picture in pictures.items():
-        picture(folder / name)
-    return list(pictures)
 
 
 def figure_6(path: Path, sheared: Sheared) -> None:
@@ -243,7 +240,7 @@ def modulus_and_height(path: Path, presses: Sequence[Press]) -> None:
             axes[0].plot(heights, ends, color="black", linewidth=1.2)
         for press in bare:
             interval = height_row(press)
-            axes[0].plot([0, 0], [interval.E_from_MPa, interval.E_to_MPa], color="black", linewidth=4)
+            axes[0].plot([0, 0], [interval["E_from_MPa"], interval["E_to_MPa"]], color="black", linewidth=4)
             axes[0].text(-0.08, 1.25, "no magnet", fontsize=10, va="center")
         axes[1].text(known[0].height + 0.1, 2.2, "(5) ends below the forces of the press", fontsize=10, va="center")
         figure.colorbar(drawn, ax=axes, ticks=LEVELS).set_label("largest error (%)")

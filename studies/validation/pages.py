@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,10 +53,19 @@ def listed(lines: Iterable[str], nothing: str = "None.") -> str:
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return the text of a template of this package, with the filters `table`, `cell` and `listed`.
+    """Return the text of a file of `templates`; at most one empty line stands between two paragraphs."""
+    text = _environment().get_template(template).render(values)
+    return re.sub(r"\n{3,}", "\n\n", text).strip()
 
-    At most one empty line stands between two paragraphs.
-    """
+
+def filled(text: str, **values: Any) -> str:
+    """Return a template's text with these values."""
+    return str(_environment().from_string(text).render(values))
+
+
+@functools.cache
+def _environment() -> Any:
+    """Return the templates, with the filters `table`, `cell`, `listed`, and `f`, which formats as Python does."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -64,8 +74,8 @@ def rendered(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"table": markdown, "cell": cell, "listed": listed}
-    return re.sub(r"\n{3,}", "\n\n", environment.get_template(template).render(values)).strip()
+    environment.filters |= {"table": markdown, "cell": cell, "listed": listed, "f": format}
+    return environment
 
 
 def failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> list[str]:

@@ -8,7 +8,6 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from studies.sensing import layout_uniqueness
 from studies.simulation import cycle_report, vibration_report
 from studies.simulation.cycle_motion import Motion
 from studies.validation.claim_states import S1_AT_REST, with_magnet
+from studies.validation.pages import Row
 
 FACTOR = 6.463e5
 """The paper's conversion factor of a Hall element, V/Wb (section V.A)."""
@@ -36,20 +36,8 @@ WORKSPACE, STEP = (3.0, 3.0), 0.01
 """Half width and depth of the paper's look-up table, and its step, mm."""
 
 
-@dataclass(frozen=True, slots=True)
-class LayoutRow:
-    """Share of poses whose readings another pose gives too, for one layout and one form of the readings."""
-
-    magnet_height_mm: float
-    l0_mm: float
-    c_mm: float
-    readings: str
-    ambiguous_percent: float
-    apart_mm: float
-
-
-def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> list[LayoutRow]:
-    """Return a row for each layout and each form of the readings: |B| or B.n, with or without tilt.
+def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> list[Row]:
+    """Return the share of poses whose readings another pose gives too, for each layout and form of the readings.
 
     Parameters
     ----------
@@ -61,7 +49,8 @@ def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> l
         progress(k / len(cases), f"readings of a magnet {height:g} mm high, c = {c:g} mm")
         design = dataclasses.replace(with_magnet(height), c=c)
         figures = layout_uniqueness.alike_figures(design, form)
-        rows.append(LayoutRow(height, design.l0, c, form, figures.alike_percent, figures.alike_apart_mm))
+        place = {"magnet_height_mm": height, "l0_mm": design.l0, "c_mm": c, "readings": form}
+        rows.append(place | {"ambiguous_percent": figures.alike_percent, "apart_mm": figures.alike_apart_mm})
     return rows
 
 
@@ -80,25 +69,12 @@ CYCLE_DEPTH, CYCLE_SPEED = 1.0, 0.5
 """Depth of the press, mm, and speed of the plate, mm/s, of a loading cycle; the paper gives no speed."""
 
 
-@dataclass(frozen=True, slots=True)
-class LoopFigures:
-    """Gap at mid-stroke over full scale of a slow loading cycle, percent.
+def loop_figures() -> Row:
+    """Return the gap at mid-stroke over full scale of a slow loading cycle, percent, with the preset's loss factor.
 
-    Attributes
-    ----------
-    loss_factor : of the silicone, as the preset assumes it.
-    fem_percent : second cycle of a press by viscoelastic finite elements.
-    spring_percent, sine_percent : steady cycles of a viscoelastic spring, of a triangle and of a sine.
+    It is that of the second cycle of a press by viscoelastic finite elements at level quick, and that of the steady
+    cycle of a viscoelastic spring, of a triangle and of a sine.
     """
-
-    loss_factor: float
-    fem_percent: float
-    spring_percent: float
-    sine_percent: float
-
-
-def loop_figures() -> LoopFigures:
-    """Return the hysteresis of the paper's sensor with the loss factor of the preset, at level quick."""
     design = paper()
     motion = Motion(CYCLE_DEPTH, 0.0, "none", CYCLE_SPEED / (2 * CYCLE_DEPTH), cycles=2)
     cycles = cycle_report.run(
@@ -106,33 +82,23 @@ def loop_figures() -> LoopFigures:
     )
     relaxation = relaxation_of(design)
     spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))
-    return LoopFigures(design.loss_factor, cycles.loops[-1].gap_percent, 100 * spring, 100 * sine)
+    fem = cycles.loops[-1].gap_percent
+    found = {"loss_factor": design.loss_factor, "fem_percent": fem}
+    return found | {"spring_percent": 100 * spring, "sine_percent": 100 * sine}
 
 
 # Frequencies
 
 
-@dataclass(frozen=True, slots=True)
-class ModeRow:
-    """First bending and axial frequency, Hz, of the sensor with or without its magnet, free or pressed."""
-
-    magnet: Magnet
-    depth_mm: float
-    bending_Hz: float
-    axial_Hz: float
-    error_estimate: float
-
-
-def mode_rows(accuracy: Accuracy, progress: Progress) -> list[ModeRow]:
+def mode_rows(accuracy: Accuracy, progress: Progress) -> list[Row]:
     """Return the frequencies of the paper's sensor, free and pressed by 1 mm, with and without the magnet."""
     cases: list[tuple[Magnet, float]] = [("rigid", 0.0), ("ignored", 0.0), ("rigid", 1.0), ("ignored", 1.0)]
     rows = []
     for k, (magnet, depth) in enumerate(cases):
         progress(k / len(cases), "frequencies")
         result = modes(paper(), magnet, 6, depth=depth, accuracy=accuracy)
-        first = {name: result.frequency[result.shape.index(name)] for name in ("bending", "axial")}
-        estimates = [estimate for estimate in result.estimates if estimate is not None]
-        rows.append(ModeRow(magnet, depth, first["bending"], first["axial"], max(estimates, default=math.nan)))
+        first = {f"{name}_Hz": result.frequency[result.shape.index(name)] for name in ("bending", "axial")}
+        rows.append({"magnet": magnet, "depth_mm": depth, **first})
     return rows
 
 
@@ -148,28 +114,13 @@ VIBRATION_DEPTH, VIBRATION_BAND = 1.0, (1.0, 1000.0)
 """Depth of the press under a plate that sticks, mm, and the frequencies of its vibration, Hz."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResponseFigures:
-    """Readings per N of the pressed, vibrating sensor at 600 Hz over those at 1 Hz, and its resonance along x.
+def response_figures(accuracy: Accuracy) -> Row:
+    """Return what `magtip response` says of the paper's sensor with the loss factor of the preset.
 
-    Attributes
-    ----------
-    loss_factor : of the silicone, as the preset assumes it.
-    along_z, along_x : of S1 by a force along z, and of S2 by one along x.
-    resonance_Hz, Q : of the magnet under a force along x; None if there is none.
-    accurate_Hz : frequency up to which both change by less than 5 %.
+    along_z and along_x are readings per N at 600 Hz over those at 1 Hz: of S1 by a force along z, of S2 by one along
+    x. The resonance is that of the magnet under a force along x, None if there is none. Up to accurate_Hz both change
+    by less than 5 %.
     """
-
-    loss_factor: float
-    along_z: float
-    along_x: float
-    resonance_Hz: float | None
-    Q: float | None
-    accurate_Hz: float
-
-
-def response_figures(accuracy: Accuracy) -> ResponseFigures:
-    """Return what `magtip response` says of the paper's sensor with the loss factor of the preset."""
     design, load = paper(), Load(VIBRATION_DEPTH, friction="stick")
     result = vibration_report.run(
         design, load, VIBRATION_BAND, 2, "rigid", accuracy.name, [], lambda share, text: None
@@ -179,80 +130,54 @@ def response_figures(accuracy: Accuracy) -> ResponseFigures:
     gains = {name: along[name]["relative_reading_at_600"][k] for name, k in first.items()}
     flat = [along[name]["accurate_per_N_Hz"][k] for name, k in first.items()]
     x = along["x"]
-    return ResponseFigures(
-        design.loss_factor,
-        gains["z"] or math.nan,
-        gains["x"] or math.nan,
-        next(iter(x["resonance_per_N_Hz"]), None),
-        next(iter(x["resonance_per_N_Q"]), None),
-        min((one for one in flat if one is not None), default=VIBRATION_BAND[1]),
-    )
+    return {
+        "loss_factor": design.loss_factor,
+        "along_z": gains["z"] or math.nan,
+        "along_x": gains["x"] or math.nan,
+        "resonance_Hz": next(iter(x["resonance_per_N_Hz"]), None),
+        "Q": next(iter(x["resonance_per_N_Q"]), None),
+        "accurate_Hz": min((one for one in flat if one is not None), default=VIBRATION_BAND[1]),
+    }
 
 
 # Hall factor
 
 
-@dataclass(frozen=True, slots=True)
-class FactorFigures:
-    """What the paper's factor and its magnetisation M = 1 imply.
+def factor_figures() -> Row:
+    """Return what the paper's factor and its magnetisation M = 1 imply.
 
-    Attributes
-    ----------
-    rest_mT : flux density at S1 that 2.87 V mean for an SS495A, mT.
-    polarisation_T : polarisation of a magnet whose field gives an SS495A the voltages of the factor with M = 1, T.
-    rest_V, face_V : change of S1's voltage by the factor and M = 1, at the preset's distance, and if S1 touched the
-        magnet's face.
-    pairs : heights of the magnet and the distances l0 that give 2.87 V for J = 1.2 T, mm.
+    rest_mT is the flux density at S1 that 2.87 V mean for an SS495A, polarisation_T that of a magnet whose field
+    gives an SS495A the voltages of the factor. rest_V and face_V are the change of S1's voltage by the factor at the
+    preset's distance, and if S1 touched the magnet's face; pairs are heights of the magnet and distances l0 that give
+    2.87 V for J = 1.2 T, mm.
     """
-
-    rest_mT: float
-    polarisation_T: float
-    rest_V: float
-    face_V: float
-    pairs: tuple[tuple[float, float], ...]
-
-
-def factor_figures() -> FactorFigures:
-    """Return what the paper's factor implies."""
     design = paper()
 
     def by_factor(distance: float) -> float:
         point = np.array([[0.0, 0.0, distance]])
         return FACTOR * float(cylinder_field(point, design.magnet_diameter / 2, design.magnet_height, MU0)[0, 2])
 
-    return FactorFigures(
-        rest_mT=1e3 * (S1_AT_REST - design.hall_null) / design.hall_gain,
-        polarisation_T=FACTOR * MU0 / design.hall_gain,
-        rest_V=by_factor(design.l0),
-        face_V=by_factor(design.magnet_height / 2),
-        pairs=tuple((height, with_magnet(height).l0) for height in (1.0, 2.0, 3.0, 4.0)),
-    )
+    return {
+        "rest_mT": 1e3 * (S1_AT_REST - design.hall_null) / design.hall_gain,
+        "polarisation_T": FACTOR * MU0 / design.hall_gain,
+        "rest_V": by_factor(design.l0),
+        "face_V": by_factor(design.magnet_height / 2),
+        "pairs": [(height, with_magnet(height).l0) for height in (1.0, 2.0, 3.0, 4.0)],
+    }
 
 
 # Cost
 
 
-@dataclass(frozen=True, slots=True)
-class CostRow:
-    """Cost and error of one model in a press of the paper's sensor.
-
-    Attributes
-    ----------
-    seconds : median CPU time of one press to 1 mm.
-    worst_error_percent : largest error of the force at 0.5, 1, 2 and 3 mm against accurate finite elements.
-    """
-
-    model: str
-    seconds: float
-    worst_error_percent: float
-
-
 COST_DEPTHS = (0.5, 1.0, 2.0, 3.0)
+"""Depths of the presses, mm."""
 REPEATS = 3
 
 
-def cost_rows(reference: Accuracy, progress: Progress) -> list[CostRow]:
+def cost_rows(reference: Accuracy, progress: Progress) -> list[Row]:
     """Measure the formulas and two levels of the finite elements, without error estimates, on this machine.
+
+    A row has the median CPU time of a press to 1 mm, and the largest error of the force at COST_DEPTHS.
 
     Parameters
     ----------
@@ -265,12 +190,12 @@ def cost_rows(reference: Accuracy, progress: Progress) -> list[CostRow]:
     for level in beam.LEVELS:
         forces = [beam.solve(design, load, level).force[2] for load in loads]
         seconds = _cpu(functools.partial(beam.solve, design, Load(1.0), level), calls=200)
-        rows.append(CostRow(f"formulas, level {level}", seconds, _worst(forces, exact)))
+        rows.append(_cost(f"formulas, level {level}", seconds, forces, exact))
     for level in (QUICK.name, STANDARD.name):
         progress(0.5, f"cost of the finite elements, level {level}")
         forces = _forces(design, loads, LEVELS[level])
         seconds = _cpu(functools.partial(_forces, design, [Load(1.0)], LEVELS[level]), calls=1)
-        rows.append(CostRow(f"finite elements, level {level}", seconds, _worst(forces, exact)))
+        rows.append(_cost(f"finite elements, level {level}", seconds, forces, exact))
     return rows
 
 
@@ -278,9 +203,10 @@ def _forces(design: Design, loads: list[Load], accuracy: Accuracy) -> list[float
     return [state.response.force[2] for state in equilibrium.trace(design, loads, accuracy, estimate=False)]
 
 
-def _worst(forces: list[float], exact: list[float]) -> float:
-    """Return the largest relative error of forces with its sign, %."""
-    return max((100 * (force / true - 1) for force, true in zip(forces, exact, strict=True)), key=abs)
+def _cost(model: str, seconds: float, forces: list[float], exact: list[float]) -> Row:
+    """Return the row of a model with the largest relative error of its forces, with its sign, %."""
+    worst = max((100 * (force / true - 1) for force, true in zip(forces, exact, strict=True)), key=abs)
+    return {"model": model, "seconds": seconds, "worst_error_percent": worst}
 
 
 def _cpu(call: Callable[[], object], calls: int) -> float:

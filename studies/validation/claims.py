@@ -1,0 +1,510 @@
+"""Answers to the paper's claims: reproduced, refuted or not decidable, with figures computed in the run.
+
+The finite elements have no error that matters here (below 1 %), but they are a model: neo-Hookean silicone, elastic
+but for the claim on hysteresis, a rigid bonded magnet, and a plate whose friction the paper does not give. The words
+of the answers are in templates/claims.toml.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from geometry.design import paper
+from geometry.messages import Progress
+from studies.exploration.store import Store
+from studies.output import records
+from studies.output.records import FlatRow
+from studies.output.result import Result, Table
+from studies.simulation.compare import part
+from studies.simulation.comparison_findings import spans
+from studies.validation import claim_errors, claim_figures, pages, sensor_figures
+from studies.validation.claim_errors import BOUND, CLAIMED, MODULI, PUBLISHED, formula, relative_errors, share
+from studies.validation.claim_states import FRICTION, QUICK_EXTENT, Extent, Press, States, solve
+from studies.validation.pages import Row
+
+WORDS = Path(__file__).parent / "templates" / "claims.toml"
+FILES = (
+    *("CLAIMS.md", "claims.csv", "heights.csv", "presses.csv", "shears.csv", "parts.csv", "modulus_and_height.png"),
+    *("figure_6.png", "figure_8.png", "figure_9.png", "figure_11.png", "figure_12.png"),
+)
+PERCENT = 100 * BOUND
+ROUNDED_N = 0.5
+"""Largest difference between a force and the whole number of newtons that the paper gives for it."""
+LARGE = 10.0
+"""Error in % above which an error counts as much larger than the 5 % that the paper claims for presses."""
+NEAR = 0.05
+"""Relative difference up to which two frequencies count as the same."""
+FREQUENCY, BAND = 970.0, 600.0
+"""The paper's natural frequency, and the highest frequency at which it used its sensor, Hz (section V.C)."""
+HALF_POWER = 0.5**0.5
+"""Share of its slow reading to which a sensor's reading falls at the end of its band, as is usual."""
+NEODYMIUM = (1.0, 1.4)
+"""Polarisations of neodymium magnets, T."""
+LOSSES, FULL_SCALE = (0.01, 0.5), 10.0
+"""Loss factors from resilient silicones to those that are made to damp; the paper's bound of the hysteresis, %."""
+
+Verdict = Literal["reproduced", "refuted", "not decidable"]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer to one claim.
+
+    Attributes
+    ----------
+    claim : the claim in a few words.
+    paper : the paper's value.
+    computed : our figures, in one cell of a table.
+    verdict : whether the figures reproduce or refute the claim, or why neither is possible: the claim depends on
+        something that the paper does not state or that the models leave out.
+    text : the reasons, in sentences.
+    commands : command lines that show parts of the answer.
+    figures : the figures under names with units.
+    """
+
+    claim: str
+    paper: str
+    computed: str
+    verdict: Verdict
+    text: str
+    commands: tuple[str, ...]
+    figures: dict[str, float]
+
+    def row(self) -> FlatRow:
+        """Return the row for JSON."""
+        return records.flat(self)
+
+    def printed(self) -> FlatRow:
+        """Return the columns of the printed table and of claims.csv."""
+        return {"claim": self.claim, "paper": self.paper, "computed": self.computed, "verdict": self.verdict}
+
+
+def run(progress: Progress, store: Store, *, quick: bool = False) -> Result:
+    """Test the paper's claims; the store supplies the states that it has, and receives the others."""
+    extent = QUICK_EXTENT if quick else Extent()
+    states = solve(extent, store, part(progress, 0.0, 0.85))
+    heights = [claim_errors.height_row(press) for press in states.presses]
+    tips = [claim_errors.tip_row(sheared) for sheared in states.sheared]
+    stuck = [each for each in states.sheared if each.magnet == "rigid" and each.depth]
+    splits = [(each.tip, claim_errors.split(each)) for each in stuck]
+    modes = sensor_figures.mode_rows(extent.accuracy, part(progress, 0.85, 0.88) or progress)
+    layouts = sensor_figures.layout_rows(extent.layouts, part(progress, 0.88, 0.97) or progress)
+    costs = sensor_figures.cost_rows(extent.reference, part(progress, 0.97, 1.0) or progress)
+    factor = sensor_figures.factor_figures()
+    own = next(row for row in heights if row["magnet_height_mm"] == states.preset.height)
+    answers = [
+        at_each_depth(heights),
+        of_largest(heights, states),
+        voltage(heights, own["magnet_height_mm"]),
+        shear_force(tips, own["best_E_MPa"]),
+        tilt_as_cause(splits),
+        uniqueness(layouts),
+        largest_forces(states),
+        frequency(modes, sensor_figures.formula_frequencies()),
+        band(modes, sensor_figures.response_figures(extent.accuracy)),
+        hysteresis(sensor_figures.loop_figures()),
+        hall_factor(factor),
+        offset(factor),
+        cost(costs),
+    ]
+    printed = [each.printed() for each in answers]
+    estimates = [press.error_estimate for press in states.presses if np.isfinite(press.force).any()]
+    largest = 100 * float(np.max(estimates or [math.nan]))
+    pictures = claim_figures.pictures(states, own["best_E_MPa"])
+    page = {"answers": answers, "verdicts": printed, "estimate": largest, "heights": heights, "tips": tips}
+    return Result(
+        title="The paper's claims",
+        records=[each.row() for each in answers],
+        shown=[Table(title="The paper's claims", rows=printed, first=("claim", "verdict"))],
+        tables={
+            "claims": printed,
+            "heights": heights,
+            "presses": press_table(states),
+            "shears": shear_table(states),
+            "parts": [{"tip": tip} | row for tip, rows in splits for row in rows],
+        },
+        files=pictures,
+        pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page)},
+        packages=("matplotlib",),
+    )
+
+
+def press_table(states: States) -> list[Row]:
+    """Return a row for each press, with the force for E = 1 MPa; NaN where it was not reached."""
+    return [
+        {"magnet_height_mm": press.height, "depth_mm": depth, "fem_force_N": force, "fem_shift_z_mm": -sinking}
+        for press in states.presses
+        for depth, force, sinking in zip(
+            *(a.tolist() for a in (press.depth, press.force, press.sinking)), strict=True
+        )
+    ]
+
+
+def shear_table(states: States) -> list[Row]:
+    """Return a row for each shear under each condition of the tip."""
+    rows = []
+    for sheared in states.sheared:
+        for shear, response in zip(sheared.shear, sheared.responses, strict=True):
+            values = (np.nan,) * 4 if response is None else (*response.force[::2], response.shift[0], response.tilt)
+            names = ("fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_tilt_rad")
+            rows.append({"tip": sheared.tip, "shear_mm": shear} | dict(zip(names, values, strict=True)))
+    return rows
+
+
+# What makes an answer
+
+
+def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Sequence[float] = ()) -> Verdict:
+    """Return the verdict on a claim that depends on values which the paper does not give.
+
+    Parameters
+    ----------
+    holds : whether the claim holds for all values that the paper leaves open.
+    holds_for_other_values : whether it holds for some of them.
+    figures : those that the other two compare; the claim is not decidable if one is unknown, or if there is none.
+
+    >>> verdict(holds=False, holds_for_other_values=True, figures=[3.0])
+    'not decidable'
+    >>> verdict(holds=False, figures=[3.0]), verdict(holds=False, figures=[float("nan")]), verdict(holds=True)
+    ('refuted', 'not decidable', 'not decidable')
+    """
+    if not figures or any(math.isnan(figure) for figure in figures):
+        return "not decidable"
+    if holds:
+        return "reproduced"
+    return "not decidable" if holds_for_other_values else "refuted"
+
+
+def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: Any) -> Answer:
+    """Return the answer to a claim of WORDS, whose templates get these values."""
+    words = _words()[claim]
+
+    def said(text: str) -> str:
+        return " ".join(pages.filled(text, time=_time, **values).split())
+
+    commands = tuple(map(said, words["commands"]))
+    return Answer(
+        words["claim"], words["paper"], said(words["computed"]), found, said(words["text"]), commands, dict(figures)
+    )
+
+
+@functools.cache
+def _words() -> dict[str, Any]:
+    return tomllib.loads(WORDS.read_text("utf-8"))
+
+
+def least(figures: Iterable[float]) -> float:
+    """Return the least figure that is known; NaN if none is."""
+    return min((figure for figure in figures if math.isfinite(figure)), default=math.nan)
+
+
+def most(figures: Iterable[float]) -> float:
+    """Return the largest figure that is known; NaN if none is."""
+    return max((figure for figure in figures if math.isfinite(figure)), default=math.nan)
+
+
+def _time(seconds: float) -> str:
+    """Return a time with two digits in a fitting unit.
+
+    >>> _time(3.2e-6), _time(0.0384), _time(2.0)
+    ('3.2 µs', '38 ms', '2 s')
+    """
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
+        if seconds * factor >= 1:
+            return f"{seconds * factor:.2g} {unit}"
+    return f"{seconds * 1e6:.2g} µs"
+
+
+# Presses
+
+
+def at_each_depth(rows: Sequence[Row]) -> Answer:
+    """Answer the claim on F_N, with the error taken relative to the force of the same depth."""
+    complete = [row for row in rows if math.isfinite(row["worst_error_percent"])]
+    begins = [row["each_depth_from_mm"] for row in complete if math.isfinite(row["each_depth_from_mm"])]
+    first = least(begins or [row["reached_mm"] for row in complete])
+    errors = [abs(row["worst_error_percent"]) for row in complete]
+    shallowest = complete[0]["worst_at_mm"] if complete else math.nan
+    holds = all(error < PERCENT for error in errors)
+    anywhere = any(begin <= shallowest for begin in begins)
+    figures = {"least_worst_error_percent": least(errors), "largest_worst_error_percent": most(errors)}
+    return answer(
+        "each_depth",
+        verdict(holds=holds, holds_for_other_values=anywhere, figures=errors),
+        figures | {"each_depth_from_mm": first},
+        least=least(errors),
+        most=most(errors),
+        at=shallowest,
+        first=first,
+    )
+
+
+def of_largest(rows: Sequence[Row], states: States) -> Answer:
+    """Answer the claim on F_N, with the error taken relative to the largest force."""
+    fitting = [row for row in rows if math.isfinite(row["E_from_MPa"])]
+    own = next(row for row in rows if row["magnet_height_mm"] == states.preset.height)
+    published = [row for row in fitting if row["E_from_MPa"] <= PUBLISHED[1] and row["E_to_MPa"] >= PUBLISHED[0]]
+    at_one = [row["error_percent_of_largest"] for row in rows if math.isfinite(row["error_percent_of_largest"])]
+    holds = all(error < PERCENT for error in at_one)
+    ends = [fitting[0], fitting[-1]] if fitting else []
+    heights = [row["magnet_height_mm"] for row in rows]
+    preset, rubbed = states.preset, states.rubbed
+    names = {row["magnet_height_mm"]: f"at_{row['magnet_height_mm']:g}_mm" for row in fitting}
+    return answer(
+        "of_largest",
+        verdict(holds=holds, holds_for_other_values=bool(fitting), figures=at_one),
+        {
+            f"E_{end}_MPa_{names[row['magnet_height_mm']]}": row[f"E_{end}_MPa"]
+            for end in ("from", "to")
+            for row in fitting
+        },
+        least=least(at_one),
+        most=most(at_one),
+        ends=ends,
+        some_meets=any(error < PERCENT for error in at_one),
+        own=own,
+        own_between=math.isfinite(own["E_from_MPa"]) and own not in ends,
+        taller=min((h for h in heights if ends and h > ends[-1]["magnet_height_mm"]), default=None),
+        tallest=max((row["magnet_height_mm"] for row in published), default=None),
+        moduli=MODULI,
+        published=PUBLISHED,
+        # the plate's friction is not given by the paper
+        rubbing=100 * (rubbed.force[-1] / preset.force[-1] - 1),
+        friction=FRICTION,
+        deepest=preset.depth[-1],
+    )
+
+
+def voltage(rows: Sequence[Row], own_height: float) -> Answer:
+    """Answer the claim on the voltage of S1 against F_N."""
+    own = next(row for row in rows if row["magnet_height_mm"] == own_height)
+    best = least(row["least_S1_error_percent"] for row in rows)
+    free = least(row["least_S1_error_any_gain_percent"] for row in rows)
+    with_force = [row for row in rows if math.isfinite(row["E_from_MPa"]) and row["magnet_height_mm"]]
+    error = own["S1_error_percent"]
+    figures = {"S1_error_percent": error, "least_S1_error_percent": best, "least_S1_error_any_gain_percent": free}
+    return answer(
+        "voltage",
+        verdict(holds=error < PERCENT, holds_for_other_values=free < PERCENT, figures=[error, free]),
+        figures,
+        own=own,
+        best=best,
+        free=free,
+        moduli=MODULI,
+        with_force=with_force,
+        both=least(row["best_E_S1_error_any_gain_percent"] for row in with_force),
+    )
+
+
+def largest_forces(states: States) -> Answer:
+    """Answer the claim on the largest force with an error below 5 %, for three moduli."""
+    bare = next((press for press in states.presses if not press.height), states.preset)
+    depths = np.linspace(0.0, 3.0, 601)
+    by_formula = formula(depths)
+    forces: list[Row] = []
+    figures: dict[str, float] = {}
+    for E, force in CLAIMED:
+        depth = float(np.interp(force / E, by_formula, depths))
+        at = [float(np.interp(depth, press.depth, relative_errors(press))) for press in (bare, states.preset)]
+        figures |= {f"depth_mm_at_{force:g}_N": depth, f"error_percent_at_{force:g}_N": at[0]}
+        figures[f"error_percent_at_{force:g}_N_with_magnet"] = at[1]
+        forces.append({"E": E, "force": force, "depth": depth, "errors": at})
+    reach = _largest_force_within(bare)
+    reaches = [_largest_force_within(press) for press in states.presses if press.complete]
+    as_claimed = [all(abs(E * each - force) <= ROUNDED_N for E, force in CLAIMED) for each in reaches]
+    return answer(
+        "largest_forces",
+        verdict(holds=all(as_claimed), holds_for_other_values=any(as_claimed), figures=reaches),
+        figures | {"largest_force_N_at_1_MPa": reach},
+        forces=forces,
+        runs=_spans_within(bare),
+        reach=reach,
+        never_with_magnet=np.abs(relative_errors(states.preset)).min() > PERCENT,
+    )
+
+
+def _spans_within(press: Press) -> list[tuple[float, float]]:
+    """Return the depths between which the formula with E = 1 MPa is within 5 % of the press, mm."""
+    return spans(list(zip(press.depth.tolist(), relative_errors(press).tolist(), strict=True)), PERCENT)
+
+
+def _largest_force_within(press: Press) -> float:
+    """Return the largest force, N, at which the formula with E = 1 MPa is within 5 % of the press; 0 without one."""
+    runs = _spans_within(press)
+    return float(np.interp(runs[-1][1], press.depth, press.force)) if runs else 0.0
+
+
+# Shears and readings
+
+
+def shear_force(tips: Sequence[Row], best_E: float) -> Answer:
+    """Answer the claim that the error of F_mu is large.
+
+    Parameters
+    ----------
+    best_E : modulus that fits the press forces best, MPa.
+    """
+    stuck = [tip for tip in tips if "stuck" in tip["tip"]]
+    worst = [abs(tip["worst_error_percent"]) for tip in stuck if math.isfinite(tip["worst_error_percent"])]
+    return answer(
+        "shear_force",
+        verdict(holds=least(worst) > LARGE, figures=[tip["worst_error_percent"] for tip in stuck]),
+        {"least_worst_error_percent": least(worst), "largest_worst_error_percent": most(worst)},
+        tips=tips,
+        gripped=next((tip for tip in tips if tip not in stuck), None),
+        needed=[tip["best_E_MPa"] for tip in stuck if math.isfinite(tip["best_E_MPa"])],
+        best_E=best_E,
+        least=least(worst),
+        most=most(worst),
+    )
+
+
+def tilt_as_cause(splits: Sequence[tuple[str, Sequence[Row]]]) -> Answer:
+    """Answer the claim that the ignored tilt causes the error of F_mu."""
+    known = [(tip, rows) for tip, rows in splits if rows]
+    shares = [share(rows, "tilt_N") for _, rows in known]
+    return answer(
+        "tilt",
+        verdict(holds=least(shares) > 50, figures=shares),
+        {"least_tilt_share_percent": least(shares), "largest_tilt_share_percent": most(shares)},
+        known=[(tip, rows[-1]) for tip, rows in known],
+        least=least(shares),
+        most=most(shares),
+    )
+
+
+def uniqueness(rows: Sequence[Row]) -> Answer:
+    """Answer the claim that the readings are unique to each location."""
+    place = ("magnet_height_mm", "c_mm")
+    own = [row for row in rows if all(row[name] == rows[0][name] for name in place)]
+    failing = [row for row in rows if row["ambiguous_percent"] > 0]
+    unique = len(rows) - len(failing)
+    shares = [row["ambiguous_percent"] for row in rows]
+    return answer(
+        "uniqueness",
+        verdict(holds=not failing, holds_for_other_values=bool(unique), figures=shares),
+        {"unique_cases": float(unique), "cases": float(len(rows))},
+        unique=unique,
+        cases=len(rows),
+        failing=failing,
+        holds_here=not any(row["ambiguous_percent"] for row in own),
+        entries=sensor_figures.table_entries(),
+    )
+
+
+# Frequencies and losses
+
+
+def frequency(rows: Sequence[Row], formulas: dict[str, float]) -> Answer:
+    """Answer the claim on the natural frequency."""
+    free, bare = (
+        next(row for row in rows if row["magnet"] == magnet and not row["depth_mm"])
+        for magnet in ("rigid", "ignored")
+    )
+    pressed = max((row for row in rows if row["magnet"] == "rigid"), key=lambda row: row["depth_mm"])
+    near = abs(free["bending_Hz"] / FREQUENCY - 1) <= NEAR
+    figures = {"bending_Hz": free["bending_Hz"], "axial_Hz": free["axial_Hz"]}
+    figures |= {f"{shape}_without_magnet_Hz": bare[f"{shape}_Hz"] for shape in ("bending", "axial")}
+    figures |= {
+        "spring_mass_Hz": formulas["third_of_silicone"],
+        "spring_mass_with_magnet_Hz": formulas["with_magnet"],
+    }
+    found = {"free": free, "bare": bare, "pressed": pressed, "claimed": FREQUENCY, "published": PUBLISHED}
+    return answer("frequency", verdict(holds=near, figures=[free["bending_Hz"]]), figures, **found, **formulas)
+
+
+def band(rows: Sequence[Row], vibration: Row) -> Answer:
+    """Answer the claim that the sensor is usable to 600 Hz and above."""
+    by_depth = {row["depth_mm"]: row for row in rows if row["magnet"] == "rigid"}
+    deepest = max(by_depth)
+    free, pressed = by_depth[0.0]["bending_Hz"], by_depth[deepest]["bending_Hz"]
+    # an undamped oscillator amplifies a slow load by 5 % at this frequency
+    slow = free * (1 - 1 / 1.05) ** 0.5
+    along_z, along_x, accurate = vibration["along_z"], vibration["along_x"], vibration["accurate_Hz"]
+    figures = {"accurate_to_Hz": slow, "bending_Hz": free, "pressed_bending_Hz": pressed}
+    figures |= {"loss_factor": vibration["loss_factor"], "relative_reading_z_at_600": along_z}
+    figures |= {"relative_reading_x_at_600": along_x, "accurate_with_loss_to_Hz": accurate}
+    figures |= records.known({"resonance_Hz": vibration["resonance_Hz"], "resonance_Q": vibration["Q"]})
+    return answer(
+        "band",
+        verdict(
+            holds=min(slow, accurate) >= BAND,
+            holds_for_other_values=not min(along_z, along_x) < HALF_POWER,
+            figures=[slow, accurate, along_z, along_x],
+        ),
+        figures,
+        free=free,
+        pressed=pressed,
+        pressed_depth=deepest,
+        inside=min(free, pressed) < BAND,
+        slow=slow,
+        band=BAND,
+        half_power=HALF_POWER,
+        vibration_depth=sensor_figures.VIBRATION_DEPTH,
+        **vibration,
+    )
+
+
+def hysteresis(figures: Row) -> Answer:
+    """Answer the claim on hysteresis."""
+    loss_factor = figures["loss_factor"]
+    allowed, sine = (FULL_SCALE * loss_factor / figures[name] for name in ("fem_percent", "sine_percent"))
+    bounds = {"holds": min(allowed, sine) >= LOSSES[1], "holds_for_other_values": max(allowed, sine) >= LOSSES[0]}
+    found = {"loss_factor": loss_factor, "gap_percent": figures["fem_percent"]}
+    return answer(
+        "hysteresis",
+        verdict(**bounds, figures=[allowed, sine]),
+        found | {"allowed_loss_factor": allowed, "allowed_loss_factor_sine": sine},
+        allowed=allowed,
+        allowed_sine=sine,
+        losses=LOSSES,
+        depth=sensor_figures.CYCLE_DEPTH,
+        speed=sensor_figures.CYCLE_SPEED,
+        **figures,
+    )
+
+
+# Magnet and cost
+
+
+def hall_factor(figures: Row) -> Answer:
+    """Answer the claim on the conversion factor of a Hall element."""
+    polarisation = figures["polarisation_T"]
+    found = verdict(holds=NEODYMIUM[0] <= polarisation <= NEODYMIUM[1], figures=[polarisation])
+    own = {name: figures[name] for name in ("polarisation_T", "rest_V", "face_V")}
+    return answer("hall_factor", found, own, factor=sensor_figures.FACTOR, neodymium=NEODYMIUM, **own)
+
+
+def offset(figures: Row) -> Answer:
+    """Answer the claim on the offset of S1."""
+    pairs = figures["pairs"]
+    below = sum(l0 > paper().H for _, l0 in pairs)
+    found = {f"l0_mm_at_{height:g}_mm": l0 for height, l0 in pairs} | {"rest_mT": figures["rest_mT"]}
+    plausible = verdict(holds=below > 0, figures=[l0 for _, l0 in pairs])
+    return answer("offset", plausible, found, pairs=pairs, below=below, rest_mT=figures["rest_mT"])
+
+
+def cost(rows: Sequence[Row]) -> Answer:
+    """Answer the claim that the model is simple and faster than finite elements."""
+    paper, *others = rows
+    elements = [row for row in rows if row["model"].startswith("finite elements")]
+    fastest = min(elements, key=lambda row: row["seconds"])
+    ratio = fastest["seconds"] / paper["seconds"]
+    return answer(
+        "cost",
+        verdict(holds=ratio > 1, figures=[ratio]),
+        {f"{row['model'].replace(', level ', '_').replace(' ', '_')}_s": row["seconds"] for row in rows},
+        rows=rows,
+        paper=paper,
+        finite=next(row for row in others if row["model"].endswith("finite")),
+        fastest=fastest,
+        ratio=ratio,
+    )
