@@ -7,7 +7,7 @@ import pytest
 from fem.analyses.force_targets import ForceTarget
 from geometry.loads import Load
 from studies.inputs.option_groups import Motion
-from studies.simulation import force_cases
+from studies.simulation import load_cases
 
 QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 TARGET_KEYS = {"target_force_N", "target_shear_force_N"}
@@ -30,7 +30,7 @@ STICK = Load(friction="stick")
     ],
 )
 def test_options_as_targets(options, targets):
-    assert force_cases.targets_of(Motion(**options)) == targets
+    assert load_cases.targets_of(Motion(**options)) == targets
 
 
 @pytest.fixture

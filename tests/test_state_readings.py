@@ -147,8 +147,8 @@ def test_states_that_do_not_determine_the_mechanics_have_no_resolution(run, stri
     ],
 )
 def test_a_load_comes_back_from_a_file_as_it_was(tmp_path, load):
-    row = state_rows.formula_state_row(load, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0), "paper", 0.0, LABEL)
+    row = state_rows.state_row(load, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0), "paper", LABEL)
     file = tmp_path / "states.jsonl"
-    file.write_text(json.dumps(row.row() | LABEL))
+    file.write_text(json.dumps(row | LABEL))
     (state,) = state_files.read(file, paper())
     assert state.load == load

@@ -56,7 +56,7 @@ def destination(
     names, inputs : of `Destination`; the verb's argument `source` is an input too.
     """
     return Destination(
-        command=command(verb, arguments),
+        command=command(verb, arguments) if arguments.get("out") else "",
         out=arguments.get("out"),
         inputs=(arguments.get("source"), *inputs),
         names=names,

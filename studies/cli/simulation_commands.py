@@ -9,7 +9,7 @@ from typing import Annotated
 
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
-from studies.cli.command_output import print_record, report_failures, say_if_without_magnet
+from studies.cli.command_output import say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
 from studies.inputs import user_input
 from studies.inputs.input_warnings import say_no_effect
@@ -27,7 +27,7 @@ from studies.inputs.option_groups import (
 )
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
-from studies.output.result import GOOD, publish
+from studies.output.result import Destination, Result, failure_of, publish, show
 
 
 def solve(
@@ -55,15 +55,14 @@ def solve(
     picture
         File (.png) for the deformed section of the last state.
     """
-    from studies.simulation import force_cases, load_cases, within_tolerance
+    from studies.simulation import load_cases, within_tolerance
 
     design = design_of(source, sets, method.magnet)
     atomic_files.check_apart([out, picture], [source, method.mesh])
-    targets = force_cases.targets_of(motion)
-    loads = force_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
+    targets = load_cases.targets_of(motion)
+    loads = load_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
     for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
-    keys = force_cases.columns(targets) if targets else load_cases.columns(loads)
     with console.progress(as_json=as_json) as progress:
         title, rows = within_tolerance.run(
             design, loads, method, targets, out=out, picture=picture, progress=progress
@@ -73,18 +72,18 @@ def solve(
                 rows,
                 as_json=as_json,
                 title=title,
-                keys=keys,
+                keys=load_cases.target_columns(targets) if targets else load_cases.columns(loads),
                 count=len(loads),
-                brief=(*load_cases.UNSHOWN, *force_cases.unshown(targets)),
+                brief=(*load_cases.UNSHOWN, *load_cases.unshown(targets)),
                 first=load_cases.FIRST,
                 wide=wide,
             )
-    if len(loads) > 1 and not as_json:
-        for remark in console.remarks(records, load_cases.MOVED):
-            console.note(remark)
-    if targets and not as_json and (change := force_cases.change_of_force(records[-1])):
-        console.note(change)
-    return report_failures(records)
+    notes = console.remarks(records, load_cases.MOVED) if len(loads) > 1 else []
+    if targets and (change := load_cases.change_of_force(records[-1])):
+        notes.append(change)
+    # the records are printed as soon as they are reached
+    result = Result(title=title, records=[], shown=notes, failures=failure_of(records))
+    return show(result, Destination(as_json=as_json))
 
 
 def analytic(
@@ -110,9 +109,9 @@ def analytic(
     design = design_of(source, sets)
     if level == "paper" and design.law != "neo-hookean":
         say_no_effect("law", "level paper uses E only")
-    record = load_cases.analytic(design, depth, (shear, shear_y), level).row()
-    print_record(record, "Formulas", load_cases.UNSHOWN, as_json=as_json)
-    return GOOD
+    return publish(
+        lambda _: load_cases.analytic(design, depth, (shear, shear_y), level), destination(analytic, locals())
+    )
 
 
 def stability(

@@ -128,7 +128,7 @@ def of_solution(name: str, state: ExplorerState, solution: Solution) -> bytes:
     from analytic import hall
     from studies.simulation import state_rows
 
-    row = state_rows.solved_row(solution, design_digest.of_mechanics(state.design, state.magnet)).row()
+    row = state_rows.solved_row(solution, design_digest.of_mechanics(state.design, state.magnet))
     made_for = row.pop("made_for", None)
     if state.design.shape.has_magnet:
         readings = hall.readings(state.design, solution.response)

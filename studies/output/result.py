@@ -117,7 +117,7 @@ class Destination:
 
     Attributes
     ----------
-    command : command line that makes the result again.
+    command : command line that makes the result again; empty where no file states it.
     out : folder of the files; None writes none.
     inputs : files that the study reads, which no output may replace.
     names : names of all files that the study may write. What an earlier run left of them, and this one does not
@@ -213,6 +213,14 @@ def _show_block(block: Block, *, wide: bool) -> None:
             )
             for remark in console.remarks(block.rows, block.places, block.among) if block.places else ():
                 console.note(remark)
+
+
+def of_record(title: str, record: Mapping[str, Any], unshown: Sequence[str] = ()) -> Result:
+    """Return the result of one record, which has its warnings; a table leaves these and the keys `unshown` out."""
+    shown = {key: value for key, value in record.items() if key not in ("warnings", *unshown)}
+    return Result(
+        title=title, records=[record], shown=[Table(title=title, rows=[shown])], warnings=record["warnings"]
+    )
 
 
 def failure_of(records: Rows) -> list[str]:

@@ -1,15 +1,18 @@
-"""The rows of solved states and of the formulas, under the names that `magtip solve` and `magtip analytic` print."""
+"""The rows of solved states and of the formulas, under the names that `magtip solve` and `magtip analytic` print.
+
+Columns of a load: `friction` is "none", "stick" or a coefficient, None for a grip; `grip_mm` is the height of the
+gripped skin, None under a plate. Columns of a response: force and shift are vectors (x, y, z), and the rotation is
+the vector about x and y; all are None for an unsolved state. `dissipated_mJ` is what slip on the plate has dissipated
+since the start of the path. `digest` and `made_for` label the sensor, so that a reader of the row can refuse another.
+"""
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design_digest import Fields
 from geometry.loads import Load, Response
-from studies.output import records
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
@@ -17,141 +20,66 @@ if TYPE_CHECKING:
     from fem.solution import Facts, Solution
     from studies.surrogate.surrogate_response import Estimate
 
+FACTS = (
+    "stop",
+    "remark",
+    "stability",
+    "unstable_directions",
+    "onset_depth_from_mm",
+    "onset_depth_to_mm",
+    "onset_shear_from_mm",
+    "onset_shear_to_mm",
+    "unstable_stretches",
+    "inside_out_share",
+    "sideways_stiffness_ratio",
+    "critical_depth_mm_estimate",
+    "crease_ratio",
+    "largest_strain_percent",
+)
+"""Columns of what the message puts in words (see `fem.solution.Facts`); None for a fact that is unknown. The onset is
+the interval of the depth, or of the shear, whichever grew, in which the path became unstable."""
 
-@dataclass(frozen=True, slots=True)
-class LoadColumns:
-    """A load: the motion of the plate or grip, its tilt, the imperfection, and how the tip is held.
 
-    Attributes
+def state_row(load: Load, response: Response | None, model: str, made_for: Fields, **known: Any) -> FlatRow:
+    """Return the row of one state of a path.
+
+    Parameters
     ----------
-    friction : "none", "stick" or a coefficient; None for a grip.
-    grip_mm : height of the gripped skin; None under a plate.
+    response : None for a state that was not solved.
+    made_for : fields of the design that the state depends on.
+    known : values of other columns; the others are those of a state without a solve by finite elements.
     """
-
-    depth_mm: float
-    shear_mm: float
-    shear_y_mm: float
-    plate_tilt_rad: float
-    imperfection_N: float
-    friction: float | str | None
-    grip_mm: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class ResponseColumns:
-    """The response to a load: force on the tip, pose of the magnet, contact radius; all None for an unsolved state.
-
-    Force and shift are vectors (x, y, z); the rotation is the vector about x and y.
-    """
-
-    force_N: list[float] | None = None
-    shift_mm: list[float] | None = None
-    tilt_rad: float | None = None
-    tilt_y_rad: float | None = None
-    rotation_rad: list[float] | None = None
-    contact_radius_mm: float | None = None
+    row: FlatRow = {
+        "status": "ok",
+        "message": "",
+        "model": model,
+        **_load_columns(load),
+        **_response_columns(response),
+        "slip_share": None,
+        "dissipated_mJ": None,
+        "error_estimate": None,
+        "shift_error_estimate": None,
+        "tilt_error_estimate": None,
+        "sideways_error_estimate": None,
+        "dofs": 0,
+        "newton_iterations": 0,
+        "seconds": 0.0,
+        **dict.fromkeys(FACTS),
+        "digest": design_digest.digest(made_for),
+        "made_for": made_for,
+    }
+    return row | known
 
 
-@dataclass(frozen=True, slots=True)
-class FactColumns:
-    """Facts of a state that its message puts in words (see `fem.solution.Facts`); None for a fact that is unknown.
-
-    Attributes
-    ----------
-    onset_depth_from_mm, onset_depth_to_mm : interval of depths in which the path became unstable.
-    onset_shear_from_mm, onset_shear_to_mm : the same for a path along which the shear grows.
-    """
-
-    stop: str | None = None
-    remark: str | None = None
-    stability: str | None = None
-    unstable_directions: int | None = None
-    onset_depth_from_mm: float | None = None
-    onset_depth_to_mm: float | None = None
-    onset_shear_from_mm: float | None = None
-    onset_shear_to_mm: float | None = None
-    unstable_stretches: list[float] | None = None
-    inside_out_share: float | None = None
-    sideways_stiffness_ratio: float | None = None
-    critical_depth_mm_estimate: float | None = None
-    crease_ratio: float | None = None
-    largest_strain_percent: float | None = None
-
-
-FACTS = tuple(column.name for column in dataclasses.fields(FactColumns))
-"""Names of the columns that repeat the message."""
-
-
-@dataclass(frozen=True, slots=True)
-class StateRow:
-    """One state of a path by finite elements.
-
-    Attributes
-    ----------
-    dissipated_mJ : energy dissipated by slip on the plate since the start of the path.
-    digest, made_for : label of the sensor, so that a reader of the row can refuse another sensor.
-    """
-
-    status: str
-    message: str
-    model: str
-    load: LoadColumns = field(metadata={"prefix": ""})
-    response: ResponseColumns = field(metadata={"prefix": ""})
-    slip_share: float | None
-    dissipated_mJ: float | None
-    error_estimate: float | None
-    shift_error_estimate: float | None
-    tilt_error_estimate: float | None
-    sideways_error_estimate: float | None
-    dofs: int
-    newton_iterations: int
-    seconds: float
-    facts: FactColumns = field(metadata={"prefix": ""})
-    digest: str
-    made_for: Fields
-
-    def row(self) -> FlatRow:
-        """Return the flat row for tables and JSON."""
-        return records.flat(self)
-
-
-@dataclass(frozen=True, slots=True)
-class FormulaRow:
-    """The response by formulas, with the readings of the Hall elements.
-
-    Attributes
-    ----------
-    readings_T, saturated : one value for each element; None without a magnet.
-    readings_V, output_T : outputs of elements whose unit is V, or of a chip in T; the other is None.
-    warnings : saturated elements and collisions, in sentences.
-    """
-
-    status: str
-    message: str
-    level: str
-    load: LoadColumns = field(metadata={"prefix": ""})
-    response: ResponseColumns = field(metadata={"prefix": ""})
-    readings_T: list[float] | None
-    readings_V: list[float] | None
-    output_T: list[float] | None
-    saturated: list[bool] | None
-    warnings: list[str]
-    digest: str
-    made_for: Fields
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
-
-
-def solved_row(state: Solution, made_for: Fields) -> StateRow:
-    """Return the row of a solved state; `made_for` holds the fields of the design that the state depends on."""
-    return StateRow(
+def solved_row(state: Solution, made_for: Fields) -> FlatRow:
+    """Return the row of a state by finite elements."""
+    return state_row(
+        state.load,
+        state.response,
+        state.model,
+        made_for,
         status=state.status,
         message=state.message,
-        model=state.model,
-        load=_load_columns(state.load),
-        response=_response_columns(state.response),
         slip_share=state.slip_share,
         dissipated_mJ=state.dissipated,
         error_estimate=state.estimates.force,
@@ -161,45 +89,24 @@ def solved_row(state: Solution, made_for: Fields) -> StateRow:
         dofs=state.dofs,
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,
-        facts=_fact_columns(state.facts),
-        digest=design_digest.digest(made_for),
-        made_for=made_for,
+        **_fact_columns(state.facts),
     )
 
 
-def formula_state_row(load: Load, response: Response, model: str, seconds: float, made_for: Fields) -> StateRow:
-    """Return the row of a state by formulas, in the columns of finite elements; `model` names their level."""
-    return StateRow(
-        status="ok",
-        message="",
-        model=model,
-        load=_load_columns(load),
-        response=_response_columns(response),
-        slip_share=None,
-        dissipated_mJ=None,
-        error_estimate=None,
-        shift_error_estimate=None,
-        tilt_error_estimate=None,
-        sideways_error_estimate=None,
-        dofs=0,
-        newton_iterations=0,
-        seconds=seconds,
-        facts=FactColumns(),
-        digest=design_digest.digest(made_for),
-        made_for=made_for,
-    )
-
-
-def surrogate_state_row(load: Load, estimate: Estimate, model: str, seconds: float, made_for: Fields) -> StateRow:
+def surrogate_row(load: Load, estimate: Estimate, model: str, made_for: Fields, seconds: float) -> FlatRow:
     """Return the row of a state by the surrogate: its error estimates are the half widths of its 90 % intervals."""
-    return dataclasses.replace(
-        formula_state_row(load, estimate.response, model, seconds, made_for),
+    return state_row(
+        load,
+        estimate.response,
+        model,
+        made_for,
         message=surrogate_message(estimate),
         error_estimate=estimate.force_error,
         shift_error_estimate=estimate.shift_error,
         tilt_error_estimate=estimate.tilt_error,
         sideways_error_estimate=estimate.sideways_error,
-        facts=FactColumns(largest_strain_percent=100 * estimate.strain),
+        seconds=seconds,
+        largest_strain_percent=100 * estimate.strain,
     )
 
 
@@ -211,29 +118,6 @@ def surrogate_message(estimate: Estimate) -> str:
     return f"by the surrogate; 90 % intervals: {shown}"
 
 
-def unsolved_row(load: Load, model: str, message: str, made_for: Fields) -> StateRow:
-    """Return the row of a load that has no solution because its mesh cannot be made."""
-    return StateRow(
-        status="not_converged",
-        message=message,
-        model=model,
-        load=_load_columns(load),
-        response=ResponseColumns(),
-        slip_share=None,
-        dissipated_mJ=None,
-        error_estimate=None,
-        shift_error_estimate=None,
-        tilt_error_estimate=None,
-        sideways_error_estimate=None,
-        dofs=0,
-        newton_iterations=0,
-        seconds=0.0,
-        facts=FactColumns(stop="no_mesh"),
-        digest=design_digest.digest(made_for),
-        made_for=made_for,
-    )
-
-
 def formula_row(
     load: Load,
     response: Response,
@@ -243,61 +127,68 @@ def formula_row(
     message: str,
     warnings: list[str],
     made_for: Fields,
-) -> FormulaRow:
-    """Return the row of the formulas of a level; `readings` is None without a magnet."""
+) -> FlatRow:
+    """Return the row of the formulas of a level, with one value for each Hall element.
+
+    Parameters
+    ----------
+    readings : None without a magnet.
+    warnings : saturated elements and collisions, in sentences.
+    """
+    output = None if readings is None else list(readings.output)
     volts = readings is not None and set(readings.units) == {"V"}
-    return FormulaRow(
-        status="ok",
-        message=message,
-        level=level,
-        load=_load_columns(load),
-        response=_response_columns(response),
-        readings_T=None if readings is None else list(readings.B_T),
-        readings_V=list(readings.output) if readings and volts else None,
-        output_T=list(readings.output) if readings and not volts else None,
-        saturated=None if readings is None else list(readings.saturated),
-        warnings=warnings,
-        digest=design_digest.digest(made_for),
-        made_for=made_for,
-    )
+    return {
+        "status": "ok",
+        "message": message,
+        "level": level,
+        **_load_columns(load),
+        **_response_columns(response),
+        "readings_T": readings and list(readings.B_T),
+        "readings_V": output if volts else None,
+        "output_T": None if volts else output,
+        "saturated": readings and list(readings.saturated),
+        "warnings": warnings,
+        "digest": design_digest.digest(made_for),
+        "made_for": made_for,
+    }
 
 
-def _load_columns(load: Load) -> LoadColumns:
-    friction = None if load.grip is not None else load.friction
-    return LoadColumns(
-        load.depth, load.shear_x, load.shear_y, load.plate_tilt, load.imperfection, friction, load.grip
-    )
+def _load_columns(load: Load) -> FlatRow:
+    return {
+        "depth_mm": load.depth,
+        "shear_mm": load.shear_x,
+        "shear_y_mm": load.shear_y,
+        "plate_tilt_rad": load.plate_tilt,
+        "imperfection_N": load.imperfection,
+        "friction": None if load.grip is not None else load.friction,
+        "grip_mm": load.grip,
+    }
 
 
-def _response_columns(response: Response) -> ResponseColumns:
-    return ResponseColumns(
-        list(response.force),
-        list(response.shift),
-        response.tilt,
-        response.tilt_y,
-        list(response.rotation),
-        response.contact_radius,
-    )
+def _response_columns(response: Response | None) -> FlatRow:
+    return {
+        "force_N": response and list(response.force),
+        "shift_mm": response and list(response.shift),
+        "tilt_rad": response and response.tilt,
+        "tilt_y_rad": response and response.tilt_y,
+        "rotation_rad": response and list(response.rotation),
+        "contact_radius_mm": response and response.contact_radius,
+    }
 
 
-def _fact_columns(facts: Facts) -> FactColumns:
-    # the onset is an interval of the depth or of the shear, whichever grew along the path
-    onset = facts.onset_mm or (None, None)
-    depth = onset if facts.onset == "depth" else (None, None)
-    shear = onset if facts.onset == "shear" else (None, None)
-    return FactColumns(
-        stop=facts.stop or None,
-        remark=facts.remark,
-        stability=facts.verdict,
-        unstable_directions=facts.stability.directions,
-        onset_depth_from_mm=depth[0],
-        onset_depth_to_mm=depth[1],
-        onset_shear_from_mm=shear[0],
-        onset_shear_to_mm=shear[1],
-        unstable_stretches=None if facts.weak_at is None else list(facts.weak_at),
-        inside_out_share=facts.inverted_share,
-        sideways_stiffness_ratio=facts.sideways_stiffness_ratio,
-        critical_depth_mm_estimate=facts.critical_depth,
-        crease_ratio=facts.crease_ratio,
-        largest_strain_percent=None if facts.largest_strain is None else 100 * facts.largest_strain,
-    )
+def _fact_columns(facts: Facts) -> FlatRow:
+    first, last = facts.onset_mm or (None, None)
+    onset = {f"onset_{facts.onset}_from_mm": first, f"onset_{facts.onset}_to_mm": last} if facts.onset else {}
+    return {
+        "stop": facts.stop or None,
+        "remark": facts.remark,
+        "stability": facts.verdict,
+        "unstable_directions": facts.stability.directions,
+        **onset,
+        "unstable_stretches": None if facts.weak_at is None else list(facts.weak_at),
+        "inside_out_share": facts.inverted_share,
+        "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
+        "critical_depth_mm_estimate": facts.critical_depth,
+        "crease_ratio": facts.crease_ratio,
+        "largest_strain_percent": None if facts.largest_strain is None else 100 * facts.largest_strain,
+    }

@@ -21,9 +21,8 @@ from studies.inputs.option_groups import Method
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.output import console
 from studies.output.records import FlatRow
-from studies.simulation import force_cases, load_cases, model_choice, state_rows
+from studies.simulation import load_cases, model_choice, state_rows
 from studies.simulation.model_choice import UNMET, Choice, percent
-from studies.simulation.state_rows import StateRow
 
 if TYPE_CHECKING:
     from fem.analyses.force_targets import ForceTarget
@@ -75,16 +74,16 @@ def run(
     files = {"out": out, "picture": picture}
     if method.tolerance is None:
         states = load_cases.solve(design, loads, method, **files, progress=progress, targets=targets)
-        title, rows = "Finite elements", load_cases.rows(states)
+        title, rows = "Finite elements", states
     else:
         check(method)
         if targets:
-            loads = force_cases.loads_at_quick(design, targets, method, progress)
+            loads = load_cases.loads_at_quick(design, targets, method, progress)
         chosen = choose(design, loads, method, files=bool(targets) or any(files.values()))
         chosen.say()
         title = TITLES[chosen.choice.model_kind]
         rows = solve(design, loads, method, chosen, **files, progress=progress, targets=targets)
-    return title, force_cases.with_targets(rows, targets) if targets else rows
+    return title, load_cases.with_targets(rows, targets) if targets else rows
 
 
 def check_alone(options: dict[str, Any]) -> None:
@@ -144,11 +143,11 @@ def solve(
     """
     if chosen.choice.model_kind == "formula":
         for load in loads:
-            yield _formula_row(design, load, method, chosen.choice).row() | chosen.row()
+            yield _formula_row(design, load, method, chosen.choice) | chosen.row()
         return
     if chosen.choice.model_kind == "surrogate":
         for load in loads:
-            yield _surrogate_row(design, load, method, chosen.choice).row() | chosen.row()
+            yield _surrogate_row(design, load, method, chosen.choice) | chosen.row()
         return
     while True:
         accuracy = cast(AccuracyName, chosen.choice.level_or_accuracy)
@@ -157,57 +156,55 @@ def solve(
             design, loads, at_level, out=out, picture=picture, progress=progress, targets=targets
         )
         rows = [_checked(row, design, loads[0], chosen) for row in states]
-        lost = next((row.message for row in rows if row.status == UNMET), "")
+        lost = next((row["message"] for row in rows if row["status"] == UNMET), "")
         finer = model_choice.finer(design, loads, chosen.choice, method.magnet) if lost else None
         if finer is None:
             break
         console.say(f"magtip: at accuracy {accuracy} {lost}: solved again at accuracy {finer.level_or_accuracy}")
         chosen = replace(chosen, choice=finer)
     for row in rows:
-        yield row.row() | chosen.row()
+        yield row | chosen.row()
 
 
-def _checked(row: StateRow, design: Design, like: Load, chosen: Chosen) -> StateRow:
+def _checked(row: FlatRow, design: Design, like: Load, chosen: Chosen) -> FlatRow:
     """Return the row of a solved state, with status UNMET and the reason if it is not known to meet the tolerance.
 
     Parameters
     ----------
     like : a load of the same kind as that of the state.
     """
-    force = row.response.force_N
-    if row.status not in ANSWERED or force is None:
+    force = row["force_N"]
+    if row["status"] not in ANSWERED or force is None:
         return row
-    at = row.load
-    load = replace(like, depth=at.depth_mm, shear_x=at.shear_mm, shear_y=at.shear_y_mm)
+    load = replace(like, depth=row["depth_mm"], shear_x=row["shear_mm"], shear_y=row["shear_y_mm"])
     x, y = load.direction
     estimates = {
-        "force": row.error_estimate,
-        "shift": row.shift_error_estimate,
-        "tilt": row.tilt_error_estimate,
-        "sideways": row.sideways_error_estimate,
+        "force": row["error_estimate"],
+        **{name: row[f"{name}_error_estimate"] for name in ("shift", "tilt", "sideways")},
     }
     reason = model_choice.unmet(chosen.choice, chosen.tolerance, design, load, x * force[0] + y * force[1], estimates)
-    if not reason:
-        return row
-    return replace(row, status=UNMET, message="; ".join(filter(None, (row.message, reason))))
+    return row | {"status": UNMET, "message": "; ".join(filter(None, (row["message"], reason)))} if reason else row
 
 
-def _formula_row(design: Design, load: Load, method: Method, choice: Choice) -> StateRow:
+def _formula_row(design: Design, load: Load, method: Method, choice: Choice) -> FlatRow:
     from analytic import beam
 
     begin = time.perf_counter()
     response = beam.solve(design, load, choice.level_or_accuracy)
+    seconds = time.perf_counter() - begin
     made_for = design_digest.of_mechanics(design, method.magnet)
-    return state_rows.formula_state_row(load, response, choice.name, time.perf_counter() - begin, made_for)
+    return state_rows.state_row(load, response, choice.name, made_for, seconds=seconds)
 
 
-def _surrogate_row(design: Design, load: Load, method: Method, choice: Choice) -> StateRow:
+def _surrogate_row(design: Design, load: Load, method: Method, choice: Choice) -> FlatRow:
     from studies.surrogate import surrogate_response
 
     begin = time.perf_counter()
     estimate = surrogate_response.respond(design, load, method.magnet)
-    made_for = design_digest.of_mechanics(design, method.magnet)
-    return state_rows.surrogate_state_row(load, estimate, choice.name, time.perf_counter() - begin, made_for)
+    seconds = time.perf_counter() - begin
+    return state_rows.surrogate_row(
+        load, estimate, choice.name, design_digest.of_mechanics(design, method.magnet), seconds
+    )
 
 
 def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) -> Chosen:
