@@ -243,30 +243,14 @@ def assumption(
     out
         Folder for ASSUMPTION.md, tables and maps.
     """
-    command_line = command(assumption, locals())
     from studies.exploration.needed_paths import Processes
-    from studies.output.provenance import versions
-    from studies.validation import beam_assumption
+    from studies.validation import assumption as about
 
-    origin = versions(("matplotlib",))
-    source = study or beam_assumption.STUDY
-    plan = beam_assumption.plan_of(source)
+    source = study or about.STUDY
+    here = destination(assumption, locals(), about.FILES, [source, store])
     atomic_files.check_apart([store], [source])
-    with _results(out, beam_assumption.FILES, as_json=as_json, inputs=[source, store]) as (folder, progress):
-        result = beam_assumption.run(plan, progress, Processes(workers, scheduler), store)
-        if folder is not None:
-            beam_assumption.write(folder, result, origin, command_line)
-    console.report(
-        result.shares,
-        as_json=as_json,
-        title="Share of the cells within 5 and 10 %",
-        first=("quantity", "level", "magnet_height_over_D", "within_10_percent"),
-        wide=wide,
-    )
-    if not as_json:
-        for line in result.sentences:
-            print(line)
-    return GOOD
+    found = partial(about.run, plan=about.plan_of(source), processes=Processes(workers, scheduler), store=store)
+    return publish(found, here)
 
 
 def trade(

@@ -86,7 +86,7 @@ def cells(table: Columns, body: Body, kind: Kind) -> Cells:
     Raises
     ------
     ValueError
-        Two rows of the table belong to one cell; `beam_assumption.plan_of` refuses such studies.
+        Two rows of the table belong to one cell; `studies.validation.assumption.plan_of` refuses such studies.
     """
     D = table["D_mm"]
     own = np.isclose(table["magnet_height_mm"] / D, body.height, atol=1e-6) & np.isclose(table["nu"], body.nu)

@@ -14,6 +14,7 @@ from studies.output.provenance import made
 
 Row = dict[str, Any]
 """A row of a table: values by the names of their columns, with units."""
+TEMPLATES = Path(__file__).parent / "templates"
 
 
 def markdown(rows: Sequence[Mapping[str, Any]], heads: Mapping[str, str] | None = None, digits: int = 3) -> str:
@@ -69,7 +70,7 @@ def _environment() -> Any:
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from studies.inputs import study_input
-from studies.validation import beam_assumption
+from studies.validation import assumption
 
 SMALL = """
 version = 2
@@ -32,11 +32,11 @@ def test_the_verb(run, tmp_path):
     status, out, err = run("validate", "assumption", "small.toml", "--out", "out", "--workers", "0")
     assert status == 0, err
     assert "formula (5) is within 10 %" in out
-    assert {path.name for path in (tmp_path / "out").glob("[!.]*")} == set(beam_assumption.FILES)
+    assert {path.name for path in (tmp_path / "out").glob("[!.]*")} == set(assumption.FILES)
     text = (tmp_path / "out" / "ASSUMPTION.md").read_text("utf-8")
     assert "No magnet, press force: formula (5) is within 10 % for L/D 1.12 to 2, d/D 0.3" in text
     assert "Made with `magtip validate assumption small.toml" in text
-    assert all(f"]({name})" in text for name in beam_assumption.FILES if name.endswith(".png"))
+    assert all(f"]({name})" in text for name in assumption.FILES if name.endswith(".png"))
 
 
 def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(run, tmp_path):
@@ -69,8 +69,8 @@ def test_studies_that_lack_something_are_refused(run, tmp_path, old, new, reason
 
 
 def test_the_shipped_study_covers_the_range():
-    axes = study_input.read_study(str(beam_assumption.STUDY)).axes
-    plan = beam_assumption.plan_of(beam_assumption.STUDY)
+    axes = study_input.read_study(str(assumption.STUDY)).axes
+    plan = assumption.plan_of(assumption.STUDY)
     assert (min(axes["L"]) / 8, max(axes["L"]) / 8) == (0.6, 6)
     assert len(axes["L"]) >= 8
     assert min(axes["magnet_height"]) == 0

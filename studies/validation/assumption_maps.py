@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic import beam
+from geometry.arrays import Array
 from studies.output.table_plots import COLOURS, sheet
 from studies.simulation.beam_cells import QUANTITIES, Body, Cells, Columns, Kind, all_errors
-from studies.validation.beam_regions import best_levels
 from studies.validation.pages import Row
 from studies.validation.reading_split import PARTS
 
@@ -22,25 +24,33 @@ SMALL = {"font.size": 9, "axes.labelsize": 9, "xtick.labelsize": 7.5, "ytick.lab
 NAMES: dict[Kind, str] = {"press": "d/D", "shear": "d/D, shear/D"}
 
 
-def draw(folder: Path, table: Columns, grids: Sequence[Cells], means: Sequence[Row]) -> dict[str, str]:
-    """Write all maps and return their names, each with the text below it in the report."""
+class Picture(NamedTuple):
+    """What draws a picture, and the text below it in the report."""
+
+    draw: Callable[[Path], None]
+    text: str
+
+
+def pictures(table: Columns, grids: Sequence[Cells], means: Sequence[Row]) -> dict[str, Picture]:
+    """Return all maps by the names of their files."""
     nu = max(grid.body.nu for grid in grids)
-    texts = {}
+    main = [grid for grid in grids if grid.body.nu == nu]
+    found = {}
     for kind, quantities in QUANTITIES.items():
-        own = [grid for grid in grids if grid.kind == kind and grid.body.nu == nu]
+        own = [grid for grid in main if grid.kind == kind]
         for quantity in quantities:
-            name = f"{quantity.replace(' ', '_')}.png"
-            error_map(folder / name, table, own, quantity)
-            texts[name] = f"Error of the {quantity} in a {kind}, by level and height of the magnet, nu = {nu:g}."
-    best_map(folder / "best_level.png", table, [grid for grid in grids if grid.body.nu == nu])
-    texts["best_level.png"] = "The level of least error in each cell; dots: even that error exceeds 10 %."
+            text = f"Error of the {quantity} in a {kind}, by level and height of the magnet, nu = {nu:g}."
+            draw = partial(error_map, table=table, grids=own, quantity=quantity)
+            found[f"{quantity.replace(' ', '_')}.png"] = Picture(draw, text)
+    best = "The level of least error in each cell; dots: even that error exceeds 10 %."
+    found["best_level.png"] = Picture(partial(best_map, table=table, grids=main), best)
     if means:
-        split_bars(folder / "readings.png", means)
-        texts["readings.png"] = (
+        parts = (
             "Root mean squares of the parts of the readings' error, % of full scale, by height of the magnet and "
             "L/D; parts below 0.1 % have no bar."
         )
-    return texts
+        found["readings.png"] = Picture(partial(split_bars, means=means), parts)
+    return found
 
 
 def error_map(path: Path, table: Columns, grids: Sequence[Cells], quantity: str) -> None:
@@ -62,6 +72,14 @@ def error_map(path: Path, table: Columns, grids: Sequence[Cells], quantity: str)
         bar = figure.colorbar(drawn, ax=[axis for line in panels for axis in line], ticks=BOUNDS, aspect=50, pad=0.01)
         bar.set_label(f"error of the {quantity} (%)")
         figure.legend(handles=_hatches(grids), loc="outside lower center", ncols=2, frameon=False)
+
+
+def best_levels(errors: Mapping[str, Array]) -> tuple[NDArray[np.int64], Array]:
+    """Return the index of the level of least error in each cell, -1 without any, and the size of that error, %."""
+    sizes = np.abs(np.array(list(errors.values())))
+    known = np.isfinite(sizes).any(axis=0)
+    filled = np.where(np.isfinite(sizes), sizes, np.inf)
+    return np.where(known, filled.argmin(axis=0), -1), np.where(known, filled.min(axis=0), np.nan)
 
 
 def best_map(path: Path, table: Columns, grids: Sequence[Cells]) -> None:
