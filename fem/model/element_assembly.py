@@ -206,8 +206,8 @@ class ElementAssembly:
         points, G, Jm1, w = batch.w.size, batch.G.reshape(9, -1), batch.Jm1.ravel(), batch.w.ravel()
         modulus = batch.modulus if viscous is None else batch.modulus * viscous.factor
         W, P, A = self._buffer("W", points), self._buffer("P", 9, points), self._buffer("A", 9, 9, points * tangent)
-        strains, moduli = (G, Jm1, batch.Hm1.reshape(9, -1)), (modulus.ravel(), (batch.w * pressure).ravel())
-        self._law(*strains, *moduli, W, P, A, step=self._step)
+        strain = G, Jm1, batch.Hm1.reshape(9, -1)
+        self._law(strain, modulus.ravel(), (batch.w * pressure).ravel(), (W, P, A), step=self._step)
         if viscous is not None:
             add_overstress(viscous.part(batch.part), G, Jm1, batch.mu, w, W, P, A)
         return W, P, A

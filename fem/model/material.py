@@ -12,9 +12,14 @@ proportional to mu at any strain. Formulas keep their digits at small strains, a
 and tangent of p (J - 1).
 
 A law is a function of displacement gradients G = F - 1, J - 1, F^-T - 1, mu and p that writes W, P = dW/dF and
-A = dP/dF to given arrays (see `Law`); `evaluate` returns them instead. All arrays end with one axis over n points,
-which the innermost loops run along: the processor then works on four to eight points at once. Tensors have nine
-components in row-major order, (9, n), and tangents the shape (9, 9, n).
+A = dP/dF to given arrays (see `Law`); `evaluate` returns them instead. Mooney-Rivlin's law,
+
+    W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)],        share = C01 / (C10 + C01),    C10 + C01 = mu / 2,
+
+with the invariants I' of J^-1/3 F is Ogden's with exponents 2 and -2, because I1' and I2' are the sums of l^2 and l^-2.
+
+All arrays end with one axis over n points, which the innermost loops run along: the processor then works on four to
+eight points at once. Tensors have nine components in row-major order, (9, n), and tangents the shape (9, 9, n).
 """
 
 from __future__ import annotations
@@ -32,22 +37,22 @@ SWEEPS = 12
 """Largest number of Jacobi sweeps for the eigenvalues of a 3 x 3 matrix; four to six are enough for all digits."""
 
 
+Arrays = tuple[Array, Array, Array]
+
+
 class Law(Protocol):
     """A law with its constants, which writes energies (n,), stresses (9, n) and tangents (9, 9, n).
 
     Parameters
     ----------
-    G, Jm1, Hm1 : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
+    strain : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
     mu, p : (n,) shear moduli and pressures; both times weights give results times these weights.
-    A : for the tangents; of no points, (9, 9, 0), where they are not wanted.
+    out : W, P and A; A of no points, (9, 9, 0), where tangents are not wanted.
     step : 2 if only the components 0, 2, 4, 6, 8 differ from zero, those of an axisymmetric deformation: other
         entries of tangents may then not be written; 1 for all nine.
     """
 
-    def __call__(
-        self, G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-        step: int = 1,
-    ) -> None: ...  # fmt: skip
+    def __call__(self, strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, step: int = 1) -> None: ...
 
 
 def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
@@ -56,7 +61,7 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
         case "neo-hookean", ():
             return neo_hookean
         case "mooney-rivlin", (share,):
-            return functools.partial(mooney_rivlin, share=share)
+            return functools.partial(ogden, alphas=(2.0, -2.0), shares=(1 - share, share))
         case "yeoh", (c2, c3):
             return functools.partial(yeoh, c2=c2, c3=c3)
         case "ogden", (alpha1, alpha2, share):
@@ -78,7 +83,7 @@ def evaluate(
     Jm1, Hm1 = strains(flat)
     mu, p = (np.broadcast_to(np.asarray(v, dtype=np.float64), shape).reshape(n).copy() for v in (mu, p))
     W, P, A = np.empty(n), np.empty((9, n)), np.zeros((9, 9, n if tangent else 0))
-    law(flat, Jm1, Hm1, mu, p, W, P, A)
+    law((flat, Jm1, Hm1), mu, p, (W, P, A))
     return W.reshape(shape), P.reshape(3, 3, *shape), A.reshape(9, 9, *shape) if tangent else A
 
 
@@ -220,13 +225,13 @@ def add_pressure(Jm1, Hm1, p, W, P, A, step):
 
 
 @compiled
-def _transform(first, second, A, B):
-    """Write B_iJkL = first_ia second_Jb first_kc second_Ld A_abcd for matrices (9, n); B may be A."""
+def _transform(first, second, A):
+    """Replace A by B_iJkL = first_ia second_Jb first_kc second_Ld A_abcd for matrices (9, n)."""
     n = A.shape[2]
     half, partial = np.empty_like(A), np.empty((3, n))
     # the row pair is transformed and exchanged with the column pair, twice
     for side in range(2):
-        source, target = (A, half) if side == 0 else (half, B)
+        source, target = (A, half) if side == 0 else (half, A)
         for d in range(9):
             for J in range(3):
                 for a in range(3):
@@ -239,50 +244,6 @@ def _transform(first, second, A, B):
                     row, c0, c1, c2 = target[d, 3 * i + J], first[3 * i], first[3 * i + 1], first[3 * i + 2]
                     for x in range(n):
                         row[x] = c0[x] * s0[x] + c1[x] * s1[x] + c2[x] * s2[x]
-
-
-@compiled
-def _add_inverse_stress(Hm1, Q, P, T, own):
-    """Add the stress of `mooney_rivlin` in F^-T, whose stress by F^-T is Q.
-
-    Write F^-1 to T and that stress to own.
-    """
-    n, H = Hm1.shape[1], _add_unit(Hm1)
-    for e in range(9):
-        a, b, row, total = H[e % 3 * 3 + e // 3], T[e], own[e], P[e]
-        for x in range(n):
-            b[x], row[x] = a[x], 0.0
-        for i in range(3):
-            for j in range(3):
-                c, f, g = H[e // 3 * 3 + i], Q[3 * j + i], H[3 * j + e % 3]
-                for x in range(n):
-                    row[x] -= c[x] * f[x] * g[x]
-        for x in range(n):
-            total[x] += row[x]
-
-
-@compiled
-def _exchange_indices(B, C):
-    """Write the tangent B by F^-T to C for `_transform`: the indices of each pair change places.
-
-    That is because dH_aB = -H_aJ dF_iJ H_iB, where J belongs to a and i to B.
-    """
-    for e in range(9):
-        for d in range(9):
-            row, a = C[e, d], B[e % 3 * 3 + e // 3, d % 3 * 3 + d // 3]
-            for x in range(len(row)):
-                row[x] = a[x]
-
-
-@compiled
-def _add_inverse_tangent(H, C, own, A):
-    """Add the tangent of `mooney_rivlin` in F^-T = H from `_exchange_indices` and `_transform`."""
-    for e in range(9):
-        for d in range(9):
-            iL, kJ = e // 3 * 3 + d % 3, d // 3 * 3 + e % 3
-            row, a, b, c, f, g = A[e, d], C[e, d], H[iL], own[kJ], H[kJ], own[iL]
-            for x in range(len(row)):
-                row[x] += a[x] - b[x] * c[x] - f[x] * g[x]
 
 
 @compiled
@@ -421,63 +382,38 @@ def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
                 A[3 * a + b, 3 * b + a, x] += half
 
 
-def neo_hookean(
-    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    step: int = 1,
-) -> None:  # fmt: skip
+def neo_hookean(strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, step: int = 1) -> None:
     """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3); parameters as of `Law`.
 
     P = mu J^-2/3 (F - I1/3 F^-T) is evaluated as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T], which keeps its digits at
     small strain. With s = mu J^-2/3, its tangent is s 1 - 2/3 s (F H + H F) + s I1/3 (H_iL H_kJ + 2/3 H H), H = F^-T.
     """
-    _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, step)
+    _neo_hookean(*strain, mu, p, *out, step)
 
 
-def mooney_rivlin(
-    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    step: int = 1, share: float,
-) -> None:  # fmt: skip
-    """Isochoric Mooney-Rivlin law, W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)], I' of J^-1/3 F.
-
-    I2'(F) = I1'(F^-T), so the second term is the neo-Hookean law of H = F^-T, with Q its stress:
-    P = -H Q^T H, and dH = -H dF^T H gives the tangent.
-
-    Parameters
-    ----------
-    share : C01 / (C10 + C01), with C10 + C01 = mu / 2. The others are those of `Law`; all components are written.
-    """
-    W2, Q, B = np.empty_like(W), np.empty_like(P), np.empty_like(A)
-    _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, 1)
-    _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, 1)
-    W += W2
-    T, own = np.empty_like(P), np.empty_like(P)
-    _add_inverse_stress(Hm1, Q, P, T, own)
-    if A.shape[2]:
-        H, C = _add_unit(Hm1), np.empty_like(A)
-        _exchange_indices(B, C)
-        _transform(H, T, C, C)
-        _add_inverse_tangent(H, C, own, A)
-
-
-def yeoh(
-    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    step: int = 1, c2: float, c3: float,
-) -> None:  # fmt: skip
+def yeoh(strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, step: int = 1, c2: float, c3: float) -> None:
     """Isochoric Yeoh law, W = mu/2 (x + c2 x^2 + c3 x^3) with x = I1' - 3, I1' of J^-1/3 F.
 
     Parameters
     ----------
     c2, c3 : C20 / C10 and C30 / C10, with C10 = mu / 2. The others are those of `Law`.
     """
-    _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, step)
-    _yeoh(mu, c2, c3, W, P, A, step)
-    add_pressure(Jm1, Hm1, p, W, P, A, step)
+    neo_hookean(strain, np.ones_like(mu), np.zeros_like(p), out, step=step)
+    _yeoh(mu, c2, c3, *out, step)
+    add_pressure(*strain[1:], p, *out, step)
 
 
 def ogden(
-    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    step: int = 1, alphas: tuple[float, ...], shares: tuple[float, ...],
-) -> None:  # fmt: skip
+    strain: Arrays,
+    mu: Array,
+    p: Array,
+    out: Arrays,
+    /,
+    *,
+    step: int = 1,
+    alphas: tuple[float, ...],
+    shares: tuple[float, ...],
+) -> None:
     """Isochoric Ogden law, W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), l of J^-1/3 F.
 
     With h the logarithms of the stretches less their mean, the principal Kirchhoff stresses are tau_a = t_a -
@@ -490,8 +426,9 @@ def ogden(
     alphas, shares : exponents, not 0, and mu_i / mu, which add up to 1. The others are those of `Law`; all
         components are written.
     """
+    (G, Jm1, Hm1), (_, P, A) = strain, out
     spatial, material = np.empty_like(P), np.empty_like(P)
-    _ogden(G, mu, np.array(alphas, dtype=np.float64), np.array(shares), W, P, A, spatial, material)
+    _ogden(G, mu, np.array(alphas, dtype=np.float64), np.array(shares), *out, spatial, material)
     if A.shape[2]:
-        _transform(spatial, material, A, A)
-    add_pressure(Jm1, Hm1, p, W, P, A, step)
+        _transform(spatial, material, A)
+    add_pressure(Jm1, Hm1, p, *out, step)
