@@ -9,7 +9,6 @@ positive in compression and along the shear.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
 import time
@@ -141,10 +140,9 @@ def walk(
         report = None if progress is None else functools.partial(_report, progress, done, len(scene.loads))
         states = _follow(replace(scene, loads=loads), report, watch=coarse is not None, mesh=mesh)
         coarse_states = None if coarse is None else _follow(replace(coarse, loads=loads), None)
-        with contextlib.closing(states), contextlib.closing(coarse_states or states):
-            for state in states:
-                coarse_state = None if coarse_states is None else next(coarse_states, None)
-                yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
+        for state in states:
+            coarse_state = None if coarse_states is None else next(coarse_states, None)
+            yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
         if state.status not in ("ok", "unstable"):
             return
         done += len(loads)
@@ -174,17 +172,17 @@ def _follow(
 ) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
     begin = time.perf_counter()
-    with contextlib.closing(ScenePath(scene, mesh, check_stability=watch)) as path:
-        for i, load in enumerate(scene.loads):
-            if report is not None:
-                shear = math.hypot(*load.imposed_shear)
-                report(i, f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
-            stop = path.go(scene.position(load))
-            seconds, begin = time.perf_counter() - begin, time.perf_counter()
-            state = path.solution(path.state, load, stop, seconds)
-            yield state
-            if state.status not in ("ok", "unstable"):
-                return
+    path = ScenePath(scene, mesh, check_stability=watch)
+    for i, load in enumerate(scene.loads):
+        if report is not None:
+            shear = math.hypot(*load.imposed_shear)
+            report(i, f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
+        stop = path.go(scene.position(load))
+        seconds, begin = time.perf_counter() - begin, time.perf_counter()
+        state = path.solution(path.state, load, stop, seconds)
+        yield state
+        if state.status not in ("ok", "unstable"):
+            return
 
 
 class ScenePath:
@@ -230,10 +228,6 @@ class ScenePath:
         """Return the solution at a state, which carries `load` if it has not stopped before."""
         iterations, self._iterations = self._iterations, 0
         return read(state, self.scene, load, stop, iterations=iterations, seconds=seconds, sideways=self._sideways)
-
-    def close(self) -> None:
-        """Free the memory of the factorisations."""
-        self._path.close()
 
 
 def sideways_model(scene: Scene, path: Path) -> SidewaysModel | None:

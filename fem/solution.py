@@ -10,7 +10,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem.model import angular_fields
-from fem.solve.inertia import UNKNOWN, Stability, Verdict
+from fem.solve.direct_solver import UNKNOWN, Stability, Verdict
 from fem.solve.newton import Stop
 from geometry.arrays import Array
 from geometry.loads import Load, Response

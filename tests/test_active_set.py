@@ -10,8 +10,7 @@ from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve import active_set
 from fem.solve.active_set import KeptTangent
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import UNKNOWN
+from fem.solve.direct_solver import UNKNOWN, Solver
 from fem.solve.newton import newton
 from geometry.design import Design
 

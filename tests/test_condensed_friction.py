@@ -11,10 +11,8 @@ from fem.model import plate_contact
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve import load_increments
 from fem.solve.condensed_friction import CondensedFriction, contact_zone
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import STABLE, UNKNOWN
+from fem.solve.direct_solver import STABLE, UNKNOWN, Solver, have_pardiso
 from fem.solve.newton import Equilibrium, iterate, newton
-from fem.solve.pardiso import have_pardiso
 from fem.solve.path_state import at_rest
 from geometry.design import paper
 from geometry.loads import Load
@@ -73,8 +71,6 @@ def test_both_libraries_find_the_equilibrium_of_plain_steps_and_its_stability(pa
     np.testing.assert_allclose(answer.state.q, other.state.q, atol=1e-8 * np.abs(other.state.q).max())
     # where all points stick the stiffness is symmetric, and its unstable directions are counted
     assert answer.stability == other.stability == (STABLE if mu == 50.0 else UNKNOWN)
-    own.close()
-    plain.close()
 
 
 def test_the_zone_goes_beyond_the_contact_on_both_sides():

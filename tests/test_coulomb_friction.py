@@ -13,8 +13,7 @@ from fem.model import coulomb_friction
 from fem.model.plate_contact import KAPPA, Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.scene import choose_model
-from fem.solve.direct_solver import Solver
-from fem.solve.pardiso import have_pardiso
+from fem.solve.direct_solver import Solver, have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -86,7 +85,6 @@ def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
         solver.factorise(here.tangent, symmetric=False)
         answers.append(solver.solve(here.residual))
         assert solver.stability(system.n_pressure).is_unknown
-        solver.close()
     exact = spla.spsolve(here.tangent.tocsc(), here.residual)
     for answer in answers:
         np.testing.assert_allclose(answer, exact, atol=1e-8 * np.abs(exact).max())

@@ -13,7 +13,7 @@ from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Facts, Remark
-from fem.solve.inertia import STABLE, UNKNOWN, Stability
+from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED
 from fem.solve.path_state import at_rest
@@ -33,7 +33,6 @@ def pressed():
         )
     )
     assert not p.go(0.05, np.zeros(2))
-    p.close()
     return p.state
 
 

@@ -10,11 +10,9 @@ import scipy.sparse as sp
 from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
-from fem.solve import pardiso
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import STABLE, UNKNOWN, Stability
+from fem.solve import direct_solver
+from fem.solve.direct_solver import STABLE, UNKNOWN, SingularMatrixError, Solver, Stability, have_pardiso
 from fem.solve.load_stepping import Path
-from fem.solve.pardiso import SingularMatrixError, have_pardiso
 from fem.solve.path_state import about, at_rest
 from geometry.design import Design
 
@@ -24,9 +22,7 @@ LIBRARIES = sorted({False, have_pardiso()})
 
 @pytest.fixture(params=LIBRARIES, ids=lambda pardiso: "pardiso" if pardiso else "qdldl")
 def solver(request):
-    solver = Solver(pardiso=request.param)
-    yield solver
-    solver.close()
+    return Solver(pardiso=request.param)
 
 
 def saddle():
@@ -52,7 +48,6 @@ def test_both_linear_solvers_agree():
         solver = Solver(pardiso=library)
         solver.factorise(here.tangent)
         answers.append(solver.solve(here.residual))
-        solver.close()
     np.testing.assert_allclose(answers[0], answers[-1], atol=1e-9 * np.abs(answers[0]).max())
 
 
@@ -84,7 +79,6 @@ def buckling(request):
         assert not path.go(depth, np.zeros(2))
         here = about(path.state, sideways)
         tangents.append(here.d.system.assemble(here.d.system.state(here.q), here.plate).tangent)
-    path.close()
     return tangents, sideways.system.n_pressure
 
 
@@ -99,7 +93,6 @@ def test_the_verdict_is_that_of_the_eigenvalues_of_a_saddle_point(buckling, libr
         eigenvalues.append(np.count_nonzero(np.linalg.eigvalsh(whole) < 0) - pressures)
         solver.factorise(tangent)
         counted.append(solver.stability(pressures).directions)
-    solver.close()
     assert counted == eigenvalues
     assert [number > 0 for number in counted] == [False, True, False]
 
@@ -114,7 +107,6 @@ def test_a_condensed_saddle_point_has_the_verdict_of_the_whole(buckling, library
         changed = (tangent + sp.triu(tangent, 1).T).toarray()
         changed[np.ix_(kept, kept)] += added
         assert verdicts[-1].directions == np.count_nonzero(np.linalg.eigvalsh(changed) < 0) - pressures
-    solver.close()
     assert [verdict.is_unstable for verdict in verdicts] == [False, True]
 
 
@@ -164,8 +156,7 @@ def test_large_matrices_have_factors_in_single_precision_where_these_are_accurat
     solver.factorise(matrix, order=lambda: np.arange(n))
     x = solver.solve(b)
     residual = matrix @ x + matrix.T @ x - matrix.diagonal() * x - b
-    negative, own = solver.stability(0), solver._handles[True].single
-    solver.close()
+    negative, own = solver.stability(0), solver._factors[True].single
     assert np.linalg.norm(residual) < (1e-6 if single else 1e-14) * np.linalg.norm(x)
     assert (negative, own) == (Stability(2), single)
 
@@ -173,11 +164,21 @@ def test_large_matrices_have_factors_in_single_precision_where_these_are_accurat
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
 def test_a_path_that_becomes_too_stiff_for_single_precision_goes_on_in_double_precision():
     solver, order = Solver(), lambda: np.arange(12_002)
-    for foundation in (0.1, *[1e-10] * pardiso.CHECKED):
+    for foundation in (0.1, *[1e-10] * direct_solver.CHECKED):
         solver.factorise(springs(foundation), order=order)
-    single = solver._handles[True].single
-    solver.close()
-    assert not single
+    assert not solver._factors[True].single
+
+
+@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
+def test_factors_are_freed_with_their_solver(monkeypatch):
+    freed, real = [], direct_solver._release
+    monkeypatch.setattr(direct_solver, "_release", lambda *call: (freed.append(call), real(*call)))
+    solver = Solver(pardiso=True)
+    solver.factorise(upper(saddle()))
+    solver.condense(upper(saddle()), np.array([1, 4]))
+    assert not freed
+    del solver
+    assert len(freed) == 2
 
 
 def pairs_of_pivots() -> np.ndarray:
@@ -199,10 +200,9 @@ def test_a_matrix_that_needs_pairs_of_pivots_gets_them():
     b = RNG.normal(size=7 * count)
     blocks = sp.block_diag([with_diagonal(block)] * count, format="csr")
     solver.factorise(blocks, order=lambda: np.arange(7 * count))
-    x, handle = solver.solve(b), solver._handles[True]
-    solver.close()
+    x = solver.solve(b)
     np.testing.assert_allclose((x.reshape(count, 7) @ block).ravel(), b, atol=1e-9)
-    assert (handle.single, handle.pairs) == (False, True)
+    assert not solver._factors[True].single
 
 
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
@@ -214,14 +214,13 @@ def test_kept_unknowns_beside_pairs_of_pivots_get_the_schur_complement():
         inside = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, kept)])
         dense = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, inner)] @ inside
         np.testing.assert_allclose(schur, factor * dense, rtol=1e-9, atol=1e-12)
-    solver.close()
 
 
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
 def test_the_library_is_found_as_the_package_lists_it():
     """The quick look where pip puts it must not find another one."""
     files = [file for file in metadata.files("mkl") or [] if "mkl_rt" in file.name]
-    found = pardiso._library()
+    found = direct_solver._library()
     assert found is not None
     assert found.resolve() in [pathlib.Path(str(file.locate())).resolve() for file in files]
 

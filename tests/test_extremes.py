@@ -10,7 +10,7 @@ import pytest
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from fem.solution import Facts
-from fem.solve.inertia import Stability
+from fem.solve.direct_solver import Stability
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
 from studies.output.result import FAILED, GOOD

@@ -1,6 +1,7 @@
 """Kept paths: their answers are those of a solve from rest, and they cost no solve where none is needed."""
 
 import random
+import weakref
 
 import pytest
 
@@ -16,9 +17,7 @@ from studies.explorer.kept_paths import KeptPaths
 
 @pytest.fixture
 def paths():
-    paths = KeptPaths()
-    yield paths
-    paths.close()
+    return KeptPaths()
 
 
 def assert_equal(one, other):
@@ -72,11 +71,11 @@ def test_a_shear_reuses_its_press(paths):
 
 def test_few_paths_are_kept(paths, monkeypatch):
     monkeypatch.setattr(kept_paths, "MOST", 2)
-    closed = []
-    monkeypatch.setattr(kept_paths.Path, "close", lambda path: closed.append(path))
+    followed = []
     for D in (7.0, 8.0, 9.0):
         paths.solve(Scene(Design(D=D), (Load(depth=0.5),), QUICK))
-    assert len(closed) == 1
+        followed.append(weakref.ref(list(paths._kept.values())[-1].path))
+    assert [path() is None for path in followed] == [True, False, False]
 
 
 class Abandon(Exception):

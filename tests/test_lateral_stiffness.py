@@ -10,7 +10,7 @@ from fem.accuracy import QUICK
 from fem.analyses import stability
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel, estimate_margin, measure_lateral_stiffness
-from fem.solve.inertia import Stability
+from fem.solve.direct_solver import Stability
 from fem.solve.load_stepping import Path
 from fem.solve.path_state import at_rest
 from geometry.design import Design
@@ -21,9 +21,7 @@ BEAM = Design(L=40.0)
 @pytest.fixture
 def path():
     shape = BEAM.shape.scaled(1 / BEAM.D)
-    path = Path(at_rest(MeshSpecification(shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003)).build()))
-    yield path
-    path.close()
+    return Path(at_rest(MeshSpecification(shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003)).build()))
 
 
 @pytest.fixture

@@ -21,9 +21,7 @@ CONTENT = ("position", "q", "energy", "least_J", "unstable", "dissipated", "dire
 
 @pytest.fixture
 def solver():
-    solver = Solver()
-    yield solver
-    solver.close()
+    return Solver()
 
 
 def section(harmonics=0):

@@ -19,10 +19,7 @@ ASIDE = np.array([0.0, 0.1, 0.0])
 
 @pytest.fixture
 def solvers():
-    pair = Solver(), Solver()
-    yield pair
-    for solver in pair:
-        solver.close()
+    return Solver(), Solver()
 
 
 @pytest.fixture(scope="module")

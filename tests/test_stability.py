@@ -11,9 +11,7 @@ from fem.equilibrium import solve
 from fem.scene import Scene
 from fem.solution import Estimates
 from fem.solve import direct_solver
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import UNKNOWN, Stability
-from fem.solve.pardiso import have_pardiso
+from fem.solve.direct_solver import UNKNOWN, Solver, Stability, have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
 

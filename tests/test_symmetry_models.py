@@ -40,11 +40,8 @@ def answer(load, *, sines):
     )
     rest = at_rest(first.build(), None, load.plate_tilt, load.coulomb, KAPPA)
     path = Path(rest, replace(models, first=first, raised=raised, predictor=None, rough=None))
-    try:
-        stop = path.go(load.depth / 8, np.array(load.imposed_shear) / 8)
-        state = path.state
-    finally:
-        path.close()
+    stop = path.go(load.depth / 8, np.array(load.imposed_shear) / 8)
+    state = path.state
     assert not stop
     return np.concatenate([tip_force(state), *read_pose(state.d, state.u, state.q)])
 

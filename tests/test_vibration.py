@@ -247,7 +247,6 @@ def test_the_static_stiffness_is_the_slope_of_the_force_with_frozen_contact(load
         assert not reached.reason
         traction = plate_contact.springs(state.skin, reached.state.u, moved).traction
         forces.append(np.einsum("kq,kqi->i", state.skin.weights, traction) * [-1, 1, 1])
-    solver.close()
     slope = (forces[0] - forces[1]) / (2 * step)
     expected = slope[[{"z": 2, "x": 0}[name] for name in block.motions]]
     assert static(block)[1][:, motion] == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())

@@ -15,7 +15,6 @@ is repeated on the mesh of the depth that it has led to.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
 import time
@@ -182,12 +181,11 @@ def _first_scene(design: Design, target: ForceTarget, accuracy: Accuracy, magnet
 def _walk(
     targets: Sequence[ForceTarget], scenes: Sequence[Scene], search: _Search, progress: Progress | None
 ) -> Generator[Solution]:
-    """Solve for the states one after the other, and close the paths."""
-    with contextlib.closing(search):
-        for done, (target, scene) in enumerate(zip(targets, scenes, strict=True)):
-            if progress is not None:
-                search.watch = _watch(progress, done, len(targets), target, scene.model)
-            yield search.solve(target, scene)
+    """Solve for the states one after the other."""
+    for done, (target, scene) in enumerate(zip(targets, scenes, strict=True)):
+        if progress is not None:
+            search.watch = _watch(progress, done, len(targets), target, scene.model)
+        yield search.solve(target, scene)
 
 
 def _watch(progress: Progress, done: int, count: int, target: ForceTarget, model: str) -> Watch:
@@ -236,11 +234,6 @@ class _Search:
         coarse_state = coarse.solution(coarse_point, load, time.perf_counter() - begin)
         return with_estimates(state, coarse_state, path.scene)
 
-    def close(self) -> None:
-        """Free the memory of the factorisations."""
-        if self._path is not None:
-            self._path.close()
-
     def _press(self, target: ForceTarget, scene: Scene) -> tuple[ForcePath, CurvePoint]:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
         (load,), D = scene.loads, scene.design.D
@@ -264,7 +257,6 @@ class _Search:
     def _path_of(self, scene: Scene) -> ForcePath:
         """Return the path of a scene: the present one, if its mesh is that of the scene."""
         if self._path is None or not self._path.suits(scene.loads[0]):
-            self.close()
             self._path = ForcePath(scene, self._mesh, check_stability=self._estimate)
         self._path.watch = self.watch
         return self._path
@@ -335,12 +327,6 @@ class ForcePath:
         if self.scene.solid:
             return alike
         return alike and mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
-
-    def close(self) -> None:
-        """Free the memory of the factorisations."""
-        self._path.close()
-        if "coarser" in self.__dict__:
-            self.coarser.close()
 
     def _go(self, depth: float, shear: float) -> Stop:
         """Move the plate to a depth and to a shear along the load's, over D."""

@@ -229,25 +229,22 @@ def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]
     most = min(n, MOST_STEPS)
     V, MV, T = np.empty((most, n)), np.empty((most, n)), np.zeros((most, most))
     solver = Solver()
-    try:
-        solver.factorise(K)
-        # a first vector in the range of K^-1 M has no part that M does not see
-        x = solver.solve(mass @ np.random.default_rng(0).normal(size=n))
-        for step in range(most):
-            Mx = mass @ x
-            length = math.sqrt(max(x @ Mx, 0.0))
-            if step and (length < VANISHING * abs(T[0, 0]) or _settled(T[:step, :step], length, count)):
-                break
-            V[step], MV[step] = x / length, Mx / length
-            x = solver.solve(MV[step])
-            for _ in range(2):  # the first pass leaves rounding errors, the second one does not
-                parts = MV[: step + 1] @ x
-                x -= parts @ V[: step + 1]
-                T[: step + 1, step] += parts
-        else:
-            step = most
-    finally:
-        solver.close()
+    solver.factorise(K)
+    # a first vector in the range of K^-1 M has no part that M does not see
+    x = solver.solve(mass @ np.random.default_rng(0).normal(size=n))
+    for step in range(most):
+        Mx = mass @ x
+        length = math.sqrt(max(x @ Mx, 0.0))
+        if step and (length < VANISHING * abs(T[0, 0]) or _settled(T[:step, :step], length, count)):
+            break
+        V[step], MV[step] = x / length, Mx / length
+        x = solver.solve(MV[step])
+        for _ in range(2):  # the first pass leaves rounding errors, the second one does not
+            parts = MV[: step + 1] @ x
+            x -= parts @ V[: step + 1]
+            T[: step + 1, step] += parts
+    else:
+        step = most
     inverse, parts = np.linalg.eigh(T[:step, :step], UPLO="U")
     nearest = np.argsort(-np.abs(inverse))[:count]
     rising = nearest[np.argsort(1 / inverse[nearest])]

@@ -7,7 +7,6 @@ response.
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass, replace
 
 from fem.accuracy import QUICK, STANDARD, Accuracy
@@ -104,9 +103,9 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     plate = press.glue(turned)
     assert plate is not None
     here, b, held = plate_loads(turned, plate, ("x",))
-    with contextlib.closing(Solver()) as solver:
-        solver.factorise(here.tangent)
-        q = solver.solve(b[:, 0])
+    solver = Solver()
+    solver.factorise(here.tangent)
+    q = solver.solve(b[:, 0])
     shift, _, tilt = pose_slopes(turned, q[:, None])[:, 0]
     return SmallShear(
         stiffness=float(held[0, 0] - b[:, 0] @ q) * E * D,

@@ -9,7 +9,6 @@ glued (a guided tip).
 
 from __future__ import annotations
 
-import contextlib
 import functools
 from dataclasses import dataclass, replace
 
@@ -198,23 +197,23 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
             known[depth] = now.stiffness if now.stability.is_stable else -abs(now.stiffness)
         return known[depth]
 
-    with contextlib.closing(Path(at_rest(section.build(), kappa=KAPPA))) as path:
-        sideways = SidewaysModel(path.state.d)
-        stable, depth = 0.0, start or step
-        try:
-            while stiffness(depth) > 0:
-                if depth >= end:
-                    return _Search(depth)
-                stable, depth = depth, min(depth + step, end)
-            if start and not stable:
-                return None
-            # the bracket begins at rest if the first step is already unstable
-            if not stable:
-                known[stable] = sideways.stiffness_at_rest
-            depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
-            path.go(depth, np.zeros(2))
-        except _StoppedError as stopped:
-            return None if start and not stable else _Search(stable, str(stopped))
-        stable = max(depth for depth, value in known.items() if value > 0)
-        edge, force = measure_contact_edge(path.state), integrate_normal_force(path.state)
-        return _Search(stable, "", depth, force, edge)
+    path = Path(at_rest(section.build(), kappa=KAPPA))
+    sideways = SidewaysModel(path.state.d)
+    stable, depth = 0.0, start or step
+    try:
+        while stiffness(depth) > 0:
+            if depth >= end:
+                return _Search(depth)
+            stable, depth = depth, min(depth + step, end)
+        if start and not stable:
+            return None
+        # the bracket begins at rest if the first step is already unstable
+        if not stable:
+            known[stable] = sideways.stiffness_at_rest
+        depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
+        path.go(depth, np.zeros(2))
+    except _StoppedError as stopped:
+        return None if start and not stable else _Search(stable, str(stopped))
+    stable = max(depth for depth, value in known.items() if value > 0)
+    edge, force = measure_contact_edge(path.state), integrate_normal_force(path.state)
+    return _Search(stable, "", depth, force, edge)

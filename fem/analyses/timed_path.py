@@ -19,7 +19,6 @@ glued stroke after it and 144 of a sliding one. In a jump nothing is dissipated 
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -40,8 +39,7 @@ from fem.scene import Model, Scene
 from fem.solution import Facts, Status
 from fem.solve import load_increments
 from fem.solve.active_set import KeptTangent
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import STABLE, UNKNOWN
+from fem.solve.direct_solver import STABLE, UNKNOWN, Solver
 from fem.solve.load_case_models import path_models
 from fem.solve.load_increments import find_equilibrium, path_at
 from fem.solve.load_stepping import Path
@@ -247,24 +245,23 @@ def _follow(
 ) -> Iterator[TimedState]:
     """Follow the segments; see `follow`."""
     run, end = -1, segments[-1].end
-    with contextlib.closing(path):
-        for segment in segments:
-            duration = sum(part.end - part.begin for part in segments if part.run == segment.run)
-            if segment.run != run:
-                run = segment.run
-                path.begin_motion(segment, duration)
-            if segment.goal[1:].any() and not path.state.path.sheared:
-                path.begin_shear()
-            for stop in march(path, segment, duration):
-                if progress is not None:
-                    text = f"{path.state.path.d.model}: until {segment.end:.4g} s"
-                    progress(path.state.time / end if end else 1.0, text)
-                if stop:
-                    yield _read(path, reached_load(path.state.path, segment.load, path.scene), stop)
-                    return
-                if every_step and path.state.time < segment.end:
-                    yield _read(path, reached_load(path.state.path, segment.load, path.scene))
-            yield _read(path, segment.load)
+    for segment in segments:
+        duration = sum(part.end - part.begin for part in segments if part.run == segment.run)
+        if segment.run != run:
+            run = segment.run
+            path.begin_motion(segment, duration)
+        if segment.goal[1:].any() and not path.state.path.sheared:
+            path.begin_shear()
+        for stop in march(path, segment, duration):
+            if progress is not None:
+                text = f"{path.state.path.d.model}: until {segment.end:.4g} s"
+                progress(path.state.time / end if end else 1.0, text)
+            if stop:
+                yield _read(path, reached_load(path.state.path, segment.load, path.scene), stop)
+                return
+            if every_step and path.state.time < segment.end:
+                yield _read(path, reached_load(path.state.path, segment.load, path.scene))
+        yield _read(path, segment.load)
 
 
 def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
@@ -358,7 +355,6 @@ class TimedPath:
         after = self._path.state
         self.kept.drop()
         if after.d is not self.state.path.d:
-            self.kept.solver.close()
             self.kept = KeptTangent(Solver())
         self.state = time_steps.raised(self.state, after)
 
@@ -373,22 +369,13 @@ class TimedPath:
             return unknown
         if depth <= self._stable_to:
             return replace(unknown, stability=STABLE)
-        solver = Solver()
-        try:
-            slow = find_equilibrium(solver, state, state.q, state.plate)
-        finally:
-            solver.close()
+        slow = find_equilibrium(Solver(), state, state.q, state.plate)
         if not slow.converged:
             return unknown
         margin = estimate_margin(self._sideways, path_at(state, slow, state.position, state.plate))
         if margin.stability.is_stable:
             self._stable_to = depth
         return margin
-
-    def close(self) -> None:
-        """Free the memory of the factorisations."""
-        self.kept.solver.close()
-        self._path.close()
 
 
 def march(path: TimedPath, segment: Segment, duration: float) -> Iterator[Stop]:

@@ -35,7 +35,6 @@ The mesh must carry the shortest shear wave, of length c / f with the wave speed
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -134,8 +133,8 @@ def _sticking(plate: Plate) -> Plate:
 def _solve_path(scene: Scene) -> PathState:
     """Return the state of a load in the harmonic model, whose x axis is the direction of the shear."""
     D, (depth, *shear) = scene.design.D, scene.position(scene.loads[0])
-    with contextlib.closing(start_path(scene)) as path:
-        reason, state = path.go(depth, np.array(shear)), path.state
+    path = start_path(scene)
+    reason, state = path.go(depth, np.array(shear)), path.state
     if reason:
         depth, along, _ = state.position * D
         raise NoStateError(

@@ -16,7 +16,7 @@ A = dP/dF to given arrays (see `Law`); `evaluate` returns them instead. Mooney-R
 
     W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)],        share = C01 / (C10 + C01),    C10 + C01 = mu / 2,
 
-with the invariants I' of J^-1/3 F is Ogden's with exponents 2 and -2, because I1' and I2' are the sums of l^2 and l^-2.
+with the invariants I' of J^-1/3 F, is Ogden's with exponents 2 and -2: I1' and I2' are the sums of l^2 and l^-2.
 
 All arrays end with one axis over n points, which the innermost loops run along: the processor then works on four to
 eight points at once. Tensors have nine components in row-major order, (9, n), and tangents the shape (9, 9, n).

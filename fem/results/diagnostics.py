@@ -108,7 +108,7 @@ def gather(
 def classify(facts: Facts) -> Status:
     """Return the status that follows from the facts.
 
-    >>> from fem.solve.inertia import Stability
+    >>> from fem.solve.direct_solver import Stability
     >>> classify(Facts()), classify(Facts(stability=Stability(2))), classify(Facts("no_convergence"))
     ('ok', 'unstable', 'not_converged')
     >>> classify(Facts(remark="guided_only")), classify(Facts(crease_ratio=3.0))

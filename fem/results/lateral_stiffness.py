@@ -21,10 +21,8 @@ level quick and 7 % at standard.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,8 +30,7 @@ import numpy as np
 from fem.model import plate_contact, single_order, symmetry_models
 from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import Discretisation
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import Stability
+from fem.solve.direct_solver import Solver, Stability
 from fem.solve.path_state import PathState, about
 
 FAR, PAST = 0.5, -0.3
@@ -88,8 +85,7 @@ def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided:
     first, *others = (_about(d, state, guided=guided) for d in model.orders)
     stiffness, stability = _solve_lateral(*first)
     for d, plate in others:
-        with _factorise(d, plate) as solver:
-            stability += solver.stability(d.system.n_pressure)
+        stability += _factorise(d, plate).stability(d.system.n_pressure)
     return LateralStiffness(stiffness, stability)
 
 
@@ -143,17 +139,12 @@ def _solve_lateral(d: Discretisation, plate: Plate | None) -> tuple[float, Stabi
     push = symmetry_models.distribute_push(system.surface, system.fixed.shape, d.shape.H, 1.0)
     force = np.zeros(system.size)
     force[: system.n_free] = push[system.free]
-    with _factorise(d, plate) as solver:
-        return 1 / float(force @ solver.solve(force)), solver.stability(system.n_pressure)
+    solver = _factorise(d, plate)
+    return 1 / float(force @ solver.solve(force)), solver.stability(system.n_pressure)
 
 
-@contextlib.contextmanager
-def _factorise(d: Discretisation, plate: Plate | None) -> Iterator[Solver]:
+def _factorise(d: Discretisation, plate: Plate | None) -> Solver:
     """Factorise the tangent of a model of one order."""
-    solver = Solver()
-    try:
-        here = d.system.assemble(d.system.state(np.zeros(d.system.size)), plate)
-        solver.factorise(here.tangent, symmetric=here.symmetric)
-        yield solver
-    finally:
-        solver.close()
+    solver, here = Solver(), d.system.assemble(d.system.state(np.zeros(d.system.size)), plate)
+    solver.factorise(here.tangent, symmetric=here.symmetric)
+    return solver

@@ -34,8 +34,7 @@ from numpy.typing import NDArray
 from fem.model import plate_contact
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import UNKNOWN, Stability
+from fem.solve.direct_solver import UNKNOWN, Solver, Stability
 from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]

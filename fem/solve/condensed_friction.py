@@ -25,8 +25,7 @@ from fem.model import coulomb_friction, plate_contact
 from fem.model.elements import Surface
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import UNKNOWN, Stability
+from fem.solve.direct_solver import UNKNOWN, Solver, Stability
 from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]

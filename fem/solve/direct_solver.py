@@ -1,28 +1,112 @@
-"""Factorisation of sparse indefinite matrices that share one pattern (`sparse_pattern`), symmetric or not.
+"""Factors of sparse matrices that share one pattern (`sparse_pattern`), and the stability that their pivots tell.
 
 PARDISO (of MKL, the extra `fast`) takes all matrices. Without it qdldl takes the symmetric ones, and gives their
 inertia too; SuperLU the unsymmetric ones, and the symmetric ones that need other pivots, whose inertia is then
 unknown.
+
+By Sylvester's law of inertia the pivots D of a symmetric matrix K = L D L^T have the signs of its eigenvalues. Each
+pressure of a saddle point adds a negative eigenvalue; those beyond them are directions in which the body is unstable.
+The count is unknown where the stiffness is unsymmetric (a slipping contact) or its pivots do not have these signs.
 """
 
 from __future__ import annotations
 
+import ctypes
+import functools
+import math
+import sys
+import weakref
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NoReturn
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
 
 from fem.model.sparse_pattern import nested_dissection
-from fem.solve.inertia import UNKNOWN, Stability, count_negative
-from fem.solve.pardiso import FEW, Pardiso, SingularMatrixError, have_pardiso
 from geometry.arrays import Array, Ints
+from geometry.bad_input import SolveFailed
+from geometry.compiled import threads
 
 LARGEST_BACKWARD_ERROR = 1e-12
 """Largest residual of a known solution over the entries of the matrix and of the solution, up to which pivots without
 exchanges serve. Sections of nu 0 to 0.5, before and beyond an onset of instability, have at most 2e-15."""
+FEW = 10_000
+"""Unknowns up to which PARDISO uses one thread and minimum-degree ordering, half the time of nested dissection, and
+double precision."""
+LARGEST_ERROR = 1e-2
+"""Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
+the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
+CHECKED = 4
+"""The error is computed for each of so many matrices of a path, whose condition changes slowly."""
+
+Verdict = Literal["stable", "unstable", "unknown"]
+
+
+class SingularMatrixError(SolveFailed):
+    """The factorisation met a zero or undefined pivot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stability:
+    """Whether an equilibrium is stable. It has no truth value, so that what is unknown cannot be taken for either.
+
+    Attributes
+    ----------
+    directions : number of unstable directions; None where it is unknown.
+
+    Examples
+    --------
+    >>> Stability(0).verdict, Stability(2).verdict, UNKNOWN.verdict
+    ('stable', 'unstable', 'unknown')
+    >>> (Stability(1) + UNKNOWN).verdict
+    'unstable'
+    """
+
+    directions: int | None
+
+    @classmethod
+    def counted(cls, negative: int | None, pressures: int) -> Stability:
+        """Return the stability of a body with a number of pressures, from its number of negative eigenvalues.
+
+        With fewer negative eigenvalues than pressures the pivots cannot have been those of a saddle point.
+
+        >>> Stability.counted(7, 6), Stability.counted(5, 6), Stability.counted(None, 6)
+        (Stability(directions=1), Stability(directions=None), Stability(directions=None))
+        """
+        return UNKNOWN if negative is None or negative < pressures else cls(negative - pressures)
+
+    @property
+    def verdict(self) -> Verdict:
+        if self.directions is None:
+            return "unknown"
+        return "unstable" if self.directions else "stable"
+
+    @property
+    def is_stable(self) -> bool:
+        return self.verdict == "stable"
+
+    @property
+    def is_unstable(self) -> bool:
+        return self.verdict == "unstable"
+
+    @property
+    def is_unknown(self) -> bool:
+        return self.verdict == "unknown"
+
+    def __add__(self, other: Stability) -> Stability:
+        """Return the stability against the directions of both; one unstable direction is enough to know it."""
+        known = [each.directions for each in (self, other) if each.directions is not None]
+        return UNKNOWN if len(known) < 2 and not any(known) else Stability(sum(known))
+
+    def __bool__(self) -> NoReturn:
+        raise TypeError("a stability may be unknown: ask whether it is_stable, is_unstable or is_unknown")
+
+
+STABLE, UNKNOWN = Stability(0), Stability(None)
 
 
 class Solver:
@@ -38,14 +122,11 @@ class Solver:
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
         self._use_pardiso = have_pardiso() if pardiso is None else pardiso
-        self._handles: dict[bool, Pardiso] = {}
         self._symmetric = True
-        self._order: Ints | None = None
-        self._ldl: Ldl | None = None
-        self._inside: Ldl | None = None
+        self._factors: dict[bool, Pardiso | PlainFactors] = {}
+        self._condensed: PardisoCondensed | PlainCondensed | None = None
         self.kept: Ints = np.zeros(0, dtype=np.int64)
         self.schur: Array | None = None
-        self._condensing: Pardiso | None = None
 
     def factorise(
         self, matrix: sp.csr_matrix, *, symmetric: bool = True, order: Callable[[], Ints] | None = None
@@ -57,42 +138,24 @@ class Solver:
             (n,) in which PARDISO eliminates the unknowns of a large matrix; called at most once. Default: PARDISO's
             own order, and double precision.
         """
+        _check_finite(matrix)
         self._symmetric = symmetric
-        if not np.isfinite(matrix.data).all():
-            raise SingularMatrixError("the stiffness has entries that are not finite")
-        if self._use_pardiso:
-            self._factorise_by_pardiso(matrix, order if symmetric and matrix.shape[0] >= FEW else None)
-            return
-        if symmetric:
-            self._ldl = self._ldl or Ldl(matrix)
-            if self._ldl.factorise(matrix):
-                return
-        # SuperLU has no symmetric indefinite factorisation: it gets the whole matrix, in an order computed once
-        full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
-        if self._order is None:
-            self._order = nested_dissection(full)
-        self._lu = _superlu(full[self._order][:, self._order])
-
-    def _factorise_by_pardiso(self, matrix: sp.csr_matrix, order: Callable[[], Ints] | None) -> None:
-        """Factorise by PARDISO; `order` for a large matrix in single precision."""
-        symmetric = self._symmetric
-        handle = self._handles.get(symmetric)
-        if handle is None:
-            own, single = (None, False) if order is None else (order(), True)
-            # pairs of pivots are rarely needed: factors in single precision are checked anyway
-            handle = Pardiso(
-                matrix, symmetric=symmetric, match=not symmetric, order=own, single=single, pairs=not single
+        if symmetric not in self._factors:
+            single = order is not None and symmetric and matrix.shape[0] >= FEW
+            self._factors[symmetric] = (
+                Pardiso(matrix, symmetric, order() if order is not None and single else None)
+                if self._use_pardiso
+                else PlainFactors(symmetric)
             )
-        handle.factorise(matrix)
-        if not handle.is_accurate(matrix):
-            handle.close()
-            handle = Pardiso(matrix, symmetric=True, match=False, order=handle.order)
-            handle.factorise(matrix)
-        if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: matching is needed
-            handle.close()
-            handle = Pardiso(matrix, symmetric=symmetric, match=True)
-            handle.factorise(matrix)
-        self._handles[symmetric] = handle
+        self._factors[symmetric].factorise(matrix)
+
+    def solve(self, b: Array) -> Array:
+        """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
+        return self._factors[self._symmetric].solve(b)
+
+    def stability(self, pressures: int) -> Stability:
+        """Return the stability of a body with a number of pressures, from the factorised matrix."""
+        return Stability.counted(self._factors[True].negative, pressures) if self._symmetric else UNKNOWN
 
     def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
         """Return the Schur complement (c, c) of some unknowns of a symmetric matrix, given as its upper triangle.
@@ -108,176 +171,43 @@ class Solver:
         ------
         SingularMatrixError : entries are not finite, or K_ii is singular.
         """
-        if not np.isfinite(matrix.data).all():
-            raise SingularMatrixError("the stiffness has entries that are not finite")
-        same, self.kept, self.schur = np.array_equal(kept, self.kept), kept, None
-        if self._use_pardiso:
-            if self._condensing is None or not same:
-                self._close_condensing()
-                self._condensing = Pardiso(matrix, symmetric=True, match=False, kept=kept)
-            upper = np.zeros((len(kept), len(kept)))
-            self._condensing.factorise(matrix, upper)
-            if self._condensing.iparm[13]:  # pivots were perturbed
-                return None
-            self.schur = np.triu(upper) + np.triu(upper, 1).T
-            return self.schur
-        inner = np.setdiff1d(np.arange(matrix.shape[0]), kept)
-        inside = matrix[inner][:, inner]
-        if self._inside is None or not same:
-            self._inside, self._inner = Ldl(inside), inner
-        if not self._inside.factorise(inside):
-            return None
-        parts, corner = (matrix[inner][:, kept], matrix[kept][:, inner].T), matrix[kept][:, kept].toarray()
-        self._coupling = parts[0] + parts[1]
-        rows = np.concatenate([part.tocoo().row for part in parts])
-        self.schur = corner + np.triu(corner, 1).T - self._inside.condense(self._coupling.toarray(), rows)
+        _check_finite(matrix)
+        if self._condensed is None or not np.array_equal(kept, self.kept):
+            self._condensed = (PardisoCondensed if self._use_pardiso else PlainCondensed)(matrix, kept)
+        self.kept, self.schur = kept, None
+        self.schur = self._condensed.condense(matrix)
         return self.schur
 
     def forward(self, b: Array) -> Array:
         """Return b (n,) with the entries of the unknowns kept replaced by b_c - K_ci K_ii^-1 b_i, for `backward`."""
-        if self._condensing is not None:
-            return self._condensing.solve(b, phase=331)
-        assert self._inside is not None
-        y = b.copy()
-        y[self.kept] -= self._coupling.T @ self._inside.solve(b[self._inner])
-        return y
+        assert self._condensed is not None
+        return self._condensed.forward(b)
 
     def backward(self, y: Array, x_kept: Array) -> Array:
         """Return the solution x (n,) whose kept unknowns are `x_kept`, after `y` = `forward(b)`."""
+        assert self._condensed is not None
         x = y.copy()
         x[self.kept] = x_kept
-        if self._condensing is not None:
-            return self._condensing.solve(x, phase=333)
-        assert self._inside is not None
-        x[self._inner] = self._inside.solve(y[self._inner] - self._coupling @ x_kept)
-        return x
+        return self._condensed.backward(x)
 
     def stability_with(self, schur: Array, added: Array, pressures: int) -> Stability:
         """Return the stability with a stiffness (c, c) added to the unknowns kept, from the complement of `condense`.
 
         Haynsworth: the inertia of the whole matrix is that of K_ii and that of its Schur complement.
         """
-        if self._condensing is not None:
-            inside: int | None = int(self._condensing.iparm[22]) - count_negative(schur)
-        else:
-            assert self._inside is not None
-            inside = self._inside.negative
-        if inside is None:
-            return UNKNOWN
-        return Stability.counted(inside + count_negative(schur + added), pressures)
-
-    def stability(self, pressures: int) -> Stability:
-        """Return the stability of a body with a number of pressures, from the factorised matrix."""
-        return Stability.counted(self._negative(), pressures) if self._symmetric else UNKNOWN
-
-    def _negative(self) -> int | None:
-        """Return the number of negative eigenvalues of the symmetric matrix; None where its pivots do not tell."""
-        if self._use_pardiso:
-            iparm = self._handles[True].iparm
-            # a perturbed pivot may have either sign
-            return None if iparm[13] else int(iparm[22])
-        assert self._ldl is not None
-        return self._ldl.negative
-
-    def solve(self, b: Array) -> Array:
-        """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
-        if not self._use_pardiso:
-            if self._symmetric and self._ldl is not None and self._ldl.sound:
-                return self._ldl.solve(b)
-            x = np.empty_like(b)
-            x[self._order] = self._lu.solve(b[self._order])
-            return x
-        return self._handles[self._symmetric].solve(b)
-
-    def close(self) -> None:
-        """Free the memory of the factorisations."""
-        while self._handles:
-            self._handles.popitem()[1].close()
-        self._close_condensing()
-
-    def _close_condensing(self) -> None:
-        if self._condensing is not None:
-            self._condensing.close()
-            self._condensing = None
+        assert self._condensed is not None
+        inside = self._condensed.negative_inside(schur)
+        return Stability.counted(None if inside is None else inside + _count_negative(schur + added), pressures)
 
 
-class Ldl:
-    """L D L^T by qdldl, in an order of minimum degree, of symmetric matrices of one pattern: upper triangles.
+def _check_finite(matrix: sp.csr_matrix) -> None:
+    if not np.isfinite(matrix.data).all():
+        raise SingularMatrixError("the stiffness has entries that are not finite")
 
-    Pivots are not exchanged. Such factors exist in any order for a saddle point whose two diagonal blocks are
-    definite (Vanderbei 1995), but need not beyond an onset of instability: a known solution checks each matrix.
 
-    Attributes
-    ----------
-    sound : whether the last matrix has factors without exchanges that reproduce it.
-    """
-
-    def __init__(self, matrix: sp.csr_matrix) -> None:
-        import qdldl  # only here, for with PARDISO it is not used
-
-        self._start, n = qdldl.Solver, matrix.shape[0]
-        rows = np.repeat(np.arange(n), np.diff(matrix.indptr))
-        # qdldl wants every diagonal entry; those that the pattern lacks are numbered 0
-        numbers = np.append(np.arange(1, matrix.nnz + 1), np.zeros(n, dtype=np.int64))
-        entries = np.append(rows, np.arange(n)), np.append(matrix.indices, np.arange(n))
-        columns = sp.coo_matrix((numbers, entries), shape=(n, n)).tocsc()
-        self._places, self.sound = columns.data, False
-        self._columns = columns.astype(np.float64)
-        self._factors: Any = None
-        self._reach: Ints | None = None
-
-    def factorise(self, matrix: sp.csr_matrix) -> bool:
-        """Factorise a matrix of the pattern; return whether it is sound."""
-        self._columns.data = np.append(0.0, matrix.data)[self._places]
-        try:
-            if self._factors is None:
-                self._factors = self._start(self._columns, upper=True)
-            else:
-                self._factors.update(self._columns, upper=True)
-        except RuntimeError:  # a pivot is 0; an update leaves the later ones as they were without a word
-            self._factors, self.sound = None, False
-            return False
-        ones = np.ones(matrix.shape[0])
-        x = self.solve(_multiply(matrix, ones))
-        error = np.abs(_multiply(matrix, ones - x)).max()
-        self.sound = bool(error <= LARGEST_BACKWARD_ERROR * np.abs(matrix.data).max() * np.abs(x).max())
-        return self.sound
-
-    @property
-    def negative(self) -> int | None:
-        """Number of negative eigenvalues; None where the factors are not sound."""
-        if not self.sound:
-            return None
-        pivots = self._pivots()[1]
-        return int(np.count_nonzero(pivots < 0))
-
-    def solve(self, b: Array) -> Array:
-        """Solve for b (n,) or (n, m)."""
-        if b.ndim == 1:
-            return np.asarray(self._factors.solve(b))
-        return np.stack([self._factors.solve(column) for column in np.ascontiguousarray(b.T)], axis=1)
-
-    def condense(self, b: Array, rows: Ints) -> Array:
-        """Return b^T K^-1 b = y^T D^-1 y (c, c) with y = L^-1 b for b (n, c).
-
-        rows : rows of b that are not 0, the same for each matrix. Only the unknowns that L couples them to are
-            solved for: a third of those of a section, so that a dense matrix of them is ten times as fast as L.
-        """
-        L, D, order = self._pivots()
-        if self._reach is None:
-            # with -1 for all entries of L nothing cancels
-            ones = sp.csr_matrix((np.full(L.nnz, -1.0), L.indices, L.indptr), shape=L.shape).T.tocsr()
-            start = np.isin(order, rows).astype(np.float64)
-            self._reach = np.flatnonzero(spla.spsolve_triangular(ones, start, lower=True, unit_diagonal=True))
-        coupled = self._reach
-        dense = L[coupled][:, coupled].toarray()
-        y = scipy.linalg.solve_triangular(dense, b[order][coupled], lower=True, unit_diagonal=True)
-        return np.asarray(y.T @ (y / D[coupled, None]))
-
-    def _pivots(self) -> tuple[sp.csc_matrix, Array, Ints]:
-        """Return L without its diagonal, D, and the order of the unknowns."""
-        L, D, order = self._factors.factors()
-        return L, D, order
+def _count_negative(symmetric: Array) -> int:
+    """Return the number of negative eigenvalues of a dense symmetric matrix (n, n)."""
+    return int(np.count_nonzero(np.linalg.eigvalsh(symmetric) < 0))
 
 
 def _multiply(upper: sp.csr_matrix, x: Array) -> Array:
@@ -285,12 +215,307 @@ def _multiply(upper: sp.csr_matrix, x: Array) -> Array:
     return np.asarray(upper @ x + upper.T @ x - upper.diagonal() * x)
 
 
-def _superlu(ordered: sp.csr_matrix) -> Any:
-    """Factorise a matrix whose unknowns are ordered; raises SingularMatrixError."""
-    # pivots stay on the diagonal unless they are small: otherwise the factors fill up
+class Ldl:
+    """L D L^T by qdldl, in an order of minimum degree, of symmetric matrices of one pattern: upper triangles.
+
+    Pivots are not exchanged. Such factors exist in any order for a saddle point whose two diagonal blocks are
+    definite (Vanderbei 1995), but need not beyond an onset of instability: a known solution checks each matrix.
+    """
+
+    _factors: Any = None
+
+    def factorise(self, matrix: sp.csr_matrix) -> bool:
+        """Factorise a matrix of the pattern; return whether factors without exchanges reproduce it."""
+        import qdldl  # only here, for with PARDISO it is not used
+
+        try:
+            if self._factors is None:
+                self._factors = qdldl.Solver(matrix.tocsc(), upper=True)
+            else:
+                self._factors.update(matrix.tocsc(), upper=True)
+        except RuntimeError:  # a pivot is 0; an update leaves the later ones as they were without a word
+            self._factors = None
+            return False
+        ones = np.ones(matrix.shape[0])
+        x = self.solve(_multiply(matrix, ones))
+        error = np.abs(_multiply(matrix, ones - x)).max()
+        return bool(error <= LARGEST_BACKWARD_ERROR * np.abs(matrix.data).max() * np.abs(x).max())
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues."""
+        return int(np.count_nonzero(self._factors.factors()[1] < 0))
+
+    def solve(self, b: Array) -> Array:
+        """Solve for b (n,) or (n, m)."""
+        if b.ndim == 1:
+            return np.asarray(self._factors.solve(b))
+        return np.stack([self._factors.solve(column) for column in np.ascontiguousarray(b.T)], axis=1)
+
+    def condense(self, b: Array) -> Array:
+        """Return b^T K^-1 b = y^T D^-1 y (c, c) with y = L^-1 b for b (n, c)."""
+        L, D, order = self._factors.factors()  # L without its diagonal
+        y = spla.spsolve_triangular(L, b[order], lower=True, unit_diagonal=True)
+        return np.asarray(y.T @ (y / D[:, None]))
+
+
+class PlainFactors:
+    """Factors without MKL: by qdldl, or by SuperLU where that does not serve."""
+
+    def __init__(self, symmetric: bool) -> None:
+        self._ldl = Ldl() if symmetric else None
+        self._order: Ints | None = None
+        self._lu: Any = None
+
+    def factorise(self, matrix: sp.csr_matrix) -> None:
+        """Factorise a matrix of the pattern; raises SingularMatrixError."""
+        self._lu = None
+        if self._ldl is not None:
+            if self._ldl.factorise(matrix):
+                return
+            # SuperLU has no symmetric indefinite factorisation: it gets the whole matrix
+            matrix = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr()
+        if self._order is None:
+            self._order = nested_dissection(matrix)
+        ordered = matrix[self._order][:, self._order].tocsc()
+        # pivots stay on the diagonal unless they are small: otherwise the factors fill up
+        options = {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
+        try:
+            self._lu = spla.splu(ordered, **options)
+        except RuntimeError as error:
+            raise SingularMatrixError(str(error)) from error
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of the symmetric matrix; None where its pivots do not tell."""
+        return None if self._ldl is None or self._lu is not None else self._ldl.negative
+
+    def solve(self, b: Array) -> Array:
+        if self._lu is None:
+            assert self._ldl is not None
+            return self._ldl.solve(b)
+        x = np.empty_like(b)
+        x[self._order] = self._lu.solve(b[self._order])
+        return x
+
+
+class PlainCondensed:
+    """Condensation by qdldl; see `Solver`."""
+
+    def __init__(self, matrix: sp.csr_matrix, kept: Ints) -> None:
+        self._kept, self._inner = kept, np.setdiff1d(np.arange(matrix.shape[0]), kept)
+        self._inside, self._sound = Ldl(), False
+
+    def condense(self, matrix: sp.csr_matrix) -> Array | None:
+        kept, inner = self._kept, self._inner
+        self._sound = self._inside.factorise(matrix[inner][:, inner])
+        if not self._sound:
+            return None
+        corner = matrix[kept][:, kept].toarray()
+        self._coupling = matrix[inner][:, kept] + matrix[kept][:, inner].T
+        return np.asarray(corner + np.triu(corner, 1).T - self._inside.condense(self._coupling.toarray()))
+
+    def forward(self, b: Array) -> Array:
+        y = b.copy()
+        y[self._kept] -= self._coupling.T @ self._inside.solve(b[self._inner])
+        return y
+
+    def backward(self, x: Array) -> Array:
+        x[self._inner] = self._inside.solve(x[self._inner] - self._coupling @ x[self._kept])
+        return x
+
+    def negative_inside(self, schur: Array) -> int | None:
+        """Return the number of negative eigenvalues of K_ii."""
+        del schur
+        return self._inside.negative if self._sound else None
+
+
+def have_pardiso() -> bool:
+    """Return whether the extra `fast` is installed and its library loads."""
+    return _mkl() is not None
+
+
+@functools.cache
+def _mkl() -> Any:
+    """Return the MKL library, initialised by a first call; None if it is not installed."""
+    library = _library()
+    if library is None:
+        return None
     try:
-        return spla.splu(
-            ordered.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
-        )
-    except RuntimeError as error:
-        raise SingularMatrixError(str(error)) from error
+        mkl = ctypes.CDLL(str(library))
+    except OSError:
+        return None
+    if threads() == 1:
+        mkl.MKL_Set_Threading_Layer(1)  # its layer without threads, initialised in half the time
+    mkl.MKL_Get_Max_Threads()
+    return mkl
+
+
+def _library() -> Path | None:
+    """MKL's library: where pip puts it, or else by the list of the package's files, None if there is none."""
+    folder, pattern = ("Library/bin", "mkl_rt*.dll") if sys.platform == "win32" else ("lib", "libmkl_rt.so*")
+    usual = sorted((Path(sys.prefix) / folder).glob(pattern))
+    if usual:
+        return usual[-1]
+    # only here, for the module of package lists imports those of e-mail and sockets, a tenth of a press's imports
+    from importlib import metadata
+
+    try:
+        files = metadata.files("mkl") or []
+    except metadata.PackageNotFoundError:
+        return None
+    return next((Path(str(file.locate())) for file in files if "mkl_rt" in file.name), None)
+
+
+class Pardiso:
+    """PARDISO for matrices of one pattern: upper triangles of symmetric indefinite matrices, or unsymmetric ones.
+
+    MKL is called directly, as its reference describes: the package pypardiso copies the structure at each call, and
+    its imports take some 50 ms. Factors are made with the least that serves, until a matrix needs more: in single
+    precision, then in double precision, and then with rows scaled and large entries permuted to the diagonal first
+    (`match`). That takes most of the symbolic phase; mixed displacement-pressure systems need it only where elements,
+    and with them pivots, differ by orders of magnitude.
+
+    Parameters
+    ----------
+    matrix : a matrix with the pattern.
+    order : order in which the unknowns are eliminated, in single precision; default: PARDISO's own, in double.
+    kept : unknowns that are not eliminated, but left in a Schur complement.
+
+    Attributes
+    ----------
+    single : whether the factors are in single precision.
+    iparm : (64,) MKL's parameters, numbered from 0.
+    """
+
+    def __init__(
+        self, matrix: sp.csr_matrix, symmetric: bool, order: Ints | None = None, kept: Ints | None = None
+    ) -> None:
+        self._mkl, self._symmetric, self._order, self._kept = _mkl(), symmetric, order, kept
+        self._pardiso = self._mkl["pardiso"]
+        self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
+        self._negative, self._turn = -1, 0
+        self._start(matrix, match=not symmetric, single=order is not None)
+
+    def _start(self, matrix: sp.csr_matrix, *, match: bool, single: bool) -> None:
+        """Prepare the call of PARDISO for matrices of a pattern."""
+        size, self.single, self._match = matrix.shape[0], single, match
+        # Newton's method corrects small errors of a solve, so solutions are refined only where pivots were perturbed
+        method, perturb = 0 if size < FEW else 2, 8 if self._symmetric else 13
+        self.iparm = np.zeros(64, dtype=np.int32)
+        # the search for pairs of pivots takes a sixth of the time; single precision is checked anyway
+        pairs = int(not single)
+        settings = {1: 1, 2: method, 10: perturb, 11: int(match), 13: int(match), 21: pairs, 28: int(single), 35: 1}
+        for i, value in settings.items():
+            self.iparm[i - 1] = value
+        # MKL takes all arguments by address: these arrays hold them, and must stay where they are in memory
+        self._numbers = np.array([1, 1, -2 if self._symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
+        memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
+        if self._kept is not None:
+            permutation[self._kept], self.iparm[35] = 1, 2
+        elif self._order is not None and not match:
+            permutation[:], self.iparm[4] = self._order, 1
+        nothing = np.zeros(0)
+        first = _address(self._numbers)
+        most, which, kind, phase, many, right, talk, error = range(first, first + 32, 4)
+        structure = _address(matrix.indptr), _address(matrix.indices)
+        self._before = _address(memory), most, which, kind, phase, many
+        self._between = *structure, _address(permutation), right, _address(self.iparm), talk
+        self._error, self._nothing = error, nothing
+        self._values, self._known = matrix.data, False
+        self._type = np.dtype(np.float32 if single else np.float64)
+        arrays = self._numbers, memory, permutation, matrix.indptr, matrix.indices, self.iparm, nothing
+        call = self._pardiso, *self._before, _address(nothing), *self._between, *[_address(nothing)] * 2, error
+        # frees MKL's memory with the last reference to these factors, or when it is called
+        self._free = weakref.finalize(self, _release, arrays, call)
+        self._free.atexit = False
+
+    def factorise(self, matrix: sp.csr_matrix) -> None:
+        """Factorise a matrix of the pattern; raises SingularMatrixError."""
+        self._run(matrix)
+        if self.single and not self._is_accurate(matrix):
+            self._restart(matrix, match=False)
+        if not self._match and self.iparm[13] > 0:  # pivots were perturbed: matching is needed
+            self._restart(matrix, match=True)
+
+    def _restart(self, matrix: sp.csr_matrix, *, match: bool) -> None:
+        self._free()
+        self._start(matrix, match=match, single=False)
+        self._run(matrix)
+
+    def _run(self, matrix: sp.csr_matrix, schur: Array | None = None) -> None:
+        """Factorise a matrix, and write the upper triangle of the Schur complement (c, c) where unknowns are kept."""
+        with np.errstate(over="ignore"):  # `_is_accurate` tells what does not fit into single precision
+            self._values = matrix.data.astype(self._type, copy=False)
+        self._call(22 if self._known else 12, self._nothing, self._nothing if schur is None else schur)
+        self._known = True
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of the symmetric matrix; None where its pivots do not tell."""
+        # a perturbed pivot may have either sign
+        return None if self.iparm[13] else int(self.iparm[22])
+
+    def solve(self, b: Array, phase: int = 33) -> Array:
+        """Solve for b (n,) or (n, m); phases 331 and 333 are the steps before and after a Schur complement."""
+        b = np.asfortranarray(b, dtype=self._type)
+        x = np.zeros_like(b)
+        self._call(phase, b, x)
+        return np.asarray(x, dtype=np.float64)
+
+    def _is_accurate(self, matrix: sp.csr_matrix) -> bool:
+        """Return whether the factors of an upper triangle serve Newton's method, by a known solution.
+
+        It is computed where the number of negative pivots has changed, and for each CHECKED-th matrix.
+        """
+        self._turn, before, self._negative = self._turn + 1, self._negative, int(self.iparm[22])
+        if self.iparm[13] or (self._negative == before and self._turn % CHECKED):
+            return not self.iparm[13]
+        ones = np.ones(matrix.shape[0])
+        error = np.linalg.norm(self.solve(_multiply(matrix, ones)) - ones) / math.sqrt(len(ones))
+        return bool(error <= LARGEST_ERROR)
+
+    def _call(self, phase: int, b: Array, x: Array) -> None:
+        numbers = self._numbers
+        numbers[3], numbers[5], numbers[7] = phase, b.shape[1] if b.ndim == 2 else 1, 0
+        # in a small system, synchronising threads costs more than they save
+        own = self._mkl.MKL_Set_Num_Threads_Local(int(numbers[4] < FEW))
+        values = _address(self._values)
+        self._pardiso(*self._before, values, *self._between, _address(b), _address(x), self._error)
+        self._mkl.MKL_Set_Num_Threads_Local(own)
+        if numbers[7]:
+            raise SingularMatrixError(f"PARDISO error {numbers[7]}")
+
+
+class PardisoCondensed(Pardiso):
+    """Condensation by PARDISO; see `Solver`."""
+
+    def __init__(self, matrix: sp.csr_matrix, kept: Ints) -> None:
+        super().__init__(matrix, symmetric=True, kept=kept)
+
+    def condense(self, matrix: sp.csr_matrix) -> Array | None:
+        assert self._kept is not None
+        upper = np.zeros((len(self._kept), len(self._kept)))
+        self._run(matrix, upper)
+        # pivots of K_ii may have been perturbed
+        return None if self.iparm[13] else np.asarray(np.triu(upper) + np.triu(upper, 1).T)
+
+    def forward(self, b: Array) -> Array:
+        return self.solve(b, phase=331)
+
+    def backward(self, x: Array) -> Array:
+        return self.solve(x, phase=333)
+
+    def negative_inside(self, schur: Array) -> int | None:
+        """Return the number of negative eigenvalues of K_ii; PARDISO counts those of its complement too."""
+        return int(self.iparm[22]) - _count_negative(schur)
+
+
+def _release(arrays: tuple[NDArray[Any], ...], call: tuple[Any, ...]) -> None:
+    """Free the memory of a factorisation by PARDISO's phase -1."""
+    arrays[0][3] = -1
+    call[0](*call[1:])
+
+
+def _address(array: NDArray[Any]) -> int:
+    return int(array.__array_interface__["data"][0])

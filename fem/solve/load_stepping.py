@@ -83,7 +83,7 @@ class Path:
         state = replace(low, sheared=True)
         if models is not None and models.raised is not None and state.d.model == "axisymmetric":
             state = with_harmonics(state, models.raised.build())
-            self._renew_solver()
+            self._solver = Solver()  # the matrices of another model have another pattern
             if models.predictor is not None:
                 state = with_predictor(state, models.predictor.build(), low)
         if state.bond is None and state.friction is None:
@@ -93,18 +93,8 @@ class Path:
     def restart(self, state: PathState) -> None:
         """Return to an earlier state of this path."""
         if state.d is not self.state.d:
-            self._renew_solver()
+            self._solver = Solver()  # the matrices of another model have another pattern
         self.state = state
-
-    def close(self) -> None:
-        """Free the memory of the factorisations."""
-        self._solver.close()
-        self._reduced_solver.close()
-
-    def _renew_solver(self) -> None:
-        """Replace the solver, because the matrices of another model have another pattern."""
-        self._solver.close()
-        self._solver = Solver()
 
     def _follow_straight(self, goal: Array) -> Segment:
         """Follow a straight segment to a position (3,), by the predictor where possible."""

@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.solve.active_set import ActiveSet, KeptTangent
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import UNKNOWN, Stability
-from fem.solve.pardiso import SingularMatrixError
+from fem.solve.direct_solver import UNKNOWN, SingularMatrixError, Solver, Stability
 from geometry.arrays import Array
 from geometry.bad_input import BadInput, SolveFailed
 

@@ -19,7 +19,7 @@ from fem.model.coulomb_friction import Friction
 from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Plate
 from fem.model.section_interpolation import interpolate_section
 from fem.model.symmetry_models import Discretisation, raise_harmonics
-from fem.solve.inertia import STABLE, UNKNOWN, Stability
+from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
 from geometry.arrays import Array
 
 FIRST_TOUCH = 1e-14

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from dataclasses import dataclass, replace
 
@@ -98,9 +97,9 @@ def solve_press(section: MeshSpecification, depth: float, rough: PathState | Non
     ----------
     rough : the press on another mesh, from which this one starts.
     """
-    with contextlib.closing(Path(at_rest(section.build()), PathModels(section, rough=rough))) as path:
-        stop = path.go(depth, np.zeros(2))
-        return path.state, stop
+    path = Path(at_rest(section.build()), PathModels(section, rough=rough))
+    stop = path.go(depth, np.zeros(2))
+    return path.state, stop
 
 
 def measure_contact_edge(state: PathState) -> float:

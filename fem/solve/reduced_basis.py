@@ -28,8 +28,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.solve.direct_solver import Solver
-from fem.solve.inertia import Stability
+from fem.solve.direct_solver import Solver, Stability
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
 
@@ -165,29 +164,25 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     none = np.empty((0, 0))
     basis = _Basis(np.empty((n, 0)), none, none, none, np.empty((len(sample), 0)))
     at_rest, moving = Solver(), Solver()
-    try:
-        at_rest.factorise(problem.K)
-        static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - moving_part)
-        # with the static solutions the slow limit is exact
-        basis = basis.extend(_independent(static, basis.V, moving_part), problem, at_rest, sample)
-        for rounds in range(1, MOST_ROUNDS + 1):
-            shifted = problem.at(float(c[worst].real), float(eigenvalues[worst]))
-            moving.factorise(shifted)
-            vectors = _independent(_local_vectors(moving, shifted, problem, residual), basis.V, moving_part)
-            if vectors.size:
-                basis = basis.extend(vectors, problem, at_rest, sample)
-            system = basis.system(problem.b, rounds, stability)
-            y = system.solve(c, eigenvalues)
-            errors = _errors(static[sample], basis.V[sample], basis.W, y, c, eigenvalues)
-            worst = int(np.argmax(errors))
-            if best is None or errors[worst] < best.error:
-                best = replace(system, error=float(errors[worst]))
-            if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + STALLED_ROUNDS:
-                break
-            residual = _residual(problem, basis.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
-    finally:
-        at_rest.close()
-        moving.close()
+    at_rest.factorise(problem.K)
+    static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - moving_part)
+    # with the static solutions the slow limit is exact
+    basis = basis.extend(_independent(static, basis.V, moving_part), problem, at_rest, sample)
+    for rounds in range(1, MOST_ROUNDS + 1):
+        shifted = problem.at(float(c[worst].real), float(eigenvalues[worst]))
+        moving.factorise(shifted)
+        vectors = _independent(_local_vectors(moving, shifted, problem, residual), basis.V, moving_part)
+        if vectors.size:
+            basis = basis.extend(vectors, problem, at_rest, sample)
+        system = basis.system(problem.b, rounds, stability)
+        y = system.solve(c, eigenvalues)
+        errors = _errors(static[sample], basis.V[sample], basis.W, y, c, eigenvalues)
+        worst = int(np.argmax(errors))
+        if best is None or errors[worst] < best.error:
+            best = replace(system, error=float(errors[worst]))
+        if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + STALLED_ROUNDS:
+            break
+        residual = _residual(problem, basis.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
     assert best is not None
     if best.error > max(tolerance, ACCEPTED):
         raise NotReachedError(f"the reduced basis has an error of {best.error:.2g}, above {tolerance:g}")

@@ -67,7 +67,7 @@ class Answers:
 
     def forget(self) -> None:
         """Free everything that is kept."""
-        self.paths.close()
+        self.paths = KeptPaths()
         self._kept.clear()
         self._design.clear()
         self._vibrating = None

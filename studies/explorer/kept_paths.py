@@ -77,12 +77,6 @@ class KeptPaths:
             sideways=kept.sideways if sideways else None,
         )
 
-    def close(self) -> None:
-        """Free the memory of all paths."""
-        for kept in self._kept.values():
-            kept.path.close()
-        self._kept.clear()
-
     def _followed(self, scene: Scene, moving: bool) -> _Kept:
         """Return the path of a scene at its load."""
         key, name = _key(scene), json.dumps(scene.dimensionless())
@@ -94,7 +88,7 @@ class KeptPaths:
         # the newest path stands last
         self._kept[key] = kept
         while len(self._kept) > MOST:
-            self._kept.pop(next(iter(self._kept))).path.close()
+            self._kept.pop(next(iter(self._kept)))
         if kept.name != name or (kept.continued and not moving):
             near = moving and bool(kept.name)
             kept.name = ""

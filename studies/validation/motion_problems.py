@@ -378,19 +378,16 @@ def slow_limit(_: int) -> tuple[float, ...]:
     assert plate is not None
     assert plate.height is not None
     ratios, solver = [], Solver()
-    try:
-        for motion, (along, down, component) in {"z": (0.0, 1.0, 1), "x": (1.0, 0.0, 0)}.items():
-            forces = []
-            for way in (STEP, -STEP):
-                shear = plate.shear + np.array([way * along, 0.0])
-                moved = replace(plate, height=plate.height - way * down, shear=shear)
-                reached = newton(state.d.system, solver, state.q, moved, moved.pressed).state
-                traction = plate_contact.springs(state.skin, reached.u, moved).traction
-                forces.append(np.einsum("kq,kqi->i", state.skin.weights, traction)[[0, 2]] * [-1.0, 1.0])
-            slope = (forces[0] - forces[1])[component] / (2 * STEP) * unit
-            ratios.append(float(force[part.block.motions.index(motion), component] / slope))
-    finally:
-        solver.close()
+    for motion, (along, down, component) in {"z": (0.0, 1.0, 1), "x": (1.0, 0.0, 0)}.items():
+        forces = []
+        for way in (STEP, -STEP):
+            shear = plate.shear + np.array([way * along, 0.0])
+            moved = replace(plate, height=plate.height - way * down, shear=shear)
+            reached = newton(state.d.system, solver, state.q, moved, moved.pressed).state
+            traction = plate_contact.springs(state.skin, reached.u, moved).traction
+            forces.append(np.einsum("kq,kqi->i", state.skin.weights, traction)[[0, 2]] * [-1.0, 1.0])
+        slope = (forces[0] - forces[1])[component] / (2 * STEP) * unit
+        ratios.append(float(force[part.block.motions.index(motion), component] / slope))
     return tuple(ratios)
 
 
@@ -495,10 +492,7 @@ def full_solution(problem: Problem, c: complex, eigenvalue: float) -> Complex:
     P, Q = K + c.real * R - eigenvalue * M, c.imag * R
     A, b = sp.bmat([[P, -Q], [-Q, -P]], format="csr"), np.vstack([problem.b, np.zeros(problem.b.shape)])
     solver = Solver()
-    try:
-        solver.factorise(sp.triu(A, format="csr"))
-        x = solver.solve(b)
-        x += solver.solve(b - A @ x)
-    finally:
-        solver.close()
+    solver.factorise(sp.triu(A, format="csr"))
+    x = solver.solve(b)
+    x += solver.solve(b - A @ x)
     return np.asarray(x[: len(problem.b)] + 1j * x[len(problem.b) :])

@@ -74,10 +74,7 @@ def solve(system: System, u: Array | None = None, q: Array | None = None) -> Equ
     if u is not None:
         start[: system.n_free] = u[system.free]
     solver = Solver()
-    try:
-        answer = newton(system, solver, start, None)
-    finally:
-        solver.close()
+    answer = newton(system, solver, start, None)
     if not answer.converged:
         raise NotSolvedError(STOPPED[answer.reason])
     return answer
@@ -187,15 +184,13 @@ def reese_block(
     return tuple(float(-100 * answers[level].state.u[corner, 2]) for level in levels)
 
 
-def _coupled(
-    G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array, /, *,
-    step: int = 1,
-) -> None:  # fmt: skip
+def _coupled(strain: material.Arrays, mu: Array, p: Array, out: material.Arrays, /, *, step: int = 1) -> None:
     """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added: a
     `fem.model.material.Law`.
 
     W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T.
     """
+    (G, Jm1, Hm1), (W, P, A) = strain, out
     W[:] = mu / 2 * (2 * G[::4].sum(axis=0) + np.square(G).sum(axis=0) - 2 * np.log1p(Jm1))
     P[:] = mu * (G - Hm1)
     if A.shape[2]:
@@ -507,20 +502,16 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
     path = Path(at_rest(MeshSpecification(shape, design.nu, magnet, size, tip).build()))
     forces, factors, solver = [], np.array([1.0, 3.0, 10.0]), Solver()
-    try:
-        reason, state = path.go(depth, np.zeros(2)), path.state
-        system, q, plate, skin = state.d.system, state.q, state.plate, state.skin
-        for factor in factors:
-            harder = replace(plate, stiffness=factor * plate.stiffness)
-            pressed = plate_contact.overlap(skin, system.state(q).u, plate) > 0
-            answer = newton(system, solver, q, harder, pressed)
-            reason = reason or answer.reason
-            q = answer.state.q
-            pushed = plate_contact.springs(skin, answer.state.u, harder).traction[..., 2]
-            forces.append(float(np.sum(skin.weights * pushed)))
-    finally:
-        path.close()
-        solver.close()
+    reason, state = path.go(depth, np.zeros(2)), path.state
+    system, q, plate, skin = state.d.system, state.q, state.plate, state.skin
+    for factor in factors:
+        harder = replace(plate, stiffness=factor * plate.stiffness)
+        pressed = plate_contact.overlap(skin, system.state(q).u, plate) > 0
+        answer = newton(system, solver, q, harder, pressed)
+        reason = reason or answer.reason
+        q = answer.state.q
+        pushed = plate_contact.springs(skin, answer.state.u, harder).traction[..., 2]
+        forces.append(float(np.sum(skin.weights * pushed)))
     if reason:
         raise NotSolvedError(STOPPED[reason])
     return forces[0] / float(np.polynomial.Polynomial.fit(1 / factors, forces, 1)(0.0))

@@ -160,12 +160,12 @@ def _solve(connection: Connection, run: Run) -> None:
     """Solve a run and send its answer; runs in the solve's own process."""
     import signal
 
-    from fem.solve import pardiso
+    from fem.solve import direct_solver
 
     # an interruption of the study reaches the parent, which then ends this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # loading the solver's library is an import
-    pardiso.have_pardiso()
+    direct_solver.have_pardiso()
     assert isinstance(run.method, Accuracy)
     base, begin = _peak(), _cpu()
     states = error_study.follow(run.trial, run.method)
