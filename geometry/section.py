@@ -42,6 +42,7 @@ from skfem.quadrature import get_quadrature
 
 from geometry.arrays import Array, Ints
 from geometry.bad_input import MeshError
+from geometry.compiled import compiled
 from geometry.design import BadInput, Shape
 
 Points = NDArray[np.complex128]
@@ -173,8 +174,6 @@ position of this edge.
 _BEARINGS = np.linspace(0, DOME_REACH, 61)[1:]
 DOME_POINTS = np.sin(_BEARINGS) + 1j * np.cos(_BEARINGS)
 """Sources along the dome of unit radius about 0."""
-BLOCK = 32
-"""Number of successive points that `Grading.along` looks up together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,45 +207,30 @@ class Grading:
 
     def __call__(self, x: Points) -> Array:
         """Return the target edge length at points, shape (n,)."""
-        wanted: Array = np.minimum(self.size, self._lengths(x).min(axis=1))
+        wanted = np.full(len(x), self.size)
+        _shorten(wanted, x.real.copy(), x.imag.copy(), self.source, self.least, self.growth)
         return wanted
-
-    def along(self, x: Points) -> Array:
-        """Return the target edge length at successive points, shape (n,): the same bits as `__call__`, but faster.
-
-        The points are divided into blocks. For each block, only those sources are evaluated that can determine the
-        edge length somewhere in it.
-        """
-        blocks = x[np.minimum(np.arange(len(x) + -len(x) % BLOCK), len(x) - 1)].reshape(-1, BLOCK)
-        middle = (blocks[:, 0] + blocks[:, -1]) / 2
-        # within a block, the edge length of a source differs by at most `change` from that at the block's middle
-        length, change = self._lengths(middle), np.abs(blocks - middle[:, None]).max(axis=1)[:, None] * self.growth
-        most = np.minimum(self.size, (length + change).min(axis=1)) + SMALLEST
-        block, i = np.nonzero(length - change <= most[:, None])
-        r, z = blocks.real[block] - self.source.real[i, None], blocks.imag[block] - self.source.imag[i, None]
-        near = np.sqrt(r * r + z * z)
-        near *= self.growth[i, None]
-        near += self.least[i, None]
-        first = np.flatnonzero(np.diff(block, prepend=-1))
-        wanted = np.full(blocks.shape, self.size)
-        wanted[block[first]] = np.minimum(self.size, np.minimum.reduceat(near, first))
-        return wanted.ravel()[: len(x)]
-
-    def _lengths(self, x: Points) -> Array:
-        """Return the edge length that each source requires at each point, shape (n, m)."""
-        length: Array = cdist(pairs(x), pairs(self.source))
-        length *= self.growth
-        length += self.least
-        return length
 
     def reduced(self) -> Grading:
         """Return the grading without sources that have no effect: another source requires less everywhere.
 
         The tip always stays.
         """
-        more = (self.least - SMALLEST > self._lengths(self.source).T) & (self.growth >= self.growth[:, None])
+        lengths = self.least + self.growth * cdist(pairs(self.source), pairs(self.source))
+        more = (self.least - SMALLEST > lengths.T) & (self.growth >= self.growth[:, None])
         used = np.append(0, 1 + np.flatnonzero(~np.any(more, axis=0)[1:]))
         return Grading(self.size, self.source[used], self.least[used], self.growth[used])
+
+
+@compiled
+def _shorten(wanted: Array, r: Array, z: Array, source: Points, least: Array, growth: Array) -> None:
+    """Reduce wanted edge lengths (n,) at points (r, z) to the least of least + growth * distance of all sources."""
+    for k in range(len(source)):
+        r0, z0, start, rate = source[k].real, source[k].imag, least[k], growth[k]
+        for i in range(len(wanted)):
+            dr, dz = r[i] - r0, z[i] - z0
+            length = start + rate * math.sqrt(dr * dr + dz * dz)
+            wanted[i] = length if length < wanted[i] else wanted[i]
 
 
 def pairs(x: Points) -> Array:
@@ -419,7 +403,7 @@ def _triangulated(unit: Shape, s: Settings) -> tuple[list[Array], Points, Ints, 
 
 def _cuts(curves: list[Curve], sizing: Grading) -> list[Array]:
     """Return, for each curve, the fractions of its length from 0 to 1 that divide it into steps of the local size."""
-    wanted = sizing.along(np.concatenate([curve.at(FRACTIONS) for curve in curves]))
+    wanted = sizing(np.concatenate([curve.at(FRACTIONS) for curve in curves]))
     cuts = []
     for curve, here in zip(curves, wanted.reshape(len(curves), -1), strict=True):
         # the integral of 1 / edge length counts the edges: nodes lie where it takes evenly spaced values

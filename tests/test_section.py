@@ -7,7 +7,7 @@ import pytest
 import skfem
 
 from geometry.design import BadInput, Shape, paper
-from geometry.section import BLOCK, Grading, _triangulated, section
+from geometry.section import Grading, _triangulated, section
 
 PAPER = paper().shape.scaled(1 / 8)
 THIN = 0.0125  # the least wall in units of D, with a little room for rounding
@@ -240,13 +240,6 @@ def random_grading(seed, count=60):
     )
 
 
-def line_of_points(seed, count):
-    """Return points on a line, dense at both ends."""
-    start, end = np.random.default_rng(seed).random((2, 2)) @ [1, 1j]
-    t = np.geomspace(1e-10, 0.5, count // 2)
-    return start + (end - start) * np.concatenate([t, 1 - t[::-1]])
-
-
 def test_least_and_growth():
     x = np.array([0, 0.1j, 0.5, 1.0])
     grading = Grading(LARGEST, np.array([0j, 1 + 0j]), np.array([0.01, 0.05]), np.array([0.3, 0.4]))
@@ -261,12 +254,3 @@ def test_sources_without_effect_are_left_out(seed):
     assert len(reduced.source) < len(grading.source)
     assert (reduced.source[0], reduced.least[0]) == (grading.source[0], grading.least[0])
     np.testing.assert_array_equal(reduced(x), grading(x))
-
-
-@pytest.mark.parametrize("count", [2, BLOCK, 5 * BLOCK + 6])
-@pytest.mark.parametrize("seed", range(10))
-def test_lengths_along_a_line_equal_those_at_single_points(seed, count):
-    grading = random_grading(seed)
-    x = np.concatenate([line_of_points(100 * seed + k, count) for k in range(5)] + [np.full(count, 9 + 9j)])
-    assert len(np.unique(grading(x))) > 1
-    np.testing.assert_array_equal(grading.along(x), grading(x))
