@@ -4,7 +4,7 @@ The base plane z = 0 is the glued underside of the beam. Without a recess it is 
 plate is as much thicker as the recess is deep, and the floor of the recess is the base plane: the distances l0 and c
 from the magnet to the elements do not depend on the recess.
 
-`geometry.fabrication.element_seats` places the elements. The base is printed with its underside down. All lengths are
+`geometry.fabrication.hall_elements` places the elements. The base is printed with its underside down. All lengths are
 in mm, in the sensor's frame.
 """
 
@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING
 from geometry.bad_input import in_range, nearest, quantity
 from geometry.cad import beam, cut, overlap, turned
 from geometry.design import BadInput, Design
-from geometry.fabrication import element_seats, engraved_marks
-from geometry.fabrication.element_seats import WEB, Block, Seats
-from geometry.fabrication.hall_bodies import CHIPS, SS495A, Vector, heights, places
+from geometry.fabrication import engraved_marks, hall_elements
+from geometry.fabrication.hall_elements import CHIPS, SS495A, WEB, Block, Seats, Vector, heights, places
 from geometry.fabrication.printability import PROCESSES, Check, at_least, at_most
 
 if TYPE_CHECKING:
@@ -140,8 +139,8 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     fit = PROCESSES[process].fit / 2 if base.seat_fit is None else base.seat_fit
     where = places(design)
     if design.hall_layout == "three":
-        thickness = _thickness(base, element_seats.least_thickness(where))
-        seats = element_seats.three_elements(design, where, fit, base.seat_wall, thickness)
+        thickness = _thickness(base, hall_elements.least_thickness(where))
+        seats = hall_elements.three_elements(design, where, fit, base.seat_wall, thickness)
     else:
         # the chip stands on the board under the base, so the height of its Hall plates fixes the thickness
         thickness = CHIPS[design.hall_layout].plate - where[design.hall_layout][2]
@@ -150,7 +149,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
                 f"l0 sets the thickness of a chip's base, here {thickness:.4g} mm; got {base.thickness:g} mm: "
                 "leave thickness out"
             )
-        seats = Seats({design.hall_layout: element_seats.chip_seat(design, where, fit, thickness)}, {}, {})
+        seats = Seats({design.hall_layout: hall_elements.chip_seat(design, where, fit, thickness)}, {}, {})
     recess = (RECESS if base.is_round else 0.0) if base.recess is None else base.recess
     recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)
     screw = (0.0 if base.is_round else SCREW) if base.screw is None else base.screw
@@ -223,14 +222,14 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
     seat = seats.bodies.get("S2")
     if seat is None:
         return ()
-    opening = element_seats.opening(seat)
+    opening = hall_elements.opening(seat)
     openings = [] if opening is None else [opening]
     near, top = seat.corner[0], seat.corner[2] + seat.sides[2]
     if recess and recess_radius > near - WEB and near > 0 and top > 0:
         # in front of S2 and S3 the recess opens into their slots, as wide as the wall between would be too thin
         aside = min(-seat.corner[1], math.sqrt(recess_radius**2 - max(near - WEB, 0.0) ** 2))
         gate = Block((0.0, -aside, 0.0), (near + seat.sides[0] / 2, 2 * aside, recess))
-        openings += [gate, element_seats.swapped(gate)]
+        openings += [gate, hall_elements.swapped(gate)]
     return tuple(openings)
 
 
@@ -258,7 +257,7 @@ def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
     """Return the outer size of the sensor along x, y, z, and the length of the leads below the base, both in mm.
 
     The outer size covers base, beam and bodies of the Hall elements, without board and screws. Leads count as
-    `geometry.fabrication.hall_bodies.LEAD` long; a maker cuts them to the length needed.
+    `geometry.fabrication.hall_elements.LEAD` long; a maker cuts them to the length needed.
     """
     top, low = heights(design)
     high = max(design.L, top, plan.recess)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from geometry.design import paper
-from geometry.fabrication import hall_bodies
+from geometry.fabrication import hall_elements
 from studies.fabrication import assembly_picture, sensor_solids
 
 
 def test_an_element_behind_the_section_is_named_beside_the_beam_and_drawn_without_leads():
     design = paper()
     parts = sensor_solids.coloured_parts(sensor_solids.make_solids(design, sensor_solids.FabricationChoices()))
-    drawn = dict(zip(parts, assembly_picture.faceted(parts, hall_bodies.places(design)), strict=True))
+    drawn = dict(zip(parts, assembly_picture.faceted(parts, hall_elements.places(design)), strict=True))
     assert [name for name, part in drawn.items() if part.label] == ["S1", "S2", "S3"]
     bounds = {name: assembly_picture.shown(part).bounds for name, part in drawn.items()}
     assert bounds["S3"][4] == pytest.approx(bounds["base"][4], abs=1e-6)
@@ -30,7 +30,7 @@ def test_an_element_behind_the_section_is_named_beside_the_beam_and_drawn_withou
 def test_all_but_the_magnet_is_cut_by_the_plane_of_the_section(fields):
     design = dataclasses.replace(paper(), **fields)
     parts = sensor_solids.coloured_parts(sensor_solids.make_solids(design, sensor_solids.FabricationChoices()))
-    drawn = assembly_picture.faceted(parts, hall_bodies.places(design))
+    drawn = assembly_picture.faceted(parts, hall_elements.places(design))
     cut = {name: assembly_picture.shown(part) for name, part in zip(parts, drawn, strict=True)}
     for name, (solid, _) in parts.items():
         y = cut[name].bounds[2:4]

@@ -10,8 +10,8 @@ from geometry.base import Base, base, checks, least_outer_size, outer_size, plan
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import DEPTH, STROKES
-from geometry.fabrication.hall_bodies import SS495A, bodies, places
-from geometry.fabrication.mold_checks import printable
+from geometry.fabrication.hall_elements import SS495A, bodies, places
+from geometry.fabrication.mold_solids import printable
 from geometry.fabrication.printability import PROCESSES, standing
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}

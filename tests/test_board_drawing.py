@@ -9,7 +9,7 @@ from ezdxf import bbox
 from geometry.base import Base, plan
 from geometry.design import Design
 from geometry.fabrication.board_drawing import LAND_PATTERNS, LAYERS, board, pads
-from geometry.fabrication.hall_bodies import CHIPS, places
+from geometry.fabrication.hall_elements import CHIPS, places
 
 DESIGNS = [Design(), Design(hall_layout="tmag5273a1"), Design(hall_layout="tle493d-p2b6", l0=9.0, chip_x=2.0)]
 

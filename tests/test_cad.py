@@ -44,7 +44,7 @@ def export(solids, folder, tolerance=solid_files.TOLERANCE):
 
 def test_import_is_instant():
     code = (
-        "import sys, geometry.cad, geometry.base, geometry.fabrication.solid_files, geometry.fabrication.mold_checks;"
+        "import sys, geometry.cad, geometry.base, geometry.fabrication.solid_files, geometry.fabrication.mold_solids;"
         "import geometry.fabrication.technical_drawing;"
         "sys.exit('build123d' in sys.modules or 'trimesh' in sys.modules)"
     )

@@ -5,8 +5,7 @@ import pytest
 from geometry.design import Design
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import DEPTH, mold_marks
-from geometry.fabrication.mold_checks import checks, printable
-from geometry.fabrication.mold_solids import halves, parts
+from geometry.fabrication.mold_solids import checks, halves, parts, printable
 from geometry.fabrication.printability import standing
 from geometry.mold import Mold, sizes
 

@@ -5,8 +5,7 @@ import pytest
 from geometry import cad
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
-from geometry.fabrication.mold_checks import checks, printable
-from geometry.fabrication.mold_solids import halves, parts
+from geometry.fabrication.mold_solids import checks, halves, parts, printable
 from geometry.fabrication.printability import standing
 from geometry.mold import Mold, pours, sizes
 

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from geometry import cad
-from geometry.fabrication import mold_checks
-from geometry.fabrication.mold_checks import largest_overlap, least_gap
+from geometry.fabrication import mold_solids
+from geometry.fabrication.mold_solids import largest_overlap, least_gap
 
 UP, SIDEWAYS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
 
@@ -25,7 +25,7 @@ def ball(height):
 def steps(monkeypatch):
     """Count the intersections that are computed."""
     asked = []
-    monkeypatch.setattr(mold_checks, "overlap", lambda one, other: asked.append(1) or cad.overlap(one, other))
+    monkeypatch.setattr(mold_solids, "overlap", lambda one, other: asked.append(1) or cad.overlap(one, other))
     return asked
 
 
@@ -40,7 +40,7 @@ def test_no_intersection_is_computed_if_the_faces_exclude_a_collision(steps):
 def test_a_ball_collides_with_a_ball_above(steps):
     assert largest_overlap(ball(0), ball(5), 5.0, UP) == pytest.approx(4 / 3 * math.pi, rel=1e-9)
     assert largest_overlap(ball(5), ball(0), 5.0, UP) == 0
-    assert len(steps) == len(mold_checks.STEPS) + 3
+    assert len(steps) == len(mold_solids.STEPS) + 3
 
 
 def test_a_plug_does_not_leave_a_cup_sideways_or_downwards():

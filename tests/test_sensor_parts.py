@@ -265,10 +265,10 @@ def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
 
 
 def test_a_failed_check_writes_nothing(run, tmp_path, monkeypatch, strict):
-    from geometry.fabrication import mold_checks
+    from geometry.fabrication import mold_solids
 
     failed = [Check("overlap of A and B in the closed mould", 0.1, "<= 1e-09", "1", passed=False)]
-    monkeypatch.setattr(mold_checks, "checks", lambda *_: failed)
+    monkeypatch.setattr(mold_solids, "checks", lambda *_: failed)
     status, out, err = run("cad", "paper", "--out", "parts", "--json")
     assert status == 3
     assert strict(out)[0]["status"] == "failed"

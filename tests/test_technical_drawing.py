@@ -9,7 +9,7 @@ import pytest
 from geometry import cad
 from geometry.base import Base, base, plan
 from geometry.design import Design
-from geometry.fabrication.hall_bodies import bodies
+from geometry.fabrication.hall_elements import bodies
 from geometry.fabrication.mold_solids import parts
 from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View, sheet
 from geometry.mold import Mold, sizes

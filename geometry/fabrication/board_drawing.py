@@ -18,7 +18,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-from geometry.fabrication.hall_bodies import CHIPS, LAND_PATTERNS, SS495A, places
+from geometry.fabrication.hall_elements import CHIPS, LAND_PATTERNS, SS495A, places
 
 if TYPE_CHECKING:
     from geometry.base import Plan

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from geometry.fabrication.element_seats import WEB, Block, swapped
+from geometry.fabrication.hall_elements import WEB, Block, swapped
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -40,7 +40,7 @@ WIDTH = 0.66
 STROKES = {"fdm": 0.6, "sla": 0.4}
 """Width of a stroke, mm: one and a half lines of a 0.4 mm nozzle, and wide enough to wash resin out."""
 
-LEAST = 5.0
+LEAST_HEIGHT = 5.0
 """Least height of a legible letter, in units of the width of its strokes."""
 
 DEPTH = 0.4
@@ -90,8 +90,12 @@ def mold_marks(design: Design, mold: Mold, s: Sizes) -> tuple[list[Solid], list[
     on_lid = s.rim - MARGIN - start
     # on the foot, in the corner between the cup with the gap around it and the edges
     on_foot = s.rim - MARGIN - (s.outer + MARGIN) / math.sqrt(2)
-    if not min(on_lid, on_foot) >= LEAST * width:
-        return [], [], f"the mould has no room for legible letters, which are at least {LEAST * width:g} mm high"
+    if not min(on_lid, on_foot) >= LEAST_HEIGHT * width:
+        return (
+            [],
+            [],
+            f"the mould has no room for legible letters, which are at least {LEAST_HEIGHT * width:g} mm high",
+        )
     lid, foot = (min(size, 5.0) for size in (on_lid, on_foot))
     a = strokes("A", (far_x + start + on_lid / 2, 0.0), lid, width, s.lid)
     corner = far_x + s.rim - MARGIN - foot / 2, far_y + s.rim - MARGIN - foot / 2

@@ -1,17 +1,57 @@
-"""Parts A and B of the mould as solids, in the mould's frame of `geometry.mold`. All lengths are in mm."""
+"""Parts A and B of the mould as solids, and their checks, in the mould's frame of `geometry.mold`. Lengths in mm.
+
+The checks take any parts A and B, so that tests can also pass them a wrong mould. Parting is a translation: A with
+its pins moves straight up, off B and off the cast. Then the cast moves straight up out of B, or the halves of a split
+B move sideways off the cast.
+
+Solid M moves along the direction w and solid S stands still. Only a face of M with a normal along w can collide, and
+only with a face of S with a normal along -w that lies ahead of it and not beside it. In most cases the bounding boxes
+of the faces show that no such pair exists, and so that M moves freely. Otherwise, or if the solids overlap at the
+start, M is moved in steps and intersected with S. The steps include positions just behind those where two faces may
+begin to touch.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from geometry.cad import cut, moved, turned
-from geometry.design import Design
+from geometry.cad import common, cut, distance, magnet, moved, overlap, turned
+from geometry.design import LEAST_WALL, Design
 from geometry.fabrication import engraved_marks
-from geometry.mold import BOLT_HOLE, EAR_DEPTH, Mold, Sizes, sizes
+from geometry.fabrication.printability import Check, Process, at_least, at_most, overhangs
+from geometry.mold import BOLT_HOLE, EAR_DEPTH, LARGEST_VENT, Mold, Sizes, pours, sizes
 
 if TYPE_CHECKING:
-    from build123d import Solid
+    from build123d import Face, Solid
+
+ROUNDING = 1e-9
+"""Share of the cavity's volume below which an overlap or a difference counts as none."""
+
+LARGEST_GRIP = 0.15
+"""Largest interference of a pocket that grips its magnet, as a fraction of the magnet's radius."""
+
+LARGEST_PLAY = 0.05
+"""Largest gap between magnet and pocket, as a fraction of D: the magnet may end up off the axis by this gap."""
+
+UP = (0.0, 0.0, 1.0)
+
+TURNED = ("CYLINDER", "CONE", "SPHERE", "TORUS")
+"""Kinds of faces of revolution, as build123d names them."""
+
+STEPS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Positions at which the solids are intersected, as fractions of the travel; dense at the start."""
+
+CLOSE = 1e-6
+"""Accuracy of bounding boxes and distances, mm; also the fraction of a face's extent that is skipped at both ends."""
+
+UPRIGHT = 1e-9
+"""A face is parallel to an axis if the component of its unit normal along the axis is at most this."""
+
+Box = tuple[tuple[float, ...], tuple[float, ...]]
+Direction = tuple[float, float, float]
 
 
 def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid, Solid]:
@@ -137,3 +177,196 @@ def slab(s: Sizes, radius: float, low: float, high: float) -> Solid:
     if math.dist(points[-1], points[0]) > 1e-9:
         edges.append(bd.Edge.make_line(points[-1], points[0]))
     return bd.Solid.extrude(bd.Face(bd.Wire(edges)), bd.Vector(0, 0, high - low))
+
+
+# Checks
+
+
+def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Solid] = ()) -> list[Check]:
+    """Measure parts A and B of the closed mould, in the mould's frame, and the halves of a split B."""
+    s = sizes(design, mold)
+    # a block that ends inside the walls and the floor: without A and B the cast remains, plus the volume of any hole
+    # in a wall
+    outline = slab(s, s.R + s.wall / 2, -s.L - s.floor / 2, 0.0)
+    casts = outline.cut(B, A, *_plugs(s, mold)).solids()
+    cast = max(casts, key=lambda piece: float(piece.volume))
+    nominal = pours(design, mold)[0]
+    error = sum(float(piece.volume) for piece in casts) / nominal / len(s.centres) - 1
+    travel, closed = s.free + s.skirt + s.lid, overlap(A, B)
+    results = [
+        _none("overlap of A and B in the closed mould", closed / nominal),
+        Check("cavity volume against beam minus pin", error, f"|.| <= {ROUNDING:g}", "1", abs(error) <= ROUNDING),
+        _none("overlap while A leaves B", largest_overlap(A, B, travel, UP, closed) / nominal),
+        _none("overlap while A leaves the cast", largest_overlap(A, cast, travel, UP) / nominal),
+    ]
+    for half, side in zip(halves, (1.0, -1.0), strict=False):
+        share = largest_overlap(half, cast, 2 * s.rim, (0.0, side, 0.0)) / nominal
+        results.append(_none(f"overlap while B{2 - (side > 0)} leaves the cast", share))
+    if not halves:
+        results.append(_none("overlap while the cast leaves B", largest_overlap(cast, B, travel, UP) / nominal))
+    results += _walls(s, A, B, cast)
+    return results + _clearances(design, s, mold, A, B)
+
+
+def printable(name: str, mesh: Any, process: Process) -> list[Check]:
+    """Check the overhangs of a part and, if it has a level roof, its widest bridge.
+
+    mesh : a trimesh of the part in the pose in which it is printed, mm.
+    """
+    area, bridge = overhangs(mesh)
+    results = [at_most(f"overhang of {name}, as printed", area, 0.0, "mm2")]
+    return results + ([at_most(f"widest bridge of {name}", bridge, process.bridge, "mm")] if bridge > 0 else [])
+
+
+def _none(name: str, share: float) -> Check:
+    """Check that a share of a volume is zero up to rounding."""
+    return at_most(name, share, ROUNDING, "1")
+
+
+def _walls(s: Sizes, A: Solid, B: Solid, cast: Solid) -> list[Check]:
+    """Check the least wall of A and of B around the cavity, mm.
+
+    The wall is the least distance from the cast to the faces of a part that do not touch the cast. Of A only the lid
+    lies over the cavity, so faces of A that reach below the base plane (skirt and pins) do not count.
+    """
+    lid = [face for face in A.faces() if face.bounding_box(optimal=False).min.Z > -1e-6]
+    results = []
+    for name, faces, bound in (("A", lid, s.lid), ("B", B.faces(), min(s.wall, s.floor))):
+        least = least_gap(cast, faces, touching=False)
+        results.append(at_least(f"least wall of {name} around the cavity", least if least < math.inf else 0.0, bound))
+    return results
+
+
+def _clearances(design: Design, s: Sizes, mold: Mold, A: Solid, B: Solid) -> list[Check]:
+    """Check the silicone around the pin, the magnet in its pocket, and the vents' distance to pin and cavity, mm."""
+    import build123d as bd
+
+    x, y = s.centres[0]
+    holes = vents(s, mold)
+    mouths = [hole.edges().sort_by(bd.Axis.Z)[0] for hole in holes[: mold.vents]]
+    results, distances = [], [mouth.distance_to(B) for mouth in mouths]
+    if s.pin_radius > 0:
+        column = moved(turned([(0, s.bottom, 0), (s.R, s.bottom, 0), (s.R, 0, 0), (0, 0, 0)]), (x, y, 0.0))
+        pins = common(A, column)
+        pin = max(pins, key=lambda piece: float(piece.volume), default=None)
+        wall = 0.0 if pin is None else least_gap(pin, B.faces())
+        results.append(at_least("silicone between pin and cavity", wall, LEAST_WALL))
+        results.append(at_least("the same, with A shifted by the fit", wall - s.fit, 0.0))
+        if pin is not None:
+            distances += [mouth.distance_to(pin) for mouth in mouths]
+            results += _pocket(design, mold, moved(pin, (-x, -y, 0.0)))
+    # a vent is closed if A has material in it; one cut with all vents is faster than one overlap for each vent
+    closed = float(A.volume) - sum(float(piece.volume) for piece in A.cut(*holes).solids())
+    clearance = 0.0 if closed > ROUNDING else min(distances)
+    results.append(
+        at_least("distance from vents to pin and cavity wall", clearance, (1 - LARGEST_VENT) / 2 * (s.R - s.pin_top))
+    )
+    return results
+
+
+def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
+    """Check how the magnet fits the pocket that the pin leaves after the silicone has shrunk.
+
+    pin : one pin, on the axis of the mould's frame.
+    """
+    import build123d as bd
+
+    pocket = pin.scale(1 - mold.shrink, about=(0, 0, 0))
+    radius = design.magnet_diameter / 2
+    body = magnet(design).mirror(bd.Plane.XY)
+    deep = design.H + design.magnet_height / 2 + min(vertex.Z for vertex in pocket.vertices())
+    # the part of a ray from the axis that lies within the pocket is the pocket's radius at the magnet's centre
+    ray = bd.Edge.make_line((0, 0, -design.H), (design.D, 0, -design.H))
+    inside = pocket.intersect(ray)
+    width = sum(float(edge.length) for edge in (inside if isinstance(inside, list) else [inside] if inside else []))
+    gap = width - radius
+    low, high = -LARGEST_GRIP * radius, LARGEST_PLAY * design.D
+    results = [
+        Check("distance of the magnet's end from the pocket's", deep, "|.| <= 1e-06", "mm", abs(deep) <= 1e-6),
+        Check("gap around the magnet in its pocket", gap, f"{low:.3g} to {high:.3g}", "mm", low <= gap <= high),
+    ]
+    if mold.pocket_gap >= 0:
+        outside = sum(float(piece.volume) for piece in body.cut(pocket).solids()) / float(body.volume)
+        results.append(_none("share of the magnet outside its pocket", outside))
+    return results
+
+
+def _plugs(s: Sizes, mold: Mold) -> list[Solid]:
+    """Return plugs that fill the vents at the tips up to the surfaces of the cavities."""
+    cavity = turned(s.cavity)
+    forms = [moved(cavity, (*centre, 0.0)) for centre in s.centres]
+    return [cut(hole, form) for hole, form in zip(tip_vents(s, mold), forms, strict=False)]
+
+
+# Parting
+
+
+def largest_overlap(moving: Solid, still: Solid, travel: float, direction: Direction, start: float = 0.0) -> float:
+    """Return the largest volume that two solids share while one of them moves, mm³.
+
+    Parameters
+    ----------
+    travel : distance by which it moves, mm.
+    direction : unit vector of the motion: plus or minus x, y or z.
+    start : volume that the solids share before the motion, mm³.
+    """
+    contacts = _contacts(moving, still, direction)
+    if not start > 0 and not contacts:
+        return 0.0
+    x, y, z = direction
+    shifts = {travel * step for step in STEPS} | {at + travel * step for at in contacts for step in STEPS[:3]}
+    return max(overlap(moved(moving, (t * x, t * y, t * z)), still) for t in sorted(shifts) if t <= travel)
+
+
+def _contacts(moving: Solid, still: Solid, direction: Direction) -> set[float]:
+    """Return the travels, mm, at which two faces may begin to meet; none if the boxes exclude every collision."""
+    axis = max(range(3), key=lambda k: abs(direction[k]))
+    ahead = [_box(face) for face in moving.faces() if _may_face(face, axis, direction[axis])]
+    opposed = [_box(face) for face in still.faces() if _may_face(face, axis, -direction[axis])]
+    travels = set()
+    for (low, high), (start, end) in itertools.product(ahead, opposed):
+        past, before = (low[axis] - end[axis], start[axis] - high[axis])
+        if direction[axis] < 0:
+            past, before = start[axis] - high[axis], low[axis] - end[axis]
+        # faces that are past each other, or side by side, never meet
+        if past <= CLOSE and all(low[k] < end[k] and start[k] < high[k] for k in range(3) if k != axis):
+            travels.add(round(max(before, 0.0), 6))
+    return travels
+
+
+def _may_face(face: Face, axis: int, sense: float) -> bool:
+    """Return True if the face's normal may point along `sense` times the axis at some point of the face."""
+    kind, surface = face.geom_type.name, face.geom_adaptor()
+    if kind == "PLANE":
+        places = [0.5]
+    elif kind in TURNED and abs(surface.Axis().Direction().Coord()[axis]) > 1 - 1e-12:
+        # the normal's component along the axis of revolution is constant around it, and its extremes are at the ends
+        # of the meridian or, on a torus, at its top and bottom
+        _, _, low, high = face._uv_bounds()
+        turns = [k * math.pi / 2 for k in range(-8, 9)] if kind == "TORUS" else []
+        places = [CLOSE, 1 - CLOSE, *((v - low) / (high - low) for v in turns if low < v < high)]
+    else:
+        return True
+    return any(sense * tuple(face.normal_at(0.5, v))[axis] > UPRIGHT for v in places)
+
+
+def _box(face: Face) -> Box:
+    box = face.bounding_box(optimal=False)
+    return tuple(box.min), tuple(box.max)
+
+
+def least_gap(body: Solid, faces: Iterable[Face], *, touching: bool = True) -> float:
+    """Return the least distance from a body to faces, mm; infinity without faces.
+
+    touching : False to ignore the faces that touch the body.
+    """
+    box, least = body.bounding_box(optimal=False), math.inf
+    # the distances of boxes are lower bounds: most faces need no exact distance, which is slow
+    bounds = [(distance(box, face.bounding_box(optimal=False)), face) for face in faces]
+    for bound, face in sorted(bounds, key=lambda entry: entry[0]):
+        if bound >= least:
+            break
+        gap = float(body.distance_to(face))
+        if touching or gap > CLOSE:
+            least = min(least, gap)
+    return least

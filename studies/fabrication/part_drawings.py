@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from geometry.base import Plan
 from geometry.design import Design
 from geometry.fabrication.board_drawing import pads
-from geometry.fabrication.hall_bodies import places
+from geometry.fabrication.hall_elements import places
 from geometry.fabrication.technical_drawing import Dimension, Piece, View, number, sheet
 from geometry.mold import BOLT, BOLT_HOLE, Mold, Sizes
 

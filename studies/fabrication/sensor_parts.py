@@ -64,7 +64,7 @@ def build(
         A choice is impossible for this design, or the folder cannot be used.
     """
     from geometry import base, mold
-    from geometry.fabrication import hall_bodies
+    from geometry.fabrication import hall_elements
     from studies.fabrication import assembly_picture
 
     # impossible choices are refused before the folder is made and the CAD kernel is loaded
@@ -97,7 +97,7 @@ def build(
         if draw and solids.plan:
             progress(0.8, "picture")
             try:
-                (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_bodies.places(design)))
+                (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_elements.places(design)))
             except assembly_picture.NoPictureError as error:
                 missing.append(f"no picture: {error}")
         row = dataclasses.replace(row, parts=parts, warnings=(*row.warnings, *missing, *left_over(folder, stage)))
@@ -134,15 +134,15 @@ def run_checks(
 ) -> list[Check]:
     """Return all checks of mould, base and printing."""
     from geometry import base
-    from geometry.fabrication import mold_checks
+    from geometry.fabrication import mold_solids
 
     halves = [part for name, part in solids.mold.items() if name not in ("mold_a", "mold_b")]
-    checks = mold_checks.checks(design, choices.mold, solids.A, solids.B, halves)
+    checks = mold_solids.checks(design, choices.mold, solids.A, solids.B, halves)
     if solids.plan:
         checks += base.checks(design, solids.sensor["base"], solids.bodies)
     for name in ("base", *solids.mold):
         if name in shapes:
-            checks += mold_checks.printable(name, shapes[name][1].mesh, choices.mold.printing)
+            checks += mold_solids.printable(name, shapes[name][1].mesh, choices.mold.printing)
     return checks
 
 

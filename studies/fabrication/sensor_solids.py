@@ -108,7 +108,7 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
         The mould or the base cannot be built for this design.
     """
     from geometry import base, cad
-    from geometry.fabrication import hall_bodies, mold_solids
+    from geometry.fabrication import hall_elements, mold_solids
 
     beam = cad.beam(design)
     sensor = {"beam": beam, "silicone": beam}
@@ -120,7 +120,7 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
     plan, missing, bodies = None, "", {}
     try:
         plan = base.plan(design, choices.base, choices.mold.process)
-        sensor["base"], bodies = base.base(design, choices.base, choices.mold.process), hall_bodies.bodies(design)
+        sensor["base"], bodies = base.base(design, choices.base, choices.mold.process), hall_elements.bodies(design)
     except BadInput as error:
         if choices.base != Base():
             raise

@@ -164,7 +164,7 @@ def derived_values(design: Design) -> tuple[DerivedValues, list[str], bool]:
     from analytic.parts import of_design
     from geometry.base import Base, plan
     from geometry.cad import beam_volume, magnet_volume
-    from geometry.fabrication.element_seats import ShortOfBase
+    from geometry.fabrication.hall_elements import ShortOfBase
 
     body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
     positions, _ = hall.elements(design)

@@ -26,7 +26,7 @@ from analytic.force_resolution import Loaded
 from geometry.arrays import Array
 from geometry.base import LEAST_GAP
 from geometry.cad import element_positions
-from geometry.fabrication.hall_bodies import SS495A
+from geometry.fabrication.hall_elements import SS495A
 from studies.exploration.solved_paths import frequency_unit
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.pose_readings import NominalReader, Reader, decoding

@@ -11,8 +11,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.fabrication.element_seats import WEB
-from geometry.fabrication.hall_bodies import CHIPS, SS495A
+from geometry.fabrication.hall_elements import CHIPS, SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
 from studies.sizing.catalogue_entries import FILTER, HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.catalogues import Catalogues

@@ -164,7 +164,7 @@ def examine(number: int, sample: Row) -> Row:
 def _solids(design: Design) -> Row:
     """Compare the volumes of the three bodies with their closed forms, and run the checks of the mould."""
     from geometry import cad, mold
-    from geometry.fabrication import mold_checks, mold_solids
+    from geometry.fabrication import mold_solids
 
     begin = time.perf_counter()
     shape, choices = design.shape, mold.Mold()
@@ -173,7 +173,7 @@ def _solids(design: Design) -> Row:
     for body, volume in bodies:
         if not (body.is_valid and abs(float(body.volume) / volume - 1) < 1e-9):
             raise RuntimeError(f"a solid of {body.volume:.9g} mm3 is not valid or has the wrong volume")
-    checks = mold_checks.checks(design, choices, *mold_solids.parts(design, choices))
+    checks = mold_solids.checks(design, choices, *mold_solids.parts(design, choices))
     failed = [check.name for check in checks if not check.passed]
     if failed:
         raise RuntimeError(f"the mould fails its check '{failed[0]}'")
