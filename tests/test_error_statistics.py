@@ -5,7 +5,7 @@ import math
 import pytest
 
 from studies.output import goals
-from studies.validation import error_statistics
+from studies.validation import accuracy_study
 from studies.validation.error_study import QUANTITIES
 
 
@@ -24,7 +24,7 @@ def solve(force_z=0.0, shift_z=0.0):
 
 def missed(states):
     """Names of the missed goals."""
-    return [str(goal) for goal in goals.missed(error_statistics.goals(states))]
+    return [str(goal) for goal in goals.missed(accuracy_study.goals(states))]
 
 
 def test_shares_and_goals():
@@ -52,12 +52,12 @@ def test_states_without_a_comparison_miss_a_goal():
 
 
 def test_a_large_error_stays_in_the_statistics():
-    assert error_statistics.summary([state(0.4, 0.015)])[0]["max_percent"] == pytest.approx(40)
+    assert accuracy_study.summary([state(0.4, 0.015)])[0]["max_percent"] == pytest.approx(40)
 
 
 def test_mesh_noise_is_the_spread_over_meshes():
     half = [state(0.01, 0.02, model="half", scene="pressed", **solve(f, -1.0)) for f in (0.99, 1.0, 1.01)]
-    (force, shift) = error_statistics.noise(half)
+    (force, shift) = accuracy_study.noise(half)
     assert force["mean_percent"] == pytest.approx(1.0)
     assert shift["mean_percent"] == 0.0
 
@@ -65,7 +65,7 @@ def test_mesh_noise_is_the_spread_over_meshes():
 def test_depths_of_a_press_are_no_noise():
     """Nor is the tilt that tetrahedra have where there should be none."""
     half = [state(0.01, 0.02, model="half", depth_mm=d, **solve(d, -d)) for d in (1.0, 2.0) for _ in "ab"]
-    noise = error_statistics.noise(half)
+    noise = accuracy_study.noise(half)
     assert [(one["quantity"], one["states"], one["max_percent"]) for one in noise] == [
         ("force", 2, 0.0),
         ("shift", 2, 0.0),

@@ -15,7 +15,7 @@ from studies.cli import entry_point
 from studies.output import checkpoint
 from studies.output.atomic_files import json_line
 from studies.output.result import FAILED
-from studies.validation import error_statistics, error_study, error_study_cases
+from studies.validation import accuracy_study, error_study, error_study_cases
 from studies.validation.error_study import QUANTITIES, ROLES, SolvedState, Task, restored, without_errors
 
 
@@ -110,7 +110,7 @@ def test_a_state_that_was_not_reached_is_listed_and_left_out(press, known):
     lost = replace(known[name][1], status="not_converged", message="stopped at depth 0.3 mm")
     states = error_study.states_of(press, known | {name: [known[name][0], lost]})
     assert [one["status"] for one in states] == ["ok", "not_converged", "not_converged"]
-    assert {errors["states"] for errors in error_statistics.summary(states)} == {1}
+    assert {errors["states"] for errors in accuracy_study.summary(states)} == {1}
     assert states[1]["message"] == "coarser level: stopped at depth 0.3 mm"
 
 
@@ -124,7 +124,7 @@ def test_a_kept_state_is_read_back(press, known):
 def test_a_stopped_study_goes_on_where_it_was(press, known, monkeypatch, tmp_path):
     monkeypatch.setattr(error_study, "tasks", lambda quick: [press])
     monkeypatch.setattr(error_study, "follow", lambda trial, level: known[error_study.key(trial, level)])
-    states = error_study.run(folder=tmp_path)
+    states = error_study.run(lambda *_: None, folder=tmp_path)
     store = tmp_path / "solves.jsonl"
     lines = store.read_text("utf-8").splitlines()
     other = json.dumps(json.loads(lines[1]) | {"code": "older"})
@@ -133,7 +133,7 @@ def test_a_stopped_study_goes_on_where_it_was(press, known, monkeypatch, tmp_pat
     monkeypatch.setattr(
         error_study, "follow", lambda trial, level: again.append(level.name) or known[error_study.key(trial, level)]
     )
-    assert list(map(str, error_study.run(folder=tmp_path))) == list(map(str, states))
+    assert list(map(str, error_study.run(lambda *_: None, folder=tmp_path))) == list(map(str, states))
     assert again == ["quick", "reference"]
 
 
@@ -167,13 +167,13 @@ def test_the_reference_is_held_against_a_finer_one():
         assert finer.section_size < used.section_size
         assert finer.section_patch <= used.section_patch
     checked_state = state(0.0, 0.0, level="reference")
-    assert error_statistics.summary([checked_state]) == []
-    assert error_statistics.references([checked_state])[0]["force_percent"] == 0
+    assert accuracy_study.summary([checked_state]) == []
+    assert accuracy_study.references([checked_state])[0]["force_percent"] == 0
 
 
 def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(
-        error_study, "run", lambda **options: [state(0.031, 0.04), state(0, 0, status="unstable", message="!")]
+        error_study, "run", lambda *_, **__: [state(0.031, 0.04), state(0, 0, status="unstable", message="!")]
     )
     assert entry_point.main(["validate", "accuracy", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
@@ -189,7 +189,7 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
 def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions():
     found, before = (
         {(row["scene"], row["variant"], row["quantity"]): row for row in rows}
-        for rows in (error_statistics.rules([state(0.03, 0.02, commit="abc")]), table_rows())
+        for rows in (accuracy_study.rules([state(0.03, 0.02, commit="abc")]), table_rows())
     )
     assert found.keys() == before.keys()
     wider = found["press", "rigid", "force"]
@@ -197,12 +197,12 @@ def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions()
     assert (wider["version"], wider["commit"]) == (str(PHYSICS["axisymmetric"]), "abc")
     assert found["deep", "rigid", "force"] == before["deep", "rigid", "force"]
     kept = {
-        (row["quantity"], row["c"]) for row in error_statistics.rules([state(0.01, 0.02)]) if row["scene"] == "press"
+        (row["quantity"], row["c"]) for row in accuracy_study.rules([state(0.01, 0.02)]) if row["scene"] == "press"
     }
     assert kept == {(row["quantity"], row["c"]) for row in table_rows() if row["scene"] == "press"}
     unknown = [state(0.01, estimate) for estimate in (math.nan, 0.0)]
-    assert error_statistics.rules([*unknown, state(0.03, 0.02, commit="abc")]) == list(found.values())
-    assert error_statistics.rules(unknown) == table_rows()
+    assert accuracy_study.rules([*unknown, state(0.03, 0.02, commit="abc")]) == list(found.values())
+    assert accuracy_study.rules(unknown) == table_rows()
 
 
 def test_no_comparison_is_no_success(tmp_path, capsys):

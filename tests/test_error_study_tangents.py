@@ -9,7 +9,7 @@ from fem.accuracy import LEVELS, QUICK
 from fem.analyses import modes, small_shear, stability
 from geometry.design import paper
 from studies.output.atomic_files import json_line
-from studies.validation import error_statistics, error_study, error_study_cases
+from studies.validation import accuracy_study, error_study, error_study_cases
 from studies.validation.error_study import ROLES, TANGENTS, Task, restored
 
 
@@ -46,7 +46,7 @@ def test_the_study_judges_every_frequency():
     pressed = states[error_study.COUNT :]
     assert [one["frequency"] for one in pressed] == list(eight.frequency)
     assert [one["frequency_estimate"] for one in pressed] == list(eight.estimates)
-    assert {errors["scene"] for errors in error_statistics.summary(states)} == {"modes"}
+    assert {errors["scene"] for errors in accuracy_study.summary(states)} == {"modes"}
 
 
 def test_a_kept_tangent_is_read_back():
@@ -62,7 +62,7 @@ def test_a_beam_that_does_not_give_way_is_listed():
     task = Task(trial, QUICK)
     (state,) = error_study.states_of(task, {error_study.key(*task.solves[role]): [stable] for role in ROLES})
     assert state["status"] == "stable"
-    assert error_statistics.summary([state]) == []
+    assert accuracy_study.summary([state]) == []
 
 
 def test_all_designs_are_looked_at_and_quick_takes_one():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -109,24 +108,10 @@ def accuracy(
     minutes
         Start no further solve after this time, min, and report the finished ones.
     """
-    command_line = command(accuracy, locals())
-    if minutes is not None and not minutes >= 0:
-        raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
-    from studies.output.provenance import versions
-    from studies.validation import error_statistics
-    from studies.validation import error_study as study
+    from studies.validation import accuracy_study as study
 
-    origin = versions()
-    with _results(out, error_statistics.FILES, as_json=as_json) as (folder, progress):
-        most = math.inf if minutes is None else minutes
-        states = study.run(quick=quick, folder=folder, minutes=most, progress=progress)
-        if folder is not None:
-            error_statistics.write(folder, states, origin, command_line, quick=quick)
-    first = ("scene", "quantity", "states", "median_percent", "coverage")
-    tables = {"Estimates": error_statistics.shares(states), "Levels": error_statistics.summary(states)}
-    for name, table in tables.items():
-        console.report(table, as_json=as_json, title=name, first=first, wide=wide)
-    return report_goals(error_statistics.goals(states))
+    found = partial(study.run, quick=quick, folder=out, minutes=minutes)
+    return publish(found, destination(accuracy, locals(), study.FILES))
 
 
 def crosscheck(

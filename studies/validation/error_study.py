@@ -1,6 +1,6 @@
-"""True errors of the finite elements and their error estimates, compared with much finer meshes (study accuracy).
+"""True errors of the finite elements and their error estimates, compared with much finer meshes.
 
-ABOUT, which the report prints, defines the errors and the goals. A state is a row of accuracy.csv: design, load and
+templates/accuracy.md.j2 defines the errors and the goals. A state is a row of accuracy.csv: design, load and
 status, then forces, motions and cost of its three solves, then value, error and estimate of each quantity.
 """
 
@@ -33,25 +33,6 @@ from studies.validation import error_study_cases
 from studies.validation.error_study_cases import TANGENT_SCENES, Trial
 from studies.validation.pages import Row
 
-ABOUT = """\
-The answers of the finite elements at each accuracy level, and their error estimates, are compared with solutions on
-much finer meshes (the reference).
-
-The true error of a state is the norm of the difference between its vector (force; shift of the magnet; tilt) and that
-of the reference, over the norm of the reference's vector. `sideways` is the error of the force along the shear alone,
-which is a small part of the force under a plate. `coverage` is the share of states whose true error is at most the
-estimate; its goal is 95 %. `sharpness` is the share of states whose estimate is at most three times the true error,
-or so small (0.03 %) that the reference itself is hardly better; its goal is 50 %.
-
-Critical depths and forces, small shears of a glued plate and natural frequencies are compared in the same way. The
-goals of critical states and small shears are wider. A deep critical state depends on the silicone that touches the
-base beside the clamp, which is only one or two elements wide. A small shear depends on where the glued contact area
-ends.
-
-States without a comparison are listed below. They miss a goal, unless all three solves call the state unstable, or
-find no instability. An estimate that is unknown counts as too small.
-"""
-
 RESPONSES = ("force", "shift", "tilt", "sideways")
 QUANTITIES = (*RESPONSES, "depth", "stiffness", "frequency")
 """Quantities that are compared: first those of a path of loads, then those that follow from a tangent."""
@@ -60,7 +41,7 @@ WIDER = {
     "critical": {"quick": 0.05, "standard": 0.04, "fine": 0.01},
     "small shear": {"quick": 0.03, "standard": 0.02, "fine": 0.01},
 }
-"""Largest true errors of the levels, and wider ones of two scenes; ABOUT gives the reasons."""
+"""Largest true errors of the levels, and wider ones of two scenes; the page gives the reasons."""
 COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
 """Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
 REPEATS, NUDGE = 3, 1e-4
@@ -202,7 +183,7 @@ def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "a
 
 
 def run(
-    *, quick: bool = False, folder: Path | None = None, minutes: float = math.inf, progress: Progress | None = None
+    progress: Progress, *, quick: bool = False, folder: Path | None = None, minutes: float = math.inf
 ) -> list[Row]:
     """Return all states with their errors; solves in the folder's solves.jsonl by the same code are not repeated.
 
@@ -217,8 +198,7 @@ def run(
             continue
         if time.monotonic() > end:
             break
-        if progress is not None:
-            progress(i / len(needed), f"{trial.name}, {accuracy.name}")
+        progress(i / len(needed), f"{trial.name}, {accuracy.name}")
         store.keep(name, [state.kept() for state in follow(trial, accuracy)])
     known = {
         name: [restored(trial.scene, answer) for answer in store.known[name]]
