@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from geometry.loads import ANSWERED
-from studies.cli.command_output import print_record, report_failures
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
-from studies.cli.printed_command import command
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import LEVEL, Basis, FieldLevel, Pose, Whole
 from studies.output import atomic_files, console
-from studies.output.result import FAILED, GOOD
+from studies.output.result import GOOD, Destination, Result, of_record, publish, show
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Status
@@ -78,21 +76,18 @@ def readings(
         File of states printed by `magtip solve --json` (or `analytic --json`), one per line, in place of --shift
         and --tilt; each state gives a row of readings.
     """
-    from studies.sensing import field_readings
+    from studies.sensing import field_readings, state_readings
 
+    here = Destination(as_json=as_json, wide=wide)
     design = design_of(source, sets)
     sensing = field_readings.sensing_of(design, level, mode, ambient, seed)
     if responses is None:
         shift, tilt = field_readings.pose_of(pose)
-        print_record(field_readings.read_pose(design, shift, tilt, sensing).row(), "Readings", (), as_json=as_json)
-        return GOOD
+        row = field_readings.read_pose(design, shift, tilt, sensing).row()
+        return show(of_record("Readings", row), here)
     if pose != Pose():
         raise BadInput("--responses gives shift and tilt of every state: leave --shift and --tilt out")
-    from studies.sensing import state_readings
-
-    states = state_readings.of_states(design, responses, sensing)
-    state_readings.show(states, as_json=as_json, wide=wide)
-    return GOOD if any(state.status in ANSWERED for state in states) else FAILED
+    return show(state_readings.study(design, responses, sensing, wide=wide), here)
 
 
 def decode(
@@ -152,13 +147,7 @@ def decode(
     if readings is not None:
         answer, field, found = decode_readings.decode_text(coder, readings, units, name)
         checked = decode_tolerances.check(coder, field, found, made)
-        record = checked.of_one(answer.row(), found.force)
-        console.report([record], as_json=as_json, title="Decoded", brief=["warnings"])
-        for warning in record["warnings"]:
-            console.warn(warning)
-        if record["status"] == "ambiguous":
-            console.warn(record["message"])
-        return GOOD if record["status"] in decode_readings.WITH_POSE else report_failures([record])
+        return show(decode_readings.result(checked.of_one(answer.row(), found.force)), Destination(as_json=as_json))
     assert file is not None
 
     def check(field: Array, found: Decoded) -> tuple[list[Status], list[str]]:
@@ -166,27 +155,8 @@ def decode(
         return checked.status, checked.warnings(found.force)
 
     with atomic_files.sole_writer(out):
-        decoded = decode_tables.decode_file(coder, file, units, out, name, check, as_json=as_json)
-    counts = decoded.counts
-    for warning in decoded.warnings:
-        console.warn(warning)
-    if as_json and out is not None:
-        console.report([counts], as_json=True)
-    for status, count in counts.items():
-        if status != "ok":
-            why = [decode_readings.WHY[status]]
-            if status == "out_of_workspace":
-                solved = responses is not None
-                texts = {
-                    limit: decode_readings.limit_sentence(coder, limit, solved=solved) for limit in decoded.limits
-                }
-                several = len(texts) > 1
-                why = [
-                    f"{texts[limit]} ({n} of {count})" if several else texts[limit]
-                    for limit, n in decoded.limits.items()
-                ]
-            console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {'; '.join(why)}")
-    return GOOD if not counts or decode_readings.WITH_POSE & set(counts) else FAILED
+        counted = decode_tables.decode_file(coder, file, units, out, name, check, as_json=as_json)
+    return show(counted, Destination(as_json=as_json))
 
 
 def table(
@@ -231,8 +201,7 @@ def table(
             if plane
             else lookup_table.write(model, grid, target, name, progress)
         )
-    console.report([report.row()], as_json=as_json, title="Table")
-    return GOOD
+    return show(Result(title="Table", records=[report.row()]), Destination(as_json=as_json))
 
 
 def layout(
@@ -269,42 +238,14 @@ def layout(
     out
         Folder for layout.csv, layout.png and LAYOUT.md.
     """
-    command_line = command(layout, locals())
-    from studies.sensing import layout_report as texts
-    from studies.sensing import layout_search
-    from studies.sensing import layout_study as study
+    from studies.sensing import layout_report, layout_search
 
+    here = destination(layout, locals(), layout_report.FILES, [basis.responses])
     design = design_of(source, sets)
     if ranges and not search:
         raise BadInput("--range sets the range of a search: add --search")
     if count is not None and not search:
         say_no_effect("--count", "it works with --search only")
-    atomic_files.check_apart(atomic_files.inside(out, texts.FILES), [source, basis.responses])
-    with atomic_files.results(out, texts.FILES) as folder, console.progress(as_json=as_json) as progress:
-        job = study.Job(
-            design,
-            basis,
-            search,
-            tuple(ranges or ()),
-            layout_search.USUAL if count is None else count,
-            claim,
-            force_range,
-        )
-        answer = study.run(job, progress, folder, command_line)
-    if as_json:
-        console.report([answer.row()], as_json=True)
-        return GOOD
-    console.report([texts.shown(answer.layout)], as_json=False, title="Layout")
-    if answer.search is not None:
-        console.report(texts.shown_search(answer.search), as_json=False, title="Layouts, best first", wide=wide)
-    if answer.claim is not None:
-        console.report(texts.shown_claim(answer.claim), as_json=False, title="Claim", wide=wide)
-    if answer.force_range is not None:
-        console.report([texts.shown_forces(answer.force_range)], as_json=False, title="Range of loads")
-    for warning in (
-        *answer.layout.hits,
-        *answer.layout.warnings,
-        *(answer.force_range.warnings if answer.force_range else ()),
-    ):
-        console.warn(warning)
-    return GOOD
+    listed = layout_search.USUAL if count is None else count
+    job = layout_report.Job(design, basis, search, tuple(ranges or ()), listed, claim, force_range)
+    return publish(partial(layout_report.run, job), here)

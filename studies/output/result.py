@@ -156,6 +156,7 @@ def publish(study: Callable[[Progress], Result], here: Destination) -> int:
         with atomic_files.results(here.out, here.names) as folder, console.progress(as_json=here.as_json) as progress:
             result = study(progress)
             if folder is not None:
+                progress(1.0, ", ".join([*(f"{name}.csv" for name in result.tables), *result.files, *result.pages]))
                 write(result, folder, here.command)
     except Interrupted as stop:
         show(stop.result, here)
@@ -179,7 +180,7 @@ def write(result: Result, folder: Path, command: str) -> None:
     for name, writer in result.files.items():
         writer(folder / name)
     for name, text in result.pages.items():
-        atomic_files.write_text(folder / name, f"{text}\n\n{made(command, origin)}\n")
+        atomic_files.write_text(folder / name, f"{text.rstrip()}\n\n{made(command, origin)}\n")
     if result.design is not None:
         run_record.write(folder, command, dataclasses.asdict(result.design), origin)
 

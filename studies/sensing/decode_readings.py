@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from geometry.loads import ANSWERED, tilts_of
 from studies.inputs import input_warnings, state_files, user_input
 from studies.output import records
 from studies.output.records import FlatRow
+from studies.output.result import Result, failure_of, of_record
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder, Limit
@@ -68,6 +70,14 @@ def limit_sentence(coder: Decoder, limit: Limit | None, *, solved: bool) -> str:
             f" {high[2]:.3g} mm up: press or shear less, or check order and units"
         )
     return WHY["out_of_workspace"]
+
+
+def result(record: FlatRow) -> Result:
+    """Return the result of one decoded set of readings; without a pose it has failed."""
+    found = of_record("Decoded", record)
+    warnings = [*found.warnings, *([record["message"]] if record["status"] == "ambiguous" else [])]
+    lost = [] if record["status"] in WITH_POSE else failure_of([record])
+    return dataclasses.replace(found, warnings=warnings, failures=lost)
 
 
 def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt: bool) -> Decoder:

@@ -8,13 +8,13 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometry.loads import tilts_of
 from studies.output import atomic_files, console
-from studies.sensing.decode_readings import WHY, force_gap, in_tesla
+from studies.output.result import Result
+from studies.sensing.decode_readings import RESPONSES, WHY, WITH_POSE, force_gap, in_tesla, limit_sentence
 from studies.sensing.field_tables import read_rows
 
 if TYPE_CHECKING:
@@ -32,22 +32,6 @@ MANY = 500
 """Number of rows from which a terminal shows the progress."""
 
 
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """Counts of a decoded table, and its warnings.
-
-    Attributes
-    ----------
-    counts : number of rows of each status.
-    limits : number of rows that exceed each limit, among the first `MOST_SEARCHED` rows out of the workspace.
-    warnings : sentences about the level's forces, and about tolerances.
-    """
-
-    counts: dict[str, int]
-    limits: dict[Limit | None, int]
-    warnings: list[str]
-
-
 def decode_file(
     coder: Decoder,
     path: Path,
@@ -57,14 +41,14 @@ def decode_file(
     check: Callable[[Array, Decoded], tuple[list[Status], list[str]]],
     *,
     as_json: bool = False,
-) -> Summary:
+) -> Result:
     """Decode a table of readings as a stream, add the columns `COLUMNS` and count the rows of each status.
 
     Without `out` the table is printed; as JSON, one object for each row with its number and its readings.
 
     The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities).
     Further columns are copied. A row with an empty or NaN reading gets the status not_finite. `check` returns the
-    status of each row, which may differ from the decoder's, and warnings.
+    status of each row, which may differ from the decoder's, and warnings. The result has failed if no row has a pose.
 
     Raises
     ------
@@ -105,7 +89,7 @@ def decode_file(
             ],
             as_json=True,
         )
-        return _summary(coder, decoded, field, level, statuses, said)
+        return _result(coder, decoded, field, level, statuses, said, printed=True)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, *COLUMNS])
@@ -115,18 +99,42 @@ def decode_file(
         print(text.getvalue(), end="", flush=True)
     else:
         atomic_files.write_text(target, text.getvalue())
-    return _summary(coder, decoded, field, level, statuses, said)
+    return _result(coder, decoded, field, level, statuses, said, printed=target is None)
 
 
-def _summary(
-    coder: Decoder, decoded: Decoded, field: Array, level: str, statuses: list[Status], said: list[str]
-) -> Summary:
+def _result(
+    coder: Decoder,
+    decoded: Decoded,
+    field: Array,
+    level: str,
+    statuses: list[Status],
+    said: list[str],
+    *,
+    printed: bool,
+) -> Result:
+    """Return the counts of each status with their reasons; `printed`: whether the rows were printed, not written."""
     from studies.sensing import force_level_check
 
     gap = force_gap(coder, level, decoded)
     counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
-    warnings = [] if gap is None else force_level_check.warnings(level, gap)
-    return Summary(counts, _count_limits(coder, decoded, field), warnings + said)
+    sentences = []
+    for status, count in counts.items():
+        why = [WHY[status]]
+        if status == "out_of_workspace":
+            limits = _count_limits(coder, decoded, field)
+            texts = {limit: limit_sentence(coder, limit, solved=level == RESPONSES) for limit in limits}
+            why = [texts[limit] + (f" ({n} of {count})" if len(texts) > 1 else "") for limit, n in limits.items()]
+        if status != "ok":
+            sentences.append(f"{count} of {len(statuses)} rows {status}: {'; '.join(why)}")
+    lost = bool(counts) and not WITH_POSE & set(counts)
+    return Result(
+        title="Decoded",
+        records=[] if printed else [counts],
+        shown=[],
+        warnings=([] if gap is None else force_level_check.warnings(level, gap)) + said,
+        remarks=[] if lost else sentences,
+        failures=sentences if lost else [],
+    )
 
 
 def _count_limits(coder: Decoder, decoded: Decoded, field: Array) -> dict[Limit | None, int]:

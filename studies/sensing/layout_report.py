@@ -1,4 +1,4 @@
-"""The report of `magtip layout`: tables, LAYOUT.md, and short tables for the terminal."""
+"""The study of `magtip layout`: the map of a layout, better layouts, the paper's claim, and a range of loads."""
 
 from __future__ import annotations
 
@@ -7,71 +7,120 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from studies.output import atomic_files
-from studies.output.provenance import made, versions
-from studies.sensing import force_range, layout_map, layout_metrics, layout_plots, layout_search, layout_uniqueness
+from geometry.design import BadInput, Design
+from geometry.messages import Progress
+from studies.inputs.option_groups import Basis
+from studies.output.result import Result, Table, Writer
+from studies.sensing import (
+    decode_readings,
+    force_range,
+    layout_map,
+    layout_metrics,
+    layout_plots,
+    layout_search,
+    layout_uniqueness,
+)
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.survey import Survey
     from studies.output.records import FlatRow
     from studies.sensing.claim_rows import Claim, HeightRow, LimitRow
-    from studies.sensing.force_range import ForceRange, Loads
+    from studies.sensing.force_range import ForceRange
     from studies.sensing.layout_metrics import LayoutRow
     from studies.sensing.layout_search import SearchRow
 
 FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "force_range.csv", "LAYOUT.md")
-"""Files that `write` writes into a folder; those of search, claim and range of loads only if these were requested."""
+"""Files of the study; those of search, claim and range of loads only if these were requested."""
+
+
+MOST_CLEARANCE = 100.0
+"""mm."""
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """Result of the study; search, claim and force_range are None if they were not requested."""
+class Job:
+    """Requested parts of the study: the map always, a search over ranges NAME=LOW,HIGH, the claim, and the resolution
+    over a range of loads NORMAL,TANGENTIAL.
+    """
 
-    layout: LayoutRow
-    search: list[SearchRow] | None
-    claim: Claim | None
-    force_range: ForceRange | None
-
-    def row(self) -> FlatRow:
-        """Return the row for JSON, which contains the rows of search, claim and force_range."""
-        row = self.layout.row()
-        if self.search is not None:
-            row["search"] = [each.row() for each in self.search]
-        if self.claim is not None:
-            row["claim"] = self.claim.row()
-        return row if self.force_range is None else row | {"force_range": self.force_range.row()}
+    design: Design
+    basis: Basis
+    search: bool
+    ranges: Sequence[str]
+    count: int
+    claim: bool
+    force_range: str | None = None
 
 
-def write(
-    folder: Path,
-    coder: Decoder,
-    poses: Survey,
-    answer: Answer,
-    loads: Loads | None,
-    command: str,
-    room: float,
-) -> None:
-    """Write layout.csv, layout.png, LAYOUT.md and the files of the other parts into an existing folder."""
+def run(job: Job, progress: Progress) -> Result:
+    """Evaluate the layout, and search and answer the claim if requested.
+
+    Raises
+    ------
+    BadInput
+        The design has no magnet, a layout or range is impossible, or `layout_metrics.mechanics_of` refuses.
+    """
+    from analytic import survey
+
+    design, basis = job.design, job.basis
+    law = layout_metrics.mechanics_of(design, basis.level, basis.responses)
+    decode_readings.warn_if_upright(law, ignore_tilt=basis.ignore_tilt)
+    if not 0 <= basis.clearance <= MOST_CLEARANCE:
+        raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
+    if not 1 <= job.count <= layout_search.MOST_FOUND:
+        raise BadInput(f"--count must lie between 1 and {layout_search.MOST_FOUND}; got {job.count}")
+    limits = None if job.force_range is None else force_range.parse(job.force_range)
+    bounds = layout_search.parse_ranges(design, job.ranges)
+    if job.claim:
+        layout_uniqueness.check(design)
+    coder, noise = layout_metrics.prepare(design, law, basis)
+    progress(0.0, "map of the workspace")
+    poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
+    name = decode_readings.level_name(basis.level, basis.responses)
+    layout = layout_metrics.layout_row(coder, poses, noise, name)
+    loads = None if limits is None else force_range.loads(coder, *limits, basis.clearance)
+    forces = None if loads is None or limits is None else force_range.evaluate(coder, loads, *limits, name)
+    search = layout_search.run(design, law, basis, bounds, job.count, progress) if job.search else None
+    claim = layout_uniqueness.run(design, progress) if job.claim else None
+    files: dict[str, Writer] = {
+        "layout.csv": lambda path: _write_map(path, coder, poses),
+        "layout.png": lambda path: layout_plots.maps(path, coder, poses, basis.clearance),
+    }
+    record, shown, tables = layout.row(), [Table(title="Layout", rows=[_shown(layout)])], {}
+    if search is not None:
+        record["search"] = tables["search"] = [row.row() for row in search]
+        shown.append(Table(title="Layouts, best first", rows=_shown_search(search)))
+    if claim is not None:
+        record["claim"] = claim.row()
+        tables["claim"] = [row.row() for row in claim.heights]
+        files["claim.png"] = lambda path: layout_plots.claim(path, claim.heights, design.c)
+        shown.append(Table(title="Claim", rows=_shown_claim(claim)))
+    if loads is not None and forces is not None:
+        record["force_range"] = forces.row()
+        tables["force_range"] = [row.row() for row in force_range.table(loads)]
+        shown.append(Table(title="Range of loads", rows=[_shown_forces(forces)]))
+    warnings = [*layout.hits, *layout.warnings, *(forces.warnings if forces else ())]
+    said = design.value_warnings()  # by the reader of the design
+    return Result(
+        title="Layout",
+        records=[record],
+        shown=shown,
+        tables=tables,
+        files=files,
+        pages={"LAYOUT.md": text(layout, search, claim, forces)},
+        warnings=[warning for warning in warnings if warning not in said],
+    )
+
+
+def _write_map(path: Path, coder: Decoder, poses: Survey) -> None:
     from studies.output.csv_tables import write_table
 
-    # before a file of the repository changes
-    origin = versions()
-    write_table(folder / "layout.csv", (row.row() for row in layout_map.table(coder, poses)))
-    layout_plots.maps(folder / "layout.png", coder, poses, room)
-    if answer.search is not None:
-        write_table(folder / "search.csv", [row.row() for row in answer.search])
-    if answer.claim is not None:
-        write_table(folder / "claim.csv", [row.row() for row in answer.claim.heights])
-        layout_plots.claim(folder / "claim.png", answer.claim.heights, coder.forward.design.c)
-    if loads is not None:
-        write_table(folder / "force_range.csv", [row.row() for row in force_range.table(loads)])
-    atomic_files.write_text(folder / "LAYOUT.md", text(answer, command, origin))
+    write_table(path, (row.row() for row in layout_map.table(coder, poses)))
 
 
-def text(answer: Answer, command: str, origin: str) -> str:
-    """Return the text of LAYOUT.md."""
-    layout, search, claim = answer.layout, answer.search, answer.claim
+def text(layout: LayoutRow, search: list[SearchRow] | None, claim: Claim | None, forces: ForceRange | None) -> str:
+    """Return the text of LAYOUT.md without its origin."""
     lines = ["# The layout of the Hall elements", ""]
     verdict = layout.message
     lines += [f"{verdict[0].upper()}{verdict[1:]}.", "", *_figures(layout), ""]
@@ -79,8 +128,8 @@ def text(answer: Answer, command: str, origin: str) -> str:
     lines += [*remarks, ""] if remarks else []
     lines += ["![Condition, sign of det J, multiplicity and noise over x and z](layout.png)", ""]
     lines += ["Left: the plane y = 0. Right: the worst over all y. The table behind it is layout.csv.", ""]
-    if answer.force_range is not None:
-        lines += _forces(answer.force_range)
+    if forces is not None:
+        lines += _forces(forces)
     if claim is not None:
         lines += _claim(claim)
     if search is not None:
@@ -88,7 +137,7 @@ def text(answer: Answer, command: str, origin: str) -> str:
     lines += ["## How it was made", "", *layout_metrics.ABOUT.splitlines()]
     if search is not None:
         lines += ["", *layout_search.ABOUT.splitlines()]
-    return "\n".join([*lines, "", made(command, origin)]) + "\n"
+    return "\n".join(lines)
 
 
 def _figures(layout: LayoutRow) -> list[str]:
@@ -239,7 +288,7 @@ PLACES = ("worst_at_N", "worst_at_mm")
 """Keys of a range of loads with a vector for each axis."""
 
 
-def shown(layout: LayoutRow) -> FlatRow:
+def _shown(layout: LayoutRow) -> FlatRow:
     """Return the row of a layout for the terminal."""
     hidden = ["status", "elements", "hits", "warnings", "poses"]
     hidden += ["known_percent"] if layout.known_percent == 100 else []
@@ -250,14 +299,14 @@ def shown(layout: LayoutRow) -> FlatRow:
     return short
 
 
-def shown_forces(forces: ForceRange) -> FlatRow:
+def _shown_forces(forces: ForceRange) -> FlatRow:
     """Return the row of a range of loads for the terminal."""
     row = {name: value for name, value in forces.row().items() if value not in (None, []) and name != "warnings"}
     places = {name: ["; ".join(f"{v + 0.0:.3g}" for v in one) for one in row[name]] for name in PLACES if name in row}
     return row | places
 
 
-def shown_search(rows: Sequence[SearchRow]) -> list[FlatRow]:
+def _shown_search(rows: Sequence[SearchRow]) -> list[FlatRow]:
     """Return the rows of a search for the terminal; files and JSON have all shares."""
     return [
         {
@@ -273,7 +322,7 @@ def shown_search(rows: Sequence[SearchRow]) -> list[FlatRow]:
     ]
 
 
-def shown_claim(claim: Claim) -> list[FlatRow]:
+def _shown_claim(claim: Claim) -> list[FlatRow]:
     """Return the rows of the claim for the terminal: the design's layout form by form, and the range of c."""
     rows = []
     for form in claim.forms:

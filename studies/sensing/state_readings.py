@@ -14,6 +14,7 @@ from studies.inputs import state_files
 from studies.inputs.state_files import State
 from studies.output import console, records
 from studies.output.records import FlatRow
+from studies.output.result import Result, Table
 from studies.sensing import field_readings
 from studies.sensing.field_readings import PoseReadings, Sensing
 
@@ -123,20 +124,26 @@ def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> S
     return StateReadings(readings, state.status, state.message, load.depth, load.shear_x, load.shear_y)
 
 
-def show(states: Sequence[StateReadings], *, as_json: bool, wide: bool) -> None:
-    """Print the rows on standard output, and warnings about poses and states on standard error."""
+def study(design: Design, file: Path, sensing: Sensing, *, wide: bool) -> Result:
+    """Return the result of `of_states`; it has failed if no state was reached."""
+    states = of_states(design, file, sensing)
     rows = [state.row() for state in states]
     extra = ["resolution_N"] if any(state.resolution_N for state in states) else []
     keys = list(dict.fromkeys([*SHOWN, *extra, *(key for row in rows for key in row if wide)]))
-    printed = [row if as_json else {key: row.get(key) for key in keys} for row in rows]
-    console.report(printed, as_json=as_json, title="Readings", first=SHOWN[:4], wide=wide)
+    shown = [{key: row.get(key) for key in keys} for row in rows]
     messages = [
         {key: row[key] for key in MOVED} | {"message": warning}
         for state, row in zip(states, rows, strict=True)
         for warning in state.warnings
     ]
-    for remark in console.remarks(messages, MOVED, rows):
-        console.warn(remark)
     failed = [state for state in states if state.status not in ANSWERED]
-    if failed:
-        console.say(f"magtip: {len(failed)} of {len(states)} states failed; the last status is {failed[-1].status}")
+    said = [f"{len(failed)} of {len(states)} states failed; the last status is {failed[-1].status}"] if failed else []
+    lost = len(failed) == len(states)
+    return Result(
+        title="Readings",
+        records=rows,
+        shown=[Table(title="Readings", rows=shown, first=SHOWN[:4])],
+        warnings=console.remarks(messages, MOVED, rows),
+        remarks=[] if lost else said,
+        failures=said if lost else [],
+    )
