@@ -317,17 +317,11 @@ def bench(
     out
         Folder for bench.csv and BENCH.md.
     """
-    command_line = command(bench, locals())
     from studies.validation import bench as study
 
     chosen = [] if cases is None else [name.strip() for name in cases.split(",")]
-    with _results(out, ("BENCH.md", "bench.csv"), as_json=as_json) as (folder, progress):
-        rows = study.run(study.Bench(quick, peers, ccx), chosen, folder, command_line, progress)
-    console.report(rows, as_json=as_json, title="Speed", brief=study.BRIEF, wide=wide)
-    for row in rows:
-        if row["message"]:
-            console.say(f"magtip: {row['case']}: {row['message']}")
-    return report_goals(study.goals(rows))
+    found = partial(study.run, bench=study.Bench(quick, peers, ccx), cases=chosen)
+    return publish(found, destination(bench, locals(), study.FILES))
 
 
 def surrogate(

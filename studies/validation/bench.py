@@ -1,6 +1,6 @@
 """Speed: what the finite elements cost at a given error, beside FElupe and CalculiX, and the field beside magpylib.
 
-ABOUT, which the report prints, describes the measurements; CASES and GOALS say what is measured and what is promised.
+CASES and PARTS say what is measured and what is promised, templates/bench.md.j2 how.
 """
 
 from __future__ import annotations
@@ -23,24 +23,12 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.output import provenance
-from studies.output.goals import Goal, page_lines
+from studies.output.goals import Goal, failures, page_lines
+from studies.output.result import Result, Table
 from studies.validation import pages
 from studies.validation.bench_programs import Answer, calculix, felupe, felupe_python, half_mesh, magtip, measure
 from studies.validation.pages import Row
 from studies.validation.peer_calculix import Press
-
-ABOUT = """\
-Every solve runs in a separate process on one thread. Figures are medians of several runs: CPU seconds without
-imports, and peak memory of the process and its children. The imports are timed separately (`import_s`). Each
-program has a series of meshes. Of these, the cheapest counts whose force is within the tolerance at every load and
-in every run, compared with a fine reference; for a shear the tilt must be within the tolerance as well. The error is
-the largest over all loads.
-
-The time of magtip includes its mesher; the other programs get a finished mesh from the same mesher.
-`faster` is the CPU time of the other program over that of magtip. Solves longer than 20 s are measured once. The
-speed of a machine changes within minutes. Therefore two programs that are compared run by turns if a solve takes
-less than a second. The median over the turns counts: of the ratio for FElupe and magpylib, and of the difference for
-a small shear."""
 
 Fields = Mapping[str, float | str]
 """Fields of a load or of an accuracy that differ from the defaults."""
@@ -133,23 +121,11 @@ COLUMNS = (
 """Columns of bench.csv; None where a number is not known. force_N is of the last load, error_percent of the worst."""
 BRIEF = ("iterations", "runs", "import_s", "wall_s", "force_N", "message")
 """Left out of the printed table."""
-HEADS = {
-    "program": "program",
-    "setting": "setting",
-    "dofs": "unknowns",
-    "iterations": "iterations",
-    "error_percent": "error %",
-    "runs": "runs",
-    "import_s": "imports s",
-    "cpu_s": "CPU s",
-    "wall_s": "wall s",
-    "peak_MB": "peak MB",
-    "faster": "magtip faster by a factor of",
-    "goal": "goal",
-    "met": "met",
-    "status": "status",
-    "message": "message",
-}
+HEADS = {name: name for name in ("program", "setting", "iterations", "runs", "goal", "met", "status", "message")}
+HEADS |= {"dofs": "unknowns", "error_percent": "error %", "import_s": "imports s", "cpu_s": "CPU s"}
+HEADS |= {"wall_s": "wall s", "peak_MB": "peak MB", "faster": "magtip faster by a factor of"}
+"""Heads of the page's columns; those that a case does not fill are left out."""
+FILES = ("BENCH.md", "bench.csv")
 
 
 # A run
@@ -185,16 +161,8 @@ class Bench:
         return row
 
 
-def run(
-    bench: Bench, cases: Sequence[str] = (), folder: Path | None = None, command: str = "",
-    progress: Progress | None = None,
-) -> list[Row]:  # fmt: skip
-    """Return all rows; with a folder also write bench.csv and BENCH.md, anew after each case.
-
-    Parameters
-    ----------
-    cases : names of the parts to run, see `PARTS`; none for all.
-    command : that this is run by.
+def run(progress: Progress, bench: Bench, cases: Sequence[str] = ()) -> Result:
+    """Measure the parts of these names, see `PARTS`; without names all.
 
     Raises
     ------
@@ -203,15 +171,27 @@ def run(
     """
     if unknown := [name for name in cases if name not in names()]:
         raise BadInput(f"--cases takes {', '.join(names())}; got {unknown[0]}")
-    about, origin = machine(), provenance.versions()
+    about, rows = machine(), bench.rows
     chosen = [part for name, part in PARTS if name in cases or not cases]
     for k, part in enumerate(chosen):
-        if progress is not None:
-            bench.say = functools.partial(progress, k / len(chosen))
+        bench.say = functools.partial(progress, k / len(chosen))
         part(bench)
-        if folder is not None:
-            write(folder, bench.rows, about | bench.versions, command, origin)
-    return bench.rows
+    tables = {}
+    for case in dict.fromkeys(row["case"] for row in rows):
+        own = [row for row in rows if row["case"] == case]
+        filled = [name for name in COLUMNS if name in HEADS and any(row[name] not in (None, "") for row in own)]
+        tables[case.capitalize()] = own, {name: HEADS[name] for name in filled}
+    about |= bench.versions
+    page = pages.rendered("bench.md.j2", verdict=page_lines(goals(rows)), tables=tables, about=about)
+    return Result(
+        title="Speed",
+        records=rows,
+        shown=[Table(title="Speed", rows=rows, brief=BRIEF)],
+        tables={"bench": rows},
+        pages={"BENCH.md": page},
+        remarks=[f"{row['case']}: {row['message']}" for row in rows if row["message"]],
+        failures=failures(goals(rows)),
+    )
 
 
 def names() -> list[str]:
@@ -330,25 +310,29 @@ def beside(bench: Bench, peer: Row) -> Row:
     return peer
 
 
+def by_turns(bench: Bench, *tasks: Answer) -> tuple[list[Sequence[Answer]], list[Answer]]:
+    """Return the answers of magtip to some tasks, by turns, and their medians."""
+    turns = [[magtip(task) for task in tasks] for _ in range(bench.runs)]
+    return list(turns), [median(answers) for answers in zip(*turns, strict=True)]
+
+
 def small_shear(bench: Bench) -> None:
     """Add a small shear about a press beside the press alone, by turns, at level standard."""
-    tasks = [spec("axisymmetric", "rigid", ({"depth": DEPTH_MM},), {}), {"task": "small shear", "depth": DEPTH_MM}]
     case = "small shear about a press of 1 mm"
     bench.say(case)
-    turns = [[magtip(task) for task in tasks] for _ in range(bench.runs)]
-    for setting, answers in zip(
-        ("the press alone", "with stiffness and tilt"), zip(*turns, strict=True), strict=True
-    ):
-        row = bench.add(case, "magtip", setting, median(answers))
+    press = spec("axisymmetric", "rigid", ({"depth": DEPTH_MM},), {})
+    turns, (alone, sheared) = by_turns(bench, press, {"task": "small shear", "depth": DEPTH_MM})
     more = statistics.median(b.get("cpu_s", math.inf) - a.get("cpu_s", 0.0) for a, b in turns)
-    row |= {"goal": f"at most {MORE_S:g} s more", "met": more <= MORE_S}
+    bench.add(case, "magtip", "the press alone", alone)
+    goal = f"at most {MORE_S:g} s more"
+    bench.add(case, "magtip", "with stiffness and tilt", sheared, goal=goal, met=more <= MORE_S)
 
 
 def natural_frequencies(bench: Bench) -> None:
     """Add the natural frequencies at level standard."""
     case = "first eight modes, rigid magnet"
     bench.say(case)
-    answer = median([magtip({"task": "modes", "count": 8}) for _ in range(bench.runs)])
+    _, (answer,) = by_turns(bench, {"task": "modes", "count": 8})
     met = bool(answer.get("cpu_s", math.inf) <= MODES_S)
     bench.add(case, "magtip", f"level {STANDARD.name}", answer, goal=f"at most {MODES_S:g} s", met=met)
 
@@ -358,10 +342,8 @@ def tilted_plate(bench: Bench) -> None:
     case = f"plate tilted by {TILT_DEG:g} deg, press {TILTED_DEPTH_MM:g} mm"
     tilt: Fields = {"depth": TILTED_DEPTH_MM, "plate_tilt": math.radians(TILT_DEG)}
     shear: Fields = {"depth": TILTED_DEPTH_MM, "shear_x": SHEAR_MM, "friction": "stick"}
-    tasks = [spec("auto", "rigid", (load,), {}) for load in (shear, tilt)]
     bench.say(case)
-    turns = [[magtip(task) for task in tasks] for _ in range(bench.runs)]
-    sheared, tilted = (median(answers) for answers in zip(*turns, strict=True))
+    turns, (sheared, tilted) = by_turns(bench, *(spec("auto", "rigid", (load,), {}) for load in (shear, tilt)))
     bench.add(case, "magtip", f"the same press with a shear of {SHEAR_MM:g} mm instead", sheared)
     goal = f"at most {TILTED:g} times the CPU s of the shear"
     row = bench.add(case, "magtip", "tilted, level standard", tilted, goal=goal)
@@ -375,8 +357,7 @@ def field_points(bench: Bench) -> None:
     count = POINTS // 10 if bench.quick else POINTS
     case = f"field of {count:,} points".replace(",", " ")
     bench.say(case)
-    turns = [[magtip({"task": task, "points": count}) for task in ("field", "magpylib")] for _ in range(bench.runs)]
-    own, other = (median(answers) for answers in zip(*turns, strict=True))
+    turns, (own, other) = by_turns(bench, *({"task": task, "points": count} for task in ("field", "magpylib")))
     bench.add(case, "magtip", "one thread", own)
     goal = f"magtip at least {FIELD_TIMES:g} times faster"
     if other["status"] != "ok":
@@ -477,32 +458,15 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     ]
 
 
-def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], command: str, origin: str) -> None:
-    """Write bench.csv and BENCH.md: goals met, a table for each case, how and where it was measured."""
-    from studies.output.csv_tables import write_table
-
-    write_table(folder / "bench.csv", rows, digits=6)
-    blocks = ["# Speed", "\n".join(page_lines(goals(rows)))]
-    for case in dict.fromkeys(row["case"] for row in rows):
-        own = [row for row in rows if row["case"] == case]
-        heads = {key: head for key, head in HEADS.items() if any(row[key] not in (None, "") for row in own)}
-        blocks += [f"## {case.capitalize()}", pages.markdown(own, heads)]
-    where = pages.listed(f"{name}: {value}" for name, value in about.items() if value)
-    pages.write(folder / "BENCH.md", [*blocks, "## How it was measured", ABOUT, where], command, origin)
-
-
 def machine() -> dict[str, str]:
     """Return the machine of the measurements: processor, system and load."""
-    found = {"machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
-    if hasattr(os, "getloadavg"):
-        found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
-    return found | {"mkl": provenance.installed("mkl") or "not installed"}
-
-
-def _processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     except OSError:
-        return platform.processor() or platform.machine()
-    found = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return found[0] if found else platform.machine()
+        lines = []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    processor = next(iter(named), platform.processor() or platform.machine())
+    found = {"machine": f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
+    if hasattr(os, "getloadavg"):
+        found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
+    return found | {"mkl": provenance.installed("mkl") or "not installed"}
