@@ -124,11 +124,6 @@ def test_the_text_of_a_rule_is_read_back():
     assert read["versions"]["harmonic"] == str(PHYSICS["harmonic"])
 
 
-def test_percentiles_are_values_of_the_sample():
-    assert trade_rule.percentile([1.0, 2.0, 3.0]) == 3.0
-    assert trade_rule.percentile(list(map(float, range(1, 21)))) == 19.0
-
-
 def sheared(along, sideways, along_N, *, level="quick", confirming=True, design=0):
     """A glued shear with an error of the force along it, over the unpressed beam's and over itself, percent."""
     load = trade_cases.trial(design, "glued shear", "auto", confirm=confirming).loads[0]

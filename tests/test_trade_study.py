@@ -10,7 +10,7 @@ import pytest
 from studies.cli import entry_point
 from studies.output import atomic_files, checkpoint
 from studies.validation import trade_cases, trade_solves, trade_study
-from studies.validation.trade_report import FILES
+from studies.validation.trade import FILES
 
 COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
 

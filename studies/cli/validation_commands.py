@@ -10,7 +10,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.cli.parameters import AsJson, OwnStore, Scheduler, Wide, Workers, destination
 from studies.cli.printed_command import command
@@ -261,31 +260,11 @@ def trade(
         Folder for trade.csv, TRADE.md, trade.png, model_choice.json and all solves; a run that was stopped continues
         from there.
     """
-    command_line = command(trade, locals())
-    from studies.output.provenance import versions
-    from studies.validation import trade_cases, trade_report, trade_rule
-    from studies.validation import trade_study as study
+    from studies.validation import trade as study
 
-    if not 2 <= designs <= trade_cases.STUDIED:
-        raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
-    origin = versions()
-    with _results(out, trade_report.FILES, as_json=as_json) as (folder, progress):
-        states = study.run(study.plan(designs, quick=quick), folder, progress)
-        rule = trade_rule.statements(states)
-        results = []
-        if confirm:
-            states += study.run(study.confirming_plan(quick=quick), folder, progress)
-            results = list(trade_rule.confirm(states, rule))
-        if folder is not None:
-            trade_report.write(folder, states, rule, results, origin, command_line)
-    first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")
-    cells = trade_report.cells(states)
-    table = [{name: value for name, value in row.items() if not name.startswith("worst_")} for row in cells]
-    console.report(table, as_json=as_json, title="Cost and error", first=first, wide=wide)
-    if not confirm:
-        return GOOD
-    console.report(trade_rule.summary(results), as_json=as_json, title="Confirmation", wide=wide)
-    return report_goals(trade_rule.goals(results, study.QUICK_KINDS if quick else trade_cases.KINDS))
+    here = destination(trade, locals(), study.FILES)
+    found = partial(study.run, designs=designs, confirm=confirm, quick=quick, folder=out, command=here.command)
+    return publish(found, here)
 
 
 def bench(

@@ -1,6 +1,6 @@
 """The rule that follows from costs and errors, and its confirmation on designs that it has not seen.
 
-ABOUT, which the report prints, says how a bound follows from errors.
+templates/trade.md.j2 says how a bound follows from errors.
 """
 
 from __future__ import annotations
@@ -23,21 +23,6 @@ from studies.validation import trade_cases
 from studies.validation.pages import Row
 from studies.validation.trade_cases import CALCULATED, SURROGATE, Kind
 from studies.validation.trade_study import SOLIDS, errors_of, load_of
-
-ABOUT = """\
-A bound is the largest error of all states of a region, times 1 + 1/n for n designs. An error that is smaller than the
-error bar of its reference counts as large as the bar. Formulas and the surrogate have bounds only inside their
-ranges, and where at least four designs have states. The surrogate is chosen only if the half widths of its own 90 %
-intervals for the loads in question meet the tolerance as well as its bound: the bound also covers readings and the
-tenth of the cases beyond the intervals, and the intervals are wide where training beams are sparse. Tetrahedra, which
-ran on few designs, have one bound for all regions of a kind.
-
-The rule was corrected twice after random designs had shown it to be wrong. Small and large magnets are told apart
-because a formula was 19 % off at a tolerance of 10 % (first draw, design 21). Bounds follow from the largest error,
-no longer from its 95th percentile, because a light press at level quick was 1.6 % off at a tolerance of 1 % (second
-draw, design 29). The last draw was made after both corrections. A third one came after it: the force along a shear
-counts, which was up to 6.7 times a tolerance off where a slender beam is pressed nearly to its buckling load.
-"""
 
 COUNTED = ("force", "shift", "tilt", "readings", "sideways")
 """Quantities that a tolerance bounds."""
@@ -112,15 +97,6 @@ def _bound(errors: Sequence[float], designs: int) -> float | None:
     return model_choice.rounded_up((1 + 1 / designs) * max(errors), 3)
 
 
-def percentile(values: Sequence[float], share: float = 0.95) -> float:
-    """Return the least value that a share of the values does not exceed.
-
-    >>> percentile([3.0, 1.0, 2.0, 4.0], 0.5)
-    2.0
-    """
-    return sorted(values)[max(math.ceil(share * len(values)) - 1, 0)]
-
-
 def as_text(rule: Sequence[Statement], origin: str) -> str:
     """Return the text of model_choice.json: the versions of the models, and a statement on each line."""
     rows = ",\n".join(json_line(records.known(asdict(each))) for each in rule)
@@ -176,25 +152,24 @@ def summary(results: Sequence[Row]) -> list[Row]:
     `refused` are cases for which the rule knows no model that meets the tolerance, `unjudged` those without a
     reference, or whose chosen model was not run; `worst` is the largest error over the tolerance.
     """
+    import pandas as pd
+
+    if not results:
+        return []
+    frame = pd.DataFrame(results).astype({"error": float})
+    parts = {kind: frame[frame.kind == kind] for kind in trade_cases.KINDS} | {"all": frame}
+    parts[LAST] = frame[frame.design >= trade_cases.CONFIRMED - trade_cases.DRAWN]
     table = []
-    first = trade_cases.CONFIRMED - trade_cases.DRAWN
-    for kind in (*trade_cases.KINDS, "all", LAST):
-        for tolerance in TOLERANCES:
-            own = [each for each in results if each["tolerance"] == tolerance]
-            own = [
-                each for each in own if kind in ("all", each["kind"]) or (kind == LAST and each["design"] >= first)
-            ]
-            judged = [each["error"] for each in own if each["error"] is not None]
-            if not own:
-                continue
-            refused = sum(each["status"] == "refused" for each in own)
-            within = sum(each["status"] == "within" for each in own)
+    for kind, part in parts.items():
+        for tolerance, own in part.groupby("tolerance"):
+            judged, refused = int(own.error.notna().sum()), int((own.status == "refused").sum())
+            within = int((own.status == "within").sum())
             row = {"kind": kind, "tolerance_percent": 100 * tolerance, "cases": len(own), "refused": refused}
-            row["unjudged"] = len(own) - len(judged) - refused
-            row["formulas"] = sum(each["model"].startswith("formula") for each in own)
-            row["surrogate"] = sum(each["model"].startswith(SURROGATE) for each in own)
-            row |= {"within": within, "share_percent": 100 * within / len(judged) if judged else math.nan}
-            table.append(row | {"worst": float(np.max(judged)) / tolerance if judged else math.nan})
+            row["unjudged"] = len(own) - judged - refused
+            row["formulas"] = int(own.model.str.startswith("formula").sum())
+            row["surrogate"] = int(own.model.str.startswith(SURROGATE).sum())
+            row |= {"within": within, "share_percent": 100 * within / judged if judged else math.nan}
+            table.append(row | {"worst": float(own.error.max()) / tolerance})
     return table
 
 

@@ -1,6 +1,6 @@
-"""Cost and error of every model on designs over the whole range (study trade).
+"""Cost and error of every model on designs over the whole range; templates/trade.md.j2 describes the measurements.
 
-ABOUT, which the report prints, describes the measurements. A state is a row of trade.csv: one state of a path by one
+A state is a row of trade.csv: one state of a path by one
 model, with its true errors and those of its reference, and CPU seconds and memory of the whole path.
 """
 
@@ -27,29 +27,6 @@ from studies.validation.pages import Row
 from studies.validation.trade_cases import KINDS, MODELS, SECTION, SHIPPED, Fineness, Kind
 from studies.validation.trade_solves import Run, Solved
 from studies.validation.verify import richardson
-
-ABOUT = """\
-Every model follows the same paths of loads: four presses (one of them deep), three shears of a glued plate, and a
-press and two slides with Coulomb friction. Depths and shears are in proportion to the design. Each solve runs in a
-process of its own on one thread, without error estimates. `cpu_s` are the CPU seconds of a whole path without
-imports, the mesher of tetrahedra included; `peak_MB` is the memory beyond that of the imported modules. Other
-programs ran on the same machine, which inflates CPU seconds; `cost` is therefore the ratio to the press or shear of
-the same design by the section model at level standard, in the same run.
-
-The true error of force, shift and tilt is the norm of the difference between the vector and that of the reference,
-over the norm of the reference; `sideways` is the force along the shear alone, and `along` its error over the larger
-one of this force and that of the unpressed beam, because the force vanishes where the press buckles. The error of
-the readings is the largest of S1, S2 and S3, in percent of full scale: the largest change from rest of the element
-on the path, for S2 and S3 together. The reference is extrapolated from three meshes of the section, each finer by
-sqrt(2), with harmonics in step. Each component is extrapolated by itself, if an order of at least 0.8 is observed;
-its error bar is the last step of the extrapolation. Otherwise the reference is the finest mesh, and the bar is the
-spread of the three meshes.
-Formulas count inside the range of their level only (`analytic.beam.outside`; level paper states none), and so does
-the surrogate, which refuses what lies outside (`studies.surrogate.surrogate_response`). Its cost is that of calls for
-one load after the other, without the 50 ms in which a process reads it; for many designs at once a call costs far
-less each (results/surrogate/SURROGATE.md). `unclear` is the share of errors that are less than three bars of their
-reference: these errors may be those of the reference.
-"""
 
 SOLIDS = ("half", "full")
 """Models of tetrahedra."""

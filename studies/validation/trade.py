@@ -1,25 +1,29 @@
-"""Files of the study of cost and error: trade.csv, trade.png, TRADE.md, model_choice.json and confirm.csv."""
+"""Study trade: cost and error of every model, the rule of --tolerance that follows, and its confirmation."""
 
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from analytic import beam
+from geometry.design import BadInput
+from geometry.messages import Progress
 from studies.output.atomic_files import write_text
 from studies.output.checkpoint import solved_at
-from studies.output.csv_tables import write_table
-from studies.output.goals import page_lines
-from studies.output.provenance import made
+from studies.output.goals import failures, page_lines
+from studies.output.provenance import made, versions
+from studies.output.result import Result, Table
 from studies.simulation.model_choice import Statement
 from studies.validation import pages, trade_cases, trade_rule, trade_study
 from studies.validation.pages import Row
-from studies.validation.trade_cases import CALCULATED, KINDS, SHIPPED, SURROGATE
-from studies.validation.trade_rule import COUNTED, percentile
-from studies.validation.trade_study import QUANTITIES, errors_of, is_clear
+from studies.validation.trade_cases import CALCULATED, KINDS, SHIPPED, SURROGATE, Kind
+from studies.validation.trade_rule import COUNTED
+from studies.validation.trade_study import QUANTITIES, QUICK_KINDS, errors_of, is_clear
 
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
 """Files that `write` writes into a folder."""
@@ -50,17 +54,71 @@ SIZES = {"surrogate": 10}
 """Sizes of markers that need another one than 6 points."""
 
 
-COVERAGE = """\
-Formulas and the surrogate ran on all designs that have a reference, the surrogate without friction; finite elements
-on as many of the 24 designs as an hour of computing on one core allowed. Tetrahedra cost five to a hundred times as
-much as the section model at level standard and are less accurate; a reference with friction costs a minute."""
-CONFIRMATION = """\
-The rule chooses a model for each of {designs} random designs, from which it does not follow, under each load of their
-paths, for tolerances of {tolerances} %, and a finer one where the answer asks for it. `within` is the number of cases
-whose true error of force, shift, tilt, readings and force along the shear is at most the tolerance; `worst` is the
-largest error over the tolerance. `refused` are cases for which the rule knows no model, or none whose answer is known
-to meet the tolerance, `unjudged` those without a reference or whose model was not run. {counts}. Goals: {share:.0%}
-within, none above {factor:g}, every case judged, and in every kind some case."""
+def run(progress: Progress, *, designs: int, confirm: bool, quick: bool, folder: Path | None, command: str) -> Result:
+    """Measure every model on the first designs; the rule follows, and is confirmed on random designs if asked.
+
+    Parameters
+    ----------
+    command : that model_choice.json names.
+    """
+    if not 2 <= designs <= trade_cases.STUDIED:
+        raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
+    origin = made(command, versions())
+    states = trade_study.run(trade_study.plan(designs, quick=quick), folder, progress)
+    rule = trade_rule.statements(states)
+    results = []
+    if confirm:
+        states += trade_study.run(trade_study.confirming_plan(quick=quick), folder, progress)
+        results = list(trade_rule.confirm(states, rule))
+    kinds = (QUICK_KINDS if quick else KINDS) if confirm else ()
+    return result(states, rule, results, kinds, origin)
+
+
+def result(
+    states: Sequence[Row], rule: Sequence[Statement], results: Sequence[Row], kinds: Sequence[Kind], origin: str
+) -> Result:
+    """Return the result of states and a rule.
+
+    Parameters
+    ----------
+    results, kinds : of the confirmation, and the kinds that were to be confirmed; empty without it.
+    """
+    table, summary = cells(states), trade_rule.summary(results)
+    records = [{name: value for name, value in row.items() if not name.startswith("worst_")} for row in table]
+    first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")
+    shown = [Table(title="Cost and error", rows=records, first=first)]
+    if kinds:
+        shown.append(Table(title="Confirmation", rows=summary))
+    page = pages.rendered(
+        "trade.md.j2",
+        tables={kind: [_errors(row) for row in table if row["kind"] == kind] for kind in KINDS},
+        ran=[_designs(table, kind, model) for kind in KINDS for model in trade_cases.MODELS[kind]],
+        rule=[_percents(each) for each in rule],
+        results=results,
+        verdict=page_lines(trade_rule.goals(results)),
+        summary=summary,
+        tolerances=", ".join(f"{100 * each:g}" for each in trade_rule.TOLERANCES),
+        designs=len({each["design"] for each in results}),
+        counts={kind: len({each["design"] for each in results if each["kind"] == kind}) for kind in KINDS},
+        share=f"{trade_rule.SHARE:.0%}",
+        factor=trade_rule.FACTOR,
+        worst=sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"]),
+        lost=[state for state in states if state["status"] not in ("ok", "refused")],
+        solved_at=solved_at(state["commit"] for state in states),
+    )
+    text = trade_rule.as_text(rule, origin)
+    return Result(
+        title="Cost and error",
+        records=[*records, *(summary if kinds else [])],
+        shown=shown,
+        tables={"trade": states} | ({"confirm": results} if results else {}),
+        files={
+            "model_choice.json": lambda path: write_text(path, text),
+            "trade.png": lambda path: picture(path, table),
+        },
+        pages={"TRADE.md": page},
+        failures=failures(trade_rule.goals(results, kinds)) if kinds else (),
+    )
 
 
 def cells(states: Sequence[Row]) -> list[Row]:
@@ -70,15 +128,16 @@ def cells(states: Sequence[Row]) -> list[Row]:
     an answer and a reference, `unclear_percent` is the share of errors that are less than three bars of their
     reference. Errors are median, 95th percentile and, over all counted quantities, the largest.
     """
-    table = []
-    for kind in KINDS:
-        for model in COLOURS:
-            for level in LEVELS:
-                own = [s for s in states if (s["kind"], s["model"], s["level"]) == (kind, model, level)]
-                own = [s for s in own if not s["confirming"]]
-                if own:
-                    table.append({"kind": kind, "model": model, "level": level, **_cell(own)})
-    return table
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for state in states:
+        if not state["confirming"]:
+            groups.setdefault((state["kind"], state["model"], state["level"]), []).append(state)
+    places = product(KINDS, COLOURS, LEVELS)
+    return [
+        dict(zip(("kind", "model", "level"), place, strict=True)) | _cell(groups[place])
+        for place in places
+        if place in groups
+    ]
 
 
 def _cell(own: Sequence[Row]) -> Row:
@@ -88,74 +147,36 @@ def _cell(own: Sequence[Row]) -> Row:
     for name in QUANTITIES:
         middle, high, _ = _spread([errors[name][0] for errors in inside if name in errors])
         row |= {f"{name}_median_percent": middle, f"{name}_p95_percent": high}
-    counted = [errors[name] for errors in inside for name in COUNTED if name in errors]
-    unclear = sum(not is_clear(*error) for error in counted) / len(counted) if counted else math.nan
-    largest = [max(errors[name][0] for name in COUNTED if name in errors) for errors in inside]
+    unclear = [not is_clear(*errors[name]) for errors in inside for name in COUNTED if name in errors]
+    worst = _spread([max(errors[name][0] for name in COUNTED if name in errors) for errors in inside])
     # the surrogate refuses most paths outside its range as a whole, at no cost
     answered = [s for s in own if s["model"] != SURROGATE or s["status"] != "refused"] or list(own)
     ended = [s for s in answered if math.isfinite(s["cpu_s"])]
-    costs = [s["cost"] for s in answered if s["cost"] is not None]
-    row |= dict(zip(("worst_median_percent", "worst_p95_percent", "largest_percent"), _spread(largest), strict=True))
+    row |= dict(zip(("worst_median_percent", "worst_p95_percent", "largest_percent"), worst, strict=True))
     return row | {
-        "unclear_percent": 100 * unclear,
-        "cpu_s": _median([s["cpu_s"] for s in ended]),
-        "cost": _median(costs),
-        "peak_MB": _median([s["peak_MB"] for s in ended]),
+        "unclear_percent": 100 * float(np.mean(unclear)) if unclear else math.nan,
+        "cpu_s": _spread([s["cpu_s"] for s in ended])[0],
+        "cost": _spread([s["cost"] for s in answered if s["cost"] is not None])[0],
+        "peak_MB": _spread([s["peak_MB"] for s in ended])[0],
     }
 
 
-def _median(values: Sequence[float]) -> float:
-    return statistics.median(values) if values else math.nan
-
-
 def _spread(values: Sequence[float]) -> tuple[float, float, float]:
+    """Return median, 95th percentile (the least value that as many do not exceed) and largest value; NaN without any.
+
+    >>> _spread([3.0, 1.0, 2.0])
+    (2.0, 3.0, 3.0)
+    """
     if not values:
         return math.nan, math.nan, math.nan
-    return statistics.median(values), percentile(values), max(values)
+    high = sorted(values)[max(math.ceil(0.95 * len(values)) - 1, 0)]
+    return float(np.median(values)), high, max(values)
 
 
-def write(
-    folder: Path,
-    states: Sequence[Row],
-    rule: Sequence[Statement],
-    results: Sequence[Row],
-    origin: str,
-    command: str,
-) -> None:
-    """Write all files; confirm.csv and its tables only if the rule was confirmed."""
-    write_table(folder / "trade.csv", states)
-    write_text(folder / "model_choice.json", trade_rule.as_text(rule, made(command, origin)))
-    table = cells(states)
-    picture(folder / "trade.png", table)
-    blocks = ["# Cost and error of every model", trade_study.ABOUT, "![Error over cost](trade.png)"]
-    for kind in KINDS:
-        if rows := [cell for cell in table if cell["kind"] == kind]:
-            text = "Median / 95th percentile of the errors; `largest` is the largest error of all these quantities."
-            blocks += [f"## {kind.capitalize()}", text, pages.markdown([_errors(row) for row in rows], digits=2)]
-    ran = [
-        {"kind": kind, "model": model}
-        | {name: _designs(table, kind, model, name) for name in ("quick", "standard", "fine")}
-        for kind in KINDS
-        for model in trade_cases.MODELS[kind]
-    ]
-    blocks += ["## Which cells ran", COVERAGE, pages.markdown(ran)]
-    blocks += ["## The rule", trade_rule.ABOUT, pages.markdown([_percents(each) for each in rule], digits=2)]
-    if results:
-        write_table(folder / "confirm.csv", results)
-        blocks += _confirmation(results)
-    lost = (
-        f"{'random ' if s['confirming'] else ''}design {s['design']}, {s['kind']}, {s['model']} {s['level']}, "
-        f"depth {s['depth_mm']:g} mm, shear {s['shear_mm']:g} mm: {s['status']}; {s['message']}"
-        for s in states
-        if s["status"] not in ("ok", "refused")
-    )
-    blocks += ["## States without an error", pages.listed(lost), solved_at(s["commit"] for s in states)]
-    pages.write(folder / "TRADE.md", blocks, command, origin)
-
-
-def _designs(table: Sequence[Row], kind: str, model: str, level: str) -> int:
-    place = (kind, model, level)
-    return next((c["designs"] for c in table if (c["kind"], c["model"], c["level"]) == place), 0)
+def _designs(table: Sequence[Row], kind: str, model: str) -> Row:
+    """Return on how many designs a model ran at each level."""
+    own = {cell["level"]: cell["designs"] for cell in table if (cell["kind"], cell["model"]) == (kind, model)}
+    return {"kind": kind, "model": model} | {name: own.get(name, 0) for name in ("quick", "standard", "fine")}
 
 
 def _errors(cell: Row) -> Row:
@@ -179,26 +200,6 @@ def _percents(statement: Statement) -> Row:
     bounds = {f"{name} %": getattr(statement, name) for name in COUNTED}
     row |= {name: getattr(statement, name) for name in ("designs", "states", "cost")}
     return row | {name: None if value is None else 100 * value for name, value in bounds.items()}
-
-
-def _confirmation(results: Sequence[Row]) -> list[str]:
-    numbers = {kind: len({each["design"] for each in results if each["kind"] == kind}) for kind in KINDS}
-    text = CONFIRMATION.format(
-        designs=len({each["design"] for each in results}),
-        tolerances=", ".join(f"{100 * each:g}" for each in trade_rule.TOLERANCES),
-        counts=", ".join(f"{kind.capitalize()}: {number} designs" for kind, number in numbers.items()),
-        share=trade_rule.SHARE,
-        factor=trade_rule.FACTOR,
-    )
-    verdict = "\n".join(page_lines(trade_rule.goals(results)))
-    blocks = ["## Confirmation", text, verdict, pages.markdown(trade_rule.summary(results), digits=2)]
-    worst = sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"])
-    beyond = (
-        f"{each['kind']}, design {each['design']}, depth {each['depth_mm']:g} mm, shear {each['shear_mm']:g} mm: "
-        f"tolerance {100 * each['tolerance']:g} %, {each['model']}, error {100 * each['error']:.3g} %"
-        for each in worst
-    )
-    return [*blocks, "Cases beyond the tolerance:", pages.listed(beyond)] if worst else blocks
 
 
 def picture(path: Path, table: Sequence[Row]) -> None:
