@@ -59,6 +59,7 @@ STUDIES = [
     {"sensing"},
     {"simulation"},
     {"exploration"},
+    {"cases"},
     {"fabrication"},
     {"sensitivity"},
     {"sizing"},

@@ -75,7 +75,7 @@ def sweep(
         Accuracy of the finite elements; default: standard.
     models
         Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
-        another model than auto) and levels of the formulas; default: standard,paper.
+        another model than auto), surrogate, and levels of the formulas; default: standard,paper.
     quantities
         Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes,
         response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts sideways.

@@ -30,7 +30,10 @@ class Results:
 def prefixes(plan: Plan) -> dict[str, str]:
     """Return the first part of the columns of each model by the model's name."""
     fem = {
-        model.name: "chosen_" if model.tolerance else _prefix("fem", model.name, len(plan.fem)) for model in plan.fem
+        model.name: f"{model.name}_"
+        if model.tolerance or model.surrogate
+        else _prefix("fem", model.name, sum(not one.surrogate for one in plan.fem))
+        for model in plan.fem
     }
     return fem | {level: _prefix("analytic", level, len(plan.formulas)) for level in plan.formulas}
 

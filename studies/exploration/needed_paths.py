@@ -123,7 +123,9 @@ class Paths:
 
     def _places(self, problem: Problem) -> dict[str, tuple[Target, Place | None]]:
         """Return target and place of each answer to a problem; no place where it is impossible."""
-        kinds: dict[str, tuple[FemModel, Kind]] = {model.name: (model, "states") for model in self.plan.fem}
+        kinds: dict[str, tuple[FemModel, Kind]] = {
+            model.name: (model, "states") for model in self.plan.fem if not model.surrogate
+        }
         if self.plan.reference is not None:
             kinds |= {name: (self.plan.reference, KINDS[name]) for name in self.plan.quantities if name in KINDS}
         return {name: self._place(problem, *kind) for name, kind in kinds.items()}
@@ -154,20 +156,33 @@ def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice)
     if choice.model_kind == "formula":
         response = beam.solve(design, load, choice.level_or_accuracy)
         return Answer(design.D, design.E, response, "ok", "", choice.bound, 0.0)
+    (answer,) = surrogate_answers([Problem(design, load, magnet, "")])
+    return answer
+
+
+def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
+    """Return the surrogate's answers; their error estimates are half widths of 90 % intervals."""
     from studies.surrogate import surrogate_response
 
-    estimate = surrogate_response.respond(design, load, magnet)
-    return Answer(
-        design.D,
-        design.E,
-        estimate.response,
-        "ok",
-        surrogate_message(estimate),
-        estimate.force_error,
-        0.0,
-        {"shift": estimate.shift_error, "tilt": estimate.tilt_error, "sideways": estimate.sideways_error},
-        {"strain": estimate.strain},
-    )
+    possible = [(k, (p.design, p.load, p.magnet)) for k, p in enumerate(problems) if p.design and p.load]
+    answers = [replace(IMPOSSIBLE, message=problem.message) for problem in problems]
+    estimates = surrogate_response.respond_all([case for _, case in possible])
+    for (k, (design, _, _)), estimate in zip(possible, estimates, strict=True):
+        if isinstance(estimate, str):
+            answers[k] = replace(IMPOSSIBLE, message=estimate)
+            continue
+        answers[k] = Answer(
+            design.D,
+            design.E,
+            estimate.response,
+            "ok",
+            surrogate_message(estimate),
+            estimate.force_error,
+            0.0,
+            {"shift": estimate.shift_error, "tilt": estimate.tilt_error, "sideways": estimate.sideways_error},
+            {"largest_strain": estimate.strain},
+        )
+    return answers
 
 
 def _checked(answer: Answer, target: Target, design: Design, load: Load) -> Answer:

@@ -22,12 +22,15 @@ from typing import Any, Generic, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.accuracy import Accuracy
+from analytic.beam import LEVELS as FORMULAS
+from fem.accuracy import LEVELS, Accuracy
 from fem.scene import Model
 from geometry.arrays import Array
+from geometry.bad_input import closest
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from studies.exploration.plate_motion import STILL, TIMED, PlateMotion, motion_of
+from studies.inputs import user_input
 from studies.inputs.study_axes import DESIGN, LOAD, Factor
 from studies.inputs.study_input import QuantityName
 from studies.inputs.user_input import Value
@@ -40,6 +43,10 @@ READING_FIELDS = frozenset(
 """Fields of a design on which the static mechanics do not depend."""
 MOST_KEPT = 20_000
 """Number of resolved sensors, and of problems, that are kept for the next batch; it bounds the memory."""
+DEFAULT_QUANTITIES = ("force", "shift", "contact_radius", "readings")
+"""Quantities of a study that names none; with loads to the side also the tilt."""
+FEM_MODELS = ("axisymmetric", "harmonic", "half", "full")
+"""Models of finite elements that can stand before an accuracy, as in half-quick."""
 Columns = dict[str, NDArray[Any]]
 """A table: columns of equal length by their names; NaN and None stand for values that do not exist."""
 Kept = TypeVar("Kept")
@@ -50,13 +57,14 @@ class FemModel:
     """A finite-element model of a study: its name in the study, accuracy and model.
 
     With a `tolerance`, each case takes the cheapest model whose measured error meets it, which may be a level of the
-    formulas (see `studies.simulation.model_choice`).
+    formulas (see `studies.simulation.model_choice`). A `surrogate` stands for finite elements that are not solved.
     """
 
     name: str
     accuracy: Accuracy
     model: Model = "auto"
     tolerance: float | None = None
+    surrogate: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +77,10 @@ class Plan:
     factors : what varies; the last factor varies fastest.
     load : fields of the load that do not vary.
     magnet : model of the magnet where it is no axis.
-    fem : finite-element models, coarsest first; the last one is the reference.
+    fem : finite-element models, the surrogate before them, coarsest first; the last one is the reference.
     formulas : levels of the formulas.
     quantities : what the rows have.
+    truth : name of the model that errors are taken against; default: the reference, if there is one.
     """
 
     design: Design
@@ -81,6 +90,11 @@ class Plan:
     fem: tuple[FemModel, ...]
     formulas: tuple[str, ...]
     quantities: tuple[QuantityName, ...]
+    truth: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.truth and self.reference is not None:
+            object.__setattr__(self, "truth", self.reference.name)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -94,8 +108,8 @@ class Plan:
 
     @property
     def reference(self) -> FemModel | None:
-        """The finite-element model that errors are taken against; None if the study has none."""
-        return self.fem[-1] if self.fem else None
+        """The finest finite-element model, which gives status and message; None if the study has none."""
+        return self.fem[-1] if self.fem and not self.fem[-1].surrogate else None
 
     @property
     def depends_on_time(self) -> bool:
@@ -113,12 +127,16 @@ class Plan:
         names = ("shear", "shear_y", "plate_tilt", "imperfection")
         return any(self.load.get(name) or name in self.axes for name in names)
 
-    def matters(self, kind: str) -> tuple[int, ...]:
-        """Return the indices of the factors on which "sensors" or "problems" depend."""
+    def idle(self, kind: str) -> frozenset[str]:
+        """Return the axes on which "sensors" or "problems" do not depend."""
         force = bool(self.load.get("imperfection")) or "imperfection" in self.axes
         own_E = kind == "problems" and (force or self.depends_on_time)
         idle = self.reading_fields if kind == "problems" else frozenset(LOAD)
-        idle = idle if own_E else idle | {"E"}
+        return idle if own_E else idle | {"E"}
+
+    def matters(self, kind: str) -> tuple[int, ...]:
+        """Return the indices of the factors on which "sensors" or "problems" depend."""
+        idle = self.idle(kind)
         return tuple(k for k, factor in enumerate(self.factors) if not set(factor.names) <= idle)
 
 
@@ -198,6 +216,7 @@ class Cases:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self._values = [tuple(_array(values) for values in factor.values) for factor in plan.factors]
+        self._codes = {kind: self._point_codes(kind) for kind in ("sensors", "problems")}
         self._sensors: Recent[Design | str] = Recent()
         self._problems: Recent[Problem] = Recent()
 
@@ -228,11 +247,27 @@ class Cases:
         """Return for each distinct problem of the study the index of its first case, in rising order."""
         strides = self._strides()
         firsts = np.zeros(1, dtype=np.int64)
-        for k in self.plan.matters("problems"):
+        for k, codes in self._codes["problems"].items():
             # each point of a further factor follows the ones before, because later factors vary faster
-            steps = np.arange(self.plan.factors[k].count) * strides[k]
+            steps = np.sort(np.unique(codes, return_index=True)[1]) * strides[k]
             firsts = (firsts[:, None] + steps[None, :]).ravel()
         return firsts
+
+    def _point_codes(self, kind: str) -> dict[int, NDArray[np.int64]]:
+        """Return for each factor that matters the codes of its points: equal where all that matters is equal."""
+        idle = self.plan.idle(kind)
+        codes = {}
+        for k in self.plan.matters(kind):
+            factor, known = self.plan.factors[k], dict[tuple[Value, ...], int]()
+            if set(factor.names) & idle:
+                columns = [
+                    v.tolist() for name, v in zip(factor.names, self._values[k], strict=True) if name not in idle
+                ]
+                # a table has most of its rows more than once but for what is idle
+                codes[k] = np.array([known.setdefault(row, len(known)) for row in zip(*columns, strict=True)])
+            else:
+                codes[k] = np.arange(factor.count)
+        return codes
 
     def _strides(self) -> list[int]:
         """Return the number of cases between two consecutive points of each factor."""
@@ -250,8 +285,8 @@ class Cases:
     ) -> tuple[list[int], list[int], NDArray[np.int64]]:
         """Return distinct codes of a batch, the first case of each, and for each case the index of its code."""
         code = np.zeros(len(points[0]), dtype=np.int64)
-        for k in self.plan.matters(kind):
-            code = code * self.plan.factors[k].count + points[k]
+        for k, codes_of_points in self._codes[kind].items():
+            code = code * self.plan.factors[k].count + codes_of_points[points[k]]
         codes, firsts, inverse = np.unique(code, return_index=True, return_inverse=True)
         return codes.tolist(), firsts.tolist(), inverse.astype(np.int64)
 
@@ -291,6 +326,8 @@ def load_of(values: Mapping[str, Value]) -> Load:
     """
     number: dict[str, Any] = dict(values)
     grip = number.get("grip")
+    # a table of grips and presses has no number where the plate grips nothing
+    grip = None if grip is None or math.isnan(grip) else grip
     shear, shear_y = number.get("shear", 0.0), number.get("shear_y", 0.0)
     stick = bool(shear or shear_y) and grip is None
     return Load(
@@ -322,8 +359,10 @@ def varied(base: Design, fields: Mapping[str, Value]) -> Design:
     return dataclasses.replace(design, l0=l0)
 
 
-def _array(values: Sequence[Value]) -> NDArray[Any]:
+def _array(values: Sequence[Value] | NDArray[Any]) -> NDArray[Any]:
     """Return the values of an axis as an array: floats, or objects where some are names."""
+    if isinstance(values, np.ndarray):
+        return values
     named = any(isinstance(value, str) for value in values)
     return np.array(values, dtype=object if named else float)
 
@@ -331,3 +370,65 @@ def _array(values: Sequence[Value]) -> NDArray[Any]:
 def _value(value: Any) -> Value:
     """Return a value of an array as Python's float or text."""
     return value if isinstance(value, str) else float(value)
+
+
+def models_of(names: Sequence[str], tolerance: float | None = None) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
+    """Return the finite-element models, coarsest first and the surrogate before them, and the formulas' levels.
+
+    Parameters
+    ----------
+    names : see `studies.cases.answer`; `fem:` before an accuracy may be left out.
+    tolerance : adds the model that `tolerance:...` names.
+
+    Raises
+    ------
+    BadInput
+        A name is unknown or given twice, or a tolerance stands beside finite elements.
+    """
+    fem, formulas = [], []
+    for name in names:
+        kind, _, text = name.partition(":")
+        short = model_name(name)
+        model, _, level = short.rpartition("-")
+        if kind == "tolerance":
+            tolerance = user_input.parse_tolerance(text)
+        elif short in FORMULAS:
+            formulas.append(short)
+        elif short == "surrogate":
+            fem.append(FemModel(short, LEVELS["standard"], surrogate=True))
+        elif level in LEVELS and model in ("", *FEM_MODELS):
+            fem.append(FemModel(short, LEVELS[level], cast("Any", model or "auto")))
+        else:
+            known = [*LEVELS, *FORMULAS, "surrogate", "fem", "tolerance:1%"]
+            close = closest(name, known)
+            hint = f"did you mean {close}?" if close else f"choose from {', '.join(known)}, or such as half-quick"
+            raise BadInput(f"there is no model {name!r}: {hint}")
+        if [model_name(other) for other in names].count(short) > 1:
+            raise BadInput(f"model {name} is given twice: give each model once")
+    if tolerance is not None:
+        if solved := [model.name for model in fem if not model.surrogate]:
+            raise BadInput(
+                f"a tolerance chooses the finite elements, which are given too ({solved[0]}): leave one out"
+            )
+        fem.append(FemModel("chosen", LEVELS["standard"], tolerance=tolerance))
+    fem.sort(key=lambda one: (not one.surrogate, one.model in ("half", "full"), -one.accuracy.section_size))
+    return tuple(fem), tuple(level for level in FORMULAS if level in formulas)
+
+
+def check_quantities(quantities: Sequence[str], fem: Sequence[FemModel], formulas: Sequence[str]) -> None:
+    """Refuse quantities that the models cannot give."""
+    for name in ("decoded_force_error", "critical_depth", "modes", *TIMED):
+        if name in quantities and not any(not model.surrogate for model in fem):
+            raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
+    if "decoded_force_error" in quantities and not formulas:
+        raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")
+
+
+def model_name(name: str) -> str:
+    """Return the short name of a model.
+
+    >>> [model_name(name) for name in ("fem", "fem:half-quick", "paper", "tolerance:1%")]
+    ['standard', 'half-quick', 'paper', 'chosen']
+    """
+    kind, _, text = name.partition(":")
+    return {"fem": text or "standard", "tolerance": "chosen"}.get(kind, name)

@@ -71,11 +71,11 @@ class StudyReadings:
                 table[f"{self.prefixes[name]}{element}_mT"] = np.where(other, NAN, 1e3 * field[:, k])
             for name, (_, output) in read.items():
                 table[f"{self.prefixes[name]}{element}_{unit}"] = np.where(other, NAN, size * output[:, k])
-            if self.plan.reference is None:
+            if not self.plan.truth:
                 continue
-            truth = read[self.plan.reference.name][0][:, k] - rest[:, k]
+            truth = read[self.plan.truth][0][:, k] - rest[:, k]
             for name, (field, _) in read.items():
-                if name != self.plan.reference.name:
+                if name != self.plan.truth:
                     column = f"{error_prefix(self.plan, name)}{element}_error_percent_of_change"
                     table[column] = np.where(other, NAN, percents(field[:, k] - rest[:, k], truth))
         return table

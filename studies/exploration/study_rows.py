@@ -122,11 +122,11 @@ class Rows:
         table: Columns = {}
         for name, result in results.items():
             table |= {f"{self.prefixes[name]}{column}": read(result) for column, read, _ in parts}
-        if plan.reference is None:
+        if not plan.truth:
             return table
-        truth = results[plan.reference.name]
+        truth = results[plan.truth]
         for name, result in results.items():
-            if name != plan.reference.name:
+            if name != plan.truth:
                 before = error_prefix(plan, name)
                 table |= {
                     f"{before}{error}_error_percent": percents(read(result), read(truth))

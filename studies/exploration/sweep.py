@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.exploration.needed_paths import IMPOSSIBLE, Paths, Processes, Solves, Target
+from studies.exploration.needed_paths import IMPOSSIBLE, Paths, Processes, Solves, Target, surrogate_answers
 from studies.exploration.solved_paths import Answer
 from studies.exploration.store import Store
 from studies.exploration.study_cases import Batch, Cases, Columns, Plan
@@ -138,7 +138,9 @@ def _solved(
     chosen = [kinds[reference.name] for kinds in targets] if reference and reference.tolerance else []
     numbers = [paths.number(kinds[reference.name].key) if reference else 0 for kinds in targets]
     return Solved(
-        states={model.name: of(model.name) for model in plan.fem},
+        states={
+            model.name: surrogate_answers(batch.problems) if model.surrogate else of(model.name) for model in plan.fem
+        },
         numbers=numbers,
         chosen=[(target.choice.name, target.choice.bound) if target.choice else ("", math.nan) for target in chosen],
         critical=of("critical_depth") if "critical_depth" in plan.quantities else (),

@@ -134,7 +134,7 @@ def _fixed(plan: Plan) -> dict[int, int]:
 
 def _texts(factor: Factor, name: str) -> Sequence[Value]:
     """Return all values of an axis as its column has them."""
-    values = factor.values[factor.names.index(name)]
+    values = list(factor.values[factor.names.index(name)])
     named = any(isinstance(value, str) for value in values)
     return [value if isinstance(value, str) else f"{value:.12g}" for value in values] if named else values
 

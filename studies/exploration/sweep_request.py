@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from geometry.bad_input import closest
 from geometry.design import BadInput
 from geometry.loads import ANSWERED, Magnet
 from geometry.messages import Progress
-from studies.exploration.plate_motion import TIMED, check_motion
+from studies.exploration.plate_motion import check_motion
 from studies.inputs import study_axes, study_input, user_input
 from studies.inputs.user_input import Value
 from studies.output import atomic_files, console
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 
 FILES = ("sweep.csv", "sweep.parquet", "sweep.png", "sweep-*.png")
 """Files that a sweep may write into its folder."""
-DEFAULT_QUANTITIES = ("force", "shift", "contact_radius", "readings")
-"""Quantities of a study that names none; with loads to the side also the tilt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +49,7 @@ def plan_of(source: str | None, options: Options) -> Plan:
     BadInput
         Something is given twice or contradicts something else, or is missing or unknown.
     """
-    from studies.exploration.study_cases import Plan
+    from studies.exploration.study_cases import DEFAULT_QUANTITIES, Plan, check_quantities
 
     study = _study(source, options)
     magnet = options.magnet or study.magnet or "rigid"
@@ -71,7 +68,7 @@ def plan_of(source: str | None, options: Options) -> Plan:
     if not quantities:
         sideways = ("tilt",) if plan.loads_sideways else ()
         quantities = study_input.checked_quantities((*DEFAULT_QUANTITIES, *sideways))
-    _check_quantities(quantities, fem, formulas)
+    check_quantities(quantities, fem, formulas)
     check_motion({*names, *load}, quantities)
     return Plan(design, study.factors, load, magnet, fem, formulas, quantities)
 
@@ -131,9 +128,7 @@ def _load(study: study_input.Study, options: Options, names: Sequence[str]) -> d
 
 def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
     """Return the finite-element models, coarsest first, and the levels of the formulas."""
-    from analytic.beam import LEVELS as FORMULAS
-    from fem.accuracy import LEVELS
-    from studies.exploration.study_cases import FemModel
+    from studies.exploration.study_cases import models_of
 
     given = tuple(part.strip() for part in options.models.split(",")) if options.models is not None else study.models
     accuracy = options.accuracy or study.accuracy
@@ -145,37 +140,7 @@ def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel,
     if tolerance is not None and accuracy:
         raise BadInput(f"a tolerance chooses the accuracy, which is given too ({accuracy}): leave one of them out")
     given = given or (("paper",) if tolerance is not None else (accuracy or "standard", "paper"))
-    fem, formulas = [], []
-    for name in given:
-        model, _, level = name.rpartition("-")
-        if name in FORMULAS:
-            formulas.append(name)
-        elif level in LEVELS and model in ("", "axisymmetric", "harmonic", "half", "full"):
-            fem.append(FemModel(name, LEVELS[level], model or "auto"))  # type: ignore[arg-type]
-        else:
-            known = [*LEVELS, *FORMULAS]
-            close = closest(name, known)
-            hint = f"did you mean {close}?" if close else f"choose from {', '.join(known)}, or such as half-quick"
-            raise BadInput(f"there is no model {name!r}: {hint}")
-        if given.count(name) > 1:
-            raise BadInput(f"model {name} is given twice: give each model once")
-    if tolerance is not None:
-        if fem:
-            raise BadInput(
-                f"a tolerance chooses the finite elements, which are given too ({fem[0].name}): leave one out"
-            )
-        fem.append(FemModel("chosen", LEVELS["standard"], tolerance=tolerance))
-    fem.sort(key=lambda one: (one.model in ("half", "full"), -one.accuracy.section_size))
-    return tuple(fem), tuple(level for level in FORMULAS if level in formulas)
-
-
-def _check_quantities(quantities: Sequence[str], fem: Sequence[Any], formulas: Sequence[str]) -> None:
-    """Refuse quantities that the models cannot give."""
-    for name in ("decoded_force_error", "critical_depth", "modes", *TIMED):
-        if name in quantities and not fem:
-            raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
-    if "decoded_force_error" in quantities and not formulas:
-        raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")
+    return models_of(given, tolerance)
 
 
 @contextlib.contextmanager

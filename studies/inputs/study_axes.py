@@ -12,11 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry.bad_input import nearest
 from geometry.design import BadInput
 from studies.inputs.user_input import FIELDS, Value
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 MOST_VALUES = 1_000_000
 """Largest number of values of an axis; a larger one is taken for a mistake."""
@@ -47,12 +50,12 @@ class Factor:
     Attributes
     ----------
     names : the axes.
-    values : for each axis all its values, one for each point.
+    values : for each axis all its values, one for each point; of a table that is given, arrays.
     sampled : whether the points are a sample of a box.
     """
 
     names: tuple[str, ...]
-    values: tuple[tuple[Value, ...], ...]
+    values: tuple[tuple[Value, ...] | NDArray[Any], ...]
     sampled: bool = False
 
     @property

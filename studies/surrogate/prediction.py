@@ -130,12 +130,12 @@ class Beams:
         """Which beams the surrogate takes, shape (n,)."""
         return np.asarray(self.outside == "")
 
-    @property
+    @functools.cached_property
     def deepest(self) -> Array:
         """Largest depth over D, shape (n,)."""
         return surrogate_range.deepest(self.L, self.diameter, self.height)
 
-    @property
+    @functools.cached_property
     def farthest(self) -> Array:
         """Largest shear over D, shape (n,)."""
         return surrogate_range.farthest(self.L)
@@ -246,6 +246,16 @@ class Beams:
         ----------
         caution : number of half widths of the intervals.
         """
+        if caution not in self._stable_to:
+            self._stable_to[caution] = self._find_stable_to(caution)
+        return self._stable_to[caution]
+
+    @functools.cached_property
+    def _stable_to(self) -> dict[float, Array]:
+        """Results of `stable_to` by the caution."""
+        return {}
+
+    def _find_stable_to(self, caution: float) -> Array:
         critical = self.critical_depth()
         widths = _linear_over_roots(self._presses["sideways_ratio"][1], self._grid_shares)
         doubtful = first_zero(self._grid, 1 - np.exp(self._logs_of_loss) * (1 + caution * widths))

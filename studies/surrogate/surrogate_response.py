@@ -8,6 +8,7 @@ many beams at once `Beams.knows` and `load_refusal`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,26 +48,57 @@ def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:
         Design or load lie outside the range; the sentence says in what.
     """
     check_load(design, load, magnet)
-    reason = refusal(design, load, magnet)
-    if reason:
-        raise BadInput(f"{reason}: take finite elements")
-    beams = beams_of([design])
-    D, unit = design.D, design.E * design.D**2
-    depth = np.array([[load.depth / D]])
-    if not load.shears_tip:
-        press = {name: _number(quantity) for name, quantity in beams.press(depth).items()}
-        force, shift = press["force"], press["shift"]
-        response = Response(
-            (0.0, 0.0, unit * force[0]), (0.0, 0.0, -D * shift[0]), 0.0, D * press["contact_radius"][0]
-        )
-        return Estimate(response, press["strain"][0], force[1] / force[0], shift[1] / abs(shift[0]))
+    (estimate,) = respond_all([(design, load, magnet)])
+    if isinstance(estimate, str):
+        raise BadInput(estimate)
+    return estimate
+
+
+def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate | str]:
+    """Return the response of each case, or the sentence why there is none; the cases are possible."""
+    found = [_refusal_of_kind(*case) for case in cases]
+    answers: list[Estimate | str] = [f"{reason}: take finite elements" for reason in found]
+    known = [k for k, reason in enumerate(found) if not reason]
+    if not known:
+        return answers
+    try:
+        beams = beams_of([cases[k][0] for k in known])
+    except BadInput as error:
+        return [f"{reason or error}: take finite elements" for reason in found]
+    loads = [cases[k][1] for k in known]
+    D = np.array([cases[k][0].D for k in known])
+    depth = np.array([load.depth for load in loads])
+    shear = np.array([load.shear if load.shears_tip else 0.0 for load in loads])
+    # a shear of 0 is answered by the press
+    press, sheared = beams.press((depth / D)[:, None]), beams.shear((depth / D)[:, None], (shear / D)[:, None])
+    for row, (k, load) in enumerate(zip(known, loads, strict=True)):
+        design = cases[k][0]
+        if reason := load_refusal(beams, row, design.D, load.depth, float(shear[row])):
+            answers[k] = f"{reason}: take finite elements"
+        elif load.shears_tip:
+            answers[k] = _sheared(sheared, row, design, load)
+        else:
+            answers[k] = _pressed(press, row, design)
+    return answers
+
+
+def _pressed(press: Mapping[str, Quantity], row: int, design: Design) -> Estimate:
+    """Return the response to a press."""
+    q = {name: _number(quantity, row) for name, quantity in press.items()}
+    force, shift, D, unit = q["force"], q["shift"], design.D, design.E * design.D**2
+    response = Response((0.0, 0.0, unit * force[0]), (0.0, 0.0, -D * shift[0]), 0.0, D * q["contact_radius"][0])
+    return Estimate(response, q["strain"][0], force[1] / force[0], shift[1] / abs(shift[0]))
+
+
+def _sheared(sheared: Mapping[str, Quantity], row: int, design: Design, load: Load) -> Estimate:
+    """Return the response to a shear."""
     x, y = load.shear_x / load.shear, load.shear_y / load.shear
-    q = {name: _number(one) for name, one in beams.shear(depth, np.array([[load.shear / D]])).items()}
-    along, tilt = q["force_x"][0] * unit, q["tilt"][0]
-    shift_x = q["shift_x"][0] * D
+    q = {name: _number(quantity, row) for name, quantity in sheared.items()}
+    D, unit = design.D, design.E * design.D**2
+    force, shift, tilt = q["force_x"][0] * unit, q["shift_x"][0] * D, q["tilt"][0]
     response = Response(
-        force=(x * along, y * along, unit * q["force_z"][0]),
-        shift=(x * shift_x, y * shift_x, -D * q["shift_z"][0]),
+        force=(x * force, y * force, unit * q["force_z"][0]),
+        shift=(x * shift, y * shift, -D * q["shift_z"][0]),
         tilt=x * tilt,
         contact_radius=D * q["contact_radius"][0],
         tilt_y=y * tilt,
@@ -94,6 +126,14 @@ def beams_of(designs: list[Design]) -> Beams:
 
 def refusal(design: Design, load: Load, magnet: Magnet) -> str:
     """Return why the surrogate refuses a case, "" if it takes it."""
+    reason = _refusal_of_kind(design, load, magnet)
+    if reason:
+        return reason
+    return load_refusal(beams_of([design]), 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
+
+
+def _refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
+    """Return why the surrogate refuses a kind of sensor or load; "" if it takes it."""
     for refused, text in (
         (design.law != "neo-hookean", f"the surrogate knows the law neo-hookean only; got {design.law}"),
         (not design.shape.has_magnet or magnet == "ignored", "the surrogate knows beams with a rigid magnet only"),
@@ -104,11 +144,7 @@ def refusal(design: Design, load: Load, magnet: Magnet) -> str:
     ):
         if refused:
             return text
-    try:
-        beams = beams_of([design])
-    except BadInput as error:
-        return str(error)
-    return load_refusal(beams, 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
+    return ""
 
 
 def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> str:
@@ -135,6 +171,6 @@ def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> 
     return ""
 
 
-def _number(quantity: Quantity) -> tuple[float, float]:
-    """Return value and half width of a single case."""
-    return float(quantity.value.item()), float(quantity.half_width.item())
+def _number(quantity: Quantity, row: int) -> tuple[float, float]:
+    """Return value and half width of a case."""
+    return float(quantity.value[row, 0]), float(quantity.half_width[row, 0])

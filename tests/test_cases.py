@@ -1,0 +1,130 @@
+"""A table of cases: one row in, one row out, the same answers as solves and formulas one at a time."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analytic import beam
+from fem.accuracy import QUICK
+from fem.equilibrium import solve
+from geometry.design import BadInput, paper
+from geometry.loads import Load
+from studies import cases
+from studies.surrogate import surrogate_response
+
+
+@pytest.fixture
+def ask(tmp_path):
+    def ask(columns, models=("paper",), **options):
+        table = columns if isinstance(columns, pd.DataFrame) else pd.DataFrame(columns)
+        return cases.answer(table, models, store=tmp_path / "states.sqlite", **options)
+
+    return ask
+
+
+def test_each_row_has_its_answers_by_all_models(ask):
+    table = pd.DataFrame({"L_mm": [8, 10.0, 8], "E_MPa": [1.0, 2.0, 0.5], "depth_mm": 0.8}, index=["a", "b", "a"])
+    found = ask(table, ["fem:quick", "finite", "surrogate"], quantities=["force", "shift"])
+    assert list(found.index) == ["a", "b", "a"]
+    assert list(found["status"]) == ["ok"] * 3
+    assert (found["L_mm"].to_numpy() == table["L_mm"]).all()
+    for k, (L, E) in enumerate([(8, 1.0), (10, 2.0), (8, 0.5)]):
+        design, load = replace(paper(), L=L, l0=paper().l0 + L - paper().L, E=E), Load(depth=0.8)
+        row = found.iloc[k]
+        assert row["fem_force_N"] == pytest.approx(solve(design, load, QUICK).response.force[2], rel=1e-9)
+        assert row["analytic_force_N"] == pytest.approx(beam.solve(design, load, "finite").force[2], rel=1e-12)
+        estimate = surrogate_response.respond(design, load)
+        assert row["surrogate_force_N"] == pytest.approx(estimate.response.force[2], rel=1e-9)
+        assert row["surrogate_error_estimate"] == pytest.approx(estimate.force_error, rel=1e-9)
+    # forces are proportional to E: the third row shares the solve of the first
+    assert list(found["solve"]) == [1, 2, 1]
+
+
+def test_errors_are_relative_to_the_reference_that_is_named(ask):
+    columns = {"depth_mm": [0.5, 1.0]}
+    found = ask(columns, ["paper", "finite", "surrogate"], reference="finite", quantities=["force"])
+    of_paper = 100 * (found["analytic_paper_force_N"] / found["analytic_finite_force_N"] - 1)
+    assert found["analytic_paper_force_error_percent"].to_numpy() == pytest.approx(of_paper.to_numpy())
+    assert "analytic_finite_force_error_percent" not in found
+    with pytest.raises(BadInput, match="the reference 'fem' is not among the models"):
+        ask(columns, ["paper"], reference="fem")
+
+
+def test_a_case_that_is_impossible_is_a_row_with_its_reason(ask):
+    found = ask({"D_mm": [8, math.nan, -1, "wide"], "depth_mm": [1, 1, 1, 1]}, ["paper"])
+    assert list(found["status"]) == ["ok", "bad_input", "bad_input", "bad_input"]
+    assert found["analytic_force_N"].notna().tolist() == [True, False, False, False]
+    assert found["message"].iloc[1:].str.startswith("D must").all()
+
+
+def test_no_number_of_a_load_is_taken_for_zero(ask):
+    found = ask({"depth_mm": [1, math.nan, 1], "shear_mm": [0.5, 0.5, math.nan]}, ["finite"])
+    assert list(found["status"]) == ["ok", "bad_input", "bad_input"]
+    assert found["analytic_force_x_N"].isna().tolist() == [False, True, True]
+
+
+def test_grips_and_presses_stand_in_one_table(ask):
+    columns = {
+        "depth_mm": [0.5, 0.0],
+        "shear_mm": [0.2, 0.5],
+        "grip_mm": [math.nan, 5.0],
+        "friction": ["stick", "stick"],
+    }
+    found = ask(columns, ["fem:quick"], quantities=["force"])
+    pressed = solve(paper(), Load(0.5, 0.2, friction="stick"), QUICK).response
+    gripped = solve(paper(), Load(0.0, 0.5, friction="stick", grip=5.0), QUICK).response
+    forces = found[["fem_force_x_N", "fem_force_N"]].to_numpy()
+    expected = [[one.force[0], one.force[2]] for one in (pressed, gripped)]
+    assert forces == pytest.approx(np.array(expected), rel=1e-6, abs=1e-9)
+
+
+def test_rows_that_differ_in_what_the_mechanics_ignore_share_their_problem(ask):
+    rows = 3000
+    columns = {
+        "depth_mm": np.tile([0.5, 1.0], rows // 2),
+        "f_mm": np.linspace(4.6, 5, rows),
+        "E_MPa": np.linspace(0.5, 2, rows),
+    }
+    found = ask(columns, ["fem:quick", "paper"])
+    assert set(found["solve"]) == {1}
+    over_E = found["fem_force_N"] / found["E_MPa"]
+    assert over_E[0::2].std() < 1e-12 < over_E[1] - over_E[0]
+
+
+def test_solved_states_are_kept(ask):
+    first = ask({"depth_mm": [0.5]}, ["fem:quick"])
+    again = ask({"depth_mm": [0.5]}, ["fem:quick"], workers=0)
+    pd.testing.assert_frame_equal(first, again)
+
+
+def test_the_tolerance_chooses_for_each_row(ask):
+    found = ask({"depth_mm": [0.5, 1.0]}, ["tolerance:5%", "paper"], quantities=["force"])
+    assert (found["expected_error"] <= 0.05).all()
+    assert found["chosen_force_N"].notna().all()
+
+
+def test_a_table_without_rows_has_an_answer_without_rows(ask):
+    assert len(ask(pd.DataFrame({"depth_mm": []}))) == 0
+
+
+@pytest.mark.parametrize(
+    ("columns", "options", "reason"),
+    [
+        ({"depht_mm": [1]}, {}, "there is no field 'depht_mm' .* did you mean depth_mm"),
+        ({"depth": [1]}, {}, "did you mean depth_mm"),
+        ({"L_mm": [10]}, {}, "neither depth_mm nor grip_mm"),
+        ({"depth_mm": [True]}, {}, "truth values"),
+        ({"depth_mm": [1]}, {"models": ["fim"]}, "there is no model 'fim'"),
+        ({"depth_mm": [1]}, {"models": ["fem", "fem:standard"]}, "given twice"),
+        ({"depth_mm": [1]}, {"models": []}, "no model"),
+        ({"depth_mm": [1]}, {"quantities": ["modes"]}, "needs finite elements"),
+        ({"depth_mm": [1]}, {"models": ["surrogate"], "quantities": ["critical_depth"]}, "needs finite elements"),
+        ({"depth_mm": [1]}, {"models": ["fem", "tolerance:1%"]}, "chooses the finite elements"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(ask, columns, options, reason):
+    with pytest.raises(BadInput, match=reason):
+        ask(columns, **options)
