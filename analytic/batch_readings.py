@@ -1,8 +1,8 @@
 """Readings of the Hall elements for many rows at once: designs and poses of the magnet in arrays.
 
-The values are those of `analytic.hall.readings`, row by row, up to the rounding of a product with the remanence. Each
-pose of each magnet beside each set of elements is evaluated once, so that rows which differ in E, in the remanence or
-in gains cost no field.
+The values are those of `analytic.hall.readings`, row by row, up to rounding. Designs whose magnets and elements have
+the same sizes and places share one forward model, so that those which differ in E, in the remanence or in gains cost
+little.
 """
 
 from __future__ import annotations
@@ -14,17 +14,14 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.hall import FLIP, converted, half_sides, rotated
-from analytic.magnet import field_or_nan
+from analytic.hall import converted, rotated
+from analytic.inverse.forward_model import UPRIGHT, read_at_poses
 from analytic.parts import AXES, common_values
 from geometry.arrays import Array
-from geometry.cad import element_positions
 from geometry.design import Design
 
 ELEMENTS = len(AXES)
 """Number of elements of every layout."""
-BLOCK = 8192
-"""Number of rows whose field is computed at a time, at up to 12 points each: it bounds the memory to some 50 MB."""
 SITE = attrgetter("magnet_diameter", "magnet_height", "D", "L", "l0", "f", "c", "hall_plate", "hall_layout", "chip_x")
 """Returns the fields of a design that fix the field of its magnet at its elements, but for the remanence."""
 
@@ -68,72 +65,17 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     numbers: dict[tuple[float | str, ...], int] = {}
     # by a dictionary of fields, because the positions would cost a sweep over E more than all else
     of_design = np.array([numbers.setdefault(SITE(design), len(numbers)) for design in designs])
-    sites = np.array([_site(designs[k], values[k, -1]) for k in np.unique(of_design, return_index=True)[1]])
-    site = of_design[owner]
-    with_magnet = sites[site, 1] > 0
-    rows = np.flatnonzero(with_magnet & np.isfinite(shift).all(axis=1) & np.isfinite(tilt).all(axis=1))
-    chosen, number = _distinct(site[rows], *shift[rows].T, *tilt[rows].T)
-    distinct = rows[chosen]
-    scale = np.array([design.polarisation for design in designs])[owner[rows]]
+    site, first = of_design[owner], np.unique(of_design, return_index=True)[1]
+    order = np.argsort(site, kind="stable")
+    axis = rotated(UPRIGHT, tilt)
+    posed: NDArray[np.bool_] = np.asarray(np.isfinite(np.hstack([shift, axis])).all(axis=1))
     measured = np.full((len(owner), ELEMENTS), np.nan)
-    measured[rows] = scale[:, None] * _unit_fields(sites[site[distinct]], shift[distinct], tilt[distinct])[number]
+    for all_rows in np.split(order, np.flatnonzero(np.diff(site[order])) + 1):
+        design, rows = designs[first[site[all_rows[0]]]], all_rows[posed[all_rows]]
+        if design.shape.has_magnet:
+            measured[rows] = read_at_poses(design, shift[rows], axis[rows])[0] / design.polarisation
+    measured *= np.array([design.polarisation for design in designs])[owner, None]
+    measured[np.isnan(measured).any(axis=1)] = np.nan
     gain, null, low, high, _, step, _ = values[owner].T[:, :, None]
     output, saturated = converted(null + gain * measured, low, high, step)
     return BatchReadings(measured, output, saturated)
-
-
-def _site(design: Design, plate: float) -> list[float]:
-    """Return plate, diameter and height of the magnet, height of its centre at rest, positions of elements, mm."""
-    centres = [value for position in element_positions(design) for value in position]
-    return [plate, design.magnet_diameter, design.magnet_height, design.H, *centres]
-
-
-def _distinct(*columns: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the index of one row of each distinct combination, and the number of each row's combination.
-
-    >>> _distinct(np.array([0, 1, 0]), np.array([0.5, 0.5, 0.5]))
-    (array([0, 1]), array([0, 1, 0]))
-    """
-    # a sort by columns takes a tenth of the time of np.unique, which compares whole rows
-    order = np.lexsort(columns)
-    new = np.ones(len(order), dtype=np.bool_)
-    if len(order):
-        new[1:] = np.any([column[order[1:]] != column[order[:-1]] for column in columns], axis=0)
-    number = np.empty(len(order), dtype=np.int64)
-    number[order] = np.cumsum(new) - 1
-    return order[new], number
-
-
-def _unit_fields(sites: Array, shift: Array, tilt: Array) -> Array:
-    """Return B.n of the elements at a remanence of 1 T, shape (n, 3), of rows with a magnet and a pose.
-
-    `sites` has the `_site` of each row, shape (n, 13).
-    """
-    fields = np.empty((len(sites), ELEMENTS))
-    # one call of the field serves all rows whose magnets and numbers of points are equal
-    kind = _distinct(sites[:, 1], sites[:, 2], sites[:, 0] > 0)[1]
-    order = np.argsort(kind, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(kind[order])) + 1):
-        for at in np.split(rows, range(BLOCK, len(rows), BLOCK)):
-            if len(at):
-                fields[at] = _block(sites[at], shift[at], tilt[at])
-    return fields
-
-
-def _block(sites: Array, shift: Array, tilt: Array) -> Array:
-    """Return `_unit_fields` of rows whose magnets and numbers of points are equal."""
-    plate, (diameter, height) = sites[:, 0], sites[0, 1:3].tolist()
-    # relative to the magnet's centre at rest, shape (n, 3, points of an element, 3)
-    centres = sites[:, 4:].reshape(-1, ELEMENTS, 3) - sites[:, 3, None, None] * [0.0, 0.0, 1.0]
-    points = centres[:, :, None]
-    if plate.any():
-        sides = [half_sides(np.array(axis), plate[:, None]) for axis in AXES]
-        aside, across = (np.stack(side, axis=1) for side in zip(*sides, strict=True))
-        points = np.stack([centres + i * aside + j * across for i in (-1, 1) for j in (-1, 1)], axis=2)
-    turn = tilt[:, None, None, :]
-    local = np.ascontiguousarray(FLIP * rotated(points - shift[:, None, None, :], -turn)).reshape(-1, 3)
-    field = field_or_nan(local, diameter / 2, height, 1.0)
-    normals = np.array(AXES)[:, None, :]
-    measured = (rotated(FLIP * field.reshape(points.shape), turn) * normals).sum(axis=-1).mean(axis=-1)
-    measured[np.isnan(measured).any(axis=1)] = np.nan
-    return np.asarray(measured)

@@ -9,6 +9,7 @@ permeability, of which a value of 1.05 weakens the field by 1.7 % everywhere out
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -193,26 +194,24 @@ def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
     """Return the points at which the elements sample the field, shape (n, 3), mm, and the element's index of each."""
     points, owners = [], []
     for k, element in enumerate(chosen):
-        centre, normal = np.array(element.position), np.array(element.direction)
+        centre = np.array(element.position)
         if not element.plate:
             points.append(centre)
             owners.append(k)
             continue
-        aside, across = half_sides(normal, element.plate)
+        aside, across = (element.plate * side for side in half_sides(element.direction))
         points += [centre + i * aside + j * across for i in (-1, 1) for j in (-1, 1)]
         owners += [k] * 4
     return np.array(points).reshape(-1, 3), np.array(owners, dtype=np.int64)
 
 
-def half_sides(normal: Array, plate: float | Array) -> tuple[Array, Array]:
-    """Return the two vectors along the sides of plates that lead from the centre to a Gauss point, mm.
-
-    `normal` has shape (3,). Without a plate's axis, `plate` is a float, and the vectors have shape (3,); for n plates
-    it has shape (n, 1), and the vectors shape (n, 3).
-    """
+@functools.cache
+def half_sides(direction: tuple[float, float, float]) -> tuple[Array, Array]:
+    """Return the two vectors, shape (3,), along the sides of a plate of side 1 from its centre to a Gauss point."""
+    normal = np.array(direction)
     # the axis farthest from the normal gives a well-conditioned direction in the plate
     aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    aside = aside * (plate / (2 * math.sqrt(3) * np.linalg.norm(aside)))
+    aside /= 2 * math.sqrt(3) * np.linalg.norm(aside)
     return aside, np.cross(normal, aside)
 
 

@@ -79,11 +79,6 @@ def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: 
     return _exact(points, radius, height, J, slope=True)
 
 
-def field_or_nan(points: Array, radius: float, height: float, J: float) -> Array:
-    """Return B as `cylinder_field` does, but NaN for a point on a rim or a point that is not finite."""
-    return cylinder.computed(points, radius, height / 2, J, slope=False)[0]
-
-
 def dipole_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
     """Return B of a dipole at the magnet's centre, with its moment: [3 (m.x) x/d^2 - m]/d^3, m = J radius^2 height/4.
 

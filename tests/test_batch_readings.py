@@ -9,8 +9,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import batch_readings as module
-from analytic import cylinder, hall, magnet
+from analytic import hall
 from analytic.batch_readings import batch_readings
+from analytic.inverse.forward_model import read_at_poses
 from geometry.design import HALL_LAYOUTS, BadInput, Design, paper
 
 RNG = np.random.default_rng(18)
@@ -65,35 +66,31 @@ def poses(count):
     return RNG.uniform([-1, -1, -2], [1, 1, 0.2], (count, 3)), RNG.uniform(-0.3, 0.3, (count, 2))
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_rows_are_single_readings(compiled, monkeypatch):
-    monkeypatch.setattr(cylinder, "MIN_COMPILED_POINTS", 1 if compiled else 10**9)
+def test_rows_are_single_readings():
     designs = [random_design() for _ in range(40)]
     batch = assert_singles(designs, RNG.integers(0, 40, 300), *poses(300))
     assert batch.saturated.any()
     assert not batch.saturated.all()
 
 
-def test_magnets_of_several_sizes_and_rows_in_several_blocks(monkeypatch):
-    monkeypatch.setattr(module, "BLOCK", 7)
+def test_magnets_of_several_sizes():
     designs = [dataclasses.replace(paper(), magnet_height=h, hall_plate=p) for h in (1.0, 2.0) for p in (0.0, 0.4)]
     assert_singles(designs, RNG.integers(0, 4, 60), *poses(60))
 
 
-def test_equal_poses_are_evaluated_once(monkeypatch):
+def test_designs_that_differ_in_remanence_and_gains_share_a_forward_model(monkeypatch):
     counts = []
-    field = magnet.field_or_nan
 
-    def counted(points, *magnet_numbers):
-        counts.append(len(points))
-        return field(points, *magnet_numbers)
+    def counted(design, shift, axis):
+        counts.append(len(shift))
+        return read_at_poses(design, shift, axis)
 
-    monkeypatch.setattr(module, "field_or_nan", counted)
-    changes = [{}, {"E": 3.0}, {"hall_gain": 20.0, "hall_null": 2.0}, {"remanence": 1.0}, {"hall_step": 0.01}]
+    monkeypatch.setattr(module, "read_at_poses", counted)
+    changes = [{}, {"E": 3.0}, {"hall_gain": 20.0, "hall_null": 2.0}, {"remanence": 1.0}, {"magnet_north": "up"}]
     designs = [dataclasses.replace(paper(), **change) for change in changes]
     shift, tilt = poses(4)
     assert_singles(designs, np.repeat(np.arange(5), 4), np.tile(shift, (5, 1)), np.tile(tilt, (5, 1)))
-    assert counts == [4 * 3]
+    assert counts == [5 * 4]
 
 
 def test_no_pose_and_no_magnet():
@@ -109,10 +106,8 @@ def test_no_row_has_a_magnet():
     assert np.isnan(batch_readings([bare], np.array([0]), np.zeros((1, 3)), np.zeros((1, 2))).field_T).all()
 
 
-@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("plate", [0.0, 0.4])
-def test_an_element_on_the_rim_has_no_reading(plate, compiled, monkeypatch):
-    monkeypatch.setattr(cylinder, "MIN_COMPILED_POINTS", 1 if compiled else 10**9)
+def test_an_element_on_the_rim_has_no_reading(plate):
     # at rest S2 lies 0.5 mm above the magnet's lower rim; without a plate the shift moves it onto the rim
     design = Design(l0=2.0, c=1.5, f=2.5, magnet_diameter=4.0, magnet_height=2.0, hall_plate=plate)
     shift = np.array([[0.0, 0, 0], [0.5, 0, 0.5], [0.5, 0, 0.6]])

@@ -51,7 +51,6 @@ def test_plain_and_compiled_functions_and_threads_have_the_same_digits(flatness,
     assert np.isnan(plain[0][-6:-2]).all()
     assert np.isfinite(plain[0][:-6]).all()
     assert (plain[0][-2] == 0).all()
-    np.testing.assert_array_equal(magnet.field_or_nan(x, a, h, 1.2), plain[0])
 
 
 def test_every_method_computes_some_of_these_points():

@@ -45,6 +45,8 @@ Vector = tuple[float, float, float]
 
 NO_TILT: Array = np.zeros((1, 1))
 """Coefficients of tau = 0: the magnet does not tilt."""
+UPRIGHT = np.array([0.0, 0.0, 1.0])
+"""Axis of a magnet that does not tilt."""
 SMALL = 1e-6
 """t^2, rad^2, below which the slope of sin(t)/t is taken from its series: the closed form is 0/0 at t = 0."""
 
@@ -172,13 +174,25 @@ def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there are no readings: give it a magnet")
-    elements = of_design(design)
-    axis = rotated(np.array([[0.0, 0.0, 1.0]]), np.array([tilt]))
-    values, by_shift, by_turn = np.empty((1, len(elements))), *np.empty((2, 1, len(elements), 3))
-    kernel = _kernel(design, elements, NO_TILT, "component")
-    read_poses(np.array([shift]), axis, kernel, values, by_shift, by_turn)
+    axis = rotated(UPRIGHT, np.array([tilt]))
+    values, by_shift, by_turn = read_at_poses(design, np.array([shift]), axis, slopes=True)
     _check(values)
     return by_shift[0], by_turn[0]
+
+
+def read_at_poses(design: Design, shift: Array, axis: Array, *, slopes: bool = False) -> tuple[Array, Array, Array]:
+    """Return the readings B.n of a design with a magnet, shape (n, 3), T, NaN where the field is not defined.
+
+    The other results are the slopes of `slopes_at` at each pose, shape (n, 3, 3), or (0, 3, 3) without `slopes`.
+
+    Parameters
+    ----------
+    shift, axis : shifts of the magnet, mm, and its axes, the rotated `UPRIGHT`, shape (n, 3).
+    """
+    kernel = _kernel(design, of_design(design), NO_TILT, "component")
+    values, by_shift, by_turn = np.empty((len(shift), 3)), *np.empty((2, len(shift) if slopes else 0, 3, 3))
+    read_poses(np.ascontiguousarray(shift, dtype=float), axis, kernel, values, by_shift, by_turn)
+    return values, by_shift, by_turn
 
 
 def _check(values: Array) -> None:
