@@ -9,8 +9,8 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Wide
-from studies.output import console
-from studies.output.result import GOOD
+from studies.output.records import FlatRow
+from studies.output.result import Block, Destination, Result, Table, show
 
 Kind = Annotated[
     Literal["magnets", "hall_parts", "silicones", "published"] | None,
@@ -40,8 +40,9 @@ def catalogue(
         Folder with results of magtip size for the boxes of published sensors, each in a folder that is named as its
         file of requirements: what the best variant reaches stands beside the published figures.
     """
+    here = Destination(as_json=as_json, wide=wide)
     if kind == "published":
-        return _published(sized, wide=wide, as_json=as_json)
+        return show(_published(sized), here)
     if sized is not None:
         raise BadInput("--sized goes with published sensors: magtip catalogue published --sized FOLDER")
     from studies.sizing import catalogues
@@ -49,27 +50,25 @@ def catalogue(
 
     # the parts do not depend on what a sensor must reach
     parts = catalogues.catalogues_of(Requirements(force_z=1.0, catalogues=tuple(map(str, file or []))))
+    records: list[FlatRow] = []
+    shown: list[Block] = []
     for each in CATALOGUES if kind is None else (kind,):
         rows = catalogues.rows(getattr(parts, each))
+        records += [{"kind": each, **row} for row in rows]
         title = f"{each.replace('_', ' ').capitalize()}: {len(rows)}"
-        records = [{"kind": each, **row} for row in rows] if as_json else rows
-        console.report(records, as_json=as_json, title=title, brief=("source",), first=FIRST[each], wide=wide)
-    if not as_json:
-        console.note("--wide shows the sources; `assumed` names values without a source that was read.")
-    return GOOD
+        shown.append(Table(title=title, rows=rows, brief=("source",), first=FIRST[each]))
+    shown.append("--wide shows the sources; `assumed` names values without a source that was read.")
+    return show(Result(title="Catalogue", records=records, shown=shown), here)
 
 
-def _published(sized: Path | None, *, wide: bool, as_json: bool) -> int:
-    """Print the figures of published sensors, beside what variants of the same boxes reach."""
+def _published(sized: Path | None) -> Result:
+    """Return the figures of published sensors, beside what variants of the same boxes reach."""
     from studies.sizing import published_sensors
 
     rows = published_sensors.comparison({} if sized is None else published_sensors.reached_in(sized))
     first = ("sensor", "quantity", "unit", "published", "variant")
-    console.report(rows, as_json=as_json, title="Published sensors", first=first, wide=wide)
-    if not as_json:
-        for sentence in published_sensors.remarks():
-            console.note(sentence)
-    return GOOD
+    table = Table(title="Published sensors", rows=rows, first=first)
+    return Result(title=table.title, records=rows, shown=[table, *published_sensors.remarks()])
 
 
 FIRST = {

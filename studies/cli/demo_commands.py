@@ -6,7 +6,7 @@ from pathlib import Path
 
 from studies.cli.printed_command import command
 from studies.output import atomic_files, console, own_files
-from studies.output.result import FAILED, GOOD
+from studies.output.result import Destination, Result, show
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:
@@ -23,10 +23,14 @@ def demo(*, out: Path = Path("out/demo")) -> int:
     own_files.check(out, study.WRITTEN)
     with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
         outcome = study.run(folder, command=command_line, progress=progress)
-    for sentence in outcome["summary"]["sentences"]:
-        console.note(f"- {sentence}")
-    console.note(f"All results are in {out}; start with REPORT.md.")
-    if outcome["status"] != "ok":
-        console.say(f"magtip: part of the demo failed: {outcome['message']}")
-        return FAILED
-    return GOOD
+    lost = outcome["status"] != "ok"
+    result = Result(
+        title="Demo",
+        records=[],
+        shown=[
+            *(f"- {sentence}" for sentence in outcome["summary"]["sentences"]),
+            f"All results are in {out}; start with REPORT.md.",
+        ],
+        failures=[f"part of the demo failed: {outcome['message']}"] if lost else [],
+    )
+    return show(result, Destination())

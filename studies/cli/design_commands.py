@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
 from typing import Literal
 
-from studies.cli.command_output import report_failures
+from geometry.messages import Progress
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs import user_input
 from studies.inputs.input_warnings import say_no_effect
-from studies.output import atomic_files, console
-from studies.output.result import FAILED, GOOD
+from studies.output import atomic_files
+from studies.output.result import Destination, Result, failure_of, publish, show
 
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
     """Show every value of a design with its source, derived values, assumptions and warnings."""
     from studies.simulation import design_summary
 
-    design_summary.show(user_input.read_design(source, sets or []), as_json=as_json)
-    return GOOD
+    return show(design_summary.study(user_input.read_design(source, sets or [])), Destination(as_json=as_json))
 
 
 def cad(
@@ -74,19 +74,16 @@ def cad(
     axes = design_variants.axes_of(axis or [])
     for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)
-    with console.progress(as_json=as_json) as progress:
-        if axes:
-            fabricated = list(design_variants.batch(design, axes, out, progress, choices, command=command_line))
-        else:
-            fabricated = [sensor_parts.build(design, out, progress, choices, command=command_line)]
-    sensor_parts.show(fabricated, as_json=as_json, wide=wide)
-    if axes:
-        for sentence in design_variants.sentences_of(fabricated):
-            console.say(f"magtip: {sentence}")
-        return FAILED if any(each.status != "ok" for each in fabricated) else GOOD
-    for warning in fabricated[0].warnings:
-        console.warn(warning)
-    return report_failures([each.row() for each in fabricated])
+
+    def study(progress: Progress) -> Result:
+        if not axes:
+            return sensor_parts.result_of([sensor_parts.build(design, out, progress, choices, command=command_line)])
+        made = list(design_variants.batch(design, axes, out, progress, choices, command=command_line))
+        said, lost = design_variants.sentences_of(made), any(each.status != "ok" for each in made)
+        found = dataclasses.replace(sensor_parts.result_of(made), warnings=(), failures=())
+        return dataclasses.replace(found, failures=said) if lost else dataclasses.replace(found, remarks=said)
+
+    return publish(study, Destination(as_json=as_json, wide=wide))
 
 
 def mesh(
@@ -117,10 +114,12 @@ def mesh(
 
     design = design_of(source, sets)
     atomic_files.check_apart([out], [source])
-    with console.progress(as_json=as_json) as progress:
+
+    def study(progress: Progress) -> Result:
         record = design_summary.build_mesh(design, out, size, progress, half=half, mesher=mesher).row()
-    console.report([record], as_json=as_json, title="Mesh")
-    return report_failures([record])
+        return Result(title="Mesh", records=[record], failures=failure_of([record]))
+
+    return publish(study, Destination(as_json=as_json))
 
 
 def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
@@ -146,5 +145,4 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
         "size_MB": sum(file.stat().st_size for file in files) / 1e6,
         "limit_MB": 0.0,
     }
-    console.report([record], as_json=as_json, title="Cache of meshes")
-    return GOOD
+    return show(Result(title="Cache of meshes", records=[record]), Destination(as_json=as_json))

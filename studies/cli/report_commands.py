@@ -7,10 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from studies.cli.command_output import print_record
+from geometry.messages import Progress
 from studies.cli.parameters import AsJson
 from studies.cli.printed_command import command
-from studies.output.result import GOOD
+from studies.output.result import Destination, Result, of_record, publish
 
 Results = Annotated[
     Path, Parameter(name="DIR", help="Folder of results that other verbs wrote, with its sub-folders.")
@@ -32,10 +32,10 @@ def report(folder: Results, /, *, out: Path | None = None, no_solve: bool = Fals
         Solve nothing: no figure in 3D where a folder names a sensor but holds no solution; default: solve it.
     """
     command_line = command(report, locals())
-    from studies.output import console
     from studies.report import report_page
 
-    with console.progress(as_json=as_json) as progress:
-        made = report_page.report(folder, out, command=command_line, solve=not no_solve, progress=progress)
-    print_record(made.row(), "Report", (), as_json=as_json)
-    return GOOD
+    def study(progress: Progress) -> Result:
+        page = report_page.report(folder, out, command=command_line, solve=not no_solve, progress=progress)
+        return of_record("Report", page.row())
+
+    return publish(study, Destination(as_json=as_json))

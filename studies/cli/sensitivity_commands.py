@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies.cli.parameters import AsJson, OwnStore, Scheduler, Sets, Source, Wide, Workers, design_of
-from studies.cli.printed_command import command
+from studies.cli.parameters import AsJson, OwnStore, Scheduler, Sets, Source, Wide, Workers, design_of, destination
 from studies.inputs.option_groups import DEPTH, Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console
-from studies.output.result import FAILED, GOOD
+from studies.output import atomic_files
+from studies.output.result import publish
 
 
 def sensitivity(
@@ -70,11 +70,10 @@ def sensitivity(
     out
         Folder for SENSITIVITY.md, tables and pictures.
     """
-    command_line = command(sensitivity, locals())
     from studies.exploration.needed_paths import Processes
-    from studies.output.provenance import versions
     from studies.sensitivity import sensitivity_report, sensitivity_request
 
+    here = destination(sensitivity, locals(), sensitivity_report.FILES)
     request = sensitivity_request.request_of(
         design=design_of(source, sets),
         vary=vary or [],
@@ -88,16 +87,5 @@ def sensitivity(
     )
     if store is not None and "morris" not in request.methods:
         raise BadInput("--store works with the method morris only: add it to --methods, or leave --store out")
-    atomic_files.check_apart([*atomic_files.inside(out, sensitivity_report.FILES), store], [source])
-    origin = versions(("SALib", "matplotlib"))
-    with atomic_files.results(out, sensitivity_report.FILES) as folder, console.progress(as_json=as_json) as progress:
-        results = sensitivity_request.run(request, store, Processes(workers, scheduler), progress)
-        if folder is not None:
-            sensitivity_report.write(folder, results, origin, command_line)
-    for table in sensitivity_request.tables(results):
-        console.report(
-            table.rows, as_json=as_json, title=table.title, brief=table.brief, first=table.first, wide=wide
-        )
-        if table.remark:
-            console.say(f"magtip: {table.remark}")
-    return FAILED if sensitivity_request.all_failed(results) else GOOD
+    atomic_files.check_apart([store], [source])
+    return publish(partial(sensitivity_request.run, request, store, Processes(workers, scheduler)), here)

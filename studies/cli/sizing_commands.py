@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies.cli.parameters import AsJson, Wide
-from studies.cli.printed_command import command
+from studies.cli.parameters import AsJson, Wide, destination
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
-from studies.output.result import FAILED, GOOD
-
-if TYPE_CHECKING:
-    from studies.sizing.sizing_study import Sizing
+from studies.output.result import check_files, show, write
 
 Wanted = Annotated[str, Parameter(name="REQUIREMENTS", help="TOML file of requirements.")]
 
@@ -70,15 +67,14 @@ def size(
     workers
         Number of processes that solve; default: one for each core.
     """
-    command_line = command(size, locals())
     from fem.accuracy import LEVELS
     from studies.exploration.needed_paths import Processes
-    from studies.output import run_record
     from studies.output.provenance import versions
     from studies.sizing import sizing_export, sizing_report, sizing_study
     from studies.sizing.front_search import Effort
     from studies.sizing.requirements import read_requirements
 
+    here = destination(size, locals(), sizing_report.FILES)
     for name, value, least in (
         ("population", population, 8),
         ("generations", generations, 1),
@@ -91,52 +87,21 @@ def size(
     requirements = read_requirements(source)
     for warning in requirements.warnings():
         console.warn(warning)
-    atomic_files.check_apart([*atomic_files.inside(out, sizing_report.FILES), store], [source])
+    check_files(here)
+    atomic_files.check_apart([store], [source])
     sizing_export.check_parts(out)
     effort = Effort(population, generations, requirements.seed)
     settings = sizing_study.Settings(effort, LEVELS[accuracy], Processes(workers), store, points, sensors)
     origin = versions(("pymoo",))
-    with atomic_files.filled(out) as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
         sizing = sizing_study.run(requirements, settings, progress)
-        progress(0.97, "SIZING.md, tables and front.png")
         # parts of earlier requirements must not stand beside a new result
         sizing_export.remove(folder)
-        sizing_report.write(folder, sizing, origin, command_line)
-        run_record.write(folder, command_line, sizing_report.design_of(sizing), origin)
-        exported = None
+        result = sizing_report.result_of(sizing, origin, here.command, wide=wide)
+        progress(0.97, "SIZING.md, tables and front.png")
+        write(result, folder, here.command)
         if export and sizing.winner is not None:
-            exported = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
-    if as_json:
-        console.report([sizing_report.record(sizing, origin, command_line)], as_json=True)
-    else:
-        _show(sizing, wide=wide)
-    for warning in exported.warnings if exported else ():
-        console.warn(warning)
-    if sizing.winner is None:
-        console.say(f"magtip: {sizing.message}")
-    if exported is not None and exported.status != "ok":
-        console.say(f"magtip: {exported.message}")
-        return FAILED
-    return GOOD if sizing.winner else FAILED
-
-
-def _show(sizing: Sizing, *, wide: bool) -> None:
-    """Print the front as a table, and the yield in a sentence."""
-    if not sizing.front:
-        return
-    from studies.sizing.sizing_report import FRONT
-
-    rows = [point.row() for point in sizing.front]
-    console.report(
-        rows if wide else [{name: row[name] for name in (*FRONT, "status", "reason")} for row in rows],
-        as_json=False,
-        title=f"Front: {len(sizing.front)} points, solved by finite elements",
-        first=("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "outer_size_mm"),
-        wide=wide,
-    )
-    made = sizing.winner_yield
-    if made is not None:
-        console.note(
-            f"Yield of the first: {100 * made.share:.3g} % of {made.count} made sensors are within all requirements "
-            f"({made.uncertainty})."
-        )
+            made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
+            lost = [made.message] if made.status != "ok" else []
+            result = replace(result, warnings=made.warnings, failures=[*result.failures, *lost])
+    return show(result, here)

@@ -8,11 +8,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from geometry.design import BadInput
+from geometry.messages import Progress
 from studies.cli.parameters import AsJson, Wide
 from studies.inputs.option_groups import Selection, Whole
-from studies.output import atomic_files, console
+from studies.output import atomic_files
 from studies.output.records import FlatRow
-from studies.output.result import FAILED, GOOD
+from studies.output.result import Destination, Result, Table, publish, show
 
 LIMIT = 20
 """Number of rows of a list by default."""
@@ -45,24 +46,25 @@ def list_(
         raise BadInput(f"--limit must be at least 0 (all rows); got {limit}")
     listing = store_listing.listing(selection, limit, of_paths=paths)
     summary = listing.summary
-    console.report([summary.row()], as_json=as_json, title="Store")
+    remarks = []
     if summary.journals:
-        console.say(
-            f"magtip: journals beside the store: {summary.journals}; the next sweep moves their states into it"
-        )
+        remarks.append(f"journals beside the store: {summary.journals}; the next sweep moves their states into it")
     if not listing.rows and summary.states_in_store:
-        console.say("magtip: no state of the store meets the filters")
+        remarks.append("no state of the store meets the filters")
     if listing.damaged:
-        console.say(
-            f"magtip: {listing.damaged} of the listed states are not as they were written: magtip store check says "
-            "what to do"
+        remarks.append(
+            f"{listing.damaged} of the listed states are not as they were written: magtip store check says what to do"
         )
     what, count = ("paths", summary.paths) if paths else ("states", summary.states)
-    title = f"{len(listing.rows)} of {count} {what}, the newest first"
-    rows = listing.rows if as_json else _varying_first(listing.rows)
-    needed = NEEDED_OF_PATHS if paths else NEEDED
-    console.report(rows, as_json=as_json, title=title, brief=("key",), first=needed, wide=wide)
-    return GOOD
+    table = Table(
+        title=f"{len(listing.rows)} of {count} {what}, the newest first",
+        rows=_varying_first(listing.rows),
+        brief=("key",),
+        first=NEEDED_OF_PATHS if paths else NEEDED,
+    )
+    whole = Table(title="Store", rows=[summary.row()])
+    result = Result(title="Store", records=[*whole.rows, *listing.rows], shown=[whole, table], remarks=remarks)
+    return show(result, Destination(as_json=as_json, wide=wide))
 
 
 def _varying_first(rows: list[FlatRow]) -> list[FlatRow]:
@@ -83,10 +85,13 @@ def export(
 
     file = selection.store or store.default()
     atomic_files.check_apart([out], [file])
-    with console.progress(as_json=as_json) as progress:
-        count = store_export.export(selection, out, progress)
-    console.report([{"file": str(out), "states": count}], as_json=as_json, title="Export")
-    return GOOD
+    return publish(
+        lambda progress: Result(
+            title="Export",
+            records=[{"file": str(out), "states": store_export.export(selection, out, progress)}],
+        ),
+        Destination(as_json=as_json),
+    )
 
 
 def check(
@@ -108,20 +113,16 @@ def check(
     from studies.exploration import store as user_store
     from studies.exploration import store_check
 
-    rows = []
     if resolve < 0:
         raise BadInput(f"--resolve must be at least 0; got {resolve}")
-    with console.progress(as_json=as_json) as progress:
-        for result in store_check.checks(store or user_store.default(), resolve, seed, progress):
-            rows.append(result.row())
-            if as_json:
-                console.report(rows[-1:], as_json=True)
-    if not as_json:
-        console.report(rows, as_json=False, title="Check of the store")
-    failed = [row for row in rows if row["status"] != "ok"]
-    for row in failed:
-        console.say(f"magtip: {row['check']}: {row['message']}")
-    return FAILED if failed else GOOD
+
+    def study(progress: Progress) -> Result:
+        results = store_check.checks(store or user_store.default(), resolve, seed, progress)
+        rows = [result.row() for result in results]
+        failed = [f"{row['check']}: {row['message']}" for row in rows if row["status"] != "ok"]
+        return Result(title="Check of the store", records=rows, failures=failed)
+
+    return publish(study, Destination(as_json=as_json))
 
 
 def prune(
@@ -140,7 +141,6 @@ def prune(
     from studies.exploration import store_pruning
 
     pruning = store_pruning.prune(selection, yes=yes)
-    console.report([pruning.row()], as_json=as_json, title="Removed" if yes else "To be removed")
-    if not yes and pruning.states:
-        console.say("magtip: nothing is removed yet: add --yes to remove these states")
-    return GOOD
+    remarks = ["nothing is removed yet: add --yes to remove these states"] if not yes and pruning.states else []
+    title = "Removed" if yes else "To be removed"
+    return show(Result(title=title, records=[pruning.row()], remarks=remarks), Destination(as_json=as_json))

@@ -24,6 +24,7 @@ from studies.fabrication.sensor_solids import (
 )
 from studies.output import atomic_files, console, own_files
 from studies.output.records import FlatRow
+from studies.output.result import Block, Result, Table, Texts, failure_of
 from studies.simulation import design_summary
 
 if TYPE_CHECKING:
@@ -200,14 +201,25 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
     return [*(base.warnings(design) if solids.plan else [solids.missing]), *too_fine]
 
 
-def show(fabricated: Sequence[FabricationRow], *, as_json: bool, wide: bool = False) -> None:
-    """Print the parts and checks of one sensor, or a row for each of several; warnings are printed elsewhere."""
-    if as_json:
-        console.report([each.row() for each in fabricated], as_json=True)
-    elif len(fabricated) == 1:
-        _show_one(fabricated[0], wide=wide)
-    else:
-        console.report([_brief(each) for each in fabricated], as_json=False, title="Folders", wide=wide)
+def result_of(fabricated: Sequence[FabricationRow]) -> Result:
+    """Return the parts and checks of one sensor, or a row for each of several."""
+    records = [each.row() for each in fabricated]
+    if len(fabricated) > 1:
+        table = Table(title="Folders", rows=[_brief(each) for each in fabricated])
+        return Result(title=table.title, records=records, shown=[table])
+    (sensor,) = fabricated
+    parts = Table(title=f"Parts in {sensor.folder}, each .step .stl .3mf", rows=records[0]["parts"])
+    checks = [
+        [check.name, f"{check.value:.3g}", check.bound, check.unit, "yes" if check.passed else "NO"]
+        for check in sensor.checks
+    ]
+    shown: list[Block] = [
+        *([parts] if sensor.parts else []),
+        Texts("Checks", ["check", "value", "bound", "unit", "passed"], checks),
+        *([casting_recipe.size_sentence(sensor.size)] if sensor.size is not None else []),
+        *([f"Start with {sensor.folder / RECIPE}."] if sensor.parts else []),
+    ]
+    return Result(title="Parts", records=records, shown=shown, warnings=sensor.warnings, failures=failure_of(records))
 
 
 def _brief(fabricated: FabricationRow) -> FlatRow:
@@ -215,18 +227,3 @@ def _brief(fabricated: FabricationRow) -> FlatRow:
     left_out = ("recipe", "beam_size_mm", "leads_below_base_mm")
     row = {name: value for name, value in fabricated.row().items() if name not in left_out}
     return row | {"parts": len(fabricated.parts), "checks": len(fabricated.checks)}
-
-
-def _show_one(fabricated: FabricationRow, *, wide: bool) -> None:
-    if fabricated.parts:
-        title = f"Parts in {fabricated.folder}, each .step .stl .3mf"
-        console.report(fabricated.row()["parts"], as_json=False, title=title, wide=wide)
-    rows = [
-        [check.name, f"{check.value:.3g}", check.bound, check.unit, "yes" if check.passed else "NO"]
-        for check in fabricated.checks
-    ]
-    console.table("Checks", ["check", "value", "bound", "unit", "passed"], rows)
-    if fabricated.size is not None:
-        console.note(casting_recipe.size_sentence(fabricated.size))
-    if fabricated.parts:
-        console.note(f"Start with {fabricated.folder / RECIPE}.")

@@ -11,13 +11,11 @@ records, that is, mappings from column names with their units to values. pandas 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from geometry.design import Design
 from geometry.messages import Progress
 from studies.output import atomic_files, console, run_record
 from studies.output.provenance import made, versions
@@ -88,7 +86,7 @@ class Result:
     packages : whose versions pages and run.json state besides the usual ones.
     warnings, remarks : sentences on standard error, `remarks` those without the word warning.
     failures : sentences that say why the exit status is 3; without them it is 0.
-    design : for run.json; without a design there is none.
+    design : fields of the design for run.json, empty if there is no single one; None writes no run.json.
     """
 
     title: str
@@ -102,7 +100,7 @@ class Result:
     warnings: Sequence[str] = ()
     remarks: Sequence[str] = ()
     failures: Sequence[str] = ()
-    design: Design | None = None
+    design: Mapping[str, Any] | None = None
 
     def frame(self, table: str) -> pd.DataFrame:
         """Return one of the tables as a DataFrame."""
@@ -182,7 +180,7 @@ def write(result: Result, folder: Path, command: str) -> None:
     for name, text in result.pages.items():
         atomic_files.write_text(folder / name, f"{text.rstrip()}\n\n{made(command, origin)}\n")
     if result.design is not None:
-        run_record.write(folder, command, dataclasses.asdict(result.design), origin)
+        run_record.write(folder, command, result.design, origin)
 
 
 def show(result: Result, here: Destination) -> int:

@@ -6,10 +6,10 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from geometry.design import Design
-from studies.output.provenance import made
+from studies.output.records import FlatRow
+from studies.output.result import Result, Table, Writer
 from studies.output.text_tables import titled
 from studies.sensitivity import sensitivity_plots
 from studies.sensitivity.percentiles import percentile
@@ -23,7 +23,7 @@ FILES = (
     *("sobol.csv", "sobol.png", "morris.csv", "morris_cases.csv", "morris.png"),
     *("montecarlo.csv", "percentiles.csv", "montecarlo.png"),
 )
-"""Files that `write` writes into a folder; those of a method only if it was requested."""
+"""Files of the study; those of a method only if it was requested."""
 
 LEAST_SHARE = 0.05
 """Least total order of an input that the page names in a sentence."""
@@ -61,27 +61,57 @@ class Results:
     monte_carlo: MonteCarloStudy | None = None
 
 
-def write(folder: Path, results: Results, origin: str, command: str) -> None:
-    """Write the files of the methods, and SENSITIVITY.md, into an existing folder."""
-    from studies.output.atomic_files import write_text
-    from studies.output.csv_tables import write_table
+def result_of(results: Results) -> Result:
+    """Return tables, pictures and page; the study has failed if every case of a method has failed."""
+    tables: dict[str, Sequence[FlatRow]] = {}
+    files: dict[str, Writer] = {}
+    shown, remarks = [], []
+    every_case_failed = False
 
-    if results.sobol is not None:
-        write_table(folder / "sobol.csv", [row.row() for row in results.sobol.rows])
-        sensitivity_plots.sobol(folder / "sobol.png", results.sobol.rows)
-    if results.morris is not None:
-        write_table(folder / "morris.csv", [row.row() for row in results.morris.rows])
-        write_table(folder / "morris_cases.csv", results.morris.cases)
-        sensitivity_plots.morris(folder / "morris.png", results.morris.rows)
-    if results.monte_carlo is not None:
-        write_table(folder / "montecarlo.csv", results.monte_carlo.sensors)
-        write_table(folder / "percentiles.csv", [row.row() for row in results.monte_carlo.rows])
-        sensitivity_plots.monte_carlo(folder / "montecarlo.png", results.monte_carlo)
-    write_text(folder / "SENSITIVITY.md", text(results, origin, command))
+    def add(study: SobolStudy | MorrisStudy | MonteCarloStudy, count: int, doubt: str, table: Table) -> None:
+        nonlocal every_case_failed
+        shown.append(table)
+        remarks.append("; ".join(filter(None, (summary(study.reasons, count), doubt))))
+        every_case_failed |= sum(study.reasons.values()) >= count
+
+    common = ("method", "low", "high", "unit", "points", "failed", "failed_percent", "model")
+    if (sobol := results.sobol) is not None:
+        rows = tables["sobol"] = [row.row() for row in sobol.rows]
+        files["sobol.png"] = lambda path: sensitivity_plots.sobol(path, sobol.rows)
+        first: tuple[str, ...] = ("output", "input", "first_order", "total_order")
+        table = Table(title="Sobol indices", rows=rows, brief=(*common, "mean"), first=first)
+        add(sobol, sobol.rows[0].points, doubt(sobol.rows), table)
+    if (morris := results.morris) is not None:
+        rows = tables["morris"] = [row.row() for row in morris.rows]
+        tables["morris_cases"] = morris.cases
+        files["morris.png"] = lambda path: sensitivity_plots.morris(path, morris.rows)
+        first = ("output", "input", "mu_star", "sigma", "effect_unit")
+        table = Table(title="Morris' effects", rows=rows, brief=(*common, "sigma_low", "sigma_high"), first=first)
+        add(morris, morris.rows[0].points, morris.doubt, table)
+    if (made_sensors := results.monte_carlo) is not None:
+        rows = tables["percentiles"] = [row.row() for row in made_sensors.rows]
+        tables["montecarlo"] = made_sensors.sensors
+        files["montecarlo.png"] = lambda path: sensitivity_plots.monte_carlo(path, made_sensors)
+        first = ("axis", "quantity", "unit", "percentile", "value")
+        brief = ("method", "sensors", "failed", "model", "model_error_percent", "message")
+        table = Table(title="Calibration of made sensors", rows=rows, brief=brief, first=first)
+        add(made_sensors, made_sensors.rows[0].sensors, "", table)
+    said = [remark for remark in remarks if remark]
+    return Result(
+        title="Sensitivity",
+        records=[row for table in shown for row in table.rows],
+        shown=shown,
+        tables=tables,
+        files=files,
+        pages={"SENSITIVITY.md": text(results)},
+        packages=("SALib", "matplotlib"),
+        remarks=[] if every_case_failed else said,
+        failures=said if every_case_failed else [],
+    )
 
 
-def text(results: Results, origin: str, command: str) -> str:
-    """Return the text of SENSITIVITY.md."""
+def text(results: Results) -> str:
+    """Return the text of SENSITIVITY.md without its origin."""
     load = results.load
     shear = f", sheared by {load.shear:g} mm with the tip stuck to the plate" if load.shear else ""
     lines = ["# Sensitivity and tolerances", "", f"Pressed to {load.depth:g} mm{shear}.", ""]
@@ -91,7 +121,7 @@ def text(results: Results, origin: str, command: str) -> str:
         lines += _morris(results.morris)
     if results.monte_carlo is not None:
         lines += [*_monte_carlo(results.monte_carlo), *_tolerances(results)]
-    return "\n".join([*lines, made(command, origin)]) + "\n"
+    return "\n".join(lines)
 
 
 def _sobol(study: SobolStudy) -> list[str]:

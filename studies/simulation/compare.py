@@ -10,7 +10,7 @@ the same beam under both names and no readings. `comparison_rows` says what the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
@@ -151,7 +151,7 @@ def result_of(design: Design, comparison: Comparison, chosen: Chosen | None = No
             "shear.png": partial(comparison_plots.shear, design=design, rows=shear),
         },
         failures=[*lost, *failure_of([row for row in rows if row["status"] not in ANSWERED])],
-        design=design,
+        design=asdict(design),
     )
 
 

@@ -96,7 +96,7 @@ def study(
         files={"cycle.png": partial(_picture, motion=motion, followed=followed)},
         warnings=warned,
         failures=failure_of([*(one.row() for one in followed), *([found] if found else [])]),
-        design=design,
+        design=asdict(design),
     )
 
 

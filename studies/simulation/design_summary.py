@@ -12,8 +12,9 @@ from geometry import design_digest
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
-from studies.output import atomic_files, console, records, vtk_files
+from studies.output import atomic_files, records, vtk_files
 from studies.output.records import FlatRow
+from studies.output.result import Result, Table, Texts
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -211,21 +212,23 @@ def outer_size(design: Design, plan: Plan | None) -> OuterSize:
     return OuterSize((design.D, design.D, design.L), size, leads)
 
 
-def show(design: Design, *, as_json: bool) -> None:
-    """Print a design."""
+def study(design: Design) -> Result:
+    """Return every value of a design with its source, derived values, assumptions and warnings."""
     report = report_of(design)
-    if as_json:
-        console.report([report.row()], as_json=True)
-        return
     rows = []
     for spec in dataclasses.fields(Design):
         unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
         value = shown(getattr(design, spec.name))
         rows.append([spec.name, value, unit, origin(spec.name, design), spec.metadata["text"]])
-    console.table("Design", ["field", "value", "unit", "source", "meaning"], rows)
-    console.report([records.flat(report.derived)], as_json=False, title="Derived")
-    for warning in report.warnings:
-        console.note(f"{WARNING}{warning}")
+    return Result(
+        title="Design",
+        records=[report.row()],
+        shown=[
+            Texts("Design", ["field", "value", "unit", "source", "meaning"], rows),
+            Table(title="Derived", rows=[records.flat(report.derived)]),
+            *(f"{WARNING}{warning}" for warning in report.warnings),
+        ],
+    )
 
 
 def build_mesh(

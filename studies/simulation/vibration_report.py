@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,7 +99,7 @@ def run(
         files=found.pictures,
         warnings=warned,
         failures=failure_of(found.motions),
-        design=design,
+        design=asdict(design),
     )
 
 

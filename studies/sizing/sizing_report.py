@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from studies.output.atomic_files import write_json, write_text
+from studies.output.atomic_files import write_json
 from studies.output.markdown_tables import markdown
-from studies.output.provenance import made
 from studies.output.records import FlatRow
+from studies.output.result import Block, Result, Table, Writer
 from studies.sizing.front_solves import FrontPoint, largest_differences
 
 if TYPE_CHECKING:
@@ -61,42 +61,52 @@ def winner_record(point: FrontPoint) -> FlatRow:
     }
 
 
-def design_of(sizing: Sizing) -> FlatRow:
-    """Return the fields of the best design; empty if there is none."""
-    return {} if sizing.winner is None else dataclasses.asdict(sizing.winner.variant.design)
+def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Result:
+    """Return tables, picture and page of a sizing; it has failed without a winner.
 
-
-def write(folder: Path, sizing: Sizing, origin: str, command: str) -> None:
-    """Write all files of a sizing into an existing folder; files that it has no content for are removed."""
-    from studies.output.csv_tables import write_table
+    Parameters
+    ----------
+    origin, command : what sizing.json states as its origin.
+    wide : whether the terminal shows all columns of the front.
+    """
     from studies.sizing import front_plot
 
-    tables = {
-        "front.csv": [point.row() for point in sizing.front],
-        "yield.csv": [] if sizing.winner_yield is None else sizing.winner_yield.rows(),
-    }
-    for name, rows in tables.items():
-        if rows:
-            write_table(folder / name, rows)
-        else:
-            (folder / name).unlink(missing_ok=True)
-    write_json(folder / "sizing.json", record(sizing, origin, command))
-    if sizing.front:
-        front_plot.draw(folder / "front.png", sizing.front)
-    else:
-        (folder / "front.png").unlink(missing_ok=True)
-    write_text(folder / "SIZING.md", page(sizing, origin, command))
+    whole, made_sensors = record(sizing, origin, command), sizing.winner_yield
+    rows = [point.row() for point in sizing.front]
+    shown: list[Block] = []
+    files: dict[str, Writer] = {"sizing.json": partial(write_json, record=whole)}
+    if rows:
+        main = rows if wide else [{name: row[name] for name in (*FRONT, "status", "reason")} for row in rows]
+        first = ("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "outer_size_mm")
+        shown.append(Table(title=f"Front: {len(rows)} points, solved by finite elements", rows=main, first=first))
+        files["front.png"] = lambda path: front_plot.draw(path, sizing.front)
+    if rows and made_sensors is not None:
+        shown.append(
+            f"Yield of the first: {100 * made_sensors.share:.3g} % of {made_sensors.count} made sensors are within "
+            f"all requirements ({made_sensors.uncertainty})."
+        )
+    tables = {"front": rows, "yield": [] if made_sensors is None else made_sensors.rows()}
+    return Result(
+        title="Sizing",
+        records=[whole],
+        shown=shown,
+        tables={name: each for name, each in tables.items() if each},
+        files=files,
+        pages={"SIZING.md": page(sizing)},
+        packages=("pymoo",),
+        failures=[] if sizing.winner else [sizing.message],
+        design={} if sizing.winner is None else dataclasses.asdict(sizing.winner.variant.design),
+    )
 
 
-def page(sizing: Sizing, origin: str, command: str) -> str:
-    """Return SIZING.md."""
+def page(sizing: Sizing) -> str:
+    """Return SIZING.md without its origin."""
     parts = ["# Sizing", sizing.message and f"No variant: {sizing.message}.", _requirements(sizing)]
     if sizing.winner is not None:
         parts += [_winner(sizing.winner), _yield(sizing)]
     if sizing.front:
         parts += [_front(sizing), _differences(sizing.front)]
-    parts.append(made(command, origin))
-    return "\n\n".join(part for part in parts if part) + "\n"
+    return "\n\n".join(part for part in parts if part)
 
 
 def _requirements(sizing: Sizing) -> str:
