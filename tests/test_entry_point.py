@@ -270,7 +270,18 @@ def loaded_by(*tokens):
     return "\n".join(lines), set(last.split())
 
 
-HEAVY = {"pandas", "matplotlib", "pyvista", "build123d", "trimesh", "meshio", "numba", "pydantic"}
+HEAVY = {
+    "pandas",
+    "matplotlib",
+    "altair",
+    "vl_convert",
+    "pyvista",
+    "build123d",
+    "trimesh",
+    "meshio",
+    "numba",
+    "pydantic",
+}
 
 
 def test_help_imports_little():

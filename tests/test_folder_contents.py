@@ -19,9 +19,8 @@ def test_files_are_read_by_their_kind(tmp_path):
     assert folder is None
     table = root.tables["t.csv"]
     assert len(table) == 2
-    np.testing.assert_array_equal(table.floats("x"), [1, np.nan])
-    np.testing.assert_array_equal(table.floats("good"), [1, 0])
-    np.testing.assert_array_equal(table.floats("missing"), [np.nan, np.nan])
+    np.testing.assert_array_equal(table.frame["x"], [1, np.nan])
+    assert table.frame["good"].tolist() == ["True", "False"]
     assert root.designs["design.toml"].D == 10
     assert root.pictures == ["cup.png"]
     assert list(root.pages) == ["PAGE.md"]
@@ -32,8 +31,8 @@ def test_states_become_a_table(tmp_path):
     state = {"depth_mm": 1.0, "status": "ok", "force_N": [0.0, 0.0, 4.2], "shift_mm": [0, 0, -0.3], "stop": None}
     (tmp_path / "states.jsonl").write_text(json.dumps(state) + "\n")
     (folder,) = folder_contents.read(tmp_path)
-    assert folder.tables["states.jsonl"].floats("force_z_N") == [4.2]
-    assert folder.tables["states.jsonl"].floats("shift_z_mm") == [-0.3]
+    assert folder.tables["states.jsonl"].frame["force_z_N"].tolist() == [4.2]
+    assert folder.tables["states.jsonl"].frame["shift_z_mm"].tolist() == [-0.3]
 
 
 def test_parquet_table_is_read(tmp_path):
@@ -41,7 +40,7 @@ def test_parquet_table_is_read(tmp_path):
 
     pd.DataFrame({"D_mm": [6.0, 8.0], "status": ["ok", "ok"]}).to_parquet(tmp_path / "sweep.parquet")
     (folder,) = folder_contents.read(tmp_path)
-    np.testing.assert_array_equal(folder.tables["sweep.parquet"].floats("D_mm"), [6, 8])
+    np.testing.assert_array_equal(folder.tables["sweep.parquet"].frame["D_mm"], [6, 8])
     assert folder.tables["sweep.parquet"].ok.all()
 
 

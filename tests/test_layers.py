@@ -21,6 +21,8 @@ HEAVY = {
     "vtkmodules",
     "pandas",
     "matplotlib",
+    "altair",
+    "vl_convert",
     "pydantic",
     "trimesh",
     "pytetwild",

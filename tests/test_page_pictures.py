@@ -27,7 +27,7 @@ def test_picture_that_a_figure_replaces_is_left_out(tmp_path):
 def test_picture_without_room_is_named(tmp_path):
     remarks = []
     assert page_pictures.sources(contents(tmp_path, "a.png"), set(), page_pictures.Budget(10), remarks) == {}
-    assert remarks == ["a.png is not shown: the page would become larger than 8 MB."]
+    assert remarks == ["a.png is not shown: the page would become too large."]
 
 
 def test_file_that_is_no_picture_is_named(tmp_path):

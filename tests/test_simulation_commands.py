@@ -98,21 +98,3 @@ def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(monkeypatch):
     assert status(stopped) == ("unknown", stopped)
     assert [status("", depth)[0] for depth in (3.0, 4.0)] == ["ok", "unknown"]
     assert status("", 3.0, -0.5)[0] == "unstable"
-
-
-def test_what_was_not_found_is_not_in_the_legend(tmp_path, monkeypatch):
-    from matplotlib.figure import Figure
-
-    from geometry.design import paper
-    from studies.simulation import critical_depths
-
-    shown = []
-    real = Figure.legend
-    monkeypatch.setattr(Figure, "legend", lambda self, *a, **k: shown.append(real(self, *a, **k)))
-    row = dict.fromkeys(critical_depths.COLUMNS) | {"L_over_D": 2.0, "L_mm": 16.0, "status": "ok"}
-    found = {"critical_depth_mm": 2.0, "critical_force_N": 3.0, "haringx_N": 1.0, "haringx_depth_mm": 1.0}
-    critical_depths.picture(tmp_path / "some.png", paper(), [row | found])
-    critical_depths.picture(tmp_path / "none.png", paper(), [row | {"status": "refused"}])
-    (labels,) = [[text.get_text() for text in legend.get_texts()] for legend in shown]
-    assert "FEM, free tip" in labels
-    assert "FEM, guided tip" not in labels

@@ -1,8 +1,9 @@
 import numpy as np
+import pandas as pd
 import pytest
 
-from studies.report import sweep_figures
-from studies.report.folder_contents import Table
+from studies.exploration import sweep_figures
+from studies.exploration.sweep_figures import View
 
 
 def table(axes, **results):
@@ -10,81 +11,128 @@ def table(axes, **results):
     grid = np.meshgrid(*axes.values(), indexing="ij")
     points = {name: values.ravel() for name, values in zip(axes, grid, strict=True)}
     columns = points | {name: np.asarray(rule(*points.values()), dtype=float) for name, rule in results.items()}
-    columns["status"] = np.array(["ok"] * len(next(iter(points.values()))), dtype=object)
-    return Table("sweep.csv", {name: np.asarray(values, dtype=object) for name, values in columns.items()})
+    return pd.DataFrame(columns).assign(status="ok")
 
 
 AXES = {"D_mm": [6.0, 8.0], "L_mm": [9.0, 12.0, 18.0], "depth_mm": [0.5, 1.0]}
 
 
+def view_of(whole, columns=("fem_force_N",)):
+    whole = whole.assign(failed=whole["status"] != "ok")
+    return sweep_figures.view(whole, sweep_figures.axes_of(whole), columns)
+
+
 def test_depth_is_horizontal_and_the_longest_other_axis_has_colours():
-    whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L)
-    assert sweep_figures.grid_of(whole) == sweep_figures.Grid("depth_mm", "L_mm", ("D_mm",))
+    assert view_of(table(AXES, fem_force_N=lambda D, L, d: D * d / L)) == View("depth_mm", "L_mm", ("D_mm",))
+
+
+@pytest.mark.parametrize(("counts", "maps"), [((6, 7), False), ((7, 7), True), ((3, 40), False)])
+def test_lines_up_to_six_values_and_maps_beyond(counts, maps):
+    axes = {"D_mm": np.linspace(6, 8, counts[0]), "L_mm": np.linspace(9, 20, counts[1])}
+    whole = table(axes, fem_force_N=lambda D, L: D / L)
+    assert view_of(whole).maps == maps
+    (figure,) = sweep_figures.sweep(whole)
+    assert len(figure.data) == counts[0] * counts[1]
+
+
+def test_axes_without_effect_have_no_part_and_are_named():
+    whole = table(AXES, fem_force_N=lambda D, L, d: d * D)
+    assert view_of(whole) == View("depth_mm", "D_mm")
+    (figure,) = sweep_figures.sweep(whole)
+    assert len(figure.data) == 4
+    assert figure.notes == ("L changes nothing in the press force.",)
+
+
+def test_an_axis_of_which_one_value_has_answers_is_not_called_idle():
+    whole = table(AXES, fem_force_N=lambda D, L, d: d * D)
+    whole.loc[whole["L_mm"] > 9, "status"] = "bad_input"
+    (figure,) = sweep_figures.sweep(whole)
+    assert not any("changes nothing" in note for note in figure.notes)
 
 
 def test_lines_hold_every_number_of_the_table():
     whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L, analytic_force_N=lambda D, L, d: D * d)
     (figure,) = sweep_figures.sweep(whole)
-    assert [panel.title for panel in figure.panels] == ["D = 6 mm", "D = 8 mm"]
-    values = sorted(y for panel in figure.panels for one in panel.series for y in one.y)
-    expected = [*whole.floats("fem_force_N"), *whole.floats("analytic_force_N")]
-    np.testing.assert_allclose(values, sorted(expected), rtol=1e-5)
+    assert list(dict.fromkeys(figure.data["panel"])) == ["D = 6 mm", "D = 8 mm"]
+    assert set(figure.data["series"]) == {"L = 9 mm", "L = 12 mm", "L = 18 mm"}
+    assert set(figure.data["model"]) == {"finite elements", "the paper's formula"}
+    expected = [*whole["fem_force_N"], *whole["analytic_force_N"]]
+    np.testing.assert_allclose(sorted(figure.data["press force (N)"]), sorted(expected))
 
 
 def test_map_of_errors_has_each_error_in_its_cell():
-    whole = table(
-        {"L_mm": [9.0, 12.0], "depth_mm": [0.5, 1.0]},
-        fem_force_N=lambda L, d: L * d,
-        force_error_percent=lambda L, d: L + d,
-    )
-    figure = sweep_figures.sweep(whole)[-1]
-    assert figure.kind == "map"
-    assert figure.x.categories == ("0.5", "1")
-    assert figure.panels[0].cells == ((9.5, 10.0), (12.5, 13.0))
-    assert figure.title == "Error of the press force, the formula"
-    assert figure.caption.startswith("Error of the formula against finite elements")
-    assert "25 % of the cases are within 10 %" not in figure.caption
-    assert "50 % of the cases are within 10 %" in figure.caption
+    axes = {"L_mm": np.linspace(9, 12, 8), "depth_mm": np.linspace(0.5, 1.0, 7)}
+    whole = table(axes, fem_force_N=lambda L, d: L * d, force_error_percent=lambda L, d: L + d - 2)
+    value, error = sweep_figures.sweep(whole)
+    assert value.title == "Press force over L"
+    assert error.title == "Error of the press force, the formula"
+    off = error.data["L (mm)"] + error.data["depth (mm)"] - 2 - error.data["error (%)"]
+    np.testing.assert_allclose(off, 0, atol=1e-9)
+    within = 100 * (whole["force_error_percent"] <= 10).mean()
+    assert f"{within:.0f} % of the cases are within 10 %" in error.caption
 
 
-def test_failed_case_leaves_its_cell_empty():
-    whole = table(
-        {"L_mm": [9.0, 12.0], "depth_mm": [0.5, 1.0]},
-        fem_force_N=lambda L, d: L * d,
-        force_error_percent=lambda L, d: L + d,
-    )
-    whole.columns["status"][0] = "not_converged"
-    figures = sweep_figures.sweep(whole)
-    assert figures[-1].panels[0].cells == ((None, 10.0), (12.5, 13.0))
-    assert figures[0].notes[-1] == "The table has 4 cases, 1 of them failed."
-
-
-def test_many_combinations_are_named_as_left_out():
-    axes = {"E_MPa": list(np.arange(1.0, 6.0)), "nu": [0.45, 0.48, 0.4998], **AXES}
-    whole = table(axes, fem_force_N=lambda E, nu, D, L, d: E * D * d / L)
+def test_failed_cases_are_counted_with_their_cause_and_marked():
+    whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L).assign(message="")
+    whole.loc[0, ["status", "message"]] = ["bad_input", "the magnet does not fit; take a smaller one"]
     (figure,) = sweep_figures.sweep(whole)
-    assert len(figure.panels) == sweep_figures.MOST_PANELS
-    assert any("combinations of the other axes are drawn" in note for note in figure.notes)
+    assert figure.data["failed"].sum() == 1
+    assert figure.notes == (
+        "1 of 12 cases failed (bad_input); most often: the magnet does not fit; take a smaller one.",
+    )
+
+
+def test_the_reason_of_failed_cases_is_never_cut():
+    first = "the magnet leaves 0 mm of silicone around it and needs at least 0.1 mm at every place of its hull"
+    whole = table({"L_mm": [9.0, 12.0]}, fem_force_N=lambda L: L).assign(status="bad_input")
+    whole["message"] = f"{first}: take a smaller one; and more"
+    (note,) = sweep_figures.failures(whole)
+    assert note.endswith(f"most often: {first}.")
+
+
+def test_nothing_but_failures_has_crosses_only():
+    whole = table(AXES, fem_force_N=lambda D, L, d: D * d * np.nan).assign(status="not_converged")
+    (figure,) = sweep_figures.sweep(whole)
+    assert figure.data["failed"].all()
+    figure.chart.to_dict()
+
+
+def test_many_combinations_are_shown_by_their_extremes():
+    axes = {"E_MPa": np.arange(1.0, 6.0), "nu": [0.45, 0.48, 0.4998], **AXES}
+    whole = table(axes, fem_force_N=lambda E, nu, D, L, d: E * D * d / L + 1e-3 * nu)
+    (figure,) = sweep_figures.sweep(whole)
+    assert figure.data["panel"].nunique() <= sweep_figures.MOST_PANELS
+    assert any("over all values of nu" in note for note in figure.notes)
+    assert figure.data["high"].max() == whole["fem_force_N"].max()
+    assert figure.data["low"].min() == whole["fem_force_N"].min()
+
+
+def test_errors_far_beyond_the_others_stand_at_the_edge_with_a_note():
+    errors = [*np.linspace(-20, 20, 40), 5000.0]
+    axes = {"depth_mm": np.linspace(0.1, 2, 41)}
+    whole = table(axes, fem_force_N=lambda d: d, force_error_percent=lambda d: errors)
+    _, error = sweep_figures.sweep(whole)
+    assert "1 error stands at the edge: 5000 %." in error.notes
+    assert error.data["error (%)"].max() == 5000
+    y = error.chart.to_dict()["layer"][-1]["encoding"]["y"]["scale"]
+    assert y["domain"][1] < 30
+    assert y["clamp"]
 
 
 def test_sampled_points_are_shown_over_each_axis():
     rng = np.random.default_rng(0)
     D, L = rng.uniform(5, 10, 40), rng.uniform(10, 20, 40)
-    columns = {"D_mm": D, "L_mm": L, "fem_force_N": D / L, "status": np.array(["ok"] * 40, dtype=object)}
-    (figure,) = sweep_figures.sweep(Table("sweep.csv", columns))
-    assert [panel.x for panel in figure.panels] == ["D (mm)", "L (mm)"]
-    assert not figure.shared
-    assert len(figure.panels[0].series[0].x) == 40
-
-
-@pytest.mark.parametrize("status", ["bad_input", "not_converged"])
-def test_sweep_of_failures_has_no_figure(status):
-    whole = table(AXES, fem_force_N=lambda D, L, d: D * d)
-    whole.columns["status"][:] = status
-    assert sweep_figures.sweep(whole) == []
+    columns = {"D_mm": D, "L_mm": L, "fem_force_N": D / L, "force_error_percent": 10 * D - 50, "status": "ok"}
+    value, error, spots = sweep_figures.sweep(pd.DataFrame(columns))
+    assert set(value.data["panel"]) == {"D (mm)", "L (mm)"}
+    # the axis with the greatest effect comes first
+    assert next(iter(error.data["panel"])) == "D (mm)"
+    assert len(value.data) == 80
+    assert list(spots.data)[:2] == ["D (mm)", "L (mm)"]
 
 
 def test_errors_of_a_force_that_changes_sign_are_over_the_largest():
+    """The formula is too high everywhere: relative to a pull, its push had a negative error."""
     whole = table(
         {"L_mm": [9.0, 12.0], "depth_mm": [0.5, 1.0]},
         fem_force_N=lambda L, d: d - 0.75,
@@ -92,5 +140,54 @@ def test_errors_of_a_force_that_changes_sign_are_over_the_largest():
         force_error_percent=lambda L, d: 100 * (d / (d - 0.75) - 1),
     )
     figure = sweep_figures.sweep(whole)[-1]
-    assert figure.value == "error (% of the largest press force)"
-    assert {cell for row in figure.panels[0].cells for cell in row} == {300.0}
+    assert set(figure.data["error (% of the largest press force)"]) == {300.0}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_errors_of_a_force_of_one_sign_stay_relative(sign):
+    whole = table(
+        {"depth_mm": [0.5, 1.0]},
+        fem_force_N=lambda d: sign * d,
+        analytic_force_N=lambda d: sign * 1.1 * d,
+        force_error_percent=lambda d: 10 + 0 * d,
+    )
+    assert "error (%)" in sweep_figures.sweep(whole)[-1].data
+
+
+def test_axes_that_vary_together_are_one_axis_with_a_note():
+    whole = table({"D_mm": [8.0, 9.0, 10.0]}, fem_force_N=lambda D: D)
+    whole.insert(1, "L_mm", [9.0, 11.0, 11.0])
+    (figure,) = sweep_figures.sweep(whole)
+    assert list(figure.data) == ["D (mm)", "press force (N)", "series"]
+    assert figure.notes == ("L varies together with D.",)
+
+
+def test_axes_that_vary_together_and_repeat_are_named_by_all_their_values():
+    whole = table({"D_mm": [8.0, 8.5, 10.0], "depth_mm": [0.5, 1.0]}, fem_force_N=lambda D, d: D * d)
+    whole["D_mm"] = whole["D_mm"].replace(8.5, 8.0)
+    whole.insert(1, "L_mm", np.repeat([9.0, 11.0, 11.0], 2))
+    (figure,) = sweep_figures.sweep(whole)
+    assert set(figure.data["series"]) == {"D = 8 mm, L = 9 mm", "D = 8 mm, L = 11 mm", "D = 10 mm, L = 11 mm"}
+
+
+def test_log_spaced_values_have_logarithmic_axes():
+    whole = table({"D_mm": [0.1, 1.0, 10.0, 100.0]}, fem_force_N=lambda D: D**2)
+    (figure,) = sweep_figures.sweep(whole)
+    encoding = figure.chart.to_dict()["layer"][-1]["encoding"]
+    assert encoding["x"]["scale"]["type"] == encoding["y"]["scale"]["type"] == "log"
+
+
+def test_texts_are_categories_in_the_order_of_the_study():
+    whole = table({"friction": np.array([0.0, 1.0])}, fem_force_N=lambda friction: friction + 1)
+    whole["friction"] = ["stick", "0.3"]
+    (figure,) = sweep_figures.sweep(whole)
+    assert figure.data["friction"].tolist() == ["stick", "0.3"]
+    assert figure.chart.to_dict()["layer"][-1]["encoding"]["x"]["type"] == "nominal"
+
+
+def test_quantities_of_time_are_drawn_over_the_axes_of_a_sweep():
+    whole = table({"loss_factor": [0.05, 0.1]}, loop_gap_percent=lambda eta: 78 * eta)
+    whole.insert(1, "speed_mm_per_s", 1.0)
+    assert sweep_figures.axes_of(whole) == ["loss_factor"]
+    (figure,) = sweep_figures.sweep(whole)
+    assert figure.data["gap of the loop at mid-stroke (% of full scale)"].tolist() == pytest.approx([3.9, 7.8])

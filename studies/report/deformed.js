@@ -135,7 +135,7 @@ const Deformed = (() => {
       canvas.width = Math.round(frame.width * ratio); canvas.height = Math.round(frame.height * ratio);
       const perPixel = zoom() / ratio, rough = 70 / perPixel, power = 10 ** Math.floor(Math.log10(rough));
       const length = [1, 2, 5, 10].map((m) => m * power).filter((l) => l <= rough * 1.6).pop();
-      bar.style.width = `${length * perPixel}px`; label.textContent = `${Plots.show(length)} mm`;
+      bar.style.width = `${length * perPixel}px`; label.textContent = `${Tools.show(length)} mm`;
       draw();
     }
     function turn(dx, dy) { view.yaw -= dx; view.pitch = Math.max(-1.5, Math.min(1.5, view.pitch + dy)); draw(); }
@@ -163,8 +163,8 @@ const Deformed = (() => {
         if (Math.hypot(q[0] - at[0], q[1] - at[1]) < 7 / z && q[2] > near) { near = q[2]; best = k; }
       }
       if (best < 0) return Tip.hide();
-      const where = [0, 1, 2].map((i) => Plots.show(p[3 * best + i], 3)).join(", ");
-      Tip.show([`displacement: ${Plots.show(mesh.value[best], 3)} mm`, `at x, y, z: ${where} mm`], event.clientX, event.clientY);
+      const where = [0, 1, 2].map((i) => Tools.show(p[3 * best + i], 3)).join(", ");
+      Tip.show([`displacement: ${Tools.show(mesh.value[best], 3)} mm`, `at x, y, z: ${where} mm`], event.clientX, event.clientY);
     }
     const button = box.querySelector("[data-open]");
     button.addEventListener("click", () => {

@@ -7,19 +7,21 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED
 from studies.inputs import table_input, user_input
 from studies.output import run_record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 IGNORED = (".stl", ".step", ".3mf", ".dxf", ".npz", ".html")
 """Suffixes of files that are no results to show: solids and drawings for machines, states of a search, pages."""
@@ -32,36 +34,26 @@ MOST_FOLDERS = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """A table of a file: its columns as texts, shape (n,) each, and the text of the file if that is CSV."""
+    """A table of a file, with the text of a CSV file; a column whose cells are all numbers or empty holds numbers."""
 
     name: str
-    columns: dict[str, NDArray[Any]]
+    frame: pd.DataFrame
     text: str = ""
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return len(next(iter(self.columns.values()), ()))
+        return len(self.frame)
 
     def has(self, *names: str) -> bool:
         """Return whether the table has all these columns."""
-        return all(name in self.columns for name in names)
-
-    def floats(self, name: str) -> Array:
-        """Return a column as numbers, shape (n,), NaN where a cell is empty, a text, or the column is missing."""
-        if name not in self.columns:
-            return np.full(len(self), np.nan)
-        return np.array([_float(cell) for cell in self.columns[name]], dtype=float)
-
-    def texts(self, name: str) -> list[str]:
-        """Return a column as texts, empty where the column is missing."""
-        return [str(cell) for cell in self.columns[name]] if name in self.columns else [""] * len(self)
+        return all(name in self.frame for name in names)
 
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Whether each row succeeded; a table without a status has only such rows."""
-        if "status" not in self.columns:
+        if "status" not in self.frame:
             return np.ones(len(self), dtype=np.bool_)
-        return np.array([text in ANSWERED for text in self.texts("status")], dtype=np.bool_)
+        return np.asarray(self.frame["status"].isin(ANSWERED), dtype=np.bool_)
 
 
 @dataclass(slots=True)
@@ -184,8 +176,22 @@ def csv_table(file: Path) -> Table:
     head = [cell.strip() for cell in rows[0][1]]
     for line, row in rows[1:]:
         table_input.check_length(file, line, head, row)
-    columns = {name: np.array([row[k] for _, row in rows[1:]], dtype=object) for k, name in enumerate(head)}
-    return Table(file.name, columns, table_input.text_of(file, "CSV"))
+    cells = {name: [row[k] for _, row in rows[1:]] for k, name in enumerate(head)}
+    return Table(file.name, frame_of(cells), table_input.text_of(file, "CSV"))
+
+
+def frame_of(cells: Mapping[str, Sequence[str]]) -> pd.DataFrame:
+    """Return columns of texts as a table, with numbers where all cells of a column are numbers or empty."""
+    import pandas as pd
+
+    return pd.DataFrame({name: _column(column) for name, column in cells.items()})
+
+
+def _column(cells: Sequence[str]) -> Any:
+    try:
+        return np.array([float(cell or "nan") for cell in cells])
+    except ValueError:
+        return np.array(cells, dtype=object)
 
 
 def _parquet_table(file: Path) -> Table:
@@ -196,11 +202,13 @@ def _parquet_table(file: Path) -> Table:
         frame = pd.read_parquet(file)
     except (OSError, ValueError) as error:
         raise BadInput(f"it is no Parquet table ({str(error).splitlines()[0]})") from None
-    return Table(file.name, {str(name): frame[name].to_numpy() for name in frame})
+    return Table(file.name, frame)
 
 
 def states_table(file: Path) -> Table:
     """Read states that `solve --json` printed as a table; vectors become columns force_x_N, force_y_N, force_z_N."""
+    import pandas as pd
+
     rows: list[dict[str, Any]] = []
     for _, record in table_input.json_objects(file):
         row: dict[str, Any] = {}
@@ -211,10 +219,9 @@ def states_table(file: Path) -> Table:
             elif isinstance(value, (int, float, str)):
                 row[key] = value
         rows.append(row)
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    if not names:
+    if not any(rows):
         raise BadInput(f"{file.name} is empty")
-    return Table(file.name, {name: np.array([row.get(name, "") for row in rows], dtype=object) for name in names})
+    return Table(file.name, pd.DataFrame(rows))
 
 
 def _record(file: Path) -> dict[str, Any]:
@@ -229,16 +236,6 @@ def _record(file: Path) -> dict[str, Any]:
     if file.name == SIZING:
         run_record.check_format(file, record)
     return record
-
-
-def _float(cell: Any) -> float:
-    """Return a cell as a number, True as 1, NaN if it is none."""
-    if cell in ("True", "False"):
-        return float(cell == "True")
-    try:
-        return float(cell)
-    except (TypeError, ValueError):
-        return float("nan")
 
 
 def inputs(contents: Sequence[Contents]) -> list[Path]:

@@ -6,7 +6,7 @@ const Tip = (() => {
   return {
     show(lines, x, y, spoken) {
       box.replaceChildren();
-      lines.forEach((line, k) => Plots.html(k ? "div" : "strong", "", box, line));
+      lines.forEach((line, k) => Tools.html(k ? "div" : "strong", "", box, line));
       box.hidden = false;
       const size = box.getBoundingClientRect(), wide = document.documentElement.clientWidth;
       const left = x + 14 + size.width > wide ? Math.max(4, x - 14 - size.width) : x + 14;
@@ -20,7 +20,7 @@ const Tip = (() => {
 
 (() => {
   const data = JSON.parse(document.getElementById("report-data").textContent);
-  const MOST_ROWS = 200, PAPER = 690;
+  const MOST_ROWS = 200;
 
   const cell = (value) => {
     const text = value === null || value === undefined ? "" : String(value);
@@ -48,18 +48,18 @@ const Tip = (() => {
   }
 
   function table(rows, box) {
-    const wrap = Plots.html("div", "scroll", box), node = Plots.html("table", "", wrap);
+    const wrap = Tools.html("div", "scroll", box), node = Tools.html("table", "", wrap);
     wrap.tabIndex = 0; wrap.setAttribute("role", "region"); wrap.setAttribute("aria-label", "Table, scrolls sideways");
-    const head = Plots.html("tr", "", Plots.html("thead", "", node)), body = Plots.html("tbody", "", node);
-    for (const text of rows[0]) Plots.html("th", "", head, text).scope = "col";
+    const head = Tools.html("tr", "", Tools.html("thead", "", node)), body = Tools.html("tbody", "", node);
+    for (const text of rows[0]) Tools.html("th", "", head, text).scope = "col";
     for (const row of rows.slice(1, MOST_ROWS + 1)) {
-      const line = Plots.html("tr", "", body);
+      const line = Tools.html("tr", "", body);
       for (const value of row) {
         const number = value !== "" && value !== null && isFinite(value) && typeof value !== "boolean";
-        Plots.html("td", number ? "number" : "", line, value === null || value === "" ? "" : number ? Plots.show(Number(value), 6) : String(value));
+        Tools.html("td", number ? "number" : "", line, value === null || value === "" ? "" : number ? Tools.show(Number(value), 6) : String(value));
       }
     }
-    if (rows.length - 1 > MOST_ROWS) Plots.html("p", "note", box, `The first ${MOST_ROWS} of ${rows.length - 1} rows; the CSV has all.`);
+    if (rows.length - 1 > MOST_ROWS) Tools.html("p", "note", box, `The first ${MOST_ROWS} of ${rows.length - 1} rows; the CSV has all.`);
   }
 
   // A closed table is filled when it is opened: most readers open few.
@@ -69,14 +69,19 @@ const Tip = (() => {
     if (button) button.addEventListener("click", () => save(button.dataset.csv, box.dataset.table ? data.tables[box.dataset.table] : csv(rows())));
   }
 
-  const redraw = [];
+  const drawn = [];
   for (const box of document.querySelectorAll("[data-figure]")) {
     const figure = data.figures[box.dataset.figure], plot = box.querySelector(".plot");
-    Plots.legend(figure, box.querySelector(".legend"));
-    wire(box, () => Plots.rows(figure));
-    let drawn = 0;
-    const draw = (width = plot.clientWidth) => { if (width !== drawn) { drawn = width; Plots.draw(figure, plot, width); } };
-    draw(); redraw.push(draw);
+    wire(box, () => Figures.rows(figure));
+    drawn.push({ figure, plot, width: 0 });
+  }
+  // one after the other, so that the first ones are seen at once
+  async function drawAll() {
+    for (const one of drawn) {
+      if (one.width === one.plot.clientWidth) continue;
+      one.width = one.plot.clientWidth;
+      await Figures.draw(one.figure, one.plot, data.theme);
+    }
   }
   for (const box of document.querySelectorAll("[data-surface]")) {
     const surface = data.surfaces[box.dataset.surface];
@@ -85,10 +90,7 @@ const Tip = (() => {
   }
   for (const box of document.querySelectorAll("[data-table]")) wire(box, () => parse(data.tables[box.dataset.table]));
   let waiting = 0;
-  window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => redraw.forEach((draw) => draw()), 60); });
-  // paper has its own width, whatever that of the window
-  window.addEventListener("beforeprint", () => redraw.forEach((draw) => draw(PAPER)));
-  window.addEventListener("afterprint", () => redraw.forEach((draw) => draw()));
+  window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(drawAll, 60); });
   window.addEventListener("scroll", () => Tip.hide(), { passive: true });
 
   const THEMES = ["auto", "light", "dark"], NAMES = { auto: "Theme: system", light: "Theme: light", dark: "Theme: dark" };
@@ -106,5 +108,5 @@ const Tip = (() => {
     theme(next);
     try { localStorage.setItem("magtip-theme", next); } catch { /* the choice lasts as long as the page */ }
   });
-  document.documentElement.dataset.ready = "yes";
+  drawAll().then(() => { document.documentElement.dataset.ready = "yes"; });
 })();

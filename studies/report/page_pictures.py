@@ -36,7 +36,7 @@ def sources(contents: Contents, replaced: set[str], budget: Budget, remarks: lis
             remarks.append(f"{name} was not read: it is no picture ({str(error).splitlines()[0]}).")
             continue
         if len(source) > budget.left:
-            remarks.append(f"{name} is not shown: the page would become larger than 8 MB.")
+            remarks.append(f"{name} is not shown: the page would become too large.")
             continue
         budget.left -= len(source)
         result[name] = source

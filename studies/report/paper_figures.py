@@ -3,188 +3,141 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analytic import beam
-from studies.report.folder_contents import Table
-from studies.report.report_figures import (
-    ERROR_EDGES,
-    Axis,
-    Figure,
-    Panel,
-    error_guides,
-    grouped,
-    numbers,
-    series,
-)
+from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, heat, long, numbers, plot, texts
 from studies.simulation import beam_cells
 from studies.simulation.beam_cells import Body, Cells, Columns, Kind
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SHOWN_LEVELS = ("paper", "finite")
 """Levels of the formulas whose errors are mapped: the paper's and the best one; the table has all."""
 
 
-def assumption(table: Table) -> list[Figure]:
+def assumption(table: pd.DataFrame, levels: tuple[str, ...] = SHOWN_LEVELS) -> list[Figure]:
     """Return maps of the errors of the formulas over L/D and load, a panel for each height of the magnet."""
+    words = ("status", "message", "friction")
     columns: Columns = {
-        name: np.array(table.texts(name)) if name in ("status", "message", "friction") else table.floats(name)
-        for name in table.columns
+        name: (texts if name in words else numbers)(table, name).to_numpy() for name in map(str, table.columns)
     }
-    return list(_assumption_maps(table.name, columns))
+    known = [name for name in levels if name in beam.LEVELS and f"analytic_{name}_force_N" in columns]
+    return list(_assumption_maps(columns, known))
 
 
-def _assumption_maps(source: str, columns: Columns) -> Iterator[Figure]:
+def _assumption_maps(columns: Columns, levels: list[str]) -> Iterator[Figure]:
     """Yield the maps, quantity by quantity."""
     bodies = beam_cells.bodies(columns)
     nu = max(body.nu for body in bodies)
-    levels = [name for name in SHOWN_LEVELS if name in beam.LEVELS and f"analytic_{name}_force_N" in columns]
     kinds: tuple[Kind, ...] = ("press", "shear")
     for kind in kinds:
         grids = [(body, beam_cells.cells(columns, body, kind)) for body in bodies if body.nu == nu]
         grids = [(body, grid) for body, grid in grids if grid.row.size]
         for quantity in beam_cells.QUANTITIES[kind] if grids else ():
             for level in levels:
-                yield _assumption_map(source, columns, grids, kind, quantity, level)
+                yield _assumption_map(columns, grids, quantity, level)
 
 
-def _assumption_map(
-    source: str, columns: Columns, grids: list[tuple[Body, Cells]], kind: Kind, quantity: str, level: str
-) -> Figure:
+def _assumption_map(columns: Columns, grids: list[tuple[Body, Cells]], quantity: str, level: str) -> Figure:
     """Return the map of one quantity and level."""
-    across = sorted({round(float(value), 9) for _, grid in grids for value in grid.slenderness})
-    loads = sorted({tuple(round(float(v), 9) for v in load) for _, grid in grids for load in grid.loads})
-    panels, judged = [], []
+    import pandas as pd
+
+    kind = grids[0][1].kind
+    load = "depth/D" if kind == "press" else "depth/D / shear/D"
+    parts = []
     for body, grid in grids:
-        values = beam_cells.errors(columns, grid, level, quantity)
-        cells = np.full((len(loads), len(across)), np.nan)
-        up = [loads.index(tuple(round(float(v), 9) for v in load)) for load in grid.loads]
-        wide = [across.index(round(float(value), 9)) for value in grid.slenderness]
-        cells[np.ix_(up, wide)] = values
-        judged.append(values[np.isfinite(values)])
-        panels.append(Panel(body.name, cells=tuple(numbers(row) for row in cells)))
-    every = np.concatenate(judged)
-    shares = [100 * float(np.mean(np.abs(every) <= bound)) if len(every) else 0.0 for bound in (5, 10)]
+        errors = beam_cells.errors(columns, grid, level, quantity)
+        lines, places = (k.ravel() for k in np.indices(errors.shape))
+        part = {
+            "depth": grid.loads[lines, 0],
+            "shear": grid.loads[lines, 1],
+            "L/D": grid.slenderness[places].round(3),
+        }
+        parts.append(pd.DataFrame(part | {"error (%)": errors.ravel()}).assign(panel=body.name))
+    data = pd.concat(parts, ignore_index=True).sort_values(["depth", "shear"], kind="stable", ignore_index=True)
+    pairs = zip(data["depth"], data["shear"], strict=True)
+    data[load] = [float(f"{d:.3g}") if kind == "press" else f"{d:.3g} / {s:.3g}" for d, s in pairs]
+    data = data.sort_values(
+        "panel", kind="stable", key=lambda names: names.map([body.name for body, _ in grids].index)
+    )
+    judged = data["error (%)"].dropna().abs()
+    shares = [100 * float((judged <= bound).mean()) if len(judged) else 0.0 for bound in (5, 10)]
     caption = (
-        f"Of {len(every)} cells {shares[0]:.0f} % are within 5 % and {shares[1]:.0f} % within 10 % of finite "
+        f"Of {len(judged)} cells {shares[0]:.0f} % are within 5 % and {shares[1]:.0f} % within 10 % of finite "
         "elements. Empty cells: the magnet does not fit, the solve stopped, or the beam gave way."
     )
-    names = tuple(f"{d:.3g}" if kind == "press" else f"{d:.3g} / {s:.3g}" for d, s in loads)
-    others = sorted({body.nu for body in beam_cells.bodies(columns)} - {grids[0][0].nu})
-    more = ", ".join(f"{nu:g}" for nu in others)
-    return Figure(
-        f"Error of the {quantity}, level {level}",
-        caption,
-        Axis("L/D", categories=tuple(f"{value:.3g}" for value in across)),
-        Axis("depth/D" if kind == "press" else "depth/D / shear/D", categories=names),
-        tuple(panels),
-        kind="map",
-        value="error (%)",
-        edges=ERROR_EDGES,
-        source=source,
-        replaces=(f"{quantity.replace(' ', '_')}.png",),
-        notes=(f"Poisson's ratio {grids[0][0].nu:g}; the table also has {more}.",) if others else (),
-    )
+    nu = grids[0][0].nu
+    others = ", ".join(f"{other:g}" for other in sorted({body.nu for body in beam_cells.bodies(columns)} - {nu}))
+    if others:
+        caption += f" Poisson's ratio {nu:g}; the table also has {others}."
+    data = data[["panel", "L/D", load, "error (%)"]]
+    title = f"Error of the {quantity}, level {level}"
+    return heat(title, caption, data, ("L/D", load), "error (%)", edges=ERROR_EDGES)
 
 
-def readings(table: Table) -> list[Figure]:
+def readings(table: pd.DataFrame) -> list[Figure]:
     """Return how much of a reading's error is mechanics, tilt and field, over L/D."""
     names = {"mechanics_percent_FS": "mechanics", "tilt_percent_FS": "tilt", "dipole_percent_FS": "dipole as field"}
-    panels = []
-    element = table.texts("element")
-    for which, rows in grouped(element).items():
-        x = table.floats("L_over_D")[rows]
-        parts = []
-        for style, (column, name) in enumerate(names.items()):
-            values = np.abs(table.floats(column)[rows])
-            parts.append(series(name, x, np.where(values > 0, values, np.nan), style, line=False))
-        panels.append(Panel(which, tuple(parts)))
-    return [
-        Figure(
-            "Where errors of readings come from",
-            "Each point is one state; the magnet's place (mechanics) dominates except where the field is a dipole's.",
-            Axis("L/D"),
-            Axis("error (% of full scale)", log=True),
-            tuple(panels),
-            source=table.name,
-            replaces=("readings.png",),
-        )
-    ]
+    y = "error (% of full scale)"
+    data = long(table, ("L_over_D", "L/D"), y, names)
+    data["panel"] = [*texts(table, "element")] * (len(data) // max(len(table), 1))
+    data[y] = data[y].abs().where(data[y] != 0)
+    caption = (
+        "Each point is one state; the magnet's place (mechanics) dominates except where the field is a dipole's."
+    )
+    return [plot("Where errors of readings come from", caption, data, "L/D", y, Look(line=False, log="y"))]
 
 
-def heights(table: Table) -> list[Figure]:
+def heights(table: pd.DataFrame) -> list[Figure]:
     """Return the errors of the paper's force and voltage over the height of the magnet."""
-    x = table.floats("magnet_height_mm")
     columns = {
         "error_percent_of_largest": "force, E = 1 MPa",
         "best_error_percent_of_largest": "force, best E for each height",
         "S1_error_percent": "voltage of S1, E = 1 MPa",
         "best_E_S1_error_percent": "voltage of S1, best E for each height",
     }
-    parts = [series(name, x, table.floats(column), style) for style, (column, name) in enumerate(columns.items())]
-    best = table.floats("error_percent_of_largest")
-    within = [f"{h:g}" for h, value in zip(x, best, strict=True) if value <= 5]
+    x, y = "height of the magnet (mm)", "largest error (% of full scale)"
+    within = numbers(table, "magnet_height_mm")[numbers(table, "error_percent_of_largest") <= 5]
     caption = (
-        f"At E = 1 MPa the paper's force is within 5 % of the largest force for heights of {', '.join(within)} mm."
-        if within
+        "At E = 1 MPa the paper's force is within 5 % of the largest force for heights of "
+        f"{', '.join(map('{:g}'.format, within))} mm."
+        if len(within)
         else "At E = 1 MPa no height of the magnet brings the paper's force within 5 % of the largest force."
     )
-    return [
-        Figure(
-            "Errors of force and voltage over the height of the magnet",
-            caption,
-            Axis("height of the magnet (mm)"),
-            Axis("largest error (% of full scale)"),
-            (Panel("", tuple(part for part in parts if part.y)),),
-            guides=error_guides(5)[1:2],
-            source=table.name,
-        )
-    ]
+    look = Look(guides=(Guide("y", 5.0, "5 %"),))
+    data = long(table, ("magnet_height_mm", x), y, columns)
+    return [plot("Errors of force and voltage over the height of the magnet", caption, data, x, y, look)]
 
 
-def presses(table: Table) -> list[Figure]:
+def presses(table: pd.DataFrame) -> list[Figure]:
     """Return the press force over depth for heights of the magnet."""
-    height = table.floats("magnet_height_mm")
-    few = np.unique(height)
-    few = few[np.unique(np.linspace(0, len(few) - 1, 6).round().astype(int))]
-    parts = [
-        series(
-            f"magnet {one:g} mm high" if one else "no magnet",
-            table.floats("depth_mm")[height == one],
-            table.floats("fem_force_N")[height == one],
-            k,
-        )
-        for k, one in enumerate(few)
-    ]
-    last = [(one.name, one.y[-1]) for one in parts]
+    import pandas as pd
+
+    every = np.unique(numbers(table, "magnet_height_mm"))
+    few = every[np.unique(np.linspace(0, len(every) - 1, 6).round().astype(int))]
+    rows = table[numbers(table, "magnet_height_mm").isin(few)].sort_values("magnet_height_mm", kind="stable")
+    names = [f"magnet {one:g} mm high" if one else "no magnet" for one in numbers(rows, "magnet_height_mm")]
+    x, y = "depth (mm)", "press force (N)"
+    data = pd.DataFrame({x: numbers(rows, "depth_mm"), y: numbers(rows, "fem_force_N"), "series": names})
+    last = data.groupby("series", sort=False)[y].last()
     caption = (
-        f"A taller magnet stiffens the press: {last[0][1]:.3g} N with {last[0][0]}, {last[-1][1]:.3g} N with the "
+        f"A taller magnet stiffens the press: {last.iloc[0]:.3g} N with {last.index[0]}, {last.iloc[-1]:.3g} N with "
+        f"the {last.index[-1]}, each at its deepest state."
     )
-    caption += f"{last[-1][0]}, each at its deepest state."
-    return [
-        Figure(
-            "Press force for heights of the magnet, finite elements",
-            caption,
-            Axis("depth (mm)"),
-            Axis("press force (N)"),
-            (Panel("", tuple(parts)),),
-            source=table.name,
-        )
-    ]
+    return [plot("Press force for heights of the magnet, finite elements", caption, data, x, y)]
 
 
-def shears(table: Table) -> list[Figure]:
+def shears(table: pd.DataFrame) -> list[Figure]:
     """Return the force along the shear for conditions of the tip."""
-    parts = []
-    for style, (tip, rows) in enumerate(grouped(table.texts("tip")).items()):
-        parts.append(series(tip, table.floats("shear_mm")[rows], table.floats("fem_force_x_N")[rows], style))
-    return [
-        Figure(
-            "Force along the shear for conditions of the tip, finite elements",
-            "How the tip is held decides the shear force.",
-            Axis("shear (mm)"),
-            Axis("force along the shear (N)"),
-            (Panel("", tuple(parts)),),
-            source=table.name,
-        )
-    ]
+    import pandas as pd
+
+    x, y = "shear (mm)", "force along the shear (N)"
+    data = pd.DataFrame(
+        {x: numbers(table, "shear_mm"), y: numbers(table, "fem_force_x_N"), "series": texts(table, "tip")}
+    )
+    title = "Force along the shear for conditions of the tip, finite elements"
+    return [plot(title, "How the tip is held decides the shear force.", data, x, y)]

@@ -1,7 +1,8 @@
 """The page of a report: one HTML file with its style, scripts and data, which opens without a network.
 
 Texts of files enter the page escaped, data as JSON in which no tag can end; the page's Content-Security-Policy lets
-only its own three scripts run, by their hashes, and lets nothing be loaded.
+only its own four scripts run, by their hashes, and lets nothing be loaded or evaluated: Vega, which draws the
+figures, interprets its expressions.
 """
 
 from __future__ import annotations
@@ -12,24 +13,27 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.output import atomic_files, provenance
+from studies.output import atomic_files, figures, provenance
+from studies.output.figures import Figure, quantity_name
 from studies.report import folder_contents, page_pictures, report_sections
 from studies.report.folder_contents import Contents, Table
 from studies.report.page_text import lead_of, page_html, title_of
 from studies.report.report_sections import Section
-from studies.report.sweep_figures import name_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 OWN = Path(__file__).parent
-SCRIPTS = ("plots.js", "deformed.js", "page.js")
+SCRIPTS = ("figures.js", "deformed.js", "page.js")
 GENERATOR = "magtip report"
 """Text by which a page of a report is recognised, so that no other file is replaced."""
-MOST_BYTES = 8_000_000
-"""Largest size of a page."""
+MOST_BYTES = 9_000_000
+"""Largest size of a page; Vega takes one million bytes of it."""
 MOST_TABLE_BYTES = 2_500_000
 """Bytes of whole tables in a page; those beyond, the largest first, are left out with a sentence."""
 MOST_SOLVED = 4
@@ -109,13 +113,14 @@ def report(
         )
     atomic_files.write_text(file, text)
     remarks = tuple(f"{one.name}: {remark}" if one.name else remark for one in sections for remark in one.remarks)
-    figures, surfaces = sum(len(one.figures) for one in sections), sum(len(one.surfaces) for one in sections)
-    return Made(file, size, len(sections), figures, surfaces, remarks)
+    drawn, surfaces = sum(len(one.figures) for one in sections), sum(len(one.surfaces) for one in sections)
+    return Made(file, size, len(sections), drawn, surfaces, remarks)
 
 
 def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     """Return the text of the page."""
     import jinja2
+    import vl_convert
     from markupsafe import Markup
 
     environment = jinja2.Environment(
@@ -124,24 +129,27 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     environment.filters["minus"] = minus
     tables, left_out = _kept_tables(sections)
     images = page_pictures.Budget(MOST_PICTURE_BYTES)
-    data: dict[str, Any] = {"figures": {}, "surfaces": {}, "tables": tables}
+    data: dict[str, Any] = {"figures": {}, "surfaces": {}, "tables": tables, "theme": page_theme()}
     shown = []
     for number, (section, name) in enumerate(zip(sections, _titles(sections), strict=True)):
         shown.append(_section(section, name, number, data, left_out, images))
-    scripts = [(OWN / name).read_text("utf-8") for name in SCRIPTS]
+    scripts = [
+        vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;"),
+        *((OWN / name).read_text("utf-8") for name in SCRIPTS),
+    ]
     title = folder.resolve().name or str(folder)
-    figures = len(data["figures"]) + len(data["surfaces"])
+    count = len(data["figures"]) + len(data["surfaces"])
     text = environment.get_template("page.html.jinja").render(
         generator=GENERATOR,
         title=f"Results in {title}",
-        lead=f"{_count(figures, 'figure')} of {_count(len(sections), 'folder')}. The pointer or, on a figure with "
+        lead=f"{_count(count, 'figure')} of {_count(len(sections), 'folder')}. The pointer or, on a figure with "
         "the focus, the arrow keys read it off; its numbers are below it, also as CSV.",
         style=Markup((OWN / "style.css").read_text("utf-8")),
         scripts=[Markup(text) for text in scripts],
         hashes=" ".join(f"'sha256-{_digest(text)}'" for text in scripts),
         sections=shown,
         data=data,
-        origin=provenance.versions(("jinja2", "pyvista")),
+        origin=provenance.versions(("jinja2", "altair", "vl-convert-python", "pyvista")),
         command=command,
         origins=_origins(sections),
     )
@@ -184,7 +192,7 @@ def _kept_tables(sections: Sequence[Section]) -> tuple[dict[str, str], dict[tupl
 
 
 def _bytes(table: Table) -> int:
-    return len(table.text) or 20 * len(table) * len(table.columns)
+    return len(table.text) or 20 * table.frame.size
 
 
 def _table_key(folder: str, table: Table) -> str:
@@ -210,11 +218,11 @@ def _section(
 ) -> dict[str, Any]:
     """Return a section as the template takes it, and add its figures to the data of the page."""
     contents, remarks = section.contents, section.remarks
-    figures, surfaces = [], []
+    drawn, surfaces = [], []
     for k, figure in enumerate(section.figures):
         key = f"f{number}-{k}"
-        data["figures"][key] = figure.data()
-        figures.append({"id": key, "figure": figure, "file": _file_name(section.name, figure.title)})
+        data["figures"][key] = figure_data(figure)
+        drawn.append({"id": key, "figure": figure, "file": _file_name(section.name, figure.title)})
     for k, surface in enumerate(section.surfaces):
         key = f"s{number}-{k}"
         data["surfaces"][key] = surface.data()
@@ -225,7 +233,7 @@ def _section(
     files = []
     for table in contents.tables.values():
         reason = left_out.get((section.name, table.name), "")
-        text = f"{table.name}: {_count(len(table), 'row')}, {_count(len(table.columns), 'column')}"
+        text = f"{table.name}: {_count(len(table), 'row')}, {_count(table.frame.shape[1], 'column')}"
         key = "" if reason else _table_key(section.name, table)
         files.append(
             {"id": key, "name": table.name, "text": text + (f" (not in this page: {reason})" if reason else "")}
@@ -238,16 +246,16 @@ def _section(
         for name, source in pictures.items()
         if name not in used
     ]
-    count = len(figures) + len(surfaces)
+    count = len(drawn) + len(surfaces)
     return {
         "id": f"part-{number}",
         "title": title,
         "folder": section.name,
         "count": _count(count, "figure") if count else "",
         "lead": lead_of(contents),
-        "figures": figures,
+        "figures": drawn,
         "surfaces": surfaces,
-        "tables": [_sheet(table) for table in section.sheets],
+        "tables": [_sheet(title, table) for title, table in section.sheets.items()],
         "pictures": loose,
         "pages": pages,
         "files": files,
@@ -255,18 +263,69 @@ def _section(
     }
 
 
-def _sheet(table: Table) -> dict[str, Any]:
+def _sheet(title: str, table: pd.DataFrame) -> dict[str, Any]:
     """Return a table as the template takes it."""
-    columns = [table.texts(name) for name in table.columns]
-    rows = [[_cell(column[k]) for column in columns] for k in range(len(table))]
-    return {"title": table.name, "head": [name_of(name) for name in table.columns], "rows": rows, "note": ""}
+    rows = [[_cell(value) for value in row] for row in table.itertuples(index=False)]
+    return {"title": title, "head": [quantity_name(str(name)) for name in table.columns], "rows": rows, "note": ""}
 
 
-def _cell(text: str) -> dict[str, Any]:
+def _cell(value: Any) -> dict[str, Any]:
     try:
-        return {"text": f"{float(text):.4g}", "number": True}
-    except ValueError:
-        return {"text": {"True": "yes", "False": "no"}.get(text, text), "number": False}
+        number = float(value)
+    except (TypeError, ValueError):
+        return {"text": {"True": "yes", "False": "no"}.get(str(value), str(value)), "number": False}
+    return {"text": f"{number:.4g}" if number == number else "", "number": True}
+
+
+def figure_data(figure: Figure) -> dict[str, Any]:
+    """Return a figure as the page's script takes it: the columns that its CSV has, and Vega-Lite's description.
+
+    Tables stand there as columns: numbers to six digits, None for NaN, texts by their places in a list of all texts.
+    """
+    spec = figure.spec()
+    columns = [str(name) for name in figure.data]
+    for name, rows in spec["datasets"].items():
+        keys = list(dict.fromkeys(key for row in rows for key in row))
+        spec["datasets"][name] = {key: _packed([row.get(key) for row in rows]) for key in keys}
+    spec["description"] = f"{figure.title}. {figure.caption} Arrow keys read it off."
+    return {"spec": spec, "columns": columns}
+
+
+def _packed(column: list[Any]) -> list[Any] | dict[str, list[Any]]:
+    if any(isinstance(value, str) for value in column):
+        places = {value: k for k, value in enumerate(dict.fromkeys(column))}
+        return {"texts": list(places), "at": [places[value] for value in column]}
+    return [float(f"{value:.6g}") if isinstance(value, float) else value for value in column]
+
+
+def page_theme() -> dict[str, Any]:
+    """Return the theme of the figures with the colours of the page, which change with its own theme."""
+    soft, ink = {"labelColor": "var(--soft)"}, {"titleColor": "var(--ink)"}
+    own: dict[str, Any] = {
+        "background": None,
+        "range": {"category": [f"var(--s{k})" for k in range(len(figures.COLOURS))]},
+        "axis": soft | ink | {"gridColor": "var(--grid)", "tickColor": "var(--soft)"},
+        "legend": {"labelColor": "var(--ink)", "titleColor": "var(--soft)"},
+        "header": {"labelColor": "var(--ink)"},
+        "view": {"stroke": "var(--soft)"},
+        "style": {
+            "guide": {"color": "var(--soft)"},
+            "guide-label": {"color": "var(--soft)"},
+            "band": {"color": "var(--ink)"},
+            "label": {"color": "var(--ink)"},
+            "failed": {"color": "var(--soft)"},
+        },
+    }
+    return _merged(figures.THEME, own)
+
+
+def _merged(base: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested mappings with the values of the second one where it has some."""
+    parts = {
+        key: _merged(base.get(key, {}), value) if isinstance(value, Mapping) else value
+        for key, value in other.items()
+    }
+    return {**base, **parts}
 
 
 def _file_name(folder: str, title: str) -> str:

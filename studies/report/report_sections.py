@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.exploration import sweep_figures
 from studies.exploration.study_cases import load_of, varied
 from studies.inputs import study_axes, user_input
-from studies.report import (
-    deformed_surface,
-    folder_contents,
-    model_figures,
-    paper_figures,
-    sizing_figures,
-    sweep_figures,
-    time_figures,
-    uncertainty_figures,
-    verdict_figures,
-)
+from studies.output.figures import Figure
+from studies.report import deformed_surface, folder_contents, paper_figures, verdict_figures
 from studies.report.deformed_surface import Surface
 from studies.report.folder_contents import Contents, Table
-from studies.report.report_figures import Figure, thinned
+from studies.sensitivity import uncertainty_figures
+from studies.simulation import comparison_figures, critical_depths, time_figures
+from studies.sizing import sizing_figures
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_SURFACES = 3
 """Largest number of solutions of one folder that are shown in 3D, of about 0.4 MB each."""
@@ -37,49 +33,61 @@ MOST_OPEN_ROWS, MOST_OPEN_COLUMNS = 40, 9
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """A table that magtip writes: its file, some of its columns, and what draws it (None: it is shown as a table)."""
+    """A table that magtip writes.
+
+    Attributes
+    ----------
+    columns : some of its columns.
+    figures : what draws it; None: it is shown as a table.
+    pictures : pictures in the folder that show the same as the figures.
+    """
 
     file: str
     columns: tuple[str, ...]
-    figures: Callable[[Table], list[Figure]] | None
+    figures: Callable[[pd.DataFrame], list[Figure]] | None
+    pictures: tuple[str, ...] = ()
 
 
 KNOWN = (
-    Known("press.csv", ("depth_mm", "fem_force_N", "analytic_force_N"), model_figures.press),
-    Known("shear.csv", ("shear_mm", "fem_force_x_N", "analytic_force_x_N"), model_figures.shear),
-    Known("states.jsonl", ("depth_mm", "status"), model_figures.states),
-    Known("trade.csv", ("kind", "model", "level", "cost", "force_error_percent"), verdict_figures.trade),
+    Known("press.csv", ("depth_mm", "fem_force_N", "analytic_force_N"), comparison_figures.press, ("press.png",)),
+    Known("shear.csv", ("shear_mm", "fem_force_x_N", "analytic_force_x_N"), comparison_figures.shear, ("shear.png",)),
+    Known("states.jsonl", ("depth_mm", "status"), comparison_figures.states),
+    Known(
+        "trade.csv", ("kind", "model", "level", "cost", "force_error_percent"), verdict_figures.trade, ("trade.png",)
+    ),
     Known("confirm.csv", ("kind", "tolerance", "expected", "error"), None),
     Known("extremes.csv", ("scene", "verdict", "measured", "bound"), verdict_figures.robustness),
     Known("verify.csv", ("target", "quantity", "error_percent", "tolerance_percent"), verdict_figures.verification),
-    Known("accuracy.csv", ("force_error", "force_estimate", "level"), verdict_figures.accuracy),
+    Known("accuracy.csv", ("force_error", "force_estimate", "level"), verdict_figures.accuracy, ("errors.png",)),
     Known("friction.csv", ("check", "off", "bound", "passed"), verdict_figures.friction),
     Known("crosscheck.csv", ("force_difference_percent", "agree"), verdict_figures.crosscheck),
-    Known("stability.csv", ("L_over_D", "critical_depth_mm"), verdict_figures.stability),
+    Known("stability.csv", ("L_over_D", "critical_depth_mm"), critical_depths.figures, ("stability.png",)),
     Known("field.csv", ("region", "height_per_radius", "compiled"), verdict_figures.field),
-    Known("ladder.csv", ("level", "outside", "press_force_error"), verdict_figures.ladder),
+    Known("ladder.csv", ("level", "outside", "press_force_error"), verdict_figures.ladder, ("ladder.png",)),
     Known("ladder.csv", ("motion", "model", "natural_Hz"), None),
-    Known("response.csv", ("motion", "frequency_Hz"), time_figures.response),
-    Known("cycle.csv", ("law", "time_s", "cycle", "depth_mm", "shear_mm"), time_figures.cycle),
+    Known("response.csv", ("motion", "frequency_Hz"), time_figures.response, ("response_z.png", "response_x.png")),
+    Known("cycle.csv", ("law", "time_s", "cycle", "depth_mm", "shear_mm"), time_figures.cycle, ("cycle.png",)),
     Known("loops.csv", ("law", "cycle", "gap_percent"), None),
     Known("claims.csv", ("claim", "paper", "computed", "verdict"), None),
     Known("heights.csv", ("magnet_height_mm", "error_percent_of_largest"), paper_figures.heights),
     Known("presses.csv", ("magnet_height_mm", "depth_mm", "fem_force_N"), paper_figures.presses),
     Known("shears.csv", ("tip", "shear_mm", "fem_force_x_N"), paper_figures.shears),
-    Known("readings.csv", ("L_over_D", "element", "mechanics_percent_FS"), paper_figures.readings),
+    Known("readings.csv", ("L_over_D", "element", "mechanics_percent_FS"), paper_figures.readings, ("readings.png",)),
     Known("best.csv", ("quantity", "region", "best_level"), None),
-    Known("front.csv", ("status", "rank", "D_mm", "L_mm"), sizing_figures.front),
+    Known("front.csv", ("status", "rank", "D_mm", "L_mm"), sizing_figures.front, ("front.png",)),
     Known("yield.csv", ("requirement", "sensors", "within_percent"), sizing_figures.made_within),
-    Known("sobol.csv", ("output", "input", "first_order", "total_order"), uncertainty_figures.sobol),
-    Known("morris.csv", ("output", "input", "mu_star", "sigma"), uncertainty_figures.morris),
+    Known("sobol.csv", ("output", "input", "first_order", "total_order"), uncertainty_figures.sobol, ("sobol.png",)),
+    Known("morris.csv", ("output", "input", "mu_star", "sigma"), uncertainty_figures.morris, ("morris.png",)),
     Known("morris_cases.csv", ("fem_force_N", "status"), None),
-    Known("montecarlo.csv", ("sensor", "status", "E_MPa"), uncertainty_figures.made_sensors),
+    Known("montecarlo.csv", ("sensor", "status", "E_MPa"), uncertainty_figures.made_sensors, ("montecarlo.png",)),
     Known("percentiles.csv", ("axis", "quantity", "percentile", "value"), None),
 )
 """Tables by file name. A sweep's table is recognised by its columns, see `_figures_of`."""
 
 ASSUMPTION = ("magnet_height_mm", "nu", "depth_mm", "shear_mm", "fem_force_N", "analytic_paper_force_N")
 """Columns of the sweep of `magtip validate assumption`, whose figures need them all."""
+ASSUMPTION_PICTURES = ("press_force.png", "sinking.png", "shear_force.png", "sideways_shift.png", "tilt.png")
+"""Its pictures that show the same as these figures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +97,7 @@ class Section:
     Attributes
     ----------
     name : path of the folder below that of the report.
-    sheets : tables that are shown at once, with their titles.
+    sheets : tables that are shown at once, by their titles.
     replaced : pictures that a figure replaces.
     remarks : sentences on what is left out.
     """
@@ -98,7 +106,7 @@ class Section:
     contents: Contents
     figures: list[Figure] = field(default_factory=list)
     surfaces: list[Surface] = field(default_factory=list)
-    sheets: list[Table] = field(default_factory=list)
+    sheets: dict[str, pd.DataFrame] = field(default_factory=dict)
     replaced: set[str] = field(default_factory=set)
     remarks: list[str] = field(default_factory=list)
 
@@ -114,43 +122,41 @@ def section(contents: Contents, *, solve: bool) -> Section:
     assumption = "ASSUMPTION.md" in contents.pages
     for name, table in contents.tables.items():
         try:
-            figures, remark = _figures_of(name, table, assumption=assumption)
+            figures, pictures, remark = _figures_of(name, table, assumption=assumption)
         except (ValueError, KeyError, IndexError, TypeError) as error:
             figures, remark = [], f"{name} has no figure: it is incomplete ({type(error).__name__}: {error})."
-        drawn = [thinned(figure) for figure in figures if not figure.empty]
+        drawn = [replace(figure, source=name) for figure in figures if len(figure.data)]
         result.figures.extend(drawn)
         result.remarks.extend([remark] if remark else [])
-        if not drawn and len(table) <= MOST_OPEN_ROWS and len(table.columns) <= MOST_OPEN_COLUMNS and len(table):
-            result.sheets.append(table)
-        result.replaced.update(picture for figure in drawn for picture in figure.replaces)
+        if not drawn and len(table) <= MOST_OPEN_ROWS and table.frame.shape[1] <= MOST_OPEN_COLUMNS and len(table):
+            result.sheets[name] = table.frame
+        result.replaced.update(pictures if drawn else ())
     if folder_contents.SIZING in contents.records:
-        result.sheets.extend(sizing_figures.sheets(contents.records[folder_contents.SIZING]))
+        result.sheets.update(sizing_figures.sheets(contents.records[folder_contents.SIZING]))
         if "front.csv" in contents.tables:
-            result.sheets.append(sizing_figures.front_sheet(contents.tables["front.csv"]))
+            result.sheets["Front"] = sizing_figures.front_sheet(contents.tables["front.csv"].frame)
     _add_surfaces(result, solve=solve)
     return result
 
 
-def _figures_of(name: str, table: Table, *, assumption: bool) -> tuple[list[Figure], str]:
-    """Return the figures of a table, and a sentence if there is none that could be expected."""
+def _figures_of(name: str, table: Table, *, assumption: bool) -> tuple[list[Figure], tuple[str, ...], str]:
+    """Return the figures of a table, the pictures that they replace, and a sentence if one could expect some."""
     if not len(table):
-        return [], f"{name} has no rows."
+        return [], (), f"{name} has no rows."
     for known in KNOWN:
         if known.file == name and table.has(*known.columns):
-            return (known.figures(table) if known.figures else []), ""
+            return (known.figures(table.frame) if known.figures else []), known.pictures, ""
     if assumption and table.has(*ASSUMPTION):
-        return paper_figures.assumption(table), ""
-    if (
-        any(column.startswith(("fem_", "response_", "loop_")) for column in table.columns)
-        and "status" in table.columns
-    ):
-        figures = sweep_figures.sweep(table)
-        return figures, "" if figures else f"{name} has no figure: no axis varies, or every case failed."
+        return paper_figures.assumption(table.frame), ASSUMPTION_PICTURES, ""
+    columns = map(str, table.frame.columns)
+    if any(column.startswith(("fem_", "response_", "loop_")) for column in columns) and "status" in table.frame:
+        figures = sweep_figures.sweep(table.frame) if table.ok.any() else []
+        return figures, ("sweep.png",), "" if figures else f"{name} has no figure: every case failed."
     expected = next((known for known in KNOWN if known.file == name), None)
     if expected is not None:
-        missing = ", ".join(column for column in expected.columns if column not in table.columns)
-        return [], f"{name} has no figure: its columns {missing} are missing."
-    return [], ""
+        missing = ", ".join(column for column in expected.columns if column not in table.frame)
+        return [], (), f"{name} has no figure: its columns {missing} are missing."
+    return [], (), ""
 
 
 def _add_surfaces(result: Section, *, solve: bool) -> None:
@@ -195,17 +201,17 @@ def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
 def _largest_state(table: Table, base: Design) -> tuple[Design, Load] | None:
     """Return the case of a table with the greatest shear, then depth, of the base design if the table has it."""
     columns = {name: study_axes.column(name) for name in study_axes.AXES}
-    present = {name: column for name, column in columns.items() if column in table.columns}
+    present = {name: column for name, column in columns.items() if column in table.frame}
     if "depth" not in present or not table.ok.any():
         return None
-    texts = {name: table.texts(column) for name, column in present.items()}
-    rows = np.flatnonzero(table.ok)
-    cases = [
-        {name: _axis_value(values[row]) for name, values in texts.items() if values[row]}
-        for row in rows[:: len(rows) // MOST_CASES + 1].tolist()
+    rows = table.frame[table.ok][list(present.values())]
+    shown = rows.iloc[:: len(rows) // MOST_CASES + 1].set_axis(list(present), axis=1)
+    cases: list[dict[str, Any]] = [
+        {name: _axis_value(value) for name, value in case.items() if value == value and value != ""}
+        for case in shown.to_dict("records")
     ]
 
-    def rank(case: dict[str, float | str]) -> tuple[bool, float, float]:
+    def rank(case: dict[str, Any]) -> tuple[bool, float, float]:
         own = all(getattr(base, name) == value for name, value in case.items() if name in study_axes.DESIGN)
         aside = math.hypot(_size(case.get("shear")), _size(case.get("shear_y")))
         return own, aside, _size(case.get("depth"))
@@ -219,12 +225,12 @@ def _largest_state(table: Table, base: Design) -> tuple[Design, Load] | None:
         return None
 
 
-def _axis_value(text: str) -> float | str:
-    """Return a value of an axis from its text."""
+def _axis_value(value: Any) -> float | str:
+    """Return a value of an axis from its cell, which is a text where other rows have words."""
     try:
-        return float(text)
+        return float(value)
     except ValueError:
-        return text
+        return str(value)
 
 
 def _size(value: float | str | None) -> float:

@@ -7,29 +7,30 @@ to `stable_to_mm`. A search that ended before its last depth leaves the status u
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
+from studies.output.figures import Figure, Look, long, numbers, picture, plot
 from studies.output.markdown_tables import markdown
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, failure_of
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from fem.analyses.small_shear import SmallShear
     from fem.analyses.stability import Critical
 
 ABOUT = """\
 Each length is solved with a free tip (it slides on a frictionless plate) and with a guided tip (its contact area
 sticks to a plate that cannot move sideways). All fields but L are the design's; a length that the magnet does not fit
-has a row that says so. Depths and forces are given in mm and N, and made dimensionless in the plot.
+has a row that says so. Depths and forces are given in mm and N.
 The depth of a formula is that of Hertz's contact in series with a uniform column under the formula's load.
 """
 """Explanation that STABILITY.md prints."""
@@ -54,10 +55,14 @@ PAGE_COLUMNS = (
 )
 FILES = ("stability.csv", "stability.png", "STABILITY.md")
 """Files of --slenderness."""
-SLENDERNESS = (0.3, 0.6, 1, 2, 3, 5, 10, 20)
-"""L/D at which the picture has a number."""
-HIGHEST_DEPTH, HIGHEST_FORCE = 1.0, 3.0
-"""Upper ends of the picture, depth over L and force over E D^2: formulas of short beams run beyond them."""
+MODELS = {
+    "critical": "finite elements, free tip",
+    "guided_critical": "finite elements, guided tip",
+    "haringx": "Haringx, free tip",
+    "euler": "Euler, free tip",
+    "engesser": "Engesser, free tip",
+}
+"""Names of the critical points and loads by the beginning of their columns."""
 NEAR = 0.1
 """Relative difference up to which the report calls a formula close to the finite elements."""
 
@@ -186,7 +191,7 @@ def over_slenderness(
         records=rows,
         shown=[table],
         tables={"stability": rows},
-        files={"stability.png": partial(picture, design=design, rows=rows)},
+        files={"stability.png": partial(picture, rows=rows, draw=figures)},
         pages={"STABILITY.md": page(rows)},
         failures=failure_of(rows),
     )
@@ -251,54 +256,25 @@ def _lengths(rows: Sequence[FlatRow]) -> str:
     return ", ".join(f"{row['L_over_D']:g}" for row in rows)
 
 
-def picture(path: Path, design: Design, rows: Sequence[FlatRow]) -> None:
-    """Plot critical depth over L, and critical force over E D^2, against L/D."""
-    from matplotlib.ticker import NullLocator
-
-    from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, log_numbers, sheet
-
-    values = [row for row in rows if row["status"] != "refused"]
-    x = [row["L_over_D"] for row in values]
-    scale = design.E * design.D**2
-    looks: dict[str, Any] = {
-        "critical": ("FEM, free tip", {"color": FEM, "marker": "o"}),
-        "guided_critical": ("FEM, guided tip", {"color": HOMOGENEOUS, "marker": "s", "markerfacecolor": "white"}),
-        "haringx": ("Haringx, free tip", {"color": ANALYTIC, "linestyle": "--"}),
-        "euler": ("Euler, free tip", {"color": COLOURS[3], "linestyle": ":"}),
-        "engesser": ("Engesser, free tip", {"color": COLOURS[4], "linestyle": "-."}),
-    }
-    with sheet(path, 7.0, 3.9) as figure:
-        left, right = figure.subplots(1, 2, sharex=True)
-        for name, (label, look) in looks.items():
-            column = f"{name}_force_N" if "critical" in name else f"{name}_N"
-            depth = [_over(value[f"{name}_depth_mm"], value["L_mm"]) for value in values]
-            force = [_over(value[column], scale) for value in values]
-            if any(math.isfinite(value) for value in (*depth, *force)):
-                left.plot(x, depth, **look)
-                right.plot(x, force, label=label, **look)
-        stable = [
-            _over(row["stable_to_mm"] if row["critical_depth_mm"] is None else None, row["L_mm"]) for row in values
-        ]
-        if any(map(math.isfinite, stable)):
-            look = {"color": FEM, "marker": "^", "markersize": 7, "markerfacecolor": "white", "linestyle": "none"}
-            left.plot(x, stable, label="FEM, free tip: stable at least to here", **look)
-        left.set_ylabel("critical depth / $L$")
-        right.set_ylabel("critical force / ($E D^2$)")
-        for axis, highest in ((left, HIGHEST_DEPTH), (right, HIGHEST_FORCE)):
-            axis.set(xscale="log", yscale="log", xlabel="slenderness $L/D$")
-            axis.set_ylim(top=highest)
-            log_numbers(axis, "y")
-        low, high = (min(x, default=1) * 0.93, max(x, default=10) * 1.07)
-        left.set_xlim(low, high)
-        ticks = [tick for tick in SLENDERNESS if low <= tick <= high]
-        left.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        left.xaxis.set_minor_locator(NullLocator())
-        if right.lines:
-            entries = {line.get_label(): line for axis in (right, left) for line in axis.lines}
-            named = [entry for name, entry in entries.items() if not name.startswith("_")]
-            figure.legend(handles=named, loc="outside upper center", ncols=2, frameon=False)
-
-
-def _over(value: float | None, scale: float) -> float:
-    """Divide a value by its scale; NaN without a value."""
-    return math.nan if value is None else value / scale
+def figures(table: pd.DataFrame) -> list[Figure]:
+    """Return critical depths and forces over slenderness, beside the formulas of buckling; rows of stability.csv."""
+    depths = {f"{name}_depth_mm": label for name, label in MODELS.items()}
+    depths["stable_depth"] = "finite elements, free tip: stable at least to here"
+    forces = {f"{name}_force_N" if "critical" in name else f"{name}_N": label for name, label in MODELS.items()}
+    slenderness, depth = numbers(table, "L_over_D"), numbers(table, "critical_depth_mm")
+    table = table.assign(stable_depth=numbers(table, "stable_to_mm").where(depth.isna()))
+    caption = "No beam of the table gives way sideways."
+    if depth.notna().any():
+        least = depth.idxmin()
+        caption = (
+            f"The tip gives way sideways at the least depth, {depth[least]:.3g} mm, at L/D = {slenderness[least]:g}. "
+            "Beams without a point have no critical depth in the range of the study."
+        )
+    look = Look(log="xy", dashed=True, names=tuple(MODELS.values()))
+    return [
+        plot(title, caption, long(table, ("L_over_D", "L/D"), label, columns), "L/D", label, look)
+        for title, label, columns in (
+            ("Critical depth over slenderness", "critical depth (mm)", depths),
+            ("Critical force over slenderness", "critical force (N)", forces),
+        )
+    ]

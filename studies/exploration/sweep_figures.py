@@ -1,0 +1,499 @@
+"""Figures of a sweep's table: quantities over its axes by all models, with their errors, for picture and page.
+
+The axes are the columns before the first result. The longest axis of numbers is horizontal, the next one has colours,
+or is the vertical axis of maps if it has many values; up to two more make panels. Axes without effect are named, and
+what would need too many panels is shown by its extremes. Sampled points are shown over each axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geometry.arrays import Array
+from geometry.loads import ANSWERED
+from studies.output import figures
+from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, bands, quantity_name, short
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MODELS = ("fem", "analytic", "chosen")
+"""Beginnings of the columns of results; the name of an accuracy or of a level may follow."""
+PLAIN = ("response", "loop", "critical", "mode1")
+"""Beginnings of the columns of results that the finite elements alone have."""
+QUANTITIES = {
+    "force_N": "press force (N)",
+    "force_x_N": "force along the shear (N)",
+    "shift_z_mm": "vertical motion of the magnet (mm)",
+    "shift_x_mm": "sideways motion of the magnet (mm)",
+    "tilt_rad": "tilt (rad)",
+    "S1_V": "output of S1 (V)",
+    "strain": "strain of 99.9 % of the silicone",
+    "critical_depth_mm": "critical depth (mm)",
+    "mode1_Hz": "first natural frequency (Hz)",
+    "response_gain": "gain of the magnet's shift per N",
+    "response_bandwidth_Hz": "-3 dB bandwidth per N (Hz)",
+    "response_resonance_Hz": "first resonance per N (Hz)",
+    "loop_gap_percent": "gap of the loop at mid-stroke (% of full scale)",
+}
+"""Quantities that are drawn, and the names of their axes."""
+ERRORS = {
+    "force_N": ("force_error_percent", "press force"),
+    "force_x_N": ("force_x_error_percent", "force along the shear"),
+    "shift_z_mm": ("shift_error_percent", "motion of the magnet"),
+    "tilt_rad": ("tilt_error_percent", "tilt"),
+}
+"""Columns and names of the errors of these quantities, in %."""
+OTHER_ENDS = ("force", "shift", "tilt", "contact", "radius", "critical", "decoded")
+"""Last words of what stands before the name of a quantity in a column of another quantity."""
+MOST_COLOURS = 6
+"""Greatest number of values of an axis that are told apart by colours."""
+MOST_PANELS = 12
+SAME = 1e-6
+"""Relative difference up to which two results are the same, because scaled results have rounding errors."""
+SAME_RATIO = 0.15
+"""Relative spread of the ratios of neighbouring values up to which they are log-spaced; 1, 2, 5, 10 is beyond it."""
+LEAST_RATIO = 8.0
+"""Ratio of the last to the first value from which a logarithmic axis is of use."""
+BEYOND = 5.0
+"""Ratio to the error that 90 % of the cases do not exceed beyond which a plot does not show errors."""
+BINS = 8
+"""Number of parts of an axis between whose means the effect of the axis is measured."""
+MOST_NOTED = 100
+"""Number of letters beyond which the reason of failed cases is not continued by its next clause."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What each axis does.
+
+    Attributes
+    ----------
+    x, second : columns of the horizontal axis, and of the colours or of the vertical axis of maps; "" for none.
+    panels : columns of the axes that make panels.
+    folded : axes of which the extremes are shown.
+    maps : whether there are maps, else lines.
+    """
+
+    x: str
+    second: str = ""
+    panels: tuple[str, ...] = ()
+    folded: tuple[str, ...] = ()
+    maps: bool = False
+
+
+def sweep(table: pd.DataFrame, quantities: Sequence[str] = tuple(QUANTITIES)) -> list[Figure]:
+    """Return the figures of a sweep, those of a quantity and of its errors one after the other.
+
+    Parameters
+    ----------
+    table : rows of sweep.csv, numbers as numbers.
+    quantities : which of `QUANTITIES` are drawn where the table has them.
+    """
+    table, notes = _grouped_axes(table)
+    axes = axes_of(table)
+    present = [quantity for quantity in quantities if models_of(table, quantity)]
+    if not axes or not present or not len(table):
+        return []
+    table = table.assign(failed=~table["status"].isin(ANSWERED))
+    notes = [*notes, *failures(table)]
+    draw = _scattered if is_sampled(table, axes) else _over_grid
+    drawn = [figure for quantity in present for figure in draw(table, axes, quantity)]
+    return [replace(drawn[0], notes=(*drawn[0].notes, *notes)), *drawn[1:]] if drawn else []
+
+
+def axes_of(table: pd.DataFrame) -> list[str]:
+    """Return the columns of the axes: those before the results that have several values, else the first one."""
+    names = []
+    for name in table.columns:
+        if name.split("_")[0] in (*MODELS, *PLAIN) or name in ("status", "failed"):
+            break
+        names.append(str(name))
+    return [name for name in names if table[name].nunique() > 1] or names[:1]
+
+
+def is_sampled(table: pd.DataFrame, axes: Sequence[str]) -> bool:
+    """Return whether the points fill the space of the axes without a grid."""
+    return len(table) > 8 and all(table[name].nunique() > 0.5 * len(table) for name in axes) and len(axes) > 1
+
+
+def models_of(table: pd.DataFrame, end: str) -> list[str]:
+    """Return the columns of a quantity, finite elements first."""
+    found = [str(name) for name in table.columns if name == end or name.endswith(f"_{end}")]
+    exact = [name for name in found if name == end or _is_model(name.removesuffix(f"_{end}"))]
+    known = [name for name in exact if table[name].dtype.kind in "fiu"]
+    return sorted(known, key=lambda name: not name.startswith("fem"))
+
+
+def _is_model(prefix: str) -> bool:
+    """Return whether a prefix is a model alone, not a model and the beginning of another quantity."""
+    return prefix.split("_")[0] in MODELS and prefix.split("_")[-1] not in OTHER_ENDS
+
+
+def model_name(column: str, end: str) -> str:
+    """Return a model's name as a legend has it.
+
+    >>> model_name("analytic_finite_force_N", "force_N"), model_name("fem_force_N", "force_N")
+    ('formula, level finite', 'finite elements')
+    """
+    if column == end:
+        return "the formula" if "error" in end else "finite elements"
+    kind, _, level = column.removesuffix(end).strip("_").partition("_")
+    base = {"fem": "finite elements", "analytic": "formula", "chosen": "chosen model"}.get(kind, "formula")
+    if kind == "analytic" and not level:
+        return "the paper's formula"
+    return f"{base}, {'level ' if kind == 'analytic' else ''}{level}" if level else base
+
+
+def value_of(column: str, value: Any) -> str:
+    """Return a value of an axis with its name.
+
+    >>> value_of("L_mm", 9.0)
+    'L = 9 mm'
+    """
+    if isinstance(value, str) and " = " in value:  # axes that vary together have their names in their values
+        return value
+    name, _, unit = quantity_name(column).partition(" (")
+    return f"{name} = {short(value)} {unit.rstrip(')')}".strip()
+
+
+def log_spaced(values: Array) -> bool:
+    """Return whether rising values are rather log-spaced than evenly spaced.
+
+    >>> log_spaced(np.array([0.1, 0.3, 1.0, 3.0])), log_spaced(np.array([1.0, 2.0, 3.0]))
+    (True, False)
+    """
+    if len(values) < 3 or not values[0] > 0 or values[-1] / values[0] < LEAST_RATIO:
+        return False
+    steps = np.diff(np.log(values))
+    return bool(np.ptp(steps) <= SAME_RATIO * steps.mean())
+
+
+def failures(table: pd.DataFrame) -> list[str]:
+    """State in a sentence how many cases failed and why."""
+    lost = table[~table["status"].isin(ANSWERED)]
+    if not len(lost):
+        return []
+    kinds = Counter(lost["status"])
+    causes = ", ".join(f"{count} {status}" if len(kinds) > 1 else status for status, count in kinds.most_common(3))
+    text = f"{len(lost)} of {len(table)} cases failed ({causes})"
+    reasons = Counter(str(message) for message in lost.get("message", ()) if isinstance(message, str) and message)
+    for reason, _ in reasons.most_common(1):
+        text += f"; most often: {_first_clauses(reason)}"
+    return [text.rstrip(".") + "."]
+
+
+def _first_clauses(reason: str) -> str:
+    """Return the first clauses of a long reason, none of them cut; the table has the whole of it."""
+    first, *others = reason.split("; ")
+    for clause in others:
+        if len(first) + len(clause) > MOST_NOTED:
+            break
+        first += f"; {clause}"
+    # a long clause ends with a colon and the remedy
+    return first if len(first) <= MOST_NOTED else first.rpartition(": ")[0] or first
+
+
+def _grouped_axes(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return the table with one axis for each group of axes that vary together, and sentences on them.
+
+    The axis with the most values stands for its group; if its values repeat, the axis has the values of all as texts.
+    """
+    notes: list[str] = []
+    axes = axes_of(table)
+    if is_sampled(table, axes):
+        return table, notes
+    for first, second in ((a, b) for k, a in enumerate(axes) for b in axes[k + 1 :]):
+        if first not in table or second not in table:
+            continue
+        leader, other = sorted((first, second), key=lambda name: -table[name].nunique())
+        pairs = len(table[[leader, other]].drop_duplicates())
+        if pairs == table[leader].nunique():
+            notes.append(f"{in_words(other)} varies together with {in_words(leader)}.")
+            table = table.drop(columns=other)
+        elif pairs < table[leader].nunique() * table[other].nunique():
+            texts = [
+                f"{value_of(first, a)}, {value_of(second, b)}"
+                for a, b in zip(table[first], table[second], strict=True)
+            ]
+            place = list(table.columns).index(first)
+            table = table.drop(columns=[first, second])
+            table.insert(place, f"{in_words(first)}, {in_words(second)}", texts)
+            return _grouped_axes(table)
+    return table, notes
+
+
+def in_words(column: str) -> str:
+    """Return the name of an axis without its unit."""
+    return quantity_name(column).partition(" (")[0]
+
+
+def _spread(table: pd.DataFrame, axes: Sequence[str], axis: str, columns: Sequence[str]) -> tuple[float, bool]:
+    """Return how far an axis spreads columns, over the whole spread of each, and whether it changes any of them.
+
+    A value of the axis for which all cases failed changes them, too.
+    """
+    others = [name for name in axes if name != axis]
+    solved = table[~table["failed"]]
+    size, changes = 0.0, solved[axis].nunique() < table[axis].nunique() and len(solved) > 0
+    for column in columns:
+        values = solved[column] if not others else solved.groupby(others, sort=False, dropna=False)[column]
+        most, least = np.atleast_1d(values.max()), np.atleast_1d(values.min())
+        apart, magnitude = most - least, np.maximum(abs(most), abs(least))
+        changes |= bool((apart > SAME * magnitude).any())
+        whole = float(solved[column].max() - solved[column].min())
+        size += float(np.nanmean(apart)) / whole if whole > 0 and np.isfinite(apart).any() else 0.0
+    return size, changes
+
+
+def view(table: pd.DataFrame, axes: Sequence[str], columns: Sequence[str]) -> View:
+    """Choose what each axis does for some columns of results; axes without effect do nothing."""
+    effects = {axis: _spread(table, axes, axis, columns) for axis in axes}
+    count = {axis: table[axis].nunique() for axis in axes}
+    names = (
+        [axis for axis in axes if effects[axis][1]] or [axis for axis in axes if count[axis] > 1] or list(axes[:1])
+    )
+    numbers = [axis for axis in names if table[axis].dtype.kind in "fiu"] or names
+    longest = max(numbers, key=lambda axis: count[axis])
+    # the load's axes make curves that a reader knows; among equals the axis with the most values
+    ranked = sorted(numbers, key=lambda axis: (axis not in ("depth_mm", "shear_mm"), -count[axis]))
+    x = longest if count[longest] > MOST_COLOURS else ranked[0]
+    second, *rest = [*sorted((axis for axis in names if axis != x), key=lambda axis: -count[axis]), ""]
+    panels, folded = [axis for axis in rest if axis], list[str]()
+    while math.prod(count[axis] for axis in panels) > MOST_PANELS:
+        folded.append(min(panels, key=lambda axis: effects[axis][0]))
+        panels.remove(folded[-1])
+    maps = bool(second) and count[second] > MOST_COLOURS and table[x].dtype.kind in "fiu"
+    return View(x, second, tuple(panels), tuple(folded), maps)
+
+
+def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Iterator[Figure]:
+    """Yield a quantity and its errors over a grid."""
+    columns = models_of(table, quantity)
+    solved = table[~table["failed"]]
+    columns = [name for name in columns if solved[name].notna().any()] or columns
+    label = QUANTITIES[quantity]
+    look = view(table, axes, columns)
+    idle = [in_words(a) for a in axes if table[a].nunique() > 1 and a not in _used(look)]
+    notes = [f"{_list(idle)} {'changes' if len(idle) == 1 else 'change'} nothing in the {label.partition(' (')[0]}."]
+    models = {column: model_name(column, quantity) for column in columns}
+    title = f"{_capital(label.partition(' (')[0])} over {in_words(look.x)}"
+    caption = _span(solved, models, label)
+    shown = {columns[0]: models[columns[0]]} if look.maps else models
+    styles = tuple(models.values())
+    yield from _drawn((title, caption), table, look, label, shown, notes if idle and len(solved) else [], styles)
+    error, name = ERRORS.get(quantity, ("", ""))
+    errors = [column for column in (models_of(table, error) if error else []) if solved[column].notna().any()]
+    if not errors:
+        return
+    unit = "%"
+    differences = _over_the_largest(solved, quantity, error, errors)
+    if differences is not None:
+        table, unit = table.assign(**differences), f"% of the largest {name}"
+    own = view(table, axes, errors)
+    # an error's column without a prefix is that of the only formula
+    others = [name for name in models.values() if name != "finite elements"]
+    names = {column: others[-1] if column == error and others else model_name(column, error) for column in errors}
+    for part in [{column: text} for column, text in names.items()] if own.maps else [names]:
+        caption = " ".join(_share(table.loc[~table["failed"], column], text, unit) for column, text in part.items())
+        by = f", {next(iter(part.values()))}" if len(part) == 1 else ""
+        yield from _drawn((f"Error of the {name}{by}", caption), table, own, f"error ({unit})", part, [], styles)
+
+
+def _used(look: View) -> set[str]:
+    return {look.x, look.second, *look.panels, *look.folded}
+
+
+def _drawn(
+    words: tuple[str, str],
+    table: pd.DataFrame,
+    look: View,
+    label: str,
+    names: dict[str, str],
+    notes: Sequence[str],
+    styles: tuple[str, ...],
+) -> Iterator[Figure]:
+    """Yield lines or maps of some columns, whose axes without effect and folded axes take their extremes."""
+    import pandas as pd
+
+    error = label.startswith("error")
+    keys = [axis for axis in (look.x, look.second, *look.panels) if axis]
+    long = []
+    for column, name in names.items():
+        groups = table.assign(value=table[column].where(~table["failed"])).groupby(keys, sort=False)
+        low, high = groups["value"].min(), groups["value"].max()
+        part = pd.DataFrame({label: high.where(high.abs() >= low.abs(), low), "low": low, "high": high})
+        part["failed"] = groups["failed"].any()
+        long.append(part.reset_index().assign(model=name))
+    # texts keep the order of the study
+    rising = [axis for axis in keys if table[axis].dtype.kind in "fiu"]
+    data = pd.concat(long, ignore_index=True)
+    data = data.sort_values(rising, kind="stable", ignore_index=True) if rising else data
+    notes = [*notes, *_folded_notes(label, look)]
+    shown = pd.DataFrame({quantity_name(look.x): data[look.x], label: data[label], "failed": data["failed"]})
+    if look.panels:
+        shown["panel"] = [
+            ", ".join(map(value_of, look.panels, row)) for row in zip(*(data[a] for a in look.panels), strict=True)
+        ]
+    if not shown["failed"].any():
+        shown = shown.drop(columns="failed")
+    if look.maps:
+        shown[quantity_name(look.second)] = data[look.second]
+        across = (quantity_name(look.x), quantity_name(look.second))
+        figure = figures.heat(*words, shown, across, label, edges=ERROR_EDGES if error else ())
+        yield replace(figure, notes=(*figure.notes, *notes))
+        return
+    if look.folded:
+        shown = shown.assign(low=data["low"], high=data["high"])
+    if look.second:
+        shown["series"] = [value_of(look.second, value) for value in data[look.second]]
+    if not look.second or len(names) > 1:
+        shown["model" if look.second else "series"] = data["model"]
+    numeric = table[look.x].dtype.kind in "fiu"
+    log = "x" if numeric and log_spaced(np.unique(table[look.x])) else ""
+    span, guides = None, tuple[Guide, ...]()
+    if error:
+        guides = bands(5, 10)
+        span, said = _limits(data[label], label)
+        notes += said
+    elif log and data[label].min() > 0 and data[label].max() > figures.WIDE * data[label].min():
+        log += "y"
+    drawn = Look(line=numeric, log=log, guides=guides, span=span, names=styles)
+    figure = figures.plot(*words, shown, quantity_name(look.x), label, drawn)
+    yield replace(figure, notes=(*figure.notes, *notes))
+
+
+def _folded_notes(label: str, look: View) -> list[str]:
+    if not look.folded:
+        return []
+    how = "the value of greatest magnitude" if look.maps else "lines at the greatest magnitude, shades over all"
+    return [
+        f"{_capital(label.partition(' (')[0])} over all values of {_list([in_words(a) for a in look.folded])}: {how}."
+    ]
+
+
+def _limits(errors: pd.Series, label: str) -> tuple[tuple[float, float] | None, list[str]]:
+    """Return the range of errors that is drawn, without few far beyond the others, and a sentence on these."""
+    numbers = np.append(errors[np.isfinite(errors)].to_numpy(), [-10.0, 10.0])
+    inside = numbers[abs(numbers) <= BEYOND * float(np.percentile(abs(numbers), 90))]
+    beyond = numbers[(numbers < inside.min()) | (numbers > inside.max())]
+    if not len(beyond):
+        return None, []
+    what = "1 error stands" if len(beyond) == 1 else f"{len(beyond)} errors stand"
+    ends = " to ".join(dict.fromkeys(f"{value:.0f} %" for value in (beyond.min(), beyond.max())))
+    room = 0.06 * (inside.max() - inside.min())
+    return (float(inside.min() - room), float(inside.max() + room)), [f"{what} at the edge: {ends}."]
+
+
+def _span(solved: pd.DataFrame, names: dict[str, str], label: str) -> str:
+    """Return between which values a quantity lies, in a sentence for all models."""
+    unit = label.partition("(")[2].rstrip(")")
+    parts = [
+        f"{name} from {solved[column].min():.3g} to {solved[column].max():.3g} {unit}".strip()
+        for column, name in names.items()
+        if solved[column].notna().any()
+    ]
+    return f"Over all cases: {'; '.join(parts)}." if parts else "Every case failed."
+
+
+def _share(errors: pd.Series, model: str, unit: str) -> str:
+    """Return how many errors of a model are small, in a sentence."""
+    judged = errors[np.isfinite(errors)]
+    over = unit.removeprefix("%")
+    return (
+        f"Error of {model} against finite elements: {100 * (judged.abs() <= 10).mean():.0f} % of the cases are "
+        f"within 10 %{over}, {100 * (judged.abs() <= 5).mean():.0f} % within 5 %; the errors lie between "
+        f"{judged.min():+z.0f} and {judged.max():+z.0f} %."
+    )
+
+
+def _over_the_largest(
+    solved: pd.DataFrame, quantity: str, error: str, columns: Sequence[str]
+) -> dict[str, pd.Series] | None:
+    """Return differences from the finite elements in % of their largest magnitude, where the models differ in sign.
+
+    An error relative to a force of the other sign says too low of what is too high. None where no sign differs.
+    """
+    values = models_of(solved, quantity)
+    formula = next((name for name in values if not name.startswith("fem")), "")
+    models = {column: f"{column.removesuffix(error)}{quantity}" if column != error else formula for column in columns}
+    # the reference has no errors
+    truth = next((name for name in values if name not in models.values()), "")
+    if not truth or not all(model in solved for model in models.values()):
+        return None
+    largest = float(solved[truth].abs().max())
+    if not any((solved[model] * solved[truth] < -((SAME * largest) ** 2)).any() for model in models.values()):
+        return None
+    return {column: 100 * (solved[model] - solved[truth]) / largest for column, model in models.items()}
+
+
+def effect(x: Array, y: Array) -> float:
+    """Return the share of the variance of y that the means over parts of x explain, 0 to 1."""
+    some = np.isfinite(y)
+    x, y = x[some], y[some]
+    if len(y) < 2 or not y.std() > 0:
+        return 0.0
+    parts = np.array_split(y[np.argsort(x, kind="stable")], min(BINS, len(y)))
+    between = sum(len(part) * (part.mean() - y.mean()) ** 2 for part in parts)
+    return float(between / (len(y) * y.var()))
+
+
+def _scattered(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Iterator[Figure]:
+    """Yield results and errors of sampled points over each axis, the most effective one first."""
+    import pandas as pd
+
+    error, name = ERRORS.get(quantity, ("", ""))
+    errors = models_of(table, error) if error else []
+    solved = table[~table["failed"]]
+    numeric = [axis for axis in axes if table[axis].dtype.kind in "fiu"]
+    label = QUANTITIES[quantity]
+    for columns, end, unit in (
+        (models_of(table, quantity), quantity, label),
+        (errors, error, f"error of the {name} (%)"),
+    ):
+        if not columns or not solved[columns].notna().any(axis=None) or not numeric:
+            continue
+        widest = max(columns, key=lambda column: float(solved[column].std()))
+        order = sorted(numeric, key=lambda axis: -effect(*(solved[k].to_numpy(float) for k in (axis, widest))))
+        parts = [
+            pd.DataFrame(
+                {
+                    "value of the axis": table[axis],
+                    unit: table[column].where(~table["failed"]),
+                    "failed": table["failed"],
+                }
+            ).assign(panel=quantity_name(axis), series=model_name(column, end))
+            for axis in order
+            for column in columns
+        ]
+        data = pd.concat(parts, ignore_index=True)
+        look = Look(line=False, shared=False, guides=bands(5, 10) if unit != label else ())
+        caption = f"Each of the {len(solved)} points is one case; every panel shows the same cases over another axis."
+        title = f"{_capital(unit.partition(' (')[0])} of the sampled cases"
+        if not data["failed"].any():
+            data = data.drop(columns="failed")
+        yield figures.plot(title, caption, data, "value of the axis", unit, look)
+    pair = (
+        sorted(numeric, key=lambda axis: -effect(*(solved[k].to_numpy(float) for k in (axis, errors[0]))))[:2]
+        if errors
+        else []
+    )
+    for column in errors if len(pair) == 2 else []:
+        cells = pd.DataFrame({quantity_name(a): solved[a] for a in pair} | {"error (%)": solved[column]})
+        title = f"Error of the {name}, {model_name(column, error)}, over the two most effective axes"
+        names = (quantity_name(pair[0]), quantity_name(pair[1]))
+        yield figures.spots(title, "", cells, names, "error (%)", ERROR_EDGES)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _list(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -1,0 +1,307 @@
+"""Figures of the studies: what they hold of the tables that the verbs write, and what they say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from studies.report import folder_contents, paper_figures, report_sections, verdict_figures
+from studies.report.folder_contents import Contents, Table
+from studies.sensitivity import uncertainty_figures
+from studies.simulation import comparison_figures, time_figures
+from studies.sizing import sizing_figures
+
+RESULTS = Path(__file__).resolve().parent.parent / "results"
+
+
+def read(*path):
+    return folder_contents.csv_table(RESULTS.joinpath(*path)).frame
+
+
+def parse(text):
+    """A table as it is read from a CSV file."""
+    head, *rows = [line.split(",") for line in text.strip().splitlines()]
+    return folder_contents.frame_of({name: [row[k] for row in rows] for k, name in enumerate(head)})
+
+
+def of(figure, **values):
+    """The rows of a figure with these values."""
+    data = figure.data
+    for name, value in values.items():
+        data = data[data[name] == value]
+    return data
+
+
+# comparisons and states
+
+
+def test_press_force_has_the_numbers_of_all_models():
+    press = read("demo", "press.csv")
+    force = comparison_figures.press(press)[0]
+    assert len(set(force.data["series"])) == 3
+    own = of(force, series="finite elements, rigid magnet")["press force (N)"]
+    np.testing.assert_allclose(own, press["fem_force_N"])
+    assert "27.2 N" in force.caption
+    assert "-42 %" in force.caption
+
+
+def test_errors_have_shades_up_to_the_bounds():
+    errors = comparison_figures.press(read("demo", "press.csv"))[1]
+    assert "±10 %" in str(errors.spec())
+    assert "0 of 12 states within 5 %, largest error -64 %" in errors.caption
+
+
+def test_shear_has_readings_of_all_elements():
+    drawn = comparison_figures.shear(read("demo", "shear.csv"))
+    assert list(dict.fromkeys(drawn[-1].data["panel"])) == ["S1", "S2", "S3"]
+    assert len(drawn) == 5
+    assert "depth of 1 mm" in drawn[0].title
+
+
+def test_states_are_grouped_by_depth(tmp_path):
+    lines = [
+        f'{{"depth_mm": {d}, "shear_mm": {s}, "status": "ok", "force_N": [{s}, 0, {d}], "shift_mm": [0, 0, 0]}}'
+        for d in (1, 2)
+        for s in (0, 1, 2)
+    ]
+    (tmp_path / "states.jsonl").write_text("\n".join(lines))
+    force, _ = comparison_figures.states(folder_contents.states_table(tmp_path / "states.jsonl").frame)
+    assert list(dict.fromkeys(force.data["series"])) == ["depth 1 mm", "depth 2 mm"]
+    assert of(force, series="depth 1 mm", panel="along x")["force (N)"].tolist() == [0, 1, 2]
+
+
+# vibrations and loading cycles
+
+RESPONSE = parse("""
+motion,frequency_Hz,force_N_per_mm,S1_V_per_N,S1_per_N_phase_deg,S2_V_per_N,S2_per_N_phase_deg
+z,1,5,0.2,170,,
+z,10,5,0.3,165,,
+z,100,5,0.1,100,,
+x,1,5,0.4,-2,0.1,0
+x,10,5,0.4,-3,0.1,0
+x,100,5,0.2,-90,0.1,0
+""")
+CYCLE = parse("""
+law,time_s,cycle,depth_mm,shear_mm,force_z_N,force_x_N,decoded_force_N
+prony,1,1,0.5,0,1,0,
+prony,2,1,1,0,3,0,
+prony,3,1,0.5,0,0.8,0,
+prony,4,1,0,0,0,0,
+""")
+
+
+def test_gains_are_over_the_lowest_frequency_and_phases_are_those_to_the_force():
+    gain, phase = time_figures.response(RESPONSE)
+    up = of(gain, panel="motion along z")
+    assert up["gain per N over that at 1 Hz"].tolist() == pytest.approx([1.0, 1.5, 0.5])
+    assert set(of(gain, panel="motion along x")["series"]) == {"S1", "S2"}
+    # half a turn is the sign of the reading
+    name = "phase to the force (degrees)"
+    assert of(phase, panel="motion along z")[name].tolist() == [-10.0, -15.0, -80.0]
+    assert of(phase, panel="motion along x", series="S1")[name].tolist() == [-2.0, -3.0, -90.0]
+    assert gain.caption.endswith("S2 reads nothing of a motion along z.")
+
+
+def test_loops_keep_the_order_of_time():
+    loop, over_time = time_figures.cycle(CYCLE)
+    assert set(loop.data["panel"]) == {"linear overstresses"}
+    assert loop.data["depth (mm)"].tolist() == [0.5, 1.0, 0.5, 0.0]
+    assert loop.data["press force (N)"].tolist() == [1.0, 3.0, 0.8, 0.0]
+    assert set(over_time.data["series"]) == {"of the plate"}
+    line = next(part for part in loop.chart.to_dict()["spec"]["layer"] if part["mark"]["type"] == "line")
+    assert line["encoding"]["order"]["field"] == "order"
+
+
+def test_the_decoded_force_has_dashes_of_its_own():
+    loop, over_time = time_figures.cycle(CYCLE.assign(decoded_force_N=0.8))
+    assert set(loop.data["model"]) == {"of the plate", "decoded from the readings"}
+    assert len(over_time.data) == 8
+
+
+def test_an_undamped_oscillator_does_not_stretch_the_axis():
+    gains = {"frequency_Hz": [1.0, 2.0], "finite elements": [1.0, 3.0], "undamped": [1.0, 1e6]}
+    figure = time_figures.oscillators(folder_contents.frame_of(gains), ["undamped"])
+    assert figure.data["shift per N over that at 1 Hz"].max() == 3
+
+
+def test_a_folder_of_the_verbs_shows_figures_in_place_of_pictures(tmp_path):
+    tables = {"response.csv": Table("response.csv", RESPONSE), "cycle.csv": Table("cycle.csv", CYCLE)}
+    section = report_sections.section(Contents(tmp_path, "", tables), solve=False)
+    assert len(section.figures) == 4
+    assert section.replaced == {"response_z.png", "response_x.png", "cycle.png"}
+    assert not section.remarks
+
+
+# sizing
+
+FRONT = parse("""
+rank,point,status,D_mm,L_mm,magnet,silicone,hall_part,outer_size_mm,fem_range_z_N,fem_resolution_z_mN,range_z_difference_percent
+1,1,ok,8,9,disc 4 x 2,Dragon Skin 30,SS495A,12,6,4,1.5
+2,2,ok,9,9,disc 5 x 2,,SS495A,14,8,9,-2
+,3,failed,6,9,,,,9,3,2,-6
+""")
+
+
+def test_front_tells_the_best_from_the_removed():
+    resolution, size, differences = sizing_figures.front(FRONT)
+    assert resolution.data["series"].tolist() == [
+        "best variant",
+        "meets all requirements",
+        "removed by finite elements",
+    ]
+    assert resolution.data["label"].tolist() == ["1", "2", ""]
+    assert resolution.data["range z (N)"].tolist() == [6, 8, 3]
+    assert resolution.caption.startswith("2 of 3 variants")
+    assert "D 8 mm, L 9 mm, disc 4 x 2" in resolution.caption
+    assert "outer size (mm)" in size.data
+    assert "range z, -6 %" in differences.caption
+    assert len(differences.data) == 3
+
+
+def test_front_is_a_table_of_its_main_columns():
+    sheet = sizing_figures.front_sheet(FRONT)
+    assert list(sheet)[:4] == ["rank", "status", "D_mm", "L_mm"]
+    assert "range_z_N" in sheet
+
+
+def test_yield_has_its_interval():
+    (figure,) = sizing_figures.made_within(
+        parse("requirement,sensors,within,within_percent,low_percent,high_percent\n"
+              "all,1000,912,91.2,89,93\nlargest_strain,1000,950,95,93,96")
+    )  # fmt: skip
+    assert figure.data["requirement"].tolist() == ["all", "largest strain"]
+    assert figure.data["low"].tolist() == [89, 93]
+    assert figure.caption.startswith("91.2 % of 1000 made sensors meet all requirements.")
+
+
+def test_requirements_and_conflicts_are_tables():
+    record = {
+        "requirements": [
+            {"requirement": "force_z", "value": 5, "unit": "N", "state": "given"},
+            {"requirement": "height", "value": None, "unit": "mm", "state": "free"},
+        ],
+        "winner": {"margins": {"force_z": 0.25}},
+        "conflict": [],
+    }
+    sheets = sizing_figures.sheets(record)
+    assert list(sheets) == ["Requirements"]
+    assert sheets["Requirements"].to_dict("list") == {
+        "requirement": ["force z"],
+        "value": [5],
+        "unit": ["N"],
+        "margin of the best variant (%)": [25.0],
+    }
+    assert sizing_figures.sheets({"requirements": 3}) == {}
+    conflict = {"winner": None, "conflict": [{"requirement": "range", "gives": "3.1 N"}]}
+    assert list(sizing_figures.sheets(conflict)) == ["Conflict"]
+
+
+# sensitivity
+
+
+def test_sobol_indices_have_both_orders_and_their_intervals():
+    head = "output,input,first_order,first_order_low,first_order_high,total_order,total_order_low,total_order_high"
+    rows = ["force_N,E,0.9,0.8,1,0.95,0.9,1", "force_N,nu,0.05,0,0.1,0.1,0.05,0.2", "tilt_rad,E,,,,,,"]
+    (figure,) = uncertainty_figures.sobol(
+        parse("\n".join([head + ",points,failed", *[f"{row},100,3" for row in rows]]))
+    )
+    assert set(figure.data["panel"]) == {"force (N)"}
+    first = of(figure, series="first order")
+    assert first["index (share of the variance)"].tolist() == [0.9, 0.05]
+    assert (first["low"].tolist(), first["high"].tolist()) == ([0.8, 0.0], [1.0, 0.1])
+    assert "force E (0.95)" in figure.caption
+    assert "3 of 100 points failed" in figure.caption
+
+
+def test_morris_has_a_series_for_each_input():
+    head = "output,input,mu_star,mu_star_low,mu_star_high,sigma,effect_unit,points,failed"
+    rows = ["force_N,E,0.8,0.7,0.9,0.1,N per full range,12,0", "force_N,nu,0.1,0,0.2,0.3,N per full range,12,0"]
+    (figure,) = uncertainty_figures.morris(parse("\n".join([head, *rows])))
+    assert figure.data["series"].tolist() == ["E", "nu"]
+    assert figure.data["σ"].tolist() == [0.1, 0.3]
+    assert set(figure.data["panel"]) == {"force (N per full range)"}
+
+
+def test_failed_sensors_are_never_below():
+    head = "sensor,status,E_MPa,z_sensitivity_V_per_N,z_zeroed_force_error_N,z_recalibrated_force_error_N"
+    rows = ["1,ok,1,0.01,0.1,0.001", "2,ok,1,0.02,0.3,0.002", "3,failed,1,,,", "4,ok,1,0.03,0.2,0.003"]
+    (figure,) = uncertainty_figures.made_sensors(parse("\n".join([head, *rows])))
+    panels = ["sensitivity (V/N)", "force error after zeroing (N)", "force error after recalibration (N)"]
+    assert list(dict.fromkeys(figure.data["panel"])) == panels
+    zeroed = of(figure, panel=panels[1])
+    assert zeroed["value"].tolist() == [0.1, 0.2, 0.3]
+    assert zeroed["sensors below (%)"].tolist() == [25, 50, 75]
+    assert "1 failed" in figure.caption
+
+
+# studies that judge
+
+
+def test_missed_checks_stand_right_of_the_bound():
+    table = read("verify", "verify.csv")
+    (figure,) = verdict_figures.verification(table)
+    share = figure.data.set_index("series")["error / tolerance"]
+    assert share["passed"].max() <= 1
+    assert len(share["missed"]) == 3
+    assert share["missed"].min() > 1
+    assert figure.caption.startswith(f"{len(table) - 3} of {len(table)} checks passed")
+
+
+def test_robustness_has_a_line_for_each_scene():
+    table = read("extremes", "extremes.csv")
+    (figure,) = verdict_figures.robustness(table)
+    assert len(figure.data) == len(table)
+    assert "none is missed" in figure.caption
+
+
+def test_trade_has_the_medians_of_its_page():
+    """TRADE.md, press: axisymmetric quick 0.15, standard 0.088 and fine 0.034; finite 0.65."""
+    (figure,) = verdict_figures.trade(read("trade", "trade.csv"))
+    error = of(figure, panel="press", series="axisymmetric")["error of the force (%)"]
+    assert error.tolist() == pytest.approx([0.15, 0.088, 0.034], rel=0.02)
+    (finite,) = of(figure, panel="press", point="formula finite, 31 states")["error of the force (%)"]
+    assert finite == pytest.approx(0.65, rel=0.02)
+
+
+def test_accuracy_counts_errors_within_their_estimate():
+    (figure,) = verdict_figures.accuracy(read("accuracy", "accuracy.csv"))
+    assert set(figure.data["panel"]) >= {"force", "shift", "tilt"}
+    assert float(figure.caption.partition(" %")[0]) > 95
+
+
+@pytest.mark.parametrize("name", ["friction", "crosscheck", "field", "ladder"])
+def test_other_studies_are_drawn(name):
+    (figure,) = getattr(verdict_figures, name)(read(name, f"{name}.csv"))
+    assert len(figure.data)
+
+
+# the paper
+
+
+def test_maps_hold_the_errors_of_the_table():
+    sweep = read("assumption", "sweep.csv")
+    drawn = paper_figures.assumption(sweep)
+    assert len(drawn) == 10
+    assert drawn[0].title == "Error of the press force, level paper"
+    cells = drawn[0].data["error (%)"].dropna()
+    errors = sweep[(sweep["nu"] == 0.4998) & (sweep["shear_mm"] == 0)]["analytic_paper_force_error_percent"].dropna()
+    # the errors of the map come from forces of six digits
+    np.testing.assert_allclose(sorted(cells), sorted(errors), rtol=1e-5, atol=2e-3)
+
+
+def test_claims_have_presses_for_heights_of_the_magnet():
+    (figure,) = paper_figures.presses(read("claims", "presses.csv"))
+    names = list(dict.fromkeys(figure.data["series"]))
+    assert names[0] == "no magnet"
+    assert len(names) == 6
+
+
+@pytest.mark.parametrize("name", ["heights", "shears"])
+def test_other_tables_of_the_claims_are_drawn(name):
+    (figure,) = getattr(paper_figures, name)(read("claims", f"{name}.csv"))
+    assert len(figure.data)
+
+
+def test_readings_have_a_panel_for_each_element():
+    (figure,) = paper_figures.readings(read("assumption", "readings.csv"))
+    assert list(dict.fromkeys(figure.data["panel"]))[:2] == ["S1", "S2"]
