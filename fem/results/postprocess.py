@@ -56,7 +56,7 @@ def read(
         newton_iterations=iterations,
         seconds=seconds,
         field=Field(
-            mesh=type(d.mesh)(d.mesh.doflocs * D, d.mesh.t),
+            mesh=replace(d.mesh, doflocs=d.mesh.doflocs * D),
             u=nodal.u * D,
             p=nodal.p * E,
             vertices=d.system.corner_nodes,

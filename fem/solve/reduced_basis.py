@@ -62,7 +62,7 @@ class Problem:
 
     Attributes
     ----------
-    K, R, M : upper triangles (n, n).
+    K, R, M : upper triangles (n, n) of one pattern, zeros included, which a solver keeps from its first matrix.
     b : (n, k) right-hand sides.
     moving : number of unknowns that are displacements; the pressures come after them.
     """
@@ -74,7 +74,7 @@ class Problem:
     moving: int
 
     def at(self, c: float, eigenvalue: float) -> sp.csr_matrix:
-        """Return the upper triangle of K + c R - lambda M; the three have one pattern, see `_with_one_pattern`."""
+        """Return the upper triangle of K + c R - lambda M."""
         data = self.K.data + c * self.R.data - eigenvalue * self.M.data
         return sp.csr_matrix((data, self.K.indices, self.K.indptr), shape=self.K.shape)
 
@@ -157,7 +157,6 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     SingularMatrixError
         K is singular.
     """
-    problem = _with_one_pattern(problem)
     n, moving_part, residual, worst = len(problem.b), problem.moving, problem.b, 0
     best: ReducedSystem | None = None
     sample = np.unique(np.linspace(0, moving_part - 1, SAMPLED).astype(np.int64))
@@ -187,26 +186,6 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     if best.error > max(tolerance, ACCEPTED):
         raise NotReachedError(f"the reduced basis has an error of {best.error:.2g}, above {tolerance:g}")
     return best
-
-
-def _with_one_pattern(problem: Problem) -> Problem:
-    """Return the problem with matrices of one pattern, which a solver keeps from its first matrix.
-
-    (A sum of sparse matrices drops the entries that cancel, which may be others at each frequency.)
-    """
-    matrices, n = (problem.K, problem.R, problem.M), len(problem.b)
-    first = problem.K
-    if all(np.array_equal(m.indptr, first.indptr) and np.array_equal(m.indices, first.indices) for m in matrices):
-        return problem
-    keys = [np.repeat(np.arange(n), np.diff(m.indptr)) * n + m.indices for m in matrices]
-    union = np.unique(np.concatenate(keys))
-    indptr = np.searchsorted(union, np.arange(n + 1) * n).astype(np.int32)
-    indices = (union % n).astype(np.int32)
-    K, R, M = (
-        sp.csr_matrix((np.bincount(np.searchsorted(union, key), m.data, len(union)), indices, indptr), shape=(n, n))
-        for m, key in zip(matrices, keys, strict=True)
-    )
-    return Problem(K, R, M, problem.b, problem.moving)
 
 
 def _times(upper: sp.csr_matrix, x: Array) -> Array:

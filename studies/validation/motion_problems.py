@@ -436,8 +436,12 @@ def correspondence(_: int) -> tuple[float, ...]:
     for pressed in build_blocks(scene)[1]:
         block = _undeformed(scene, pressed)
         system, problem = block.state.d.system, block.problem
-        springs = problem.K - system.assemble(system.state(block.state.q), None).tangent
-        relaxing = replace(problem, R=(problem.R + springs).tocsr())
+        springs, R = (
+            problem.K.data - system.assemble(system.state(block.state.q), None).tangent.data,
+            problem.R.copy(),
+        )
+        R.data += springs
+        relaxing = replace(problem, R=R)
         # the first frequency is that of the static stiffness
         factors = np.concatenate([[1.0], g])
         reduced = reduce(relaxing, factors - 1, np.zeros(len(factors)))
