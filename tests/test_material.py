@@ -155,18 +155,6 @@ def test_each_law_works_on_many_points_at_once(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_tangent_of_an_axisymmetric_strain_is_that_of_any_other(name):
-    """With step=2 the components that couple with no others may be left out."""
-    G, own = np.zeros((9, 4)), np.array([0, 2, 4, 6, 8])
-    G[own] = 0.2 * np.random.default_rng(9).normal(size=(5, 4))
-    (Jm1, Hm1), mu, p = strains(G), np.full(4, 1.3), np.full(4, 0.4)
-    whole, some = np.zeros((9, 9, 4)), np.zeros((9, 9, 4))
-    for A, step in ((whole, 1), (some, 2)):
-        law(name, CASES[name])((G, Jm1, Hm1), mu, p, (np.empty(4), np.empty((9, 4)), A), step=step)
-    np.testing.assert_allclose(some[own[:, None], own], whole[own[:, None], own], rtol=1e-12, atol=1e-13)
-
-
-@pytest.mark.parametrize("name", CASES)
 def test_each_law_keeps_its_digits_at_tiny_strain(name):
     G = 1e-12 * RNG.normal(size=(3, 3))
     small = (G + G.T) / 2

@@ -39,12 +39,10 @@ class FieldPairs:
     number : (f, f) number of each pair of fields.
     groups : pairs in four groups, of fields that carry the components i and k of the displacement: i, k, numbers of
         the pairs, and products (9, i k t, pairs), with J L first.
-    terms : without angles, the few products that are not zero, as rows J L, pair, i J, k L, and their factors.
     """
 
     number: Ints
     groups: list[tuple[slice, slice, slice, Array]]
-    terms: tuple[Ints, Array] | None
 
     @property
     def count(self) -> int:
@@ -94,7 +92,7 @@ class Angles:
         across, number = self.fields - self.pressures, np.zeros((self.fields, self.fields), dtype=np.int64)
         # fields of the displacement across the axis and along it, and the components that they carry
         families = (slice(0, across), slice(0, 2)), (slice(across, self.fields), slice(2, 3))
-        groups, terms, factors, count = [], [], [], 0
+        groups, count = [], 0
         for (f, i), (g, k) in itertools.combinations_with_replacement(families, 2):
             pairs = np.indices(number.shape)[:, f, g].reshape(2, -1)
             first, second = pairs[:, pairs[0] <= pairs[1]]
@@ -104,12 +102,7 @@ class Angles:
             groups.append((i, k, at, products))
             number[first, second] = number[second, first] = np.arange(at.start, at.stop)
             count = at.stop
-            JL, ik, pair = np.nonzero(products) if len(self.V) == 1 else np.zeros((3, 0), dtype=np.int64)
-            own_i, own_k = i.start + ik // (k.stop - k.start), k.start + ik % (k.stop - k.start)
-            terms.append(np.stack([JL, at.start + pair, 3 * own_i + JL // 3, 3 * own_k + JL % 3], axis=1))
-            factors.append(products[JL, ik, pair])
-        listed = (np.concatenate(terms), np.concatenate(factors)) if len(self.V) == 1 else None
-        return FieldPairs(number, groups, listed)
+        return FieldPairs(number, groups)
 
 
 def orders(harmonics: int) -> range:

@@ -28,7 +28,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from fem.model.angular_fields import FieldPairs
 from fem.model.elements import Elements
 from fem.model.material import Law, kinematics
 from fem.model.sparse_pattern import Pattern
@@ -127,8 +126,6 @@ class ElementAssembly:
         self._V = np.ascontiguousarray(a.V.transpose(2, 3, 1, 0)).reshape(3, a.fields, 3 * t)
         VC = np.einsum("tiJf,tn->Jitfn", a.V, a.C)
         self._VC = np.ascontiguousarray(VC).reshape(3, 3 * t, a.fields * a.pressures)
-        # a section without torsion has only the components 0, 2, 4, 6 and 8 of the gradient
-        self._step = 1 if a.V.reshape(t, 9, -1)[:, 1::2].any() else 2
         self._pairs, self._where = a.pairs, a.pairs.places(e.cells.shape[1])
         self._buffers: dict[tuple[str, tuple[int, ...]], Array] = {}
         self._batches = [self._cut(slice(*cut), mu, inverse_K) for cut in cut_batches(e)]
@@ -207,7 +204,7 @@ class ElementAssembly:
         modulus = batch.modulus if viscous is None else batch.modulus * viscous.factor
         W, P, A = self._buffer("W", points), self._buffer("P", 9, points), self._buffer("A", 9, 9, points * tangent)
         strain = G, Jm1, batch.Hm1.reshape(9, -1)
-        self._law(strain, modulus.ravel(), (batch.w * pressure).ravel(), (W, P, A), step=self._step)
+        self._law(strain, modulus.ravel(), (batch.w * pressure).ravel(), (W, P, A))
         if viscous is not None:
             add_overstress(viscous.part(batch.part), G, Jm1, batch.mu, w, W, P, A)
         return W, P, A
@@ -216,7 +213,10 @@ class ElementAssembly:
         """Add the stiffness of a batch, for weighted tangents A (9, 9, t n)."""
         D, n, pairs = self._elements.D[batch.part], batch.w.shape[1], self._pairs
         H = self._buffer("H", 9, n, pairs.count)
-        combine(A.reshape(9, 9, -1, n), pairs, H)
+        A = A.reshape(3, 3, 3, 3, -1, n)
+        for i, k, at, products in pairs.groups:
+            rows = A[i, :, k].transpose(1, 3, 0, 2, 4, 5).reshape(9, -1, n)
+            np.matmul(np.swapaxes(rows, 1, 2), products, out=H[:, :, at])
         K = self._buffer("K", len(D), D.shape[3], D.shape[3] * pairs.count)
         integrate_stiffness(D, H, K)
         self._scatter_stiffness(batch, K.reshape(len(D), -1), self._where, T, data)
@@ -330,29 +330,6 @@ def places_on_curve(e: Elements) -> Ints:
         for axis in range(3):
             places |= (cube[:, axis] >> bit & 1) << (3 * bit + axis)
     return places
-
-
-def combine(A: Array, pairs: FieldPairs, H: Array) -> None:
-    """Write H_JL,fg, (9, n, s), of weighted tangents A (9, 9, t, n)."""
-    if pairs.terms is not None:
-        combine_terms(A[:, :, 0], *pairs.terms, H)
-        return
-    n = A.shape[3]
-    A = A.reshape(3, 3, 3, 3, -1, n)
-    for i, k, at, products in pairs.groups:
-        rows = A[i, :, k].transpose(1, 3, 0, 2, 4, 5).reshape(9, -1, n)
-        np.matmul(np.swapaxes(rows, 1, 2), products, out=H[:, :, at])
-
-
-@compiled
-def combine_terms(A, terms, factors, H):
-    """Write H (9, n, s): for each row J L, pair, i J, k L of `terms` add its factor times A (9, 9, n)."""
-    H[:] = 0.0
-    for term in range(len(terms)):
-        JL, pair, iJ, kL = terms[term]
-        factor, own, out = factors[term], A[iJ, kL], H[JL]
-        for x in range(len(own)):
-            out[x, pair] += factor * own[x]
 
 
 @compiled

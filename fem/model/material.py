@@ -48,11 +48,9 @@ class Law(Protocol):
     strain : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
     mu, p : (n,) shear moduli and pressures; both times weights give results times these weights.
     out : W, P and A; A of no points, (9, 9, 0), where tangents are not wanted.
-    step : 2 if only the components 0, 2, 4, 6, 8 differ from zero, those of an axisymmetric deformation: other
-        entries of tangents may then not be written; 1 for all nine.
     """
 
-    def __call__(self, strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, step: int = 1) -> None: ...
+    def __call__(self, strain: Arrays, mu: Array, p: Array, out: Arrays, /) -> None: ...
 
 
 def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
@@ -136,7 +134,7 @@ def kinematics(G, Jm1, Hm1):
 
 
 @compiled
-def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, step):
+def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A):
     """Write what `neo_hookean` does."""
     n = len(mu)
     s, excess, rest, by_F, by_H = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -167,8 +165,8 @@ def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, step):
                 row[x] = by_F[x] * row[x] + by_H[x] * c[x]
         for x in range(n):
             rest[x] = s[x] - rest[x]
-        _write_tangent(F, H, rest, A, step)
-        for e in range(0, 9, step):
+        _write_tangent(F, H, rest, A)
+        for e in range(9):
             row = A[e, e]
             for x in range(n):
                 row[x] += s[x]
@@ -186,16 +184,16 @@ def _add_unit(T):
 
 
 @compiled
-def _write_tangent(X, H, cross, A, step):
-    """Write A = X H + H X + cross H_iL H_kJ, for each `step`-th component."""
+def _write_tangent(X, H, cross, A):
+    """Write A = X H + H X + cross H_iL H_kJ."""
     n, crossed = len(cross), np.empty_like(H)
     for e in range(9):
         row, a = crossed[e], H[e]
         for x in range(n):
             row[x] = cross[x] * a[x]
-    for e in range(0, 9, step):
+    for e in range(9):
         a, b = X[e], H[e]
-        for d in range(e, 9, step):
+        for d in range(e, 9):
             row, c, f, g, h = A[e, d], X[d], H[d], crossed[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
             for x in range(n):
                 row[x] = a[x] * f[x] + b[x] * c[x] + g[x] * h[x]
@@ -206,8 +204,8 @@ def _write_tangent(X, H, cross, A, step):
 
 
 @compiled
-def add_pressure(Jm1, Hm1, p, W, P, A, step):
-    """Add energy p (J - 1), stress p J H and tangent p J (H_iJ H_kL - H_iL H_kJ), H = F^-T; `step` as in `Law`."""
+def add_pressure(Jm1, Hm1, p, W, P, A):
+    """Add energy p (J - 1), stress p J H and tangent p J (H_iJ H_kL - H_iL H_kJ), H = F^-T."""
     n, H, pJ = len(p), _add_unit(Hm1), np.empty(len(p))
     for x in range(n):
         pJ[x] = p[x] * (1 + Jm1[x])
@@ -217,8 +215,8 @@ def add_pressure(Jm1, Hm1, p, W, P, A, step):
         for x in range(n):
             row[x] += pJ[x] * a[x]
     if A.shape[2]:
-        for e in range(0, 9, step):
-            for d in range(0, 9, step):
+        for e in range(9):
+            for d in range(9):
                 row, a, b, c, f = A[e, d], H[e], H[d], H[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
                 for x in range(n):
                     row[x] += pJ[x] * (a[x] * b[x] - c[x] * f[x])
@@ -247,7 +245,7 @@ def _transform(first, second, A):
 
 
 @compiled
-def _yeoh(mu, c2, c3, W, P, A, step):
+def _yeoh(mu, c2, c3, W, P, A):
     """Turn the neo-Hookean law with modulus 1 into `yeoh`, a polynomial of its energy."""
     n = len(mu)
     first, second = np.empty(n), np.empty(n)
@@ -257,8 +255,8 @@ def _yeoh(mu, c2, c3, W, P, A, step):
         second[x] = 2 * mu[x] * (2 * c2 + 6 * c3 * y)
         W[x] = mu[x] / 2 * y * (1 + c2 * y + c3 * y * y)
     if A.shape[2]:
-        for e in range(0, 9, step):
-            for d in range(0, 9, step):
+        for e in range(9):
+            for d in range(9):
                 row, a, b = A[e, d], P[e], P[d]
                 for x in range(n):
                     row[x] = first[x] * row[x] + second[x] * a[x] * b[x]
@@ -382,25 +380,25 @@ def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
                 A[3 * a + b, 3 * b + a, x] += half
 
 
-def neo_hookean(strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, step: int = 1) -> None:
+def neo_hookean(strain: Arrays, mu: Array, p: Array, out: Arrays, /) -> None:
     """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3); parameters as of `Law`.
 
     P = mu J^-2/3 (F - I1/3 F^-T) is evaluated as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T], which keeps its digits at
     small strain. With s = mu J^-2/3, its tangent is s 1 - 2/3 s (F H + H F) + s I1/3 (H_iL H_kJ + 2/3 H H), H = F^-T.
     """
-    _neo_hookean(*strain, mu, p, *out, step)
+    _neo_hookean(*strain, mu, p, *out)
 
 
-def yeoh(strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, step: int = 1, c2: float, c3: float) -> None:
+def yeoh(strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, c2: float, c3: float) -> None:
     """Isochoric Yeoh law, W = mu/2 (x + c2 x^2 + c3 x^3) with x = I1' - 3, I1' of J^-1/3 F.
 
     Parameters
     ----------
     c2, c3 : C20 / C10 and C30 / C10, with C10 = mu / 2. The others are those of `Law`.
     """
-    neo_hookean(strain, np.ones_like(mu), np.zeros_like(p), out, step=step)
-    _yeoh(mu, c2, c3, *out, step)
-    add_pressure(*strain[1:], p, *out, step)
+    neo_hookean(strain, np.ones_like(mu), np.zeros_like(p), out)
+    _yeoh(mu, c2, c3, *out)
+    add_pressure(*strain[1:], p, *out)
 
 
 def ogden(
@@ -410,7 +408,6 @@ def ogden(
     out: Arrays,
     /,
     *,
-    step: int = 1,
     alphas: tuple[float, ...],
     shares: tuple[float, ...],
 ) -> None:
@@ -423,12 +420,11 @@ def ogden(
 
     Parameters
     ----------
-    alphas, shares : exponents, not 0, and mu_i / mu, which add up to 1. The others are those of `Law`; all
-        components are written.
+    alphas, shares : exponents, not 0, and mu_i / mu, which add up to 1. The others are those of `Law`.
     """
     (G, Jm1, Hm1), (_, P, A) = strain, out
     spatial, material = np.empty_like(P), np.empty_like(P)
     _ogden(G, mu, np.array(alphas, dtype=np.float64), np.array(shares), *out, spatial, material)
     if A.shape[2]:
         _transform(spatial, material, A)
-    add_pressure(Jm1, Hm1, p, *out, step)
+    add_pressure(Jm1, Hm1, p, *out)

@@ -184,7 +184,7 @@ def reese_block(
     return tuple(float(-100 * answers[level].state.u[corner, 2]) for level in levels)
 
 
-def _coupled(strain: material.Arrays, mu: Array, p: Array, out: material.Arrays, /, *, step: int = 1) -> None:
+def _coupled(strain: material.Arrays, mu: Array, p: Array, out: material.Arrays, /) -> None:
     """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added: a
     `fem.model.material.Law`.
 
@@ -196,7 +196,7 @@ def _coupled(strain: material.Arrays, mu: Array, p: Array, out: material.Arrays,
     if A.shape[2]:
         H = Hm1.reshape(3, 3, -1) + np.eye(3)[..., None]
         A[:] = mu * (np.eye(9)[..., None] + np.einsum("iLn,kJn->iJkLn", H, H).reshape(A.shape))
-    material.add_pressure(Jm1, Hm1, p, W, P, A, step)
+    material.add_pressure(Jm1, Hm1, p, W, P, A)
 
 
 def mirrored_reese_block(n: int, levels: tuple[int, ...]) -> list[float]:
