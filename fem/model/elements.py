@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 import skfem
 from numpy.typing import NDArray
-from skfem.quadrature import get_quadrature
 
 from fem.model.angular_fields import Angles, cartesian_fields, fourier_fields, rotations
 from geometry.arrays import Array, Ints
@@ -166,66 +165,24 @@ def bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
     return (skfem.ElementTriP2(), skfem.ElementTriP1()) if dim == 2 else (skfem.ElementTetP2(), skfem.ElementTetP1())
 
 
-@dataclass(frozen=True, slots=True)
-class _Rule:
-    """Shape functions at points of the reference element or facet, which have weights (q,).
-
-    Attributes
-    ----------
-    shape, slopes : (q, a) and (q, j, a), of the displacement.
-    pressure_shape : (q, c).
-    """
-
-    weights: Array
-    shape: Array
-    slopes: Array
-    pressure_shape: Array
-
-
-def _evaluate_basis(
-    points: Array, weights: Array, quadratic: skfem.Element, count: int, linear: skfem.Element
-) -> _Rule:
-    """Return the shape functions, `count` of the displacement, at points (dim, q)."""
-    values, slopes = zip(*(quadratic.lbasis(points, i) for i in range(count)), strict=True)
-    corners = [linear.lbasis(points, i)[0] for i in range(len(points) + 1)]
-    q = points.shape[1]
-    shape = np.stack([np.reshape(value, q) for value in values], axis=-1)
-    slope = np.stack([np.reshape(grad, (-1, q)).T for grad in slopes], axis=-1)
-    return _Rule(weights, shape, slope, np.stack([np.reshape(value, q) for value in corners], axis=-1))
-
-
 @functools.lru_cache
-def _rule(dim: int, order: int) -> _Rule:
-    """Return a quadrature rule of the elements that is exact up to an order."""
-    return _at_points(dim, *get_quadrature(bases(dim)[0], order))
+def _facet_functions(dim: int, order: int) -> tuple[Array, Array, Array]:
+    """Return weights (q,), shape functions (q, f) and their slopes (q, j, f) for an order of integrals on facets."""
+    reference, element = (
+        (skfem.MeshLine, skfem.ElementLineP2()) if dim == 2 else (skfem.MeshTri, skfem.ElementTriP2())
+    )
+    basis = skfem.CellBasis(reference.init_refdom(), element, intorder=order)
+    shape, slopes = _functions(basis)
+    return basis.dx[0], shape, slopes[0]
 
 
-def _at_points(dim: int, points: Array, weights: Array) -> _Rule:
-    """Return the elements' shape functions at points (dim, q) of the reference element."""
-    quadratic, linear = bases(dim)
-    return _evaluate_basis(points, weights, quadratic, 6 if dim == 2 else 10, linear)
-
-
-@functools.lru_cache
-def _facet_rule(dim: int, order: int) -> _Rule:
-    """Return a quadrature rule of the facets that is exact up to an order."""
-    points, weights = get_quadrature(skfem.refdom.RefLine if dim == 2 else skfem.refdom.RefTri, order)
-    if dim == 2:
-        return _evaluate_basis(points, weights, skfem.ElementLineP2(), 3, skfem.ElementLineP1())
-    return _evaluate_basis(points, weights, skfem.ElementTriP2(), 6, skfem.ElementTriP1())
-
-
-def _invert(J: Array) -> tuple[Array, Array]:
-    """Return the inverses and determinants of matrices (..., d, d), d = 2 or 3."""
-    if J.shape[-1] == 2:
-        (a, b), (c, d) = np.moveaxis(J, (-2, -1), (0, 1))
-        determinant = a * d - b * c
-        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
-    else:
-        a, b, c = np.moveaxis(J, -1, 0)
-        inverse = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
-        determinant = np.einsum("...i,...i->...", a, inverse[..., 0, :])
-    return inverse / determinant[..., None, None], determinant
+def _functions(basis: skfem.CellBasis) -> tuple[Array, Array]:
+    """Return the shape functions (q, a) of a basis, equal in all its m cells, and their derivatives (m, q, j, a)."""
+    shape = np.stack([np.asarray(field.value).reshape(-1, basis.X.shape[1])[0] for (field,) in basis.basis], axis=-1)
+    slopes = np.empty((*basis.dx.shape, basis.X.shape[0], basis.Nbfun))
+    for a, (field,) in enumerate(basis.basis):
+        slopes[..., a] = field.grad.transpose(1, 2, 0)
+    return shape, slopes
 
 
 def build(
@@ -255,30 +212,27 @@ def build(
     """
     dim = mesh.p.shape[0]
     order = order or (4 if dim == 2 else 2)
-    rule = _rule(dim, order) if points is None else _at_points(dim, points, np.ones(points.shape[1]))
+    quadrature = None if points is None else (points, np.ones(points.shape[1]))
+    basis = skfem.CellBasis(mesh, bases(dim)[0], intorder=order, quadrature=quadrature)
+    shape, grad = _functions(basis)
     # the mesh has the functions and the nodes of the displacements
     cells = mesh.dofs.element_dofs.T
-    places = mesh.doflocs.T[cells]
-    jacobian = np.swapaxes(rule.slopes @ places[:, None], 2, 3)
-    inverse, determinant = _invert(jacobian)
-    grad = np.swapaxes(inverse, 2, 3) @ rule.slopes
-    m, q, _, a = grad.shape
-    D = np.zeros((m, q, 3, a))
+    D = np.zeros((*grad.shape[:2], 3, grad.shape[3]))
     D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = grad
+    determinant = basis.mapping.detDF(basis.X)
     _check_unfolded(mesh, determinant)
-    # the corners of an element may be numbered in either sense
-    weights = np.abs(determinant) * rule.weights
+    weights = basis.dx
     if axisymmetric:
-        radius = places[..., 0] @ rule.shape.T
-        D[:, :, 1] = rule.shape / radius[..., None]
+        radius = mesh.doflocs[0][cells] @ shape.T
+        D[:, :, 1] = shape / radius[..., None]
         weights = weights * radius
     return Elements(
         nodes=np.ascontiguousarray(mesh.doflocs.T),
         cells=np.ascontiguousarray(cells).astype(np.int64),
         D=D,
         weights=weights,
-        pressure_shape=rule.pressure_shape,
-        shape=rule.shape,
+        pressure_shape=np.concatenate([1 - basis.X.sum(axis=0, keepdims=True), basis.X]).T,
+        shape=shape,
         angles=angles or (fourier_fields(harmonics, sines=sines) if axisymmetric else cartesian_fields(dim)),
     )
 
@@ -336,10 +290,9 @@ def surface(
     # the one corner of the cell that is not among those of the facet
     opposite = np.argmin((own[:, : dim + 1, None] == corners[:, None, :]).any(axis=2), axis=1)
     nodes = np.take_along_axis(own, _FACET_NODES[dim][opposite], axis=1)
-    rule = _facet_rule(dim, order)
-    shape, w = rule.shape, rule.weights
+    w, shape, slopes = _facet_functions(dim, order)
     X = elements.nodes[nodes]
-    tangents = np.swapaxes(rule.slopes @ X[:, None], 2, 3)
+    tangents = np.swapaxes(slopes @ X[:, None], 2, 3)
     normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
     weights = np.linalg.norm(normal, axis=-1) * w
     positions = shape @ X
