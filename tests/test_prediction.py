@@ -18,7 +18,7 @@ from geometry.loads import Load
 from studies.exploration.solved_paths import frequency_unit
 from studies.simulation import model_choice
 from studies.surrogate import prediction, surrogate_file, surrogate_range, surrogate_response
-from studies.validation.training_beams import random_beams
+from studies.validation.surrogate_training import random_beams
 
 PAPER = (np.array([1.125]), np.array([0.5]), np.array([0.25]), np.array([0.4998]))
 

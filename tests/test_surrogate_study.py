@@ -11,12 +11,12 @@ from fem.accuracy import QUICK
 from studies.exploration import store
 from studies.exploration.needed_paths import Processes
 from studies.output.goals import missed
+from studies.output.result import write
 from studies.surrogate.gaussian_process import GaussianProcess
 from studies.surrogate.prediction import Beams, first_zero
 from studies.validation import surrogate_study, surrogate_test
-from studies.validation.state_errors import recalibrated, scores
 from studies.validation.surrogate_fit import conformal_quantile, press_outputs, shear_outputs
-from studies.validation.surrogate_study import Extent, widest_points
+from studies.validation.surrogate_study import Extent, recalibrated, scores, widest_points
 
 ROUGH = replace(QUICK, name="rough", section_size=0.5, section_patch=0.12, harmonics=1)
 EXTENT = Extent(first=13, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH)
@@ -44,7 +44,7 @@ def test_training_beams_get_back_their_own_states(result):
 
 
 def test_every_state_of_the_test_has_its_errors(result):
-    rows = result.errors
+    rows = result.errors()
     count = len(result.test.set.beams)
     for kind, quantities, states in (("press", 5, 5), ("shear", 7, 2), ("mode", 1, 1)):
         assert (rows.kind == kind).sum() == count * quantities * states
@@ -53,11 +53,13 @@ def test_every_state_of_the_test_has_its_errors(result):
 
 
 def test_the_report_says_what_is_missed(result, tmp_path):
-    lost = missed(surrogate_test.write(tmp_path, result, 13, "made for a test", "magtip validate surrogate"))
+    found = surrogate_test.result(result, 13)
+    write(found, tmp_path, "magtip validate surrogate")
+    lost = found.failures
     text = (tmp_path / "SURROGATE.md").read_text("utf-8")
     # few beams on rough meshes cannot reach 2 %
     assert lost
-    assert all(str(goal) in text for goal in lost)
+    assert all(goal in text for goal in lost)
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(surrogate_test.FILES)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from geometry.design import Design
 from studies.surrogate import prediction, surrogate_range
-from studies.validation.training_beams import (
+from studies.validation.surrogate_training import (
     DIMENSIONS,
     corners,
     of_cube,

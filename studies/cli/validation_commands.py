@@ -2,42 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from geometry.messages import Progress
 from studies.cli.parameters import AsJson, OwnStore, Scheduler, Wide, Workers, destination
-from studies.cli.printed_command import command
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console
-from studies.output.goals import Goal, failures
-from studies.output.result import FAILED, GOOD, publish
-
-
-@contextlib.contextmanager
-def _results(
-    out: Path | None, files: Sequence[str], *, as_json: bool, inputs: Sequence[Path | None] = ()
-) -> Iterator[tuple[Path | None, Progress]]:
-    """Yield the folder of results, which has no file of the user and no input among `files`, and the progress.
-
-    Those of `files` that are not written again are of earlier options and are deleted.
-    """
-    atomic_files.check_apart(atomic_files.inside(out, files), inputs)
-    with atomic_files.results(out, files) as folder, console.progress(as_json=as_json) as progress:
-        yield folder, progress
-
-
-def report_goals(posed: Sequence[Goal]) -> int:
-    """Return exit status 0 if goals were posed and all are met; else print the missed ones and return 3."""
-    for sentence in failures(posed):
-        console.say(f"magtip: {sentence}")
-    return FAILED if failures(posed) else GOOD
+from studies.output import atomic_files
+from studies.output.result import publish
 
 
 def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -325,30 +300,13 @@ def surrogate(
     out
         Folder for surrogate.npz, SURROGATE.md, tables and the picture.
     """
-    command_line = command(surrogate, locals())
     from studies.exploration import store as stores
     from studies.exploration.needed_paths import Processes
-    from studies.output.goals import missed
-    from studies.output.provenance import versions
-    from studies.validation import surrogate_study, surrogate_test
+    from studies.validation import surrogate_study
+    from studies.validation import surrogate_test as study
 
+    here = destination(surrogate, locals(), study.FILES, [store])
     extent = surrogate_study.FEW if quick else surrogate_study.Extent()
-    with (
-        _results(out, surrogate_test.FILES, as_json=as_json, inputs=[store]) as (folder, progress),
-        stores.opened(store or stores.default()) as states,
-    ):
-        result = surrogate_study.run(extent, states, Processes(workers, scheduler), progress)
-        rows = surrogate_test.summaries(result.errors)
-        if folder is not None:
-            surrogate_test.write(folder, result, extent.first, versions(("matplotlib",)), command_line)
-    console.report(
-        rows,
-        as_json=as_json,
-        title="Errors on unseen beams",
-        first=("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent"),
-        wide=wide,
-    )
-    lost = missed(surrogate_test.goals(rows, result.failed[1]))
-    for goal in lost:
-        console.warn(str(goal))
-    return FAILED if lost else GOOD
+    with stores.opened(store or stores.default()) as states:
+        found = partial(study.run, extent=extent, states=states, processes=Processes(workers, scheduler))
+        return publish(found, here)

@@ -39,8 +39,7 @@ from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.gaussian_process import ROOT5, GaussianProcess, with_constant
 from studies.surrogate.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
 from studies.surrogate.surrogate_file import Group, Surrogate
-from studies.validation.training_beams import Beams, joined
-from studies.validation.training_states import States
+from studies.validation.surrogate_training import Beams, States, joined
 
 LEAST_LOSS = 1e-4
 """Least loss 1 - k/k_0 of the sideways stiffness whose logarithm is taken: below it lies the error of the mesh."""

@@ -9,6 +9,7 @@ are.
 from __future__ import annotations
 
 import math
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,17 +22,18 @@ from analytic import beam
 from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.loads import Load
-from studies.output.atomic_files import atomic
-from studies.output.csv_tables import write_table
+from geometry.messages import Progress
+from studies.exploration.needed_paths import Processes
+from studies.exploration.store import Store
 from studies.output.goals import Goal, missed, verdict
+from studies.output.result import Result, Table
 from studies.surrogate import surrogate_file, surrogate_range
 from studies.surrogate.prediction import DEEP, SLENDER, THICK, WIDE, Beams
-from studies.validation import pages
+from studies.validation import pages, surrogate_study
 from studies.validation.pages import Row
-from studies.validation.state_errors import Errors, scores
 from studies.validation.surrogate_fit import COVERAGE, TrainingSet, fitted, press_outputs
-from studies.validation.surrogate_study import Result
-from studies.validation.training_beams import DIAMETER_MM, random_beams
+from studies.validation.surrogate_study import Errors, Extent, Outcome, scores
+from studies.validation.surrogate_training import DIAMETER_MM, random_beams
 
 GOALS = {"force": 2.0, "force_x": 2.0, "force_z": 2.0, "tilt": 3.0}
 """Largest 95th percentile of the errors, %, of presses and shears."""
@@ -122,12 +124,12 @@ def goals(table: Sequence[Row], failed: int) -> list[Goal]:
     return found
 
 
-def trends(result: Result) -> list[Row]:
+def trends(outcome: Outcome) -> list[Row]:
     """Compare the surrogate's forms with formulas as trends, and the formula of level finite alone with it.
 
     As a trend, a formula divides the force, and the process interpolates the ratio.
     """
-    training = result.training
+    training = outcome.training
     logs, features = press_outputs(training.press)["force"], training.features
     table = []
     for level, nodes in (("paper", surrogate_range.PRESS_NODES), ("finite", FINITE_NODES)):
@@ -139,9 +141,9 @@ def trends(result: Result) -> list[Row]:
                 for values in (logs[:, :nodes], logs[:, :nodes] - forms)
             )
             table.append(_trend(f"level {level} as trend, against none", int(rows.sum()), own, other))
-    test = result.test.set
+    test = outcome.test.set
     b = test.beams
-    predicted = Beams(b.L, b.diameter, b.height, b.nu, b.edge, result.surrogate).press(test.press.depth)["force"]
+    predicted = Beams(b.L, b.diameter, b.height, b.nu, b.edge, outcome.surrogate).press(test.press.depth)["force"]
     forms = _formula_logs(test, "finite")
     inside = ~np.isnan(forms)
     if inside.any():
@@ -182,11 +184,11 @@ def _formula_logs(states: TrainingSet, level: str) -> Array:
     return logs
 
 
-def designs_per_second(result: Result, count: int = 10_000) -> Mapping[str, float]:
+def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, float]:
     """Return how many designs a CPU second takes, with intervals."""
     b = random_beams(count, 11)
     begin = time.process_time()
-    beams = Beams(b.L, b.diameter, b.height, b.nu, b.edge, result.surrogate)
+    beams = Beams(b.L, b.diameter, b.height, b.nu, b.edge, outcome.surrogate)
     beams.press(0.5 * beams.deepest[:, None])
     press = time.process_time()
     beams.shear(0.5 * beams.deepest[:, None], 0.5 * beams.farthest[:, None])
@@ -200,85 +202,49 @@ def designs_per_second(result: Result, count: int = 10_000) -> Mapping[str, floa
 
 FILES = ("SURROGATE.md", "surrogate.npz", "summary.csv", "errors.csv", "errors.png")
 
-INTRODUCTION = """\
-The surrogate predicts force, shift, tilt, contact radius and largest strain of a press and of a glued shear, the
-critical depth and the first mode, from finite elements at level {accuracy} of {beams} beams. The docstrings of
-`studies/surrogate/prediction.py` and `gaussian_process.py` say what it interpolates, and how; that of
-`studies/validation/surrogate_fit.py` says how the intervals are calibrated.
 
-Range: L/D 0.75 to 4, magnet diameter 0.2 to 0.8 D and height 0.1 to 0.8 D with at least 0.04 D of silicone around it,
-nu 0.45 to 0.5, law neo-Hookean; depths from 0.01 D (shears: 0.03 D) to 0.375 D or 0.4 of the silicone on the axis
-(less above wide magnets, 0.28 at 0.8 D, where the free skin of a deeper press creases), glued shears to 0.375 D or
-0.35 L. The first {first} training beams are the corners of the range and fill it evenly (Sobol points, of which two
-in three lie on a face); the others were added where intervals were widest. A press or shear beyond the depth to which
-the press is known to stay stable is refused by all verbs.
-
-The test: {test} random beams that training has not seen, at random depths and shears, which serve for nothing else.
-Errors are in percent of the value; those of force and shift in a shear in percent of the vector's length, that of the
-sideways stiffness in percent of its loss. {failed}
-
-An interval refers to the answer of infinitely fine meshes. The estimated error of level {accuracy} itself
-(`fem_error_percent`; for contact radius, strain, sideways stiffness, modes and critical depths the difference from a
-mesh coarser by half) is added to the error before the two are compared with the half width, in the calibration on
-{calibration} random beams and in the test. The interval of a quantity should hold in all states of nine beams out of
-ten. The goal of a region is the share of covered beams below which chance leads in 1 % of all tests, if nine of ten
-beams are covered. Beams of calibration and test are drawn evenly from six regions: three kinds of magnets, thick,
-wide and thin, narrow and thin, in short and slender beams.
-
-Left out of the range are bases with less than 0.15 D of silicone below the magnet: it hardly moves there, and errors
-are several times as large."""
-
-TRENDS = """\
-Would a formula below the surrogate help? 95th percentiles of the errors of the press force, %: of left-out training
-beams where a formula is the trend, of unseen beams where it stands alone. A formula that is evaluated for each state
-also takes 0.03 (level paper) to 3 ms (level finite), beyond the 0.1 ms that 10 000 designs a second leave."""
+def run(progress: Progress, extent: Extent, states: Store, processes: Processes) -> Result:
+    """Build the surrogate and test it; states that the store has are not solved again."""
+    return result(surrogate_study.run(extent, states, processes, progress), extent.first)
 
 
-def write(folder: Path, result: Result, first: int, origin: str, command: str) -> list[Goal]:
-    """Write the report into an existing folder; return the goals."""
-    rows = result.errors
+def result(outcome: Outcome, first: int) -> Result:
+    """Return the result of a study; `first` is the number of its first training beams."""
+    rows = outcome.errors()
     table = summaries(rows)
-    posed = goals(table, result.failed[1])
-    speed = designs_per_second(result)
-    with atomic(folder / "surrogate.npz") as temporary:
-        surrogate_file.write(temporary, result.surrogate)
-    write_table(folder / "summary.csv", table)
-    write_table(folder / "errors.csv", rows.to_dict("records"))
-    draw(folder / "errors.png", rows)
-    about = result.surrogate.about
-    lost_training, lost_test = result.failed
-    failed = (
-        f"{lost_training} training beams and {lost_test} test beams are left out because a state failed."
-        if lost_training or lost_test
-        else "No state failed."
-    )
-    introduction = INTRODUCTION.format(
-        accuracy=about["accuracy"],
-        beams=about["beams"],
+    posed = goals(table, outcome.failed[1])
+    lost = missed(posed)
+    title = "Errors on unseen beams"
+    columns = ("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "surrogate.npz")
+        surrogate_file.write(file, outcome.surrogate)
+        size = file.stat().st_size
+    page = pages.rendered(
+        "surrogate.md.j2",
+        about=outcome.surrogate.about,
         first=first,
-        test=about["test_beams"],
-        failed=failed,
-        calibration=about["calibration_beams"],
+        failed=outcome.failed,
+        table=table,
+        verdict=verdict(posed),
+        lost=list(map(str, lost)),
+        size=size / 1e6,
+        speed=designs_per_second(outcome),
+        trends=trends(outcome),
     )
-    size = (folder / "surrogate.npz").stat().st_size / 1e6
-    blocks = [
-        "# Surrogate of the finite elements",
-        introduction,
-        "## Errors on unseen beams",
-        pages.markdown(table),
-        verdict(posed),
-        pages.listed(map(str, missed(posed)), ""),
-        "![Errors and intervals](errors.png)",
-        "## Cost",
-        f"The file has {size:.2g} MB. On one core, with intervals: "
-        + "; ".join(f"{name} {value:,.0f} designs/s" for name, value in speed.items())
-        + " (CPU time, after the first call, which takes some 0.1 s).",
-        "## Formulas as trend",
-        TRENDS,
-        pages.markdown(trends(result)),
-    ]
-    pages.write(folder / "SURROGATE.md", blocks, command, origin)
-    return posed
+    return Result(
+        title=title,
+        records=table,
+        shown=[Table(title=title, rows=table, first=columns)],
+        tables={"summary": table, "errors": rows.to_dict("records")},
+        files={
+            "surrogate.npz": lambda path: surrogate_file.write(path, outcome.surrogate),
+            "errors.png": lambda path: draw(path, rows),
+        },
+        pages={"SURROGATE.md": page},
+        packages=("matplotlib",),
+        failures=list(map(str, lost)),
+    )
 
 
 def draw(file: Path, rows: Errors) -> None:
