@@ -5,9 +5,11 @@ from dataclasses import replace
 import pytest
 
 from fem.accuracy import QUICK
+from fem.analyses.modes import modes
 from fem.model.symmetry_models import specification
 from fem.scene import Scene
 from fem.solve import press
+from fem.solve.newton import NoStateError
 from fem.solve.press import find_press, measure_contact_edge, solve_press
 from geometry.design import paper
 from geometry.loads import Load
@@ -25,3 +27,9 @@ def test_the_end_of_a_contact_stays_where_it_was_found():
     radius = find_press(SECTION, 0.02, 0.125)[0]
     again = measure_contact_edge(solve_press(replace(SECTION, rim=(radius, 0.012)), 0.125)[0])
     assert radius == pytest.approx(again, rel=0.01)
+
+
+def test_a_press_that_crushes_silicone_is_no_state_to_analyse():
+    """At 6.5 mm a press of the paper's sensor folds elements at tip and magnet; `solve` stops at 5.68 mm."""
+    with pytest.raises(NoStateError, match=r"crushes silicone to [0-9.]+ % of its volume"):
+        modes(paper(), depth=6.5, accuracy=QUICK, estimate=False)

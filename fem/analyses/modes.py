@@ -34,8 +34,8 @@ from fem.scene import Scene
 from fem.solution import Status
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import NoStateError
-from fem.solve.path_state import about
-from fem.solve.press import Press, reach_press
+from fem.solve.path_state import PathState, about
+from fem.solve.press import Press, find_press, reach_press
 from geometry.arrays import Array
 from geometry.cad import beam_volume, magnet_inertia, magnet_volume
 from geometry.design import BadInput, Design
@@ -91,7 +91,7 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    find = functools.partial(_solve_modes, count=count, told=scene)
+    find = functools.partial(_solve_modes, count=count, told=scene, contact=find_contact(scene))
     return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
 
 
@@ -113,12 +113,13 @@ def estimate_frequencies(found: Modes, coarse: Modes, scene: Scene) -> tuple[flo
     return tuple(errors)
 
 
-def _solve_modes(scene: Scene, count: int, told: Scene) -> Modes:
+def _solve_modes(scene: Scene, count: int, told: Scene, contact: tuple[float, PathState] | None) -> Modes:
     """Return the lowest modes of a scene, without error estimates.
 
     told : scene whose status is told; the margin to buckling on the mesh for error estimates is not computed.
+    contact : of `find_contact`.
     """
-    press, depth = pressed_sensor(scene), scene.loads[0].depth
+    press, depth = pressed_sensor(scene, contact), scene.loads[0].depth
     blocks = {name: _order_matrices(press, scene, order) for order, name in enumerate(SHAPES)}
     blocks["torsion"] = _torsion_matrices(press, scene)
     values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
@@ -157,11 +158,17 @@ def spring_mass(design: Design) -> tuple[float, float]:
     return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
 
 
-def pressed_sensor(scene: Scene) -> Press:
-    """Return the press of a scene, on a mesh refined where the contact ends."""
-    size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
+def find_contact(scene: Scene) -> tuple[float, PathState] | None:
+    """Return where the contact of a press ends, and that press, see `find_press`; None for the free sensor."""
+    depth, size = scene.loads[0].depth / scene.design.D, scene.accuracy.section_size
     section = specification(scene, size, size / 2)
-    return reach_press(section, section, patch, scene.loads[0].depth / D, D)
+    return find_press(section, scene.accuracy.section_patch, depth) if depth else None
+
+
+def pressed_sensor(scene: Scene, contact: tuple[float, PathState] | None) -> Press:
+    """Return the press of a scene, on a mesh refined where `contact` of `find_contact` ends."""
+    size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
+    return reach_press(specification(scene, size, size / 2), contact, patch, scene.loads[0].depth / D, D)
 
 
 def inertia_of_magnet(scene: Scene) -> tuple[float, float, float]:

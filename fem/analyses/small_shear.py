@@ -7,6 +7,7 @@ response.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 from fem.accuracy import QUICK, STANDARD, Accuracy
@@ -20,8 +21,8 @@ from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
 from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.direct_solver import Solver
-from fem.solve.path_state import about
-from fem.solve.press import reach_press
+from fem.solve.path_state import PathState, about
+from fem.solve.press import find_press, reach_press
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -78,7 +79,10 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    return estimated(scene, _solve_small_shear, estimate_small_shear) if estimate else _solve_small_shear(scene)
+    rough = _section(replace(scene, accuracy=replace(QUICK, section_size=max(ROUGH, accuracy.section_size))))
+    contact = find_press(rough, EDGE * accuracy.section_patch, depth / design.D)
+    find = functools.partial(_solve_small_shear, contact=contact)
+    return estimated(scene, find, estimate_small_shear) if estimate else find(scene)
 
 
 def estimate_small_shear(found: SmallShear, coarse: SmallShear, scene: Scene) -> Estimates:
@@ -87,17 +91,14 @@ def estimate_small_shear(found: SmallShear, coarse: SmallShear, scene: Scene) ->
     return estimate_numbers("small shear", numbers, scene, max(found.contact_radius / scene.design.D, LEAST_RADIUS))
 
 
-def _solve_small_shear(scene: Scene) -> SmallShear:
-    """Return the small shear of a scene, without error estimates."""
-    D, E, accuracy = scene.design.D, scene.design.E, scene.accuracy
-    rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    press = reach_press(
-        replace(_section(scene), glued=True),
-        _section(replace(scene, accuracy=rough)),
-        EDGE * accuracy.section_patch,
-        scene.loads[0].depth / D,
-        D,
-    )
+def _solve_small_shear(scene: Scene, contact: tuple[float, PathState]) -> SmallShear:
+    """Return the small shear of a scene, without error estimates.
+
+    contact : where the contact ends, and a press on another mesh, of `find_press`.
+    """
+    D, E = scene.design.D, scene.design.E
+    section, edge_length = replace(_section(scene), glued=True), EDGE * scene.accuracy.section_patch
+    press = reach_press(section, contact, edge_length, scene.loads[0].depth / D, D)
     pressed = press.state
     turned = about(pressed, single_order.build(pressed.d, 1))
     plate = press.glue(turned)

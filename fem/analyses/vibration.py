@@ -43,7 +43,7 @@ from typing import Literal
 import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
-from fem.analyses.modes import eigen, frequency_unit, inertia_of_magnet, pressed_sensor
+from fem.analyses.modes import eigen, find_contact, frequency_unit, inertia_of_magnet, pressed_sensor
 from fem.equilibrium import start_path
 from fem.model import coulomb_friction, element_assembly, plate_contact, single_order
 from fem.model.elements import Surface
@@ -114,7 +114,7 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
         state = _solve_path(scene)
         motions: tuple[Motion, ...] = ("x",) if load.grip is not None else ("z", "x")
         return state, [build_block(scene, state, _sticking(state.plate), motions)]
-    press = pressed_sensor(scene)
+    press = pressed_sensor(scene, find_contact(scene))
     glued = press.edge is not None and scene.loads[0].friction == "stick"
     free = press.edge is None
     blocks = [_press_block(scene, press, 0, glued=glued)]

@@ -17,6 +17,10 @@ from fem.solve.path_state import PathState, at_rest, glue
 EDGE_SHARE, SETTLED_RADIUS, MOST_PRESSES = 0.05, 0.05, 3
 """EDGE_SHARE: largest edge length at the edge of the contact, over the contact radius. SETTLED_RADIUS: relative
 change of the radius at which the search ends. MOST_PRESSES: largest number of presses in a search."""
+CRUSHED = 0.1
+"""Volume ratio J at an integration point below which a press is no state to analyse. At the magnet's edge it falls to
+0.135 in the deepest presses of the paper's sensor that `solve` reaches, on its finer mesh there; presses beyond, on
+coarser elements, fold some of them to 0.01 to 0.05."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +67,13 @@ def find_press(section: MeshSpecification, edge_length: float, depth: float) -> 
 
 
 def reach_press(
-    section: MeshSpecification, rough: MeshSpecification, edge_length: float, depth: float, D: float
+    section: MeshSpecification, contact: tuple[float, PathState] | None, edge_length: float, depth: float, D: float
 ) -> Press:
-    """Return a press on a section refined where the contact ends, as the section `rough` tells.
+    """Return a press on a section refined where the contact ends.
 
     Parameters
     ----------
+    contact : what `find_press` found, on another mesh; None for the free sensor.
     edge_length : edge length where the contact ends, over D.
     depth : over D; 0 is the free sensor.
     D : mm, for the message.
@@ -76,16 +81,20 @@ def reach_press(
     Raises
     ------
     NoStateError
-        The press stops before the depth.
+        The press stops before the depth, or crushes the silicone.
     """
-    edge, first = None, None
-    if depth:
-        edge, first = find_press(rough, edge_length, depth)
+    edge, first = contact or (None, None)
+    if edge is not None:
         section = replace(section, rim=(edge, min(edge_length, edge / 4)))
     state, stop = solve_press(section, depth, first)
     if stop:
         raise NoStateError(
             f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[stop]}): take a smaller depth"
+        )
+    if state.least_J < CRUSHED:
+        raise NoStateError(
+            f"the press to depth {depth * D:.4g} mm crushes silicone to {100 * state.least_J:.2g} % of its volume, "
+            "which the mesh cannot follow: take a smaller depth"
         )
     return Press(state, edge)
 
