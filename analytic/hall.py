@@ -26,6 +26,7 @@ from geometry.loads import Response
 
 __all__ = ["Readings", "elements", "field_at", "readings"]
 
+Vector = tuple[float, float, float]
 Mode = Literal["component", "magnitude"]
 Field = Literal["exact", "paper", "paper-printed", "dipole"]
 FLIP = np.array([1.0, -1.0, -1.0])
@@ -176,7 +177,7 @@ def readings(
         shift, tilt = response.shift, response.rotation
     at = (0.0, 0.0, 0.0) if shift is None else shift
     chosen = of_design(design) if elements is None else tuple(elements)
-    points, owners = plates(chosen)
+    points, owners = plates_of(chosen)
     b = field_at(points, design, at, (0.0, 0.0) if tilt is None else tilt, field=field)
     b = b + _rows("ambient", ambient, 3)
     directions = np.array([element.direction for element in chosen])[owners]
@@ -190,23 +191,32 @@ def readings(
     return Readings(tuple(measured.tolist()), tuple(output.tolist()), tuple(saturated.tolist()), units)
 
 
-def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
-    """Return the points at which the elements sample the field, shape (n, 3), mm, and the element's index of each."""
+def plates(
+    positions: Sequence[Vector], directions: Sequence[Vector], sides: Sequence[float]
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return the points at which plates sample the field, shape (n, 3), mm, and the plate's index of each.
+
+    `sides` are those of the square plates, mm; 0 for a point.
+    """
     points, owners = [], []
-    for k, element in enumerate(chosen):
-        centre = np.array(element.position)
-        if not element.plate:
-            points.append(centre)
+    for k, (position, direction, side) in enumerate(zip(positions, directions, sides, strict=True)):
+        if not side:
+            points.append(position)
             owners.append(k)
             continue
-        aside, across = (element.plate * side for side in half_sides(element.direction))
-        points += [centre + i * aside + j * across for i in (-1, 1) for j in (-1, 1)]
+        aside, across = (side * half for half in half_sides(direction))
+        points += [tuple(position + i * aside + j * across) for i in (-1, 1) for j in (-1, 1)]
         owners += [k] * 4
-    return np.array(points).reshape(-1, 3), np.array(owners, dtype=np.int64)
+    return np.array(points, dtype=np.float64).reshape(-1, 3), np.array(owners, dtype=np.int64)
+
+
+def plates_of(elements: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
+    """Return the `plates` of elements."""
+    return plates([e.position for e in elements], [e.direction for e in elements], [e.plate for e in elements])
 
 
 @functools.cache
-def half_sides(direction: tuple[float, float, float]) -> tuple[Array, Array]:
+def half_sides(direction: Vector) -> tuple[Array, Array]:
     """Return the two vectors, shape (3,), along the sides of a plate of side 1 from its centre to a Gauss point."""
     normal = np.array(direction)
     # the axis farthest from the normal gives a well-conditioned direction in the plate

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.hall import plates
+from analytic.hall import plates_of
 from analytic.inverse.forward_model import Forward, readings_at
 from analytic.magnet import cylinder_field
 from geometry.arrays import Array
@@ -80,7 +80,7 @@ def meridian_table(forward: Forward, grid: Grid) -> tuple[Array, float]:
     table : (B_rho, B_Z) at rho = i step, Z = first + j step, shape (n_rho, n_Z, 2), T. Z points up in the sensor.
     first : smallest Z, mm.
     """
-    design, points = forward.design, plates(forward.elements)[0]
+    design, points = forward.design, plates_of(forward.elements)[0]
     far = max(float(np.hypot(np.abs(x) + grid.side, np.abs(y) + grid.side)) for x, y, _ in points)
     low = float(points[:, 2].min()) - design.H
     high = float(points[:, 2].max()) - design.H + grid.sink

@@ -30,9 +30,10 @@ import numpy as np
 
 from analytic.cylinder import ALONG, ALONG_Z, LEAN, LEAN_Z, POINTS, cylinder_series, disc_series, workspace
 from analytic.cylinder import compiled_functions as field_functions
-from analytic.hall import Mode, plates, rotated
-from analytic.parts import Element, of_design
-from geometry.arrays import Array
+from analytic.hall import Mode, plates, plates_of, rotated
+from analytic.parts import AXES, Element, common_values, of_design
+from geometry.arrays import Array, Ints
+from geometry.cad import element_positions
 from geometry.compiled import compiled
 from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
@@ -105,20 +106,23 @@ def model(
             way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
             raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
     tau = np.ascontiguousarray(tau, dtype=np.float64)
-    return Forward(design, chosen, tau, mode, _kernel(design, chosen, tau, mode))
+    directions = [element.direction for element in chosen]
+    return Forward(design, chosen, tau, mode, _kernel(design, *plates_of(chosen), directions, tau, mode))
 
 
-def _kernel(design: Design, elements: Sequence[Element], tau: Array, mode: Mode) -> tuple[Any, ...]:
-    """Return `Forward.kernel`."""
-    points, owners = plates(elements)
-    distinct, place = np.unique(points, axis=0, return_inverse=True)
-    if len(distinct) > POINTS:
-        raise BadInput(f"the elements may have at most {POINTS} points; got {len(distinct)}: leave elements out")
-    normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
+def _kernel(
+    design: Design, points: Array, owners: Ints, directions: Sequence[Vector], tau: Array, mode: Mode
+) -> tuple[Any, ...]:
+    """Return `Forward.kernel` for the points of elements, the element of each, and the elements' directions."""
+    numbers: dict[tuple[float, ...], int] = {}
+    place = np.array([numbers.setdefault(tuple(point), len(numbers)) for point in points.tolist()])
+    if len(numbers) > POINTS:
+        raise BadInput(f"the elements may have at most {POINTS} points; got {len(numbers)}: leave elements out")
+    normals = np.array(directions, dtype=np.float64)[owners]
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
     series = cylinder_series(half / radius), disc_series()
     return (
-        *(points - [0.0, 0.0, design.H], normals, place.reshape(-1), owners, 1 / np.bincount(owners)),
+        *(points - [0.0, 0.0, design.H], normals, place, owners, 1 / np.bincount(owners)),
         *(tau, mode == "magnitude", radius, half, -design.polarisation, *series, workspace()),
     )
 
@@ -189,7 +193,9 @@ def read_at_poses(design: Design, shift: Array, axis: Array, *, slopes: bool = F
     ----------
     shift, axis : shifts of the magnet, mm, and its axes, the rotated `UPRIGHT`, shape (n, 3).
     """
-    kernel = _kernel(design, of_design(design), NO_TILT, "component")
+    # without the elements of the design, which would take longer than the readings of a few poses
+    points, owners = plates(element_positions(design), AXES, (common_values(design)[-1],) * 3)
+    kernel = _kernel(design, points, owners, AXES, NO_TILT, "component")
     values, by_shift, by_turn = np.empty((len(shift), 3)), *np.empty((2, len(shift) if slopes else 0, 3, 3))
     read_poses(np.ascontiguousarray(shift, dtype=float), axis, kernel, values, by_shift, by_turn)
     return values, by_shift, by_turn

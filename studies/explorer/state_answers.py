@@ -179,7 +179,7 @@ def reading_slopes(design: Design, response: Response) -> Array:
     They are central differences, and 0 for an element at its rail.
     """
     elements = of_design(design)
-    points, owners = hall.plates(elements)
+    points, owners = hall.plates_of(elements)
     steps = np.concatenate([STEP * design.D * np.eye(5)[:3], STEP * np.eye(5)[3:]])
     pose = np.array([*response.shift, *response.rotation])
     poses = np.concatenate([pose + steps, pose - steps])
