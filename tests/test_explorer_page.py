@@ -17,7 +17,7 @@ from explorer_scripts import BOXES, CLIPPED, CONTRAST, COUNT, DRAG, LATE, PLATE,
 from explorer_session import NOISE, ask, click, drawn, go, heap, memory, move, other_value, random_moves, rest, server
 
 from geometry.design import BadInput, Design
-from studies.cli import explorer_commands
+from studies.cli import exploration_commands
 from studies.inputs import user_input
 
 QUICK = "#preset=paper&level=quick"
@@ -357,7 +357,7 @@ def test_other_origins_and_requests_without_the_token_are_refused(served):
 def test_file_for_the_browser_leads_to_the_page(chromium, served, tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr(webbrowser, "open", lambda address: not opened.append(address))
-    explorer_commands._open(f"{served[1]}#preset=paper&D=3&L=8&depth=0.2", tmp_path / "explorer.html")
+    exploration_commands._open(f"{served[1]}#preset=paper&D=3&L=8&depth=0.2", tmp_path / "explorer.html")
     assert "token" not in opened[0]
     sheet = chromium.page(opened[0], 1400, 900)
     try:

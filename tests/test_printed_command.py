@@ -10,7 +10,7 @@ import pytest
 import studies
 from studies.cli import main
 from studies.cli.commands import _joined, app
-from studies.cli.printed_command import LEFT_OUT, command
+from studies.cli.parameters import LEFT_OUT, command
 
 LINES = [
     "stability paper --slenderness 1,2 --magnet ignored --accuracy quick --set E=0.6 --set nu=0.45 --out out/s",

@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from studies.cli.vibration_commands import read_band
+from studies.cli.simulation_commands import read_band
 
 QUICK = ("--accuracy", "quick", "--count", 20)
 

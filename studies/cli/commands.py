@@ -49,25 +49,13 @@ app = App(
 )
 
 VERBS = {
-    "Design": {
-        "design_commands": "design cad mesh cache",
-        "catalogue_commands": "catalogue",
-        "sizing_commands": "size",
-    },
+    "Design": {"design_commands": "design cad mesh cache catalogue size"},
     "Simulation": {
-        "simulation_commands": "solve analytic compare stability modes",
-        "vibration_commands": "response",
-        "cycle_commands": "cycle",
-        "material_commands": "fit",
-        "demo_commands": "demo",
+        "simulation_commands": "solve analytic compare stability modes response cycle fit",
+        "exploration_commands": "demo",
     },
     "Sensing": {"sensing_commands": "field readings decode table layout"},
-    "Exploration": {
-        "explorer_commands": "explore",
-        "exploration_commands": "sweep",
-        "sensitivity_commands": "sensitivity",
-        "report_commands": "report",
-    },
+    "Exploration": {"exploration_commands": "explore sweep sensitivity report"},
     "Validation": {},
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""

@@ -1,19 +1,25 @@
-"""The verbs of an unloaded design: design, cad, mesh, and cache for the meshes that earlier versions kept."""
+"""The verbs of designs and parts: design, cad, mesh, cache (meshes that earlier versions kept), catalogue, size."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+from cyclopts import Parameter
+
+from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
-from studies.cli.printed_command import command
+from studies.cli.parameters import AsJson, Sets, Source, Wide, command, design_of, destination
 from studies.inputs import user_input
 from studies.inputs.input_warnings import say_no_effect
-from studies.output import atomic_files
-from studies.output.result import Destination, Result, failure_of, publish, show
+from studies.inputs.option_groups import Whole
+from studies.inputs.user_input import AccuracyName
+from studies.output import atomic_files, console
+from studies.output.records import FlatRow
+from studies.output.result import Block, Destination, Result, Table, check_files, failure_of, publish, show, write
 
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
@@ -146,3 +152,162 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
         "limit_MB": 0.0,
     }
     return show(Result(title="Cache of meshes", records=[record]), Destination(as_json=as_json))
+
+
+Kind = Annotated[
+    Literal["magnets", "hall_parts", "silicones", "published"] | None,
+    Parameter(
+        name="KIND", help="magnets, hall_parts or silicones, or published (sensors); default: the first three."
+    ),
+]
+
+
+def catalogue(
+    kind: Kind = None,
+    /,
+    *,
+    file: list[Path] | None = None,
+    sized: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """List the magnets, Hall parts and silicones from which sensors are sized, or the figures of published sensors.
+
+    Parameters
+    ----------
+    file
+        TOML file with parts of your own, which are added to the shipped ones or replace those of the same name;
+        repeatable.
+    sized
+        Folder with results of magtip size for the boxes of published sensors, each in a folder that is named as its
+        file of requirements: what the best variant reaches stands beside the published figures.
+    """
+    here = Destination(as_json=as_json, wide=wide)
+    if kind == "published":
+        return show(_published(sized), here)
+    if sized is not None:
+        raise BadInput("--sized goes with published sensors: magtip catalogue published --sized FOLDER")
+    from studies.sizing import catalogues
+    from studies.sizing.requirements import CATALOGUES, Requirements
+
+    # the parts do not depend on what a sensor must reach
+    parts = catalogues.catalogues_of(Requirements(force_z=1.0, catalogues=tuple(map(str, file or []))))
+    records: list[FlatRow] = []
+    shown: list[Block] = []
+    for each in CATALOGUES if kind is None else (kind,):
+        rows = catalogues.rows(getattr(parts, each))
+        records += [{"kind": each, **row} for row in rows]
+        title = f"{each.replace('_', ' ').capitalize()}: {len(rows)}"
+        shown.append(Table(title=title, rows=rows, brief=("source",), first=FIRST[each]))
+    shown.append("--wide shows the sources; `assumed` names values without a source that was read.")
+    return show(Result(title="Catalogue", records=records, shown=shown), here)
+
+
+def _published(sized: Path | None) -> Result:
+    """Return the figures of published sensors, beside what variants of the same boxes reach."""
+    from studies.sizing import published_sensors
+
+    rows = published_sensors.comparison({} if sized is None else published_sensors.reached_in(sized))
+    first = ("sensor", "quantity", "unit", "published", "variant")
+    table = Table(title="Published sensors", rows=rows, first=first)
+    return Result(title=table.title, records=rows, shown=[table, *published_sensors.remarks()])
+
+
+FIRST = {
+    "magnets": ("name", "diameter_mm", "height_mm", "remanence_low_T", "remanence_high_T", "largest_temperature_C"),
+    "hall_parts": ("name", "layout", "gain_V_per_mT", "low", "high"),
+    "silicones": ("name", "E_low_MPa", "E_MPa", "E_high_MPa", "mixed"),
+}
+"""Columns that a table must show, by the kind of parts."""
+
+
+Wanted = Annotated[str, Parameter(name="REQUIREMENTS", help="TOML file of requirements.")]
+
+MOST = 4096
+"""Largest population, number of generations, and number of solved points; more are taken for a mistake."""
+
+
+def size(
+    source: Wanted,
+    /,
+    *,
+    out: Path,
+    export: bool = False,
+    population: Whole = 96,
+    generations: Whole = 80,
+    points: Whole = 16,
+    sensors: Whole = 1000,
+    accuracy: AccuracyName = "standard",
+    store: Path | None = None,
+    workers: Whole | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Find the variants that meet requirements: a Pareto front of range, resolution and size, confirmed by FEM.
+
+    Magnets, Hall parts and silicones come from catalogues (see magtip catalogue). All points of the front are solved
+    by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: the
+    message then names a smallest set that conflicts, and by how much each of them would have to give. After an
+    interruption the same command solves no state again.
+
+    Parameters
+    ----------
+    out
+        Folder for SIZING.md, sizing.json, front.csv, yield.csv and front.png; the design file and parts of an earlier
+        sizing are removed from it.
+    export
+        Write design file, mould and casting recipe of the best variant too.
+    population
+        Number of candidates in a generation of the search.
+    generations
+        Number of generations.
+    points
+        Largest number of points of the front that are solved; of more points, those far apart are taken.
+    sensors
+        Number of made sensors from which the yield of the best variant follows.
+    accuracy
+        Accuracy of the finite elements.
+    store
+        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
+        name.
+    workers
+        Number of processes that solve; default: one for each core.
+    """
+    from fem.accuracy import LEVELS
+    from studies.exploration.needed_paths import Processes
+    from studies.output.provenance import versions
+    from studies.sizing import sizing_export, sizing_report, sizing_study
+    from studies.sizing.front_search import Effort
+    from studies.sizing.requirements import read_requirements
+
+    here = destination(size, locals(), sizing_report.FILES)
+    for name, value, least in (
+        ("population", population, 8),
+        ("generations", generations, 1),
+        ("points", points, 1),
+        ("sensors", sensors, 1),
+    ):
+        most = 100_000 if name == "sensors" else MOST
+        if not least <= value <= most:
+            raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
+    requirements = read_requirements(source)
+    for warning in requirements.warnings():
+        console.warn(warning)
+    check_files(here)
+    atomic_files.check_apart([store], [source])
+    sizing_export.check_parts(out)
+    effort = Effort(population, generations, requirements.seed)
+    settings = sizing_study.Settings(effort, LEVELS[accuracy], Processes(workers), store, points, sensors)
+    origin = versions(("pymoo",))
+    with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
+        sizing = sizing_study.run(requirements, settings, progress)
+        # parts of earlier requirements must not stand beside a new result
+        sizing_export.remove(folder)
+        result = sizing_report.result_of(sizing, origin, here.command, wide=wide)
+        progress(0.97, "SIZING.md, tables and front.png")
+        write(result, folder, here.command)
+        if export and sizing.winner is not None:
+            made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
+            lost = [made.message] if made.status != "ok" else []
+            result = replace(result, warnings=made.warnings, failures=[*result.failures, *lost])
+    return show(result, here)

@@ -1,24 +1,39 @@
-"""The verb for many designs: sweep."""
+"""The verbs of many designs and of pages: sweep, sensitivity, demo, report, explore."""
 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
+import tempfile
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from geometry.bad_input import no_effect
+from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Magnet
-from studies.cli.command_output import print_remarks, say_if_without_magnet
-from studies.cli.parameters import AsJson, Sets, Wide
-from studies.cli.printed_command import command
-from studies.inputs.input_warnings import say_no_effect, warn_of_values
-from studies.inputs.option_groups import TOLERANCE, Whole
+from geometry.messages import Progress
+from studies.cli.parameters import (
+    AsJson,
+    OwnStore,
+    Scheduler,
+    Sets,
+    Source,
+    Wide,
+    Workers,
+    command,
+    design_of,
+    destination,
+    say_if_without_magnet,
+)
+from studies.inputs.input_warnings import warn_of_values
+from studies.inputs.option_groups import DEPTH, TOLERANCE, Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console, run_record
+from studies.output import atomic_files, console, own_files, run_record
 from studies.output.records import FlatRow
-from studies.output.result import FAILED, GOOD
+from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
 
 if TYPE_CHECKING:
     from studies.exploration.study_cases import Plan
@@ -91,12 +106,12 @@ def sweep(
     retry_failed
         Solve again the cases whose process died.
     """
-    command_line = command(sweep, locals())
     from studies.exploration import sweep_request
     from studies.exploration.executors import SchedulerLost
     from studies.exploration.needed_paths import Processes
     from studies.exploration.study_rows import flat_rows
 
+    here = destination(sweep, locals(), sweep_request.FILES, [design])
     processes = Processes(workers, scheduler, retry_failed)
     plan = sweep_request.plan_of(
         source,
@@ -105,9 +120,8 @@ def sweep(
         ),
     )
     warn_of_values(plan.design)
-    atomic_files.check_apart(
-        [*atomic_files.inside(out, (*sweep_request.FILES, run_record.NAME)), store], [source, design]
-    )
+    check_files(here)
+    atomic_files.check_apart([store], here.inputs)
     if plan.magnet == "rigid" and plan.fem:
         say_if_without_magnet(plan.design)
     case = sweep_request.case_columns(plan)
@@ -123,28 +137,26 @@ def sweep(
                 for row in flat_rows(table):
                     printed.add(row, as_json=as_json)
             if out is not None:
-                run_record.write(out, command_line, dataclasses.asdict(plan.design))
+                run_record.write(out, here.command, dataclasses.asdict(plan.design))
     except SchedulerLost as error:
-        console.say(f"magtip: {error}")
-        return FAILED
-    finally:
-        if not as_json:
-            _show(printed, case, plan, wide=wide)
+        return show(replace(_shown(printed, case, plan), failures=[str(error)]), here)
+    except BaseException:
+        # after Ctrl-C the screen has what was solved
+        show(_shown(printed, case, plan), here)
+        raise
+    warnings = []
     if printed.count <= MOST_SHOWN:
-        whole = as_json or wide or out is not None
-        for name, reason in sweep_request.idle_axes(printed.rows, plan, whole=whole, case=case):
-            say_no_effect(f"axis {name}", reason)
-    for sentence in choices.sentences():
-        console.say(f"magtip: {sentence}")
-    for reason in console.remarks(printed.failures, case, printed.rows):
-        console.say(f"magtip: {reason}")
+        idle = sweep_request.idle_axes(printed.rows, plan, whole=as_json or wide or out is not None, case=case)
+        warnings = [no_effect([f"axis {name}"], reason) for name, reason in idle]
+    said = [*choices.sentences(), *console.remarks(printed.failures, case, printed.rows)]
     if printed.unstable:
-        console.say(
-            f"magtip: {printed.unstable} of {printed.count} cases are unstable: their numbers are those of an "
-            "equilibrium that a real sensor leaves"
+        said.append(
+            f"{printed.unstable} of {printed.count} cases are unstable: their numbers are those of an equilibrium "
+            "that a real sensor leaves"
         )
     if printed.failed:
-        console.say(f"magtip: {printed.failed} of {printed.count} cases failed")
+        said.append(f"{printed.failed} of {printed.count} cases failed")
+    show(replace(_shown(printed, case, plan), warnings=warnings, remarks=said), here)
     return FAILED if printed.failed or not printed.count else GOOD
 
 
@@ -172,15 +184,224 @@ class _Printed:
             self.rows.append(row)
 
 
-def _show(printed: _Printed, case: tuple[str, ...], plan: Plan, *, wide: bool) -> None:
-    """Print the rows as a table with their remarks, or their number if there are many."""
+def _shown(printed: _Printed, case: tuple[str, ...], plan: Plan) -> Result:
+    """Return the rows as a table with their remarks, or their number if there are many; JSON has been printed."""
     from studies.exploration import sweep_request
 
     rows = printed.rows
     if printed.count > MOST_SHOWN:
-        console.note(
+        note = (
             f"{printed.count} of {plan.count} rows; --out FOLDER or --json has them, a table on the screen does not."
         )
-        return
-    sweep_request.show(rows, "Sweep", wide=wide, case=case)
-    print_remarks([row for row in rows if row["status"] in ANSWERED], case, rows)
+        return Result(title="Sweep", records=[], shown=[note])
+    if not rows:
+        return Result(title="Sweep", records=[], shown=[])
+    answered = [row for row in rows if row["status"] in ANSWERED]
+    remarks = console.remarks(answered, case, rows)
+    return Result(title="Sweep", records=[], shown=[sweep_request.table(rows, "Sweep", case), *remarks])
+
+
+def sensitivity(
+    source: Source,
+    /,
+    *,
+    vary: list[str] | None = None,
+    depth: Annotated[float, DEPTH],
+    shear: float = 0.0,
+    methods: str = "sobol,montecarlo",
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
+    model: str = "surrogate",
+    accuracy: AccuracyName = "standard",
+    count: Whole = 1024,
+    trajectories: Whole = 10,
+    sensors: Whole = 1000,
+    seed: Whole = 0,
+    out: Path | None = None,
+    store: OwnStore = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Show which input matters most, and how much made sensors differ within their tolerances.
+
+    Sobol indices come from a fast model, Morris' effects from finite elements, whose solved states are kept: an
+    interrupted study continues. A Monte Carlo of tolerances predicts the spread of the calibration of made sensors.
+
+    Parameters
+    ----------
+    vary
+        Range of an input, NAME=low:high, of a field of the design, depth or shear; repeatable. Default: E, nu,
+        remanence and size of the magnet within their tolerances. Methods sobol and morris use it.
+    shear
+        Displacement of the plate along x after the press, with the tip stuck to it, mm.
+    methods
+        Any of sobol, morris and montecarlo, separated by commas.
+    tolerances
+        Tolerance of a made sensor, NAME=VALUE, such as E=5 (percent) or magnet_x=0.1 (mm); repeatable.
+    model
+        Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite).
+    accuracy
+        Accuracy of the finite elements of morris.
+    count
+        Number of base points of sobol, a power of 2; each needs a point more for every input, and one more.
+    trajectories
+        Number of trajectories of morris; each has a solve for every input, and one more.
+    sensors
+        Number of made sensors of montecarlo.
+    seed
+        Seed of all random numbers, 0 or more.
+    out
+        Folder for SENSITIVITY.md, tables and pictures.
+    """
+    from studies.exploration.needed_paths import Processes
+    from studies.sensitivity import sensitivity_report, sensitivity_request
+
+    here = destination(sensitivity, locals(), sensitivity_report.FILES)
+    request = sensitivity_request.request_of(
+        design=design_of(source, sets),
+        vary=vary or [],
+        load=(depth, shear),
+        methods=methods,
+        tolerances=tolerances or [],
+        model=model,
+        accuracy=accuracy,
+        counts=(count, trajectories, sensors),
+        seed=seed,
+    )
+    if store is not None and "morris" not in request.methods:
+        raise BadInput("--store works with the method morris only: add it to --methods, or leave --store out")
+    atomic_files.check_apart([store], [source])
+    return publish(partial(sensitivity_request.run, request, store, Processes(workers, scheduler)), here)
+
+
+def demo(*, out: Path = Path("out/demo")) -> int:
+    """Study the paper's sensor from start to end: CAD, mould, mesh, finite elements, formulas, comparison, report.
+
+    Parameters
+    ----------
+    out
+        Output folder.
+    """
+    command_line = command(demo, locals())
+    from studies import demo as study
+
+    own_files.check(out, study.WRITTEN)
+    with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
+        outcome = study.run(folder, command=command_line, progress=progress)
+    lost = outcome["status"] != "ok"
+    result = Result(
+        title="Demo",
+        records=[],
+        shown=[
+            *(f"- {sentence}" for sentence in outcome["summary"]["sentences"]),
+            f"All results are in {out}; start with REPORT.md.",
+        ],
+        failures=[f"part of the demo failed: {outcome['message']}"] if lost else [],
+    )
+    return show(result, Destination())
+
+
+Results = Annotated[
+    Path, Parameter(name="DIR", help="Folder of results that other verbs wrote, with its sub-folders.")
+]
+
+
+def report(folder: Results, /, *, out: Path | None = None, no_solve: bool = False, as_json: AsJson = False) -> int:
+    """Make one HTML page of a folder of results, with figures that can be read off and the deformed sensor in 3D.
+
+    The page needs no network. It shows whatever the folder and its sub-folders hold: comparisons, sweeps and their
+    error maps, the chart of cost and error, robustness, verification, maps of the beam assumption, claims, sizing
+    and uncertainty, with versions and commands. What it leaves out it names.
+
+    Parameters
+    ----------
+    out
+        File of the page, .html; default: report.html in the folder.
+    no_solve
+        Solve nothing: no figure in 3D where a folder names a sensor but holds no solution; default: solve it.
+    """
+    command_line = command(report, locals())
+    from studies.report import report_page
+
+    def study(progress: Progress) -> Result:
+        page = report_page.report(folder, out, command=command_line, solve=not no_solve, progress=progress)
+        return of_record("Report", page.row())
+
+    return publish(study, Destination(as_json=as_json))
+
+
+def explore(
+    source: Source = "paper",
+    /,
+    *,
+    port: Whole = 0,
+    no_browser: bool = False,
+    export: Path | None = None,
+    sets: Sets = None,
+) -> int:
+    """Open a page on which a sensor and its load are changed by hand, solved by finite elements meanwhile.
+
+    The page is served to this computer only, until Ctrl-C, and works without a network.
+
+    Parameters
+    ----------
+    port
+        Port of the page; default: any free one.
+    no_browser
+        Print the address of the page, but do not open it.
+    export
+        Write the page of this one design as a file (.html) that needs no server: depth, shear and direction move
+        between states that are solved beforehand, in a minute or more.
+    """
+    if export is not None and (port or no_browser):
+        option = "--port" if port else "--no-browser"
+        raise BadInput(f"--export writes a file without a server, for which {option} has no meaning: leave it out")
+    design = design_of(source, sets)
+    if export is not None:
+        _export(design, export)
+        return GOOD
+    from studies.explorer import explorer_server, state_commands
+
+    with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
+
+        def ready(address: str) -> None:
+            print(f"{address}\n", end="", flush=True)
+            console.note("The address is for this user of this computer only. Ctrl-C ends the explorer.")
+            if not no_browser:
+                _open(address, Path(folder, "explorer.html"))
+
+        explorer_server.serve(state_commands.address_fields(design), port, ready)
+    return GOOD
+
+
+def _export(design: Design, path: Path) -> None:
+    """Write the page of a design as one file."""
+    from studies.explorer import offline_page
+
+    file = atomic_files.check_output_file(path, ".html", ".htm")
+    with console.progress(as_json=False) as progress:
+        offline_page.write(design, file, progress)
+    console.note(f"{file}: open it in a browser; it needs no server and no network")
+
+
+def _open(address: str, file: Path) -> None:
+    """Open the page in the user's browser; say what to do if there is none.
+
+    All users see the command lines of processes, and the address holds the token: the browser gets it from a file in
+    a folder that only this user may read.
+    """
+    import html
+    import webbrowser
+
+    link = html.escape(address)
+    file.write_text(
+        f'<!DOCTYPE html>\n<meta charset="utf-8">\n<meta http-equiv="refresh" content="0; url={link}">\n'
+        f'<title>magtip explore</title>\n<a href="{link}">magtip explore</a>\n',
+        encoding="utf-8",
+    )
+    if webbrowser.open(file.as_uri()):
+        console.note("If your browser shows no sensor, open the address in it.")
+    else:
+        console.note("No browser was found: open the address in one.")

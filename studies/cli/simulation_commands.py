@@ -1,16 +1,18 @@
-"""The verbs of mechanics: solve, analytic, stability, modes and compare."""
+"""The verbs of mechanics: solve, analytic, stability, modes, compare, response, cycle, fit."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from geometry.design import BadInput, Design
-from geometry.loads import Magnet
-from studies.cli.command_output import say_if_without_magnet
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
+from geometry.loads import Load, Magnet, Waveform
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination, say_if_without_magnet
 from studies.inputs import user_input
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import (
@@ -21,6 +23,7 @@ from studies.inputs.option_groups import (
     SHEAR_Y,
     STANDARD,
     TOLERANCE,
+    LawName,
     Method,
     Motion,
     Whole,
@@ -28,6 +31,9 @@ from studies.inputs.option_groups import (
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
 from studies.output.result import Destination, Result, failure_of, publish, show
+
+if TYPE_CHECKING:
+    from fem.analyses.timed_path import ViscousLaw
 
 
 def solve(
@@ -236,3 +242,241 @@ def compare(
         chosen.say()
         level = chosen.choice.level_or_accuracy
     return publish(partial(study.study, design, level, chosen, frequency, speed), here)
+
+
+FEWEST, MOST = 2, 10_000
+"""Fewest and most frequencies of a table."""
+
+
+def response(
+    source: Source,
+    /,
+    *,
+    depth: Annotated[float | None, Parameter(help="Travel of the plate after first touch, mm; default: 1.")] = None,
+    shear: Annotated[float, SHEAR] = 0.0,
+    frequencies: str = "1:1000",
+    count: Whole = 200,
+    shear_y: Annotated[float, SHEAR_Y] = 0.0,
+    friction: str | None = None,
+    plate_tilt: float = 0.0,
+    grip: float | None = None,
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    extrapolate: Annotated[bool, Parameter(negative="")] = False,
+    out: Path | None = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Compute the steady vibration of the pressed and sheared sensor: volts per mm and per N, resonances, bandwidth.
+
+    The plate vibrates along z and along x about a state at rest, and x is the direction of the shear; --depth 0
+    shakes the base of the free sensor. The silicone's loss factor or Prony branches are those of the design.
+
+    Parameters
+    ----------
+    frequencies
+        Lowest and highest frequency, LOW:HIGH, Hz.
+    count
+        Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them.
+    friction
+        stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
+        Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates.
+    plate_tilt
+        Tilt of the plate's normal from z towards x, degrees.
+    grip
+        In place of the plate, hold the skin down to this depth below the top, mm; it moves along x.
+    extrapolate
+        Allow frequencies for which the silicone's branches do not speak, and mark the results.
+    out
+        Folder for response.csv, ladder.csv and the Bode plots.
+    """
+    from geometry.loads import check_load
+    from geometry.relaxation import check_range
+    from studies.simulation import vibration_report
+    from studies.simulation.load_cases import friction_of, plate_tilt_of
+
+    here = destination(response, locals(), vibration_report.FILES)
+    design = design_of(source, sets, magnet)
+    band = read_band(frequencies)
+    depth = (1.0 if grip is None else 0.0) if depth is None else depth
+    if not FEWEST <= count <= MOST:
+        raise BadInput(f"--count must be between {FEWEST} and {MOST}; got {count}")
+    moves, contact = bool(shear or shear_y), friction_of(friction, "stick")
+    if grip is None and not depth and moves:
+        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear or shear_y:g}")
+    if grip is None and moves and contact in ("none", 0.0):
+        raise BadInput("a shear needs a plate that sticks: leave out --friction none")
+    warnings = check_range(design, frequencies=band, beyond=extrapolate)
+    if grip is not None:
+        if friction is not None:
+            raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
+        load = Load(depth, shear, shear_y, plate_tilt=plate_tilt_of(plate_tilt), grip=grip)
+    else:
+        # the free sensor touches no plate, whose friction and tilt would count
+        tilt = plate_tilt_of(plate_tilt) if depth else 0.0
+        load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt)
+    check_load(design, load, magnet)
+    say_if_without_magnet(design)
+    study = partial(vibration_report.run, design, load, band, count, magnet, accuracy, warnings)
+    return publish(study, here)
+
+
+def read_band(text: str) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a text LOW:HIGH, Hz.
+
+    >>> read_band("1:1000")
+    (1.0, 1000.0)
+    """
+    parts = text.split(":")
+    try:
+        low, high = (float(part) for part in parts)
+    except ValueError:
+        raise BadInput(f"--frequencies must be LOW:HIGH in Hz, such as 1:1000; got {text!r}") from None
+    if not 0 < low < high < math.inf:
+        raise BadInput(f"--frequencies must rise from above 0 Hz, such as 1:1000; got {text}")
+    return low, high
+
+
+FLAG = Parameter(negative="")
+
+
+def cycle(
+    source: Source,
+    /,
+    *,
+    depth: Annotated[float, DEPTH] = 1.0,
+    speed: float | None = None,
+    frequency: float | None = None,
+    waveform: Waveform = "triangle",
+    cycles: Whole = 3,
+    hold: float = 0.0,
+    shear: float = 0.0,
+    friction: str | None = None,
+    second_law: Annotated[bool, FLAG] = False,
+    gap: float | None = None,
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    tolerance: float = 1e-3,
+    extrapolate: Annotated[bool, FLAG] = False,
+    out: Path | None = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Load and unload the sensor in time: loop of the force, its gap and area, drift, readings, decoded force.
+
+    The silicone's loss factor or Prony branches are those of the design. The plate leaves skin that recovers too
+    slowly, and touches it later in the next cycle.
+
+    Parameters
+    ----------
+    speed
+        Mean speed of the plate, mm/s; give this or --frequency.
+    frequency
+        Cycles per second, without the holds, Hz.
+    waveform
+        Motion of the plate: triangle (constant speed) or sine.
+    cycles
+        Number of cycles.
+    hold
+        Rest of the plate at each end of the stroke, s.
+    shear
+        After the press, shear the tip along x between plus and minus this, mm; the depth stays.
+    friction
+        none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first
+        touch on; default: none for a press, stick for a shear.
+    second_law
+        Also follow the motion by the law for large rates (Reese and Govindjee), and print the difference.
+    gap
+        Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
+        paper measured less than 10).
+    tolerance
+        Permitted error of the force from the time steps, over the largest force; at least 1e-7.
+    extrapolate
+        Allow frequencies and holds for which the silicone's branches do not speak, and mark the results.
+    out
+        Folder for cycle.csv, loops.csv and cycle.png.
+    """
+    from fem.analyses.timed_path import LEAST_TOLERANCE
+    from geometry.loads import check_load
+    from geometry.relaxation import check_range
+    from studies.simulation import cycle_findings, cycle_report
+    from studies.simulation.cycle_motion import Motion, frequency_of
+    from studies.simulation.load_cases import friction_of
+
+    here = destination(cycle, locals(), cycle_findings.FILES)
+    design = design_of(source, sets, magnet)
+    stroke = abs(2 * shear) or depth
+    contact = friction_of(friction, "stick" if shear else "none")
+    motion = Motion(depth, shear, contact, frequency_of(speed, frequency, stroke), waveform, cycles, hold)
+    if not LEAST_TOLERANCE <= tolerance < 1:
+        raise BadInput(f"--tolerance must be at least {LEAST_TOLERANCE:g} and below 1; got {tolerance:g}")
+    if gap is not None:
+        cycle_report.check_gap(design, gap)
+    # a load that is impossible comes first: its stroke decides the frequency
+    check_load(design, motion.largest, magnet)
+    say_if_without_magnet(design)
+    holds = [hold] if hold else []
+    warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=extrapolate)
+    laws: tuple[ViscousLaw, ...] = ("prony", "finite") if second_law else ("prony",)
+    study = partial(cycle_findings.study, design, motion, laws, gap, accuracy, magnet, tolerance, warnings)
+    return publish(study, here)
+
+
+COLUMNS = (
+    "CSV of a uniaxial test: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or "
+    "nominal_stress_Pa. Of a relaxation test: time_s (ms, min, h); nominal_stress_MPa with a held stretch, or "
+    "youngs_modulus_MPa or shear_modulus_MPa; optionally stretch and ramp_s. Of a dynamic test: frequency_Hz; "
+    "storage_modulus_MPa and loss_modulus_MPa (of Young's modulus; shear_... of the shear modulus) or tan_delta."
+)
+Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
+
+
+def fit(
+    data: Data,
+    /,
+    *,
+    law: LawName | None = None,
+    stretch: float | None = None,
+    ramp: float | None = None,
+    out: Path | None = None,
+    nu: float = 0.4998,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Fit a silicone's laws to a uniaxial test, or its relaxation to a relaxation test or a dynamic test.
+
+    A uniaxial test gives E and the laws, ranked, with the stretches where each is stable; two or three values from a
+    data sheet are enough for laws with as few constants. The other tests give Prony branches, their number chosen by
+    AICc, and the times and frequencies for which they speak. The names of the columns decide which test it is.
+
+    AICc weighs the error of a fit against its number of constants; less is better. Those within 2 of the least AICc
+    count as equally good, and of them the one with the fewest constants or branches comes first or is chosen.
+
+    Parameters
+    ----------
+    law
+        Law for design.toml; default: the best one that fits the test and is stable in the test and in a press to
+        3/8 D.
+    stretch
+        Held stretch of a relaxation test with a stress, if no column has it.
+    ramp
+        Time in which the stretch of a relaxation test rose from t = 0 on, s, if no column has it; the fit accounts
+        for the ramp. 0 states that a ramp is negligible.
+    out
+        Folder for the table, the plot and design.toml with the chosen law or branches.
+    nu
+        Poisson's ratio for which E is given.
+    """
+    from studies.simulation import material_fit, relaxation_test
+
+    here = destination(fit, locals(), material_fit.FILES, [data])
+    kind = relaxation_test.kind_of(data)
+    uses = (("--law", law, "uniaxial"), ("--stretch", stretch, "relaxation"), ("--ramp", ramp, "relaxation"))
+    for option, value, fits in uses:
+        if value is not None and kind != fits:
+            say_no_effect(option, f"{data} is a {kind} test")
+    if kind == "uniaxial":
+        return publish(partial(material_fit.laws, data, nu, law, here.command, wide=wide), here)
+    return publish(partial(material_fit.branches, data, nu, stretch, ramp, here.command, wide=wide), here)

@@ -14,8 +14,9 @@ from geometry.messages import Progress
 from studies.exploration.plate_motion import check_motion
 from studies.inputs import study_axes, study_input, user_input
 from studies.inputs.user_input import Value
-from studies.output import atomic_files, console
+from studies.output import atomic_files
 from studies.output.records import FlatRow
+from studies.output.result import Table
 
 if TYPE_CHECKING:
     from studies.exploration.needed_paths import Processes
@@ -196,16 +197,14 @@ def case_columns(plan: Plan) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*CASE, *(study_axes.column(name) for name in plan.axes))))
 
 
-def show(rows: Sequence[FlatRow], title: str, *, wide: bool, case: Sequence[str] = CASE) -> None:
-    """Print the main results of both models; files and a wide table have all columns."""
-    if not rows:
-        return
+def table(rows: Sequence[FlatRow], title: str, case: Sequence[str] = CASE) -> Table:
+    """Return the table of the main results of both models; files and a wide table have all columns."""
     results, errors = _compared(rows[0])
     keys = _main_columns(rows[0], case)
     varying = [key for key in case if len({row.get(key) for row in rows}) > 1]
     first = ("status", *varying, f"fem_{results[0]}", f"analytic_{results[0]}", errors[0])
     brief = [key for key in rows[0] if key not in keys]
-    console.report(rows, as_json=False, title=title, brief=brief, first=first, wide=wide)
+    return Table(title=title, rows=rows, brief=brief, first=first)
 
 
 def _compared(row: FlatRow) -> tuple[tuple[str, str], tuple[str, ...]]:

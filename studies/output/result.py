@@ -2,7 +2,7 @@
 
 A verb reads its options, checks what files it may write, and has `publish` run its study:
 
-    here = destination(modes, locals())                      # studies.cli.destinations: options of the output
+    here = destination(modes, locals())                      # studies.cli.parameters: --out, --json, --wide
     return publish(partial(modal_report.run, design, count), here)
 
 The study is a function of a progress callback; it returns a `Result` and prints and writes nothing itself. Values are
@@ -28,7 +28,7 @@ GOOD, BAD, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 2, 3, 130, 141
 1 is a bug."""
 Rows = Sequence[Mapping[str, Any]]
 Writer = Callable[[Path], None]
-"""Writes one file, whose path it gets."""
+"""Writes the file whose path it gets, as an output of magtip (`studies.output.atomic_files.atomic`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
