@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 
+from analytic.press_terms import effective_modulus
 from geometry.design import Design
 
 FREE, GUIDED = math.pi / 2, 4.493409457909064
@@ -69,6 +70,5 @@ def haringx(design: Design, end: float = FREE) -> float:
 
 def depth(design: Design, force: float) -> float:
     """Depth of the press under a force, mm: Hertz contact of the dome in series with the column, F H / (E A)."""
-    E_star = design.E / (1 - design.nu**2)
-    hertz = math.pow(3 * force / (4 * E_star * math.sqrt(design.R)), 2 / 3)
+    hertz = math.pow(3 * force / (4 * effective_modulus(design) * math.sqrt(design.R)), 2 / 3)
     return hertz + force * design.H / (design.E * math.pi * design.R**2)

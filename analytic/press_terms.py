@@ -33,8 +33,9 @@ from dataclasses import dataclass
 
 from geometry.design import Design
 
-THIN, SPHERE, CENTRE, INCLUSION, LEAST, THINNING = 1.335, 0.75, 0.18, 1.55, 0.4, 1.4
-ENOUGH = 200
+THIN, SPHERE, CENTRE, INCLUSION, LEAST_COLUMN, THINNING = 1.335, 0.75, 0.18, 1.55, 0.4, 1.4
+"""Constants above: of a bonded layer and of a sphere, and those of C and of the thinning layer."""
+NEWTON_STEPS = 200
 """Most steps of Newton's method, of which a handful suffice."""
 ROUNDING = 1e-15
 """Rounding error of the depth, over the depth."""
@@ -151,7 +152,7 @@ def _column(design: Design, terms: Terms) -> Callable[[float], tuple[float, floa
     length = design.H / R + CENTRE * (1 - math.exp(-(gap**2)))
     if terms.magnet:
         length -= INCLUSION * ((design.magnet_diameter / 2) ** 2 * design.magnet_height / R**3) ** (2 / 3)
-    effective = R * max(length, LEAST * gap)
+    effective = R * max(length, LEAST_COLUMN * gap)
     if not terms.finite:
         return lambda force: (effective * (force / stiffness), 1.0)
 
@@ -170,7 +171,7 @@ def neo_hookean_shortening(strain: float) -> float:
     """
     # with 1/lambda = 1 + u no digit is lost at small strain; Newton's method approaches the root from above
     u, rest, triple = 2 * strain, 1 - strain, 3 * strain
-    for _ in range(ENOUGH):
+    for _ in range(NEWTON_STEPS):
         step = (u**3 + 3 * u**2 + 3 * u * rest - triple) / (3 * (1 + u) ** 2 - triple)
         u -= step
         if abs(step) <= 1e-15 * u:

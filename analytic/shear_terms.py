@@ -90,7 +90,7 @@ class Bent:
 def cantilever(design: Design, shear: float, pressed: Press) -> ShearState:
     """Solve Timoshenko's cantilever with a free tip."""
     L, H, B, S = design.L, design.H, buckling.bending_stiffness(design), buckling.shear_stiffness(design)
-    Q = shear / (L**3 / (3 * B) + L / S)
+    Q = shear * buckling.sideways_stiffness(design)
     shift = Q * (H**2 * (3 * L - H) / (6 * B) + H / S)
     turn = Q * (H * (2 * L - H) / (2 * B) + 1 / (2 * S))
     return ShearState(Q, pressed.force, shift, pressed.below, turn)
