@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 
 from fem.physics_version import PHYSICS
-from fem.results.error_estimate_rules import (
+from fem.results.error_estimates import (
     LEAST_SHARE,
     ErrorRule,
     LoadCase,

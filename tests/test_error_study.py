@@ -9,7 +9,7 @@ import pytest
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK
 from fem.physics_version import PHYSICS
-from fem.results.error_estimate_rules import table_rows
+from fem.results.error_estimates import table_rows
 from geometry.design import paper
 from studies.cli import entry_point
 from studies.output import checkpoint

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem.model.symmetry_models import MeshSpecification
-from fem.solve import extrapolation
+from fem.solve import load_increments
 from fem.solve.path_state import PastState, at_rest
 from geometry.design import paper
 
@@ -35,19 +35,19 @@ def after(*depths):
 
 @pytest.mark.parametrize(("depths", "exact"), [((0.1, 0.13, 0.2), True), ((0.13, 0.2), False), ((0.2,), False)])
 def test_two_past_states_extrapolate_what_is_quadratic(depths, exact):
-    error = np.abs(extrapolation.extrapolate_unknowns(after(*depths), at(0.27)) - curve(0.27)).max()
+    error = np.abs(load_increments.extrapolate_unknowns(after(*depths), at(0.27)) - curve(0.27)).max()
     assert bool(error < 1e-12) is exact
 
 
 def test_one_past_state_extrapolates_what_is_linear():
     state = after(0.1, 0.2)
     line = state.q + 0.5 * (state.q - state.past[0].q)
-    np.testing.assert_allclose(extrapolation.extrapolate_unknowns(state, at(0.25)), line, atol=1e-12)
+    np.testing.assert_allclose(load_increments.extrapolate_unknowns(state, at(0.25)), line, atol=1e-12)
 
 
 def test_without_a_past_the_guess_is_the_present():
     state = after(0.2)
-    guess = extrapolation.extrapolate_unknowns(state, at(0.25))
+    guess = load_increments.extrapolate_unknowns(state, at(0.25))
     np.testing.assert_array_equal(guess, state.q)
     assert guess is not state.q
 
@@ -55,7 +55,7 @@ def test_without_a_past_the_guess_is_the_present():
 @pytest.mark.parametrize(("position", "kept"), [(at(0.25), 2), (at(0.15), 0), (at(0.2, 0.1), 0), (at(0.25, 0.01), 0)])
 def test_a_past_that_does_not_lead_ahead_is_forgotten(position, kept):
     state = after(0.1, 0.15, 0.2)
-    assert len(extrapolation.drop_past_at_corner(state, position).past) == kept
+    assert len(load_increments.drop_past_at_corner(state, position).past) == kept
     assert len(state.past) == 2
 
 
@@ -64,16 +64,16 @@ def test_contact_is_expected_where_the_gap_closes():
     state = replace(after(0.2), q=np.zeros_like(REST.q))
     present = state.overlap
     state = replace(state, past=(PastState(at(0.1), state.q, present - 0.1),))
-    np.testing.assert_array_equal(extrapolation.extrapolate_contact(state, at(0.25)), present > -0.05)
+    np.testing.assert_array_equal(load_increments.extrapolate_contact(state, at(0.25)), present > -0.05)
 
 
 def test_at_first_touch_contact_is_where_half_the_depth_cuts_the_dome():
     height = REST.skin.points[..., 2].max()
-    expected = extrapolation.extrapolate_contact(REST, at(0.2))
+    expected = load_increments.extrapolate_contact(REST, at(0.2))
     np.testing.assert_array_equal(expected, REST.skin.points[..., 2] >= REST.d.shape.L - 0.1)
     assert expected.any()
     assert height <= REST.d.shape.L
 
 
 def test_a_grip_has_no_contact():
-    assert extrapolation.extrapolate_contact(at_rest(REST.d, grip=0.3), at(0.0, 0.1)) is None
+    assert load_increments.extrapolate_contact(at_rest(REST.d, grip=0.3), at(0.0, 0.1)) is None

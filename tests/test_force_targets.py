@@ -8,10 +8,9 @@ import pytest
 from scipy.optimize import brentq
 
 from fem.accuracy import QUICK
-from fem.analyses.force_targets import ForceTarget, solve_force, walk_forces
+from fem.analyses.force_targets import FORCE_TOLERANCE, SHARED_TOLERANCE, ForceTarget, solve_force, walk_forces
 from fem.equilibrium import solve, trace
 from fem.solve.load_case_models import SHALLOW
-from fem.solve.loading_curve import FORCE_TOLERANCE, SHARED_TOLERANCE
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fem.model.symmetry_models import MeshSpecification
-from fem.solve import extrapolation, load_increments
+from fem.solve import load_increments
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import apply_increment, follow_segment
 from fem.solve.newton import TOLERANCE, newton, reference_size
@@ -140,8 +140,8 @@ def test_a_segment_that_stops_short_keeps_the_last_good_state(solver, monkeypatc
 def test_a_last_step_without_a_check_reaches_the_tolerance(solver):
     state, position = pressed(solver), np.array([0.07, 0.0, 0.0])
     system, plate = state.d.system, state.plate_at(position)
-    guess = extrapolation.extrapolate_unknowns(state, position)
-    pressed_points = extrapolation.extrapolate_contact(state, position)
+    guess = load_increments.extrapolate_unknowns(state, position)
+    pressed_points = load_increments.extrapolate_contact(state, position)
     sure, quick = (newton(system, solver, guess, plate, pressed_points, confirm=confirm) for confirm in (True, False))
     after = system.assemble(quick.state, plate, tangent=False)
     assert reference_size(system, quick.state, after).share(after) < 2 * TOLERANCE

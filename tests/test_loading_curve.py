@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fem.solve.loading_curve import FORCE_TOLERANCE, CurvePoint, ForceNotReached, LoadingCurve
+from fem.analyses.force_targets import FORCE_TOLERANCE, CurvePoint, ForceNotReached, LoadingCurve
 
 
 class Spring:

@@ -14,8 +14,7 @@ from fem.model import angular_fields, elements
 from fem.model.material import lame
 from fem.model.nonlinear_system import System
 from fem.model.symmetry_models import on_axis
-from fem.results.error_estimate_rules import error_rule
-from fem.results.error_estimates import estimate_number
+from fem.results.error_estimates import error_rule, estimate_number
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load

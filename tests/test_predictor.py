@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fem.model.symmetry_models import MeshSpecification
-from fem.solve import predictor
+from fem.solve import load_stepping
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import follow_segment
+from fem.solve.load_stepping import correct_press, predict
 from fem.solve.path_state import at_rest, glue, with_predictor
-from fem.solve.predictor import correct_press, predict
 from geometry.design import paper
 
 SHAPE = paper().shape.without_magnet().scaled(1 / 8)
@@ -52,12 +52,12 @@ def test_it_goes_along_and_leaves_the_state_before_as_it_was(gripped, solvers):
 
 
 def test_where_its_correction_fails_only_the_predictor_has_moved(gripped, solvers, monkeypatch):
-    real = predictor.newton
+    real = load_stepping.newton
 
     def stubborn(*given, **options):
         return replace(real(*given, **options), reason="no_convergence")
 
-    monkeypatch.setattr(predictor, "newton", stubborn)
+    monkeypatch.setattr(load_stepping, "newton", stubborn)
     state, iterations = predict(*solvers, gripped, ASIDE)
     assert state.q is gripped.q
     assert state.position is gripped.position

@@ -7,7 +7,10 @@
 
 The depth is the first one at which a press from rest on has the force along z. A shear force then needs a shear at
 this depth, during which the normal force changes. Each state is that of `fem.equilibrium.walk` under the load that
-results; its force is the wanted one within `fem.solve.loading_curve.FORCE_TOLERANCE`.
+results; its force is the wanted one within FORCE_TOLERANCE.
+
+Every new state is reached from the last solved one before it, never backwards, so the force over the motion, depth or
+shear, is that of a monotone loading; with Coulomb friction that matters. Lengths are over D, forces over E D^2.
 
 Light touches and glued plates have a mesh that depends on the depth (`fem.solve.load_case_models`). There the search
 is repeated on the mesh of the depth that it has led to.
@@ -15,11 +18,13 @@ is repeated on the mesh of the depth that it has led to.
 
 from __future__ import annotations
 
+import bisect
 import functools
 import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 import skfem
@@ -31,10 +36,8 @@ from fem.results.postprocess import tip_force
 from fem.scene import Model, Scene
 from fem.solution import Solution
 from fem.solve.load_case_models import mesh_range
-from fem.solve.loading_curve import CurvePoint, ForceNotReached, LoadingCurve
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
-from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, tip_compliance
@@ -42,6 +45,17 @@ from geometry.messages import Progress
 
 __all__ = ["solve_force", "walk_forces"]
 
+FORCE_TOLERANCE = 1e-4
+"""Relative difference from the wanted force at which a search ends. The error estimates of level fine are larger, and
+the search converges so fast that a looser tolerance would save less than one state."""
+SHARED_TOLERANCE = 1e-3
+"""The same where two states bracket the wanted force without room for another one between them: with Coulomb friction
+the force depends a little on the increments before it."""
+LONGEST_RATIO, SHORTEST_RATIO = 1.5, 1.001
+"""Largest and least ratio of a motion to the one before, until two states bracket the force. A larger one may lead
+into loads that no solve reaches; a smaller one would creep towards a force at which the curve is flat."""
+RESOLUTION = 1e-7
+"""Width of the bracket, over its upper end, at which the force jumps between its two ends."""
 MOST_MESHES = 5
 """Largest number of meshes for one force. Two are usual; at the bound of two ranges each may lead to the other."""
 LEFT = 0.7
@@ -61,6 +75,160 @@ contact, whose radius then differs by half as much: less than the size of an ele
 
 Watch = Callable[[float, float], None]
 """Is called before each solve with its depth and shear, mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePoint:
+    """A solved state of a loading curve.
+
+    Attributes
+    ----------
+    motion : depth, or shear, over D.
+    force : force along the motion, over E D^2.
+    stop : why the path ended here; empty if it did not.
+    """
+
+    motion: float
+    force: float
+    state: PathState
+    stop: Stop = ""
+
+    def has(self, force: float, tolerance: float = FORCE_TOLERANCE) -> bool:
+        """Return whether the force is the wanted one."""
+        return abs(self.force - force) <= tolerance * force
+
+
+class ForceNotReached(Exception):
+    """No state of a curve has the wanted force.
+
+    Attributes
+    ----------
+    point : the state with the largest force, or the one before a jump of the force; the first one, at motion 0, if
+        that has a larger force already, such as the force along a tilted plate.
+    last : the last state of the curve.
+    beyond : the state after the jump; None where the force is too large.
+    """
+
+    def __init__(self, point: CurvePoint, last: CurvePoint, beyond: CurvePoint | None = None) -> None:
+        super().__init__(point, last, beyond)
+        self.point, self.last, self.beyond = point, last, beyond
+
+
+class Movable(Protocol):
+    """A path with a present state, which may return to an earlier one."""
+
+    @property
+    def state(self) -> PathState: ...
+    def restart(self, state: PathState) -> None: ...
+
+
+class LoadingCurve:
+    """The solved states of a path along one motion, in its order.
+
+    Parameters
+    ----------
+    path : path whose present state is the first one of the curve, at motion 0.
+    move : moves the path to a motion; returns why it stopped on the way.
+    measure : returns motion and force of a state.
+    power : power of the motion with which the force grows at first.
+    most : largest motion.
+    ended : whether no further motion increases the force.
+
+    Attributes
+    ----------
+    points : the states.
+    """
+
+    def __init__(
+        self,
+        path: Movable,
+        move: Callable[[float], Stop],
+        measure: Callable[[PathState], tuple[float, float]],
+        *,
+        power: float,
+        most: float,
+        ended: Callable[[PathState], bool] = lambda _: False,
+    ) -> None:
+        self._path, self._move, self._measure, self._power = path, move, measure, power
+        self.most, self.ended = most, ended
+        self.points = [CurvePoint(*measure(path.state), path.state)]
+
+    def reach(self, motion: float) -> CurvePoint:
+        """Return the state at a motion, or the one at which the path stops before it."""
+        after = bisect.bisect_right(self.points, motion * (1 + 1e-12), key=lambda point: point.motion)
+        before = self.points[after - 1]
+        if math.isclose(before.motion, motion, rel_tol=1e-12):
+            return before
+        self._path.restart(before.state)
+        stop = self._move(motion)
+        point = CurvePoint(*self._measure(self._path.state), self._path.state, stop)
+        bisect.insort(self.points, point, key=lambda point: point.motion)
+        return point
+
+    def find(self, force: float, guess: float) -> CurvePoint:
+        """Return the first state with a force: a root of the curve between two states that bracket it.
+
+        Parameters
+        ----------
+        guess : first motion to try on an empty curve.
+
+        Raises
+        ------
+        ForceNotReached
+            The path stops, or its motion ends, before the force; or the force jumps past it.
+        """
+        low, high = self._bracket(force, guess)
+        for point in (low, high):
+            if point.has(force):
+                return point
+        # deferred: a press to a depth needs no root search
+        from scipy.optimize import brentq
+
+        def excess(motion: float) -> float:
+            point = self.reach(motion)
+            # a root exactly: the search ends here
+            return 0.0 if point.has(force) else self._excess(point, force)
+
+        brentq(excess, low.motion, high.motion, xtol=RESOLUTION * high.motion)
+        point = min(self.points, key=lambda point: abs(point.force - force))
+        if not point.has(force, SHARED_TOLERANCE):
+            after = next(k for k, each in enumerate(self.points) if each.force >= force)
+            raise ForceNotReached(self.points[after - 1], self.points[-1], self.points[after])
+        return point
+
+    def _bracket(self, force: float, guess: float) -> tuple[CurvePoint, CurvePoint]:
+        """Return neighbouring states between which the force is reached first; the second one has at least the force.
+
+        The states are extrapolated in the variable of `_excess`, in which the beginning of a curve is straight.
+        """
+        while True:
+            after = next((k for k, point in enumerate(self.points) if self._excess(point, force) >= 0), None)
+            if after:
+                return self.points[after - 1], self.points[after]
+            first, last = self.points[0], self.points[-1]
+            if after == 0:
+                if not first.has(force):
+                    raise ForceNotReached(first, last)
+                return first, first
+            if last.has(force):
+                return last, last
+            if last.stop or self.ended(last.state) or last.motion >= self.most:
+                raise ForceNotReached(max(self.points, key=lambda point: point.force), last)
+            self.reach(min(self._next_motion(force, guess), self.most))
+
+    def _next_motion(self, force: float, guess: float) -> float:
+        """Return a motion at which the force is expected, from the last two states."""
+        if len(self.points) == 1:
+            return guess
+        before, last = self.points[-2:]
+        rise = self._excess(last, force) - self._excess(before, force)
+        ahead = -self._excess(last, force) * (last.motion - before.motion) / rise if rise > 0 else math.inf
+        return last.motion * min(max(1 + ahead / last.motion, SHORTEST_RATIO), LONGEST_RATIO)
+
+    def _excess(self, point: CurvePoint, force: float) -> float:
+        """Return the force of a state over the wanted one, to the power at which it is proportional to the motion."""
+        share = point.force / force
+        return math.copysign(abs(share) ** (1 / self._power), share) - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,15 +392,14 @@ class _Search:
         path, pressed = self._press(target, scene)
         sheared = None if target.shear_force is None else _shear(path, pressed, target)
         load = target.load_at(pressed.motion * D, 0.0 if sheared is None else sheared.motion * D)
-        state = path.solution(sheared or pressed, load, time.perf_counter() - begin)
+        state = path.read(sheared or pressed, load, begin)
         if not self._estimate:
             return state
         begin, coarse = time.perf_counter(), path.coarser
         coarse_point = coarse.press.reach(pressed.motion)
         if sheared is not None and not coarse_point.stop:
             coarse_point = coarse.shear(coarse_point).reach(sheared.motion)
-        coarse_state = coarse.solution(coarse_point, load, time.perf_counter() - begin)
-        return with_estimates(state, coarse_state, path.scene)
+        return with_estimates(state, coarse.read(coarse_point, load, begin), path.scene)
 
     def _press(self, target: ForceTarget, scene: Scene) -> tuple[ForcePath, CurvePoint]:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
@@ -262,7 +429,7 @@ class _Search:
         return self._path
 
 
-class ForcePath:
+class ForcePath(ScenePath):
     """Path of a scene with one load, whose press and shear are searched for forces.
 
     Parameters
@@ -278,14 +445,16 @@ class ForcePath:
     """
 
     def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
-        (self._load,), self.scene = scene.loads, scene
+        super().__init__(scene, mesh, check_stability=check_stability)
+        (self._load,) = scene.loads
+        shear = scene.turn @ self._load.imposed_shear
+        self._along = shear / (float(np.linalg.norm(shear)) or 1.0)
         self.watch: Watch | None = None
-        self._path = ScenePath(scene, mesh, check_stability=check_stability)
         self._pressed: CurvePoint | None = None
         self._sheared: LoadingCurve | None = None
         self.press = LoadingCurve(
-            self._path,
-            lambda depth: self._go(depth, 0.0),
+            self,
+            lambda depth: self._move(depth, 0.0),
             lambda state: (float(state.position[0]), float(tip_force(state)[2])),
             power=PRESS_POWER,
             most=MOST_DEPTH * silicone_on_axis(scene.design, scene.magnet),
@@ -299,12 +468,11 @@ class ForcePath:
     def shear(self, pressed: CurvePoint) -> LoadingCurve:
         """Return the force along the shear over the shear, after a press to a state."""
         if self._sheared is None or pressed is not self._pressed:
-            self._path.begin_shear(pressed.state)
-            along = self._direction()
-            self._pressed = pressed
+            self.begin_shear(pressed.state)
+            self._pressed, along = pressed, self._along
             self._sheared = LoadingCurve(
-                self._path,
-                lambda shear: self._go(pressed.motion, shear),
+                self,
+                lambda shear: self._move(pressed.motion, shear),
                 lambda state: (float(state.position[1:] @ along), float(tip_force(state)[:2] @ along)),
                 power=SHEAR_POWER,
                 most=2 * self.scene.shape.L,
@@ -312,34 +480,26 @@ class ForcePath:
             )
         return self._sheared
 
-    def solution(self, point: CurvePoint, load: Load, seconds: float) -> Solution:
-        """Return the solution at a state, which carries `load` if it has not stopped before."""
-        return self._path.solution(point.state, load, point.stop, seconds)
+    def read(self, point: CurvePoint, load: Load, begin: float) -> Solution:
+        """Return the solution at a state that was searched for since a time `begin`, s."""
+        return self.solution(point.state, load, point.stop, time.perf_counter() - begin)
 
     def suits(self, load: Load) -> bool:
         """Return whether the mesh is that of a path to another load."""
         D, present = self.scene.design.D, self._load
-        alike = (load.friction, load.plate_tilt, load.imperfection, load.shears_tip, load.direction) == (
-            present.friction, present.plate_tilt, present.imperfection, present.shears_tip, present.direction
-        )  # fmt: skip
+        kind = ("friction", "plate_tilt", "imperfection", "shears_tip", "direction")
+        if any(getattr(load, name) != getattr(present, name) for name in kind):
+            return False
         if present.bonds_contact:
-            return alike and math.isclose(load.depth, present.depth, rel_tol=SAME_MESH)
-        if self.scene.solid:
-            return alike
-        return alike and mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
+            return math.isclose(load.depth, present.depth, rel_tol=SAME_MESH)
+        return self.scene.solid or mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
 
-    def _go(self, depth: float, shear: float) -> Stop:
+    def _move(self, depth: float, shear: float) -> Stop:
         """Move the plate to a depth and to a shear along the load's, over D."""
         if self.watch is not None:
             D = self.scene.design.D
             self.watch(depth * D, shear * D)
-        return self._path.go(np.array([depth, *(shear * self._direction())]))
-
-    def _direction(self) -> Array:
-        """Return the unit vector (2,) of the load's shear in the model's frame."""
-        shear = np.array(self._load.imposed_shear)
-        size = float(np.linalg.norm(shear))
-        return self.scene.turn @ shear / size if size else np.zeros(2)
+        return self.go(np.array([depth, *(shear * self._along)]))
 
 
 def _shear(path: ForcePath, pressed: CurvePoint, target: ForceTarget) -> CurvePoint:

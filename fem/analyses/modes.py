@@ -26,8 +26,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.model import angular_fields, rigid_inclusion, single_order
 from fem.model.nonlinear_system import ON_AXIS, System
 from fem.model.symmetry_models import specification
-from fem.results.error_estimate_rules import error_rule
-from fem.results.error_estimates import estimate_number, estimated
+from fem.results.error_estimates import error_rule, estimate_number, estimated
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene

@@ -14,8 +14,7 @@ from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.analyses.vibration import plate_loads
 from fem.model import plate_contact, single_order
 from fem.model.symmetry_models import MeshSpecification, specification
-from fem.results.error_estimate_rules import LEAST_RADIUS
-from fem.results.error_estimates import estimate_numbers, estimated
+from fem.results.error_estimates import LEAST_RADIUS, estimate_numbers, estimated
 from fem.results.lateral_stiffness import integrate_normal_force
 from fem.results.postprocess import pose_slopes
 from fem.scene import Scene

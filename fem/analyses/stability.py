@@ -17,8 +17,7 @@ from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.model.symmetry_models import MeshSpecification, specification
-from fem.results.error_estimate_rules import LEAST_DEPTH
-from fem.results.error_estimates import estimate_numbers, estimated
+from fem.results.error_estimates import LEAST_DEPTH, estimate_numbers, estimated
 from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
 from fem.scene import Scene
 from fem.solution import NOT_ESTIMATED, Estimates

@@ -178,7 +178,7 @@ def _facet_functions(dim: int, order: int) -> tuple[Array, Array, Array]:
 
 def _functions(basis: skfem.CellBasis) -> tuple[Array, Array]:
     """Return the shape functions (q, a) of a basis, equal in all its m cells, and their derivatives (m, q, j, a)."""
-    shape = np.stack([np.asarray(field.value).reshape(-1, basis.X.shape[1])[0] for (field,) in basis.basis], axis=-1)
+    shape = np.stack([np.asarray(field).reshape(-1, basis.X.shape[1])[0] for (field,) in basis.basis], axis=-1)
     slopes = np.empty((*basis.dx.shape, basis.X.shape[0], basis.Nbfun))
     for a, (field,) in enumerate(basis.basis):
         slopes[..., a] = field.grad.transpose(1, 2, 0)

@@ -1,6 +1,6 @@
 """One increment of the load, and the increments of a straight segment of the path.
 
-An increment starts from the extrapolated last states (`fem.solve.extrapolation`) and is solved by Newton's method.
+An increment starts from the extrapolated last states, unknowns and contact, and is solved by Newton's method.
 It returns the next state, or the reason why there is none; the state before is not changed. The increments of a
 segment are halved where one fails and grow again where they converge easily. Intermediate states are solved to a
 looser tolerance. A function may see every increment (`watched`), for progress and to end a path.
@@ -9,6 +9,7 @@ looser tolerance. A function may see every increment (`watched`), for progress a
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact
 from fem.model.plate_contact import Plate
-from fem.solve import extrapolation
 from fem.solve.active_set import KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
 from fem.solve.direct_solver import Solver
@@ -58,6 +58,8 @@ ONSET_HALVINGS = 3
 """Halvings of the increment in which the first unstable direction appeared: LONGEST_DOUBTFUL / 8 is 1 % of a depth of
 D / 8; `fem.analyses.stability` computes a critical depth more accurately."""
 
+ON_LINE = 1e-9
+"""Distance from a line, over D, up to which a position is on it: far above rounding, far below increments."""
 
 _watch: ContextVar[Callable[[float], None] | None] = ContextVar("watch", default=None)
 
@@ -167,14 +169,14 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
     ----------
     sure : accept the result although it is the first with an unstable direction or with crushed silicone.
     """
-    state = extrapolation.drop_past_at_corner(state, position)
-    guess, plate = extrapolation.extrapolate_unknowns(state, position), state.plate_at(position)
+    state = drop_past_at_corner(state, position)
+    guess, plate = extrapolate_unknowns(state, position), state.plate_at(position)
     if state.friction is not None:
         moved = plate_contact.displacements_along_plate(
             state.skin, state.d.system.state(guess).u, plate if state.past else state.plate
         )
         plate = replace(plate, friction=coulomb_friction.expect_motion(state.friction, moved))
-    expected = extrapolation.extrapolate_contact(state, position)
+    expected = extrapolate_contact(state, position)
     answer = find_equilibrium(solver, state, guess, plate, expected, tolerance)
     # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = least_J(answer) < CRUSHED <= state.least_J
@@ -190,6 +192,58 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
         onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
     after = replace(_accept(state, answer, position, plate), onset=onset)
     return Increment(after, "", answer.iterations + more, easy=answer.iterations <= EASY)
+
+
+def drop_past_at_corner(state: PathState, position: Array) -> PathState:
+    """Return the state without its past states where these are not on the straight line to a position (3,).
+
+    Extrapolation around a corner of the path is meaningless.
+    """
+    ahead = position - state.position
+    length = float(np.linalg.norm(ahead))
+    for before in state.past:
+        back = _coordinate(state, before.position, position)
+        off_line = back * ahead / length - (before.position - state.position)
+        if not (back < 0 and np.abs(off_line).max() < ON_LINE):
+            return replace(state, past=())
+    return state
+
+
+def extrapolate_unknowns(state: PathState, position: Array) -> Array:
+    """Return the unknowns at a position (3,), from the polynomial through the past and present states."""
+    ahead = float(np.linalg.norm(position - state.position))
+    at = [*(_coordinate(state, before.position, position) for before in state.past), 0.0]
+    # Lagrange polynomials: they need no equal spacing, and increments differ in length
+    *shares, present = (math.prod((ahead - u) / (t - u) for u in at if u != t) for t in at)
+    guess = present * state.q
+    for share, before in zip(shares, state.past, strict=True):
+        guess += share * before.q
+    return np.asarray(guess)
+
+
+def extrapolate_contact(state: PathState, position: Array) -> NDArray[np.bool_] | None:
+    """Return the skin points (k, q) in contact at a position (3,): those where the extrapolated gap is closed.
+
+    At first touch these are the points of the Hertz contact, which a plate at half the depth would cut. None for a
+    grip.
+    """
+    if state.grip:
+        return None
+    if state.position[0] == 0:
+        rest = np.zeros(state.d.system.fixed.shape)
+        return plate_contact.overlap(state.skin, rest, state.plate_at(np.array([position[0] / 2, 0, 0]))) >= 0
+    overlap = state.overlap
+    if state.past:
+        last = state.past[-1]
+        rate = np.linalg.norm(position - state.position) / np.linalg.norm(state.position - last.position)
+        overlap = overlap + rate * (overlap - last.overlap)
+    return overlap > 0
+
+
+def _coordinate(state: PathState, past: Array, position: Array) -> float:
+    """Return the coordinate of a past position (3,) on the line to the next one; the present position is at 0."""
+    ahead = position - state.position
+    return float((past - state.position) @ ahead) / float(np.linalg.norm(ahead))
 
 
 def turns_over(state: PathState, position: Array, u: Array) -> bool:

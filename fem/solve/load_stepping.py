@@ -2,8 +2,15 @@
 
 The plate's position is v = (depth, shear along x, shear along y). Each load is a straight segment to its depth and
 another to its shear. The present state of the path is one frozen value (`fem.solve.path_state`). Load increments
-lead from one state to the next (`fem.solve.load_increments`), unless a predictor reaches the end of the segment at
-once (`fem.solve.predictor`).
+lead from one state to the next (`fem.solve.load_increments`), unless a prediction reaches the end of the segment at
+once. It is that of a reduced model: fewer harmonics on the same mesh, or the section with harmonics for tetrahedra.
+
+Most of the solution is in the first harmonic, and a section has it all at a tenth of the cost of tetrahedra. The
+predictor follows a segment in increments, which are cheap for it. At its end the difference of the two models at the
+start is added to the prediction, and the full model is corrected once, without increments of its own. Where that does
+not converge, or leads to another branch, the full model takes its own increments. Where the prediction crushes one of
+the tetrahedra, at the edge of the glued area or of the magnet, they are corrected half-way first. A press may also
+start from the state of a press on another mesh.
 """
 
 from __future__ import annotations
@@ -12,13 +19,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fem.model import plate_contact
+from fem.model.section_interpolation import interpolate_section
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
-from fem.solve.load_increments import Segment, follow_segment
-from fem.solve.newton import Stop
+from fem.solve.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Segment, follow_segment, least_J, turns_over
+from fem.solve.newton import TOLERANCE, Stop, newton
 from fem.solve.path_state import PathState, glue, with_harmonics, with_predictor
-from fem.solve.predictor import correct_press, predict
 from geometry.arrays import Array
+
+MOST_ITERATIONS, MOST_SOLID_ITERATIONS = 12, 16
+"""Most iterations for the correction, on sections and of tetrahedra; more would cost as much as the increments that
+are to be saved."""
+CLOSE, SOLID_CLOSE = 0.004, 0.016
+"""Gaps, on sections and in tetrahedra, up to which a point of the skin is expected to be in contact, over the depth
+or the shear, whichever is less: the prediction leaves small gaps where the tip rolls onto the plate, and each point
+that is wrong has to switch. With larger gaps on sections more points switch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,3 +125,93 @@ class Path:
         # returns at once if the prediction has reached the goal
         reached = follow_segment(self._solver, state, goal, friction_step_factor=self._friction_factor)
         return replace(reached, iterations=before + reached.iterations)
+
+
+def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:
+    """Move to a position (3,) by correcting a prediction.
+
+    Returns
+    -------
+    The state there or half-way, or the present state, where that fails (with the predictor moved); and Newton's
+    iterations of both models.
+    """
+    solvers, solid = (solver, reduced_solver), not state.d.revolved
+    # a guess with crushed silicone takes many iterations, more than the way over a state half-way
+    reached = _predict_once(*solvers, state, goal, least=CRUSHED if solid and state.least_J >= CRUSHED else 0.0)
+    if not solid or reached.stop != "guess_inverted":
+        return reached.state, reached.iterations
+    middle = _predict_once(*solvers, state, (state.position + goal) / 2, tolerance=SOLID_PASSED_TOLERANCE)
+    iterations = reached.iterations + middle.iterations
+    if middle.stop:
+        return reached.state, iterations
+    end = _predict_once(*solvers, middle.state, goal)
+    return end.state, iterations + end.iterations
+
+
+def _predict_once(
+    solver: Solver,
+    reduced_solver: Solver,
+    state: PathState,
+    goal: Array,
+    *,
+    least: float = 0.0,
+    tolerance: float = TOLERANCE,
+) -> Segment:
+    """Move to a position (3,) by correcting one prediction.
+
+    least : volume ratio J at or below which the prediction is not corrected.
+    tolerance : of Newton's method.
+    """
+    before = state.reduced
+    # the predictor may have stopped earlier than the full model, and is then of no use
+    raise_unknowns = state.raise_unknowns
+    if before is None or raise_unknowns is None or not np.array_equal(before.position, state.position):
+        return Segment(state, "no_convergence", 0)
+    added = state.q - raise_unknowns(before.q)
+    if before.bond is None:
+        before = replace(before, bond=state.bond)
+    ahead = follow_segment(reduced_solver, before, goal, predicts=True)
+    state = replace(state, reduced=ahead.state)
+    # another number of unstable directions means another branch
+    if ahead.stop or ahead.state.stability != state.stability:
+        return Segment(state, "no_convergence", ahead.iterations)
+    guess = added + raise_unknowns(ahead.state.q)
+    if least:
+        trial = state.d.system.admissible(guess)
+        if trial is None or trial.least_J <= least:
+            return Segment(state, "guess_inverted", ahead.iterations)
+    after = _correct(solver, state, guess, goal, tolerance)
+    return replace(after, iterations=ahead.iterations + after.iterations)
+
+
+def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Array) -> tuple[PathState, int]:
+    """Move from rest to a position (3,) by correcting the state `rough` of another mesh, if it is the same press.
+
+    Returns
+    -------
+    As `predict`.
+    """
+    if state.position.any() or not np.array_equal(rough.position, goal) or not rough.stability.is_stable:
+        return state, 0
+    guess = interpolate_section(rough.d.system, state.d.system)(rough.q)
+    after = _correct(solver, state, guess, goal)
+    return after.state, after.iterations
+
+
+def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolerance: float = TOLERANCE) -> Segment:
+    """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
+    plate, system = state.plate_at(goal), state.d.system
+    gap, most = (SOLID_CLOSE, MOST_SOLID_ITERATIONS) if system.elements.dim == 3 else (CLOSE, MOST_ITERATIONS)
+    close = gap * min(float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0]))
+    pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > -close
+    # as in increments, a dead load selects the branch
+    confirm = bool(system.dead.any())
+    answer = newton(system, solver, guess, plate, pressed, most=most, tolerance=tolerance, confirm=confirm)
+    least = least_J(answer)
+    sound = answer.stability == state.stability and (least < CRUSHED) == (state.least_J < CRUSHED)
+    if not answer.converged or not sound or turns_over(state, goal, answer.state.u):
+        return Segment(state, answer.reason or "no_convergence", answer.iterations)
+    q, energy = answer.state.q, answer.assembly.energy
+    # intermediate states are unknown, so the next guess cannot be extrapolated
+    state = replace(state, position=goal, q=q, energy=energy, least_J=least, stability=answer.stability, past=())
+    return Segment(state, "", answer.iterations)

@@ -18,8 +18,7 @@ import numpy as np
 from analytic import relaxation_loops
 from fem.accuracy import LEVELS, coarser
 from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
-from fem.results.error_estimate_rules import VibrationQuantity
-from fem.results.error_estimates import estimate_vibration
+from fem.results.error_estimates import VibrationQuantity, estimate_vibration
 from fem.solve import load_increments
 from geometry.arrays import Array
 from geometry.design import BadInput, Design

@@ -31,7 +31,7 @@ from typing import Any, Literal
 from analytic import beam, buckling
 from fem import physics_version
 from fem.physics_version import PHYSICS
-from fem.results.error_estimate_rules import press_limits
+from fem.results.error_estimates import press_limits
 from fem.scene import Model, choose_model
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
@@ -68,7 +68,7 @@ BEYOND = 2.0
 """Factor on a bound for designs, loads or scenes that the study does not contain."""
 CONTACT_POWER = 0.75
 """Power of the depth with which the error of a light press grows: as in the rules of
-`fem.results.error_estimate_rules`, it grows about with the contact radius to the power -1.5."""
+`fem.results.error_estimates`, it grows about with the contact radius to the power -1.5."""
 
 
 @dataclass(frozen=True, slots=True)

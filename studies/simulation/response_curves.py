@@ -10,7 +10,7 @@ error is about
 
     A e,        A = 1 + |d ln g / d ln f| / 2.
 
-e follows from a rule (`fem.results.error_estimate_rules`) and from the difference to the coarser mesh over A.
+e follows from a rule (`fem.results.error_estimates`) and from the difference to the coarser mesh over A.
 `studies.validation.vibration_errors` compares the estimates with errors against much finer meshes.
 """
 
@@ -30,7 +30,7 @@ from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
     from fem.analyses.vibration import VibratingSensor
-    from fem.results.error_estimate_rules import VibrationQuantity
+    from fem.results.error_estimates import VibrationQuantity
     from fem.scene import Scene
 
 Complex = NDArray[np.complex128]

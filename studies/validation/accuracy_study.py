@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fem.physics_version import PHYSICS
-from fem.results.error_estimate_rules import table_rows
+from fem.results.error_estimates import table_rows
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.output.checkpoint import solved_at
@@ -260,7 +260,7 @@ def rules(states: Sequence[Row]) -> list[Row]:
 
 
 def _rule_of(row: Row) -> tuple[str, str, str]:
-    """Return scene, magnet and quantity by which a state's rule is found, see `fem.results.error_estimate_rules`."""
+    """Return scene, magnet and quantity by which a state's rule is found, see `fem.results.error_estimates`."""
     scene, quantity = row["scene"], str(row["quantity"])
     if row["model"] == "half":
         return "solid press" if scene == "press" else "solid", row["magnet"], quantity

@@ -53,7 +53,7 @@ SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_stu
 """Designs of the parts of the study: FINE_SHEARS are also sheared at level fine and FAR_SHEARS are sheared far;
 SOLIDS are sheared and PRESSED are pressed with tetrahedra; the reference of CHECKED is compared with a finer one; the
 tangents of UNHELD are also solved without a magnet. Design 7 has little silicone above its magnet."""
-ESTIMATING = ("fem/accuracy.py", "fem/results/error_estimates.py", "fem/results/error_estimate_rules.py")
+ESTIMATING = ("fem/accuracy.py", "fem/results/error_estimates.py")
 """Paths of modules that no kept solve depends on, because the study solves without estimates."""
 TANGENT_MODULES = ("fem/analyses/stability.py", "fem/analyses/small_shear.py", "fem/analyses/modes.py")
 """Modules of `fem` that only the scenes of tangents use."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from fem.accuracy import Accuracy
 from fem.analyses.stability import DEEPEST
-from fem.results.error_estimate_rules import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
+from fem.results.error_estimates import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
 from fem.scene import Model
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet

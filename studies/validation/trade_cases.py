@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from analytic import beam
 from fem.accuracy import LEVELS, Accuracy
-from fem.results.error_estimate_rules import press_limits
+from fem.results.error_estimates import press_limits
 from fem.scene import Model
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
@@ -50,7 +50,7 @@ CONFIRMED = DRAWN * len(DRAWS)
 """Number of random designs."""
 
 PRESSES, DEEP = (0.12, 0.4, 1.0), 0.5
-"""Depths of a press over the largest depth of the rules "press" of `fem.results.error_estimate_rules` (D/4 or less);
+"""Depths of a press over the largest depth of the rules "press" of `fem.results.error_estimates` (D/4 or less);
 and one deep press, as a share of the way from there to the largest depth of the rules "deep"."""
 UNDER, SHEARS = (0.1, 0.06, 0.2), (0.05, 0.15, 0.3)
 """Depths under a shear, one for each design by turns, and shears of the glued plate, all over D."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from fem.accuracy import FINE, LEVELS, QUICK, Accuracy, coarser
 from fem.analyses.vibration import vibrating_sensor, vibration_model
-from fem.results.error_estimate_rules import VibrationQuantity, press_limits
+from fem.results.error_estimates import VibrationQuantity, press_limits
 from fem.scene import Scene
 from geometry.design import BadInput, Design
 from geometry.loads import Load
@@ -58,7 +58,7 @@ GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
 NAN = float("nan")
 FIGURES = ("static_error", "static_estimate", "largest_error", "difference", "holds", "sharp")
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
-APART = ("fem/results/error_estimates.py", "fem/results/error_estimate_rules.py")
+APART = ("fem/results/error_estimates.py",)
 """Modules on which no kept solve depends."""
 
 
