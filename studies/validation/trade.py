@@ -16,6 +16,7 @@ from geometry.messages import Progress
 from studies.output.atomic_files import write_text
 from studies.output.checkpoint import solved_at
 from studies.output.goals import failures, page_lines
+from studies.output.markdown_tables import cell as number
 from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.simulation.model_choice import Statement
@@ -184,7 +185,7 @@ def _errors(cell: Row) -> Row:
 
     def both(name: str) -> str:
         middle, high = cell[f"{name}_median_percent"], cell[f"{name}_p95_percent"]
-        return f"{pages.cell(middle, 2)} / {pages.cell(high, 2)}" if math.isfinite(middle) else ""
+        return f"{number(middle, 2)} / {number(high, 2)}" if math.isfinite(middle) else ""
 
     row = {name: cell[name] for name in ("model", "level", "designs")}
     row["states"] = f"{cell['solved']} of {cell['states']}"

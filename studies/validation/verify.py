@@ -15,6 +15,7 @@ import numpy as np
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
+from studies.output.markdown_tables import cell
 from studies.output.result import Result, Table
 from studies.validation import manufactured_solutions, motion_problems, pages, static_problems
 from studies.validation.pages import Row
@@ -82,7 +83,7 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     rows: list[Row] = []
     for i, target in enumerate(chosen):
         rows += evaluate(target, i / len(chosen), progress)
-    printed = [row | {name: pages.cell(row[name], 6) for name in PRECISE} for row in rows]
+    printed = [row | {name: cell(row[name], 6) for name in PRECISE} for row in rows]
     shown = [row | {"": "pass" if row["passed"] else f"**fail** {row['message']}".strip()} for row in printed]
     heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
     heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}

@@ -23,28 +23,14 @@ from fem.scene import Scene
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.output import atomic_files, checkpoint, console, own_files
-from studies.output.csv_tables import write_table
+from studies.output import checkpoint
 from studies.output.goals import Goal, missed, verdict
-from studies.output.provenance import versions
-from studies.output.result import FAILED, GOOD
+from studies.output.result import Destination, Result, publish
 from studies.simulation import response_curves
 from studies.simulation.response_curves import Complex, Curves
 from studies.validation import pages
 from studies.validation.error_study_cases import designs, rounded
 from studies.validation.pages import Row
-
-ABOUT = """\
-Twelve designs (those of `magtip validate accuracy`) vibrate with a rigid magnet: about two presses each,
-frictionless and glued, about a glued shear after one of these, and free, with the base shaken. At each accuracy
-level, gains at 40 frequencies from 0.02 to 3 times the lowest natural frequency are compared with those on a much
-finer mesh: force over motion, the magnet's shift and the largest reading over force; the shift over that of the base
-of the free sensor.
-
-The error is that of the complex gain, so that of the phase in radians too. `holds` is the share of frequencies at
-which the estimate is at least the true error (goal 95 %), and `sharp` the share at which it is at most three times
-the error, or below 0.03 % (goal 50 %). The constants of the estimates come from this study.
-"""
 
 REFERENCE = replace(FINE, name="reference", section_size=0.03, section_patch=0.0013, harmonics=4)
 SHARES, SHEAR = (0.3, 1.0), 0.08
@@ -95,7 +81,7 @@ def cases(*, quick: bool = False) -> list[Case]:
     return chosen
 
 
-def run(folder: Any = None, *, quick: bool = False, progress: Progress | None = None) -> list[Row]:
+def run(progress: Progress, folder: Path | None = None, *, quick: bool = False) -> list[Row]:
     """Solve and judge all cases; solves in the folder's solves.jsonl by the same code are not repeated."""
     curves = Path(response_curves.__file__)
     code = checkpoint.digest([*checkpoint.modules("geometry", "fem", "analytic", apart=APART), curves])
@@ -109,8 +95,7 @@ def run(folder: Any = None, *, quick: bool = False, progress: Progress | None = 
         for accuracy in needed:
             name = json.dumps([astuple(replace(accuracy, name="")), astuple(case.design), astuple(case.load)])
             if name not in store.known:
-                if progress is not None:
-                    progress(i / len(chosen), f"design {case.number}, {case.kind}, size {accuracy.section_size:g}")
+                progress(i / len(chosen), f"design {case.number}, {case.kind}, size {accuracy.section_size:g}")
                 store.keep(name, solve(case, accuracy))
             solved[accuracy], names[accuracy] = store.known[name], name
         for level in levels:
@@ -252,34 +237,35 @@ def goals(judged: Sequence[Row]) -> list[Goal]:
     return posed
 
 
-def write(folder: Path, judged: Sequence[Row], command: str, origin: str) -> None:
-    """Write vibration_errors.csv and VIBRATION_ERRORS.md."""
-    write_table(folder / "vibration_errors.csv", judged, digits=4)
+def result(judged: Sequence[Row]) -> Result:
+    """Return the result of judged cases."""
     posed = goals(judged)
-    edges = f"{REFERENCE.section_size:g} D, and {REFERENCE.section_patch:g} D at the edge of a glued area"
-    text = f"Errors are the largest over the frequencies of a case.\nEdges of the reference are {edges}."
-    blocks = ["# Errors of vibrations", verdict(posed), pages.listed(map(str, posed)), ABOUT]
-    blocks += [pages.markdown(summary(judged)), text, checkpoint.solved_at(row["commit"] for row in judged)]
-    pages.write(folder / "VIBRATION_ERRORS.md", blocks, command, origin)
+    page = pages.rendered(
+        "vibration_errors.md.j2",
+        verdict=verdict(posed),
+        posed=list(map(str, posed)),
+        summary=summary(judged),
+        reference=REFERENCE,
+        solved_at=checkpoint.solved_at(row["commit"] for row in judged),
+    )
+    return Result(
+        title="Errors of vibrations",
+        records=judged,
+        shown=(),
+        tables={"vibration_errors": judged},
+        digits=4,
+        pages={"VIBRATION_ERRORS.md": page},
+        failures=list(map(str, missed(posed))),
+    )
 
 
 def main(out: str, *, quick: bool = False) -> int:
     """Run the study, write its files into a folder, and return exit status 3 if a goal is missed, else 0."""
-    own_files.check(out, ("VIBRATION_ERRORS.md", "vibration_errors.csv"))
-    origin = versions()
-    with atomic_files.results(out) as folder, console.progress(as_json=False) as progress:
-        judged = run(folder, quick=quick, progress=progress)
-        assert folder is not None
-        command = f"python -m studies.validation.vibration_errors {out}{' --quick' if quick else ''}"
-        write(folder, judged, command, origin)
-    lost = missed(goals(judged))
-    for goal in lost:
-        console.say(f"magtip: {goal}")
-    return FAILED if lost else GOOD
+    command = f"python -m studies.validation.vibration_errors {out}{' --quick' if quick else ''}"
+    here = Destination(command=command, out=Path(out), names=("VIBRATION_ERRORS.md", "vibration_errors.csv"))
+    return publish(lambda progress: result(run(progress, Path(out), quick=quick)), here)
 
 
 if __name__ == "__main__":
-    status = main(
-        next((word for word in sys.argv[1:] if word != "--quick"), "out/vibration"), quick="--quick" in sys.argv[1:]
-    )
-    sys.exit(status)
+    words = [word for word in sys.argv[1:] if word != "--quick"]
+    sys.exit(main(*words[:1] or ["out/vibration"], quick="--quick" in sys.argv))
