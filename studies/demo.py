@@ -19,7 +19,6 @@ from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary
 from studies.simulation.compare import Comparison, Outcome, part
-from studies.simulation.design_summary import MeshReport
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "matplotlib")
 """Packages whose versions the report names, besides those of the finite elements: solids, meshes, tables, plots."""
@@ -94,7 +93,7 @@ def run(
         _write_last(folder, name, design, states)
     atomic_files.write_text(folder / "REPORT.md", document(design, comparison, cad, mesh, origin))
     show(1.0, "done")
-    outcomes = [(cad.status, cad.message), (mesh.status, mesh.message)]
+    outcomes = [(cad.status, cad.message), (mesh["status"], mesh["message"])]
     outcomes += [(row["status"], row["message"]) for row in comparison.press]
     outcomes += [(row["status"], row["message"]) for row in comparison.shear]
     status, message = next((outcome for outcome in outcomes if outcome[0] not in ANSWERED), ("ok", ""))
@@ -104,7 +103,7 @@ def run(
         "summary": comparison.summary,
         "parts": cad.row()["parts"],
         "checks": cad.row()["checks"],
-        "mesh": mesh.row(),
+        "mesh": mesh,
     }
 
 
@@ -130,7 +129,7 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 # REPORT.md
 
 
-def document(design: Design, comparison: Comparison, cad: FabricationRow, mesh: MeshReport, origin: str) -> str:
+def document(design: Design, comparison: Comparison, cad: FabricationRow, mesh: FlatRow, origin: str) -> str:
     """Return the text of REPORT.md: findings, small tables, assumptions, parts and mesh, files, origin."""
     summary = comparison.summary
     press = [row for row in comparison.press if row["status"] in ANSWERED]
@@ -225,7 +224,7 @@ def _assumed(design: Design) -> str:
     return "\n".join(lines)
 
 
-def _part_lines(cad: FabricationRow, mesh: MeshReport) -> list[str]:
+def _part_lines(cad: FabricationRow, mesh: FlatRow) -> list[str]:
     """Return sentences on the parts, the mould and base, and the mesh."""
     parts, checks = cad.parts, cad.checks
     passed = sum(check.passed for check in checks)
@@ -237,12 +236,11 @@ def _part_lines(cad: FabricationRow, mesh: MeshReport) -> list[str]:
         lines.append(
             f"{len(parts)} parts, all watertight; their triangles miss the exact volumes by {worst:.1g} at most."
         )
-    if mesh.written is None:
-        return [*lines, f"Mesh: {mesh.message}"]
-    quality = mesh.written.quality
-    error = max(map(abs, quality.volume_errors.values()))
+    if mesh["status"] != "ok":
+        return [*lines, f"Mesh: {mesh['message']}"]
+    error = max(abs(value) for name, value in mesh.items() if name.endswith("_volume_error"))
     lines.append(
-        f"Mesh: {quality.cells} tetrahedra of second order; volumes right to {error:.1g}; "
-        f"least radius ratio {quality.least_shape:.2f}, mean {quality.mean_shape:.2f} (1 is best)."
+        f"Mesh: {mesh['cells']} tetrahedra of second order; volumes right to {error:.1g}; "
+        f"least radius ratio {mesh['least_shape']:.2f}, mean {mesh['mean_shape']:.2f} (1 is best)."
     )
     return lines

@@ -10,7 +10,7 @@ from fem.results import silicone_limits
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
-from studies.simulation import law_stability as work
+from studies.simulation import law_regression as work
 from studies.simulation.law_regression import nominal_stress
 
 

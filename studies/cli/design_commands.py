@@ -122,7 +122,7 @@ def mesh(
     atomic_files.check_apart([out], [source])
 
     def study(progress: Progress) -> Result:
-        record = design_summary.build_mesh(design, out, size, progress, half=half, mesher=mesher).row()
+        record = design_summary.build_mesh(design, out, size, progress, half=half, mesher=mesher)
         return Result(title="Mesh", records=[record], failures=failure_of([record]))
 
     return publish(study, Destination(as_json=as_json))

@@ -194,10 +194,10 @@ def modes(
     count
         Number of modes, 1 to 40; a pair of bending or ovalling modes counts once.
     """
-    from studies.simulation import modal_report
+    from studies.simulation import vibration_report
 
     design = design_of(source, sets, magnet)
-    study = partial(modal_report.run, design, magnet, count, depth, accuracy)
+    study = partial(vibration_report.natural_frequencies, design, magnet, count, depth, accuracy)
     return publish(study, destination(modes, locals()))
 
 

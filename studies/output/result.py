@@ -3,7 +3,7 @@
 A verb reads its options, checks what files it may write, and has `publish` run its study:
 
     here = destination(modes, locals())                      # studies.cli.parameters: --out, --json, --wide
-    return publish(partial(modal_report.run, design, count), here)
+    return publish(partial(vibration_report.natural_frequencies, design, count), here)
 
 The study is a function of a progress callback; it returns a `Result` and prints and writes nothing itself. Values are
 records, that is, mappings from column names with their units to values. pandas is imported where a table is written.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -12,13 +12,12 @@ from geometry import design_digest
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
-from studies.output import atomic_files, records, vtk_files
+from studies.output import atomic_files, vtk_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Texts
 
 if TYPE_CHECKING:
     from geometry.base import Plan
-    from geometry.meshing.mesh_quality import Quality
 
 
 def origin(name: str, design: Design) -> str:
@@ -48,12 +47,34 @@ class OuterSize:
     leads_below_base_mm: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class DerivedValues:
-    """Values that follow from a design.
+def study(design: Design) -> Result:
+    """Return every value of a design with its source, derived values, assumptions and warnings."""
+    derived, failures, base_limits_l0 = derived_values(design)
+    specs = dataclasses.fields(Design)
+    unused = design.unused_fields()
+    assumed = [spec.name for spec in specs if origin(spec.name, design) == "assumed" and spec.name not in unused]
+    # a base asks for more room over the elements than the beam does: one limit of l0, the larger one
+    warnings = [*design.warnings(base_limits_l0=base_limits_l0), *failures]
+    rows = []
+    for spec in specs:
+        unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
+        value = shown(getattr(design, spec.name))
+        rows.append([spec.name, value, unit, origin(spec.name, design), spec.metadata["text"]])
+    return Result(
+        title="Design",
+        records=[dataclasses.asdict(design) | {"derived": derived, "assumed": assumed, "warnings": warnings}],
+        shown=[
+            Texts("Design", ["field", "value", "unit", "source", "meaning"], rows),
+            Table(title="Derived", rows=[derived]),
+            *(f"{WARNING}{warning}" for warning in warnings),
+        ],
+    )
 
-    Attributes
-    ----------
+
+def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
+    """Return the derived values, a sentence for each that is unknown or whose element is saturated, and whether l0 is
+    too small for the base.
+
     H_mm : height of the magnet's centre above the base plane.
     wall_mm : thickness of the silicone beside the magnet; None without a magnet.
     S1_mm, S2_mm, S3_mm : positions of the Hall elements.
@@ -61,104 +82,6 @@ class DerivedValues:
         at an element is unknown, and no volts for a chip.
     magnets_apart_mm : distance of the axes from which two such magnets side by side, as in neighbouring cavities,
         stay where they are put; None without a magnet.
-    """
-
-    H_mm: float
-    tip_radius_mm: float
-    wall_mm: float | None
-    beam_volume_mm3: float
-    magnet_volume_mm3: float
-    silicone_volume_mm3: float
-    outer_size: OuterSize = field(metadata={"prefix": ""})
-    S1_mm: list[float]
-    S2_mm: list[float]
-    S3_mm: list[float]
-    rest_readings_T: list[float] | None
-    rest_readings_V: list[float] | None
-    rest_saturated: list[bool] | None
-    magnets_apart_mm: float | None
-
-
-def _derived_columns(derived: DerivedValues) -> FlatRow:
-    return {"derived": records.flat(derived)}
-
-
-@dataclass(frozen=True, slots=True)
-class DesignReport:
-    """A design with its derived values.
-
-    Attributes
-    ----------
-    assumed : names of the fields that the paper leaves open.
-    """
-
-    design: Design = field(metadata={"columns": dataclasses.asdict})
-    derived: DerivedValues = field(metadata={"columns": _derived_columns})
-    assumed: list[str]
-    warnings: list[str]
-
-    def row(self) -> FlatRow:
-        """Return the row for JSON: all fields of the design, and the derived values as an object."""
-        return records.flat(self)
-
-
-def _quality_columns(quality: Quality) -> FlatRow:
-    """Return the quality of a mesh in mm under the names of the command line."""
-    return {
-        "cells": quality.cells,
-        "nodes": quality.nodes,
-        **{f"{name}_volume_mm3": value for name, value in quality.volumes.items()},
-        **{f"{name}_volume_error": value for name, value in quality.volume_errors.items()},
-        "base_error": quality.base_error,
-        "gap_mm": quality.gap,
-        "least_shape": quality.least_shape,
-        "mean_shape": quality.mean_shape,
-        "least_jacobian": quality.least_jacobian,
-    }
-
-
-@dataclass(frozen=True, slots=True)
-class WrittenMesh:
-    """Time to make a mesh, s, and its quality."""
-
-    seconds: float
-    quality: Quality = field(metadata={"columns": _quality_columns})
-
-
-@dataclass(frozen=True, slots=True)
-class MeshReport:
-    """Report of a mesh.
-
-    Attributes
-    ----------
-    size_mm : edge length away from small features.
-    written : None if the mesher failed; the row then ends with the size.
-    """
-
-    status: str
-    message: str
-    file: str | None
-    size_mm: float
-    written: WrittenMesh | None = field(metadata={"prefix": ""})
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
-
-
-def report_of(design: Design) -> DesignReport:
-    """Return a design with its derived values, the names of the assumed fields, and warnings."""
-    derived, failures, base_limits_l0 = derived_values(design)
-    names = [each.name for each in dataclasses.fields(Design)]
-    assumed = [name for name in names if origin(name, design) == "assumed" and name not in design.unused_fields()]
-    # a base asks for more room over the elements than the beam does: one limit of l0, the larger one
-    warnings = design.warnings(base_limits_l0=base_limits_l0)
-    return DesignReport(design, derived, assumed, [*warnings, *failures])
-
-
-def derived_values(design: Design) -> tuple[DerivedValues, list[str], bool]:
-    """Return the derived values, a sentence for each that is unknown or whose element is saturated, and whether l0 is
-    too small for the base.
     """
     from analytic import hall
     from analytic.magnet import resting_distance
@@ -169,7 +92,6 @@ def derived_values(design: Design) -> tuple[DerivedValues, list[str], bool]:
 
     body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
     positions, _ = hall.elements(design)
-    first, second, third = positions.tolist()
     failures: list[str] = []
     base_plan = rest = None
     base_limits_l0 = False
@@ -185,22 +107,20 @@ def derived_values(design: Design) -> tuple[DerivedValues, list[str], bool]:
         failures += [f"{name} is saturated at rest" for name, full in zip(names, rest.saturated, strict=True) if full]
     except BadInput as error:
         failures.append(f"the readings at rest are unknown: {error}")
-    derived = DerivedValues(
-        H_mm=design.H,
-        tip_radius_mm=design.R,
-        wall_mm=design.shape.wall,
-        beam_volume_mm3=body,
-        magnet_volume_mm3=magnet,
-        silicone_volume_mm3=body - magnet,
-        outer_size=outer_size(design, base_plan),
-        S1_mm=first,
-        S2_mm=second,
-        S3_mm=third,
-        rest_readings_T=None if rest is None else list(rest.B_T),
-        rest_readings_V=list(rest.V) if rest is not None and set(rest.units) == {"V"} else None,
-        rest_saturated=None if rest is None else list(rest.saturated),
-        magnets_apart_mm=resting_distance(design),
-    )
+    derived = {
+        "H_mm": design.H,
+        "tip_radius_mm": design.R,
+        "wall_mm": design.shape.wall,
+        "beam_volume_mm3": body,
+        "magnet_volume_mm3": magnet,
+        "silicone_volume_mm3": body - magnet,
+        **dataclasses.asdict(outer_size(design, base_plan)),
+        **{f"S{k}_mm": position for k, position in enumerate(positions.tolist(), 1)},
+        "rest_readings_T": rest and list(rest.B_T),
+        "rest_readings_V": list(rest.V) if rest is not None and set(rest.units) == {"V"} else None,
+        "rest_saturated": rest and list(rest.saturated),
+        "magnets_apart_mm": resting_distance(design),
+    }
     return derived, failures, base_limits_l0
 
 
@@ -212,25 +132,6 @@ def outer_size(design: Design, plan: Plan | None) -> OuterSize:
     return OuterSize((design.D, design.D, design.L), size, leads)
 
 
-def study(design: Design) -> Result:
-    """Return every value of a design with its source, derived values, assumptions and warnings."""
-    report = report_of(design)
-    rows = []
-    for spec in dataclasses.fields(Design):
-        unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
-        value = shown(getattr(design, spec.name))
-        rows.append([spec.name, value, unit, origin(spec.name, design), spec.metadata["text"]])
-    return Result(
-        title="Design",
-        records=[report.row()],
-        shown=[
-            Texts("Design", ["field", "value", "unit", "source", "meaning"], rows),
-            Table(title="Derived", rows=[records.flat(report.derived)]),
-            *(f"{WARNING}{warning}" for warning in report.warnings),
-        ],
-    )
-
-
 def build_mesh(
     design: Design,
     out: Path,
@@ -239,7 +140,7 @@ def build_mesh(
     *,
     half: bool = False,
     mesher: Literal["revolved", "pytetwild"] = "revolved",
-) -> MeshReport:
+) -> FlatRow:
     """Mesh the sensor, or its half at y >= 0, write the mesh to a .vtu file and measure its quality.
 
     Parameters
@@ -267,7 +168,23 @@ def build_mesh(
                 parts: Parts = "regions" if design.shape.has_magnet else "none"
                 mesh = tetrahedra(design.shape, length, half=half, magnet=parts)
         except MeshError as error:
-            return MeshReport("failed", str(error), None, length, None)
+            return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
         seconds = time.perf_counter() - begin
         vtk_files.write_mesh(file, mesh, design_digest.as_numbers(design_digest.of_solid(design.shape)))
-    return MeshReport("ok", "", str(file), length, WrittenMesh(seconds, quality(mesh, design.shape)))
+    found = quality(mesh, design.shape)
+    return {
+        "status": "ok",
+        "message": "",
+        "file": str(file),
+        "size_mm": length,
+        "seconds": seconds,
+        "cells": found.cells,
+        "nodes": found.nodes,
+        **{f"{name}_volume_mm3": value for name, value in found.volumes.items()},
+        **{f"{name}_volume_error": value for name, value in found.volume_errors.items()},
+        "base_error": found.base_error,
+        "gap_mm": found.gap,
+        "least_shape": found.least_shape,
+        "mean_shape": found.mean_shape,
+        "least_jacobian": found.least_jacobian,
+    }

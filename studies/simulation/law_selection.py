@@ -2,7 +2,7 @@
 
 A law that misses the test gives wrong forces without a warning, while a law that becomes unstable ends a solve with a
 message. The choice is therefore among the laws that are stable within the range of the test
-(`studies.simulation.law_stability`). Laws that fit the test come first, then those that are stable at the stretches
+(`law_regression.ranges`). Laws that fit the test come first, then those that are stable at the stretches
 that solves reach, then the rank of `studies.simulation.law_regression`. The user may choose another law.
 """
 
@@ -15,8 +15,18 @@ from typing import Literal
 import numpy as np
 
 from geometry.design import SILICONE_E, BadInput, Design
-from studies.simulation.law_regression import MISFIT, SMALL_STRAIN, Fit, nominal_stress
-from studies.simulation.law_stability import MODES, RANGE, SOLVE, Ranges, ranges_of_test, within
+from studies.simulation.law_regression import (
+    MISFIT,
+    MODES,
+    RANGE,
+    SMALL_STRAIN,
+    SOLVE,
+    Fit,
+    Ranges,
+    nominal_stress,
+    ranges_of_test,
+    within,
+)
 from studies.simulation.tensile_test import STRESS, Specimen
 
 Reason = Literal[

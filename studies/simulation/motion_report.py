@@ -38,8 +38,7 @@ from geometry.loads import Load
 from studies.output.records import FlatRow
 from studies.output.text_tables import shown
 from studies.simulation import response_curves
-from studies.simulation.modal_report import BAND
-from studies.simulation.resonance_peaks import ACCURATE, Gain, Peak, bandwidth, flat_to, peaks
+from studies.simulation.resonance_peaks import ACCURATE, BAND, Gain, Peak, bandwidth, flat_to, peaks
 from studies.simulation.response_curves import At, Complex, Curves
 
 if TYPE_CHECKING:

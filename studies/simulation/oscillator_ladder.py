@@ -13,7 +13,7 @@ from geometry.design import Design
 from geometry.prony import Relaxation
 from studies.output.records import FlatRow
 from studies.simulation import resonance_peaks
-from studies.simulation.modal_report import BAND
+from studies.simulation.resonance_peaks import BAND
 
 Response = Callable[[Array], NDArray[np.complex128]]
 """Complex amplitude at frequencies (f,), Hz."""

@@ -20,6 +20,8 @@ NEAR = np.concatenate([-np.geomspace(1e-4, 0.01, 8)[::-1], [0.0], np.geomspace(1
 """Logarithms of frequencies over that of a resonance at which its peak is drawn."""
 PROMINENCE = 1e-3
 """Height of a peak over the valleys beside it, relative: rounding errors and the mesh make smaller ones."""
+BAND = 600.0
+"""Highest frequency at which the paper used its sensor, Hz (section IV.C)."""
 ACCURATE = 0.05
 """Relative change of a reading that counts as accurate: the paper's limit for its force."""
 TO_HALF_POWER = math.sqrt(0.5)
