@@ -176,26 +176,21 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     rows, count = np.ascontiguousarray(readings, dtype=np.float64), len(coder.forward.elements)
     if rows.ndim != 2 or rows.shape[1] != count:
         raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {rows.shape}")
-    finite: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
-    saturated = at_rail(coder.forward.elements, np.where(finite[:, None], rows, 0.0).T)
     last = np.zeros(3) if near is None else np.asarray(near, float)
-    status: list[Status] = []
+    # the status of a row until a pose is found
+    status = _statuses(coder, rows)
     poses, multiplicity = [np.empty((0, 3))], np.zeros(len(rows), dtype=np.int64)
     shift, slopes = np.full((len(rows), 3), np.nan), np.full((len(rows), count, 3), np.nan)
-    for k, row in enumerate(rows):
-        if not finite[k] or saturated[k]:
-            status.append("saturated" if finite[k] else "not_finite")
-            continue
-        found, slope, misfit = pose_search.poses_of(row, coder.forward, coder.table, coder.goal)
+    for k in [k for k, word in enumerate(status) if word == "out_of_workspace"]:
+        found, slope, misfit = pose_search.poses_of(rows[k], coder.forward, coder.table, coder.goal)
         multiplicity[k] = many = len(found)
-        status.append(
-            "ok" if many == 1 else "ambiguous" if many else "inconsistent" if misfit else "out_of_workspace"
-        )
         if many:
             nearest = int(((found - last) ** 2).sum(axis=1).argmin()) if many > 1 else 0
-            shift[k], slopes[k] = found[nearest], slope[nearest]
+            status[k], shift[k], slopes[k] = "ambiguous" if many > 1 else "ok", found[nearest], slope[nearest]
             last = shift[k] if follow else last
             poses.append(found)
+        elif misfit:
+            status[k] = "inconsistent"
     decoded = multiplicity > 0
     s, A = shift[decoded].T, slopes[decoded].transpose(2, 1, 0)
     tilt, force, load, force_slopes = _state(coder, s)
@@ -222,6 +217,16 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
         poses=np.concatenate(poses),
         owner=np.repeat(np.arange(len(rows)), multiplicity),
     )
+
+
+def _statuses(coder: Decoder, rows: Array) -> list[Status]:
+    """Return "not_finite", "saturated", or "out_of_workspace" for a row that may have a pose."""
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
+    saturated = at_rail(coder.forward.elements, np.where(finite[:, None], rows, 0.0).T)
+    return [
+        "not_finite" if not is_finite else "saturated" if is_saturated else "out_of_workspace"
+        for is_finite, is_saturated in zip(finite.tolist(), saturated.tolist(), strict=True)
+    ]
 
 
 def _state(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:

@@ -68,7 +68,6 @@ LONGEST = (
     "test_symmetry_models",
     "test_kept_paths",
     "test_design_range",
-    "test_field_regions",
 )
 """Files with the longest tests, the longest first."""
 
