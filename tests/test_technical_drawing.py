@@ -24,24 +24,19 @@ def area(view):
     for loops, _ in view.paths:
         areas = []
         for loop in loops:
-            points = []
-            pieces = list(loop)
-            at = pieces.pop(0)
-            points += _points(at.start, at)
-            while pieces:
-                last = points[-1]
-                at = min(pieces, key=lambda p: min(math.dist(last, p.start), math.dist(last, p.end)))
-                pieces.remove(at)
-                points += _points(last, at)
+            points = [point for piece in loop for point in _points(piece)]
+            ends = [(piece.start, piece.end) for piece in loop]
+            assert all(
+                math.dist(end, start) < 1e-6 for (_, end), (start, _) in zip(ends, ends[1:] + ends[:1], strict=True)
+            )
             x, y = zip(*points, strict=True)
             areas.append(abs(sum(x[k - 1] * y[k] - x[k] * y[k - 1] for k in range(len(x)))) / 2)
         total += areas[0] - sum(areas[1:])
     return total
 
 
-def _points(start, piece):
-    first = math.dist(start, piece.start) <= math.dist(start, piece.end)
-    ends = (piece.start, piece.end) if first else (piece.end, piece.start)
+def _points(piece):
+    ends = piece.start, piece.end
     if piece.middle is None:
         return list(ends)
     (x, y), (u, v), (p, q) = *ends, piece.middle

@@ -72,7 +72,7 @@ class View:
     Attributes
     ----------
     title : text above the view.
-    paths : loops or open paths, each with the name of its CSS class.
+    paths : loops or open paths, each with the name of its CSS class; each piece starts where the last one ends.
     dims : dimensions: start, end, side of the view where the dimension line lies, its rank from the view outwards (0,
         1, ...), and text.
     labels : labelled point, text, and offset of the text from the point on paper, mm.
@@ -98,7 +98,7 @@ class View:
         shapes = [] if common is None else common if isinstance(common, list) else [common]
         for face in (face for shape in shapes for face in shape.faces()):
             loops = [face.outer_wire(), *face.inner_wires()]
-            self.paths.append(([_pieces(loop.edges(), 0, 2) for loop in loops], style))
+            self.paths.append(([_pieces(loop.order_edges(), 0, 2) for loop in loops], style))
 
     def projection(self, solid: Solid, *, below: bool = False, style: str = "outline") -> None:
         """Add the visible edges of a solid, viewed from above (x to the right, y upwards) or from below."""
@@ -254,13 +254,12 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
 
 
 def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
-    """Return the path data of loops; `on` maps a point of the view to paper."""
+    """Return the path data of loops of pieces in their order; `on` maps a point of the view to paper."""
     words = []
     for loop in loops:
-        last: Point | None = None
-        for piece in _chained(loop):
+        for k, piece in enumerate(loop):
             (x, y), (u, v) = on(piece.start), on(piece.end)
-            if last is None or math.dist(last, (x, y)) > 1e-6:
+            if k == 0:
                 words.append(f"M{x:.4f} {y:.4f}")
             if piece.middle is None:
                 words.append(f"L{u:.4f} {v:.4f}")
@@ -271,23 +270,7 @@ def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
                 # more than half a circle: the arc's middle is farther from the middle of the chord than one radius
                 deep = math.dist((p, q), ((x + u) / 2, (y + v) / 2)) > r * (1 + 1e-9)
                 words.append(f"A{r:.4f} {r:.4f} 0 {int(deep)} {int(turn > 0)} {u:.4f} {v:.4f}")
-            last = (u, v)
     return "".join(words)
-
-
-def _chained(loop: Iterable[Piece]) -> list[Piece]:
-    """Return the pieces in order along the loop, reversed where needed: each starts where the last one ends."""
-    # the CAD kernel returns the edges of a wire in no order, and with either sense
-    left = list(loop)
-    chain = [left.pop(0)]
-    while left:
-        last = chain[-1].end
-        piece = min(left, key=lambda piece: min(math.dist(last, piece.start), math.dist(last, piece.end)))
-        left.remove(piece)
-        if math.dist(last, piece.end) < math.dist(last, piece.start):
-            piece = Piece(piece.end, piece.start, piece.middle, piece.radius)
-        chain.append(piece)
-    return chain
 
 
 def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
