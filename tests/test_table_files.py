@@ -1,5 +1,6 @@
 """Tables written batch by batch: round trips, missing values, memory, refusals."""
 
+import math
 import subprocess
 import sys
 
@@ -9,7 +10,7 @@ import pytest
 from pyarrow import parquet
 
 from geometry.design import BadInput
-from studies.output.table_files import ROW_GROUP, writer
+from studies.output.table_files import ROW_GROUP, write_table, writer
 
 SUFFIXES = (".csv", ".parquet")
 MEMORY = """
@@ -154,3 +155,18 @@ def test_memory_does_not_grow_with_the_rows(tmp_path):
     first, last = map(int, subprocess.run(run, capture_output=True, text=True, check=True).stdout.split())
     # the 200 000 rows more of the second table have 14 MB
     assert last - first < 5_000
+
+
+ROWS = [
+    {"depth_mm": 0.1, "solve": 1, "ok": True, "message": "", "number": 7},
+    {"depth_mm": math.nan, "solve": 2, "ok": False, "message": 'a "b", c', "mixed": "text"},
+    {"depth_mm": -1e-7, "solve": 3, "ok": True, "message": None, "mixed": 1.23456789, "number": 12345678},
+]
+
+
+@pytest.mark.parametrize("rows", [ROWS, ROWS[:1], []])
+@pytest.mark.parametrize("digits", [3, 6, 12])
+def test_text_is_what_pandas_writes(tmp_path, rows, digits):
+    write_table(tmp_path / "t.csv", iter(rows), digits=digits)
+    expected = pd.DataFrame(rows).to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\n")
+    assert (tmp_path / "t.csv").read_bytes() == expected.encode()

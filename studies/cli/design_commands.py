@@ -14,9 +14,8 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.cli.parameters import AsJson, Sets, Source, Wide, command, design_of, destination
 from studies.inputs import user_input
-from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import Whole
-from studies.inputs.user_input import AccuracyName
+from studies.inputs.user_input import AccuracyName, say_no_effect
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 from studies.output.result import Block, Destination, Result, Table, check_files, failure_of, publish, show, write

@@ -28,9 +28,8 @@ from studies.cli.parameters import (
     destination,
     say_if_without_magnet,
 )
-from studies.inputs.input_warnings import warn_of_values
 from studies.inputs.option_groups import DEPTH, TOLERANCE, Whole
-from studies.inputs.user_input import AccuracyName
+from studies.inputs.user_input import AccuracyName, warn_of_values
 from studies.output import atomic_files, console, own_files, run_record
 from studies.output.records import FlatRow
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show

@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 
 from geometry.design import Design
 from geometry.loads import Magnet
-from studies.inputs import input_warnings, user_input
+from studies.inputs import user_input
 from studies.inputs.option_groups import Whole
 from studies.output import console
 from studies.output.result import Destination
@@ -41,7 +41,7 @@ Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler wh
 def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid") -> Design:
     """Read a design and warn of fields without effect and of values that no silicone has."""
     design = user_input.read_design(source, sets or [], magnet=magnet)
-    input_warnings.warn_of_values(design)
+    user_input.warn_of_values(design)
     return design
 
 

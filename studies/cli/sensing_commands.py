@@ -10,8 +10,8 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
-from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import LEVEL, Basis, FieldLevel, Pose, Whole
+from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
 

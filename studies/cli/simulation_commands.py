@@ -14,7 +14,6 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Waveform
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination, say_if_without_magnet
 from studies.inputs import user_input
-from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import (
     ACCURACY,
     DEPTH,
@@ -28,7 +27,7 @@ from studies.inputs.option_groups import (
     Motion,
     Whole,
 )
-from studies.inputs.user_input import AccuracyName
+from studies.inputs.user_input import AccuracyName, say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import Destination, Result, failure_of, publish, show
 

@@ -11,9 +11,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from geometry.bad_input import nearest
+from geometry.bad_input import nearest, no_effect
 from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Magnet
+from studies.output import console
 
 AccuracyName = Literal["quick", "standard", "fine"]
 
@@ -208,3 +209,14 @@ def toml_table(path: str, what: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         cause = getattr(error, "strerror", None) or str(error)
         raise BadInput(f"{path!r} cannot be read ({cause}): check its path and permissions") from None
+
+
+def warn_of_values(design: Design) -> None:
+    """Warn of each field that is set without effect, and of a value that no silicone has."""
+    for warning in design.value_warnings():
+        console.warn(warning)
+
+
+def say_no_effect(what: str, reason: str) -> None:
+    """Warn of an option or an axis that has no effect beside other options or with this design."""
+    console.warn(no_effect([what], reason))

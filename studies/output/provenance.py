@@ -31,7 +31,7 @@ def made(command: str, origin: str) -> str:
 
     Parameters
     ----------
-    command : command line from `studies.cli.printed_command.command`; empty if a Python function was called.
+    command : command line from `studies.cli.parameters.command`; empty if a Python function was called.
     origin : text from `versions`, obtained before the results change a file of the repository.
 
     >>> made("magtip validate verify --quick", "on Python 3.12"), made("", "on Python 3.12")

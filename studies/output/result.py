@@ -170,7 +170,7 @@ def check_files(here: Destination) -> None:
 
 def write(result: Result, folder: Path, command: str) -> None:
     """Write tables, files, pages and run.json into an existing folder."""
-    from studies.output.csv_tables import write_table
+    from studies.output.table_files import write_table
 
     origin = versions(result.packages)
     for name, rows in result.tables.items():

@@ -46,7 +46,7 @@ def write(folder: Path, command: str, design: Mapping[str, Any], origin: str = "
 
     Parameters
     ----------
-    command : command line from `studies.cli.printed_command.command`.
+    command : command line from `studies.cli.parameters.command`.
     design : fields of the design that was studied.
     origin : text from `provenance.versions`; default: the present one.
     """

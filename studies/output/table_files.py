@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,15 @@ ROW_GROUP = 50_000
 Smaller groups would make the file's list of groups grow with the number of batches."""
 KINDS = {"f": "numbers", "i": "whole numbers", "u": "whole numbers", "b": "booleans", "O": "texts", "U": "texts"}
 """Content of a column by the kind of its dtype."""
+
+
+def write_table(path: Path, rows: Iterable[Mapping[str, Any]], digits: int = 6) -> None:
+    """Write rows as CSV with a header; `digits` are significant, and a missing value is an empty cell."""
+    import pandas as pd
+
+    frame = pd.DataFrame(list(rows))
+    with writer(path, digits=digits) as write:
+        write({name: frame[name].to_numpy() for name in frame})
 
 
 @contextlib.contextmanager

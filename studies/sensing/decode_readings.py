@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, tilts_of
-from studies.inputs import input_warnings, state_files, user_input
+from studies.inputs import state_files, user_input
 from studies.output import records
 from studies.output.records import FlatRow
 from studies.output.result import Result, failure_of, of_record
@@ -123,7 +123,7 @@ def force_gap(coder: Decoder, level: str, decoded: Decoded) -> Gap | None:
 def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
     """Warn if --ignore-tilt has no effect because the mechanics have no tilt."""
     if ignore_tilt and law is not None and not law.tau.any():
-        input_warnings.say_no_effect("--ignore-tilt", "the tilt is zero in these formulas or states")
+        user_input.say_no_effect("--ignore-tilt", "the tilt is zero in these formulas or states")
 
 
 def of_level(design: Design, level: str) -> Mechanics:

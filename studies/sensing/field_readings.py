@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
-from studies.inputs import input_warnings, user_input
+from studies.inputs import user_input
 from studies.inputs.option_groups import FieldLevel, Pose
 from studies.output import records
 from studies.output.records import FlatRow
@@ -68,7 +68,7 @@ def sensing_of(design: Design, level: FieldLevel, mode: Mode, ambient: str, seed
     bx, by, bz = vector("--ambient", ambient, 3)
     noise = None if seed is None else np.random.default_rng(_seed(seed))
     if noise is not None and not any(element.noise or element.floor for element in of_design(design)):
-        input_warnings.say_no_effect("--seed", "hall_noise is 0")
+        user_input.say_no_effect("--seed", "hall_noise is 0")
     return Sensing(level, mode, (bx, by, bz), noise)
 
 

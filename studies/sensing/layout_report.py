@@ -114,7 +114,7 @@ def run(job: Job, progress: Progress) -> Result:
 
 
 def _write_map(path: Path, coder: Decoder, poses: Survey) -> None:
-    from studies.output.csv_tables import write_table
+    from studies.output.table_files import write_table
 
     write_table(path, (row.row() for row in layout_map.table(coder, poses)))
 

@@ -17,9 +17,9 @@ from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.output.figures import Figure, Look, long, numbers, picture, plot
-from studies.output.markdown_tables import markdown
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, failure_of
+from studies.output.text_tables import markdown
 
 if TYPE_CHECKING:
     import pandas as pd

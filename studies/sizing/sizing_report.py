@@ -8,9 +8,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from studies.output.atomic_files import write_json
-from studies.output.markdown_tables import markdown
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Writer
+from studies.output.text_tables import markdown
 from studies.sizing.front_solves import FrontPoint, largest_differences
 
 if TYPE_CHECKING:

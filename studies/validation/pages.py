@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.output.markdown_tables import cell, markdown
+from studies.output.text_tables import cell, markdown
 
 Row = dict[str, Any]
 """A row of a table: values by the names of their columns, with units."""

@@ -16,9 +16,9 @@ from geometry.messages import Progress
 from studies.output.atomic_files import write_text
 from studies.output.checkpoint import solved_at
 from studies.output.goals import failures, page_lines
-from studies.output.markdown_tables import cell as number
 from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
+from studies.output.text_tables import cell as number
 from studies.simulation.model_choice import Statement
 from studies.validation import pages, trade_cases, trade_rule, trade_study
 from studies.validation.pages import Row

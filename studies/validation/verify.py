@@ -15,8 +15,8 @@ import numpy as np
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
-from studies.output.markdown_tables import cell
 from studies.output.result import Result, Table
+from studies.output.text_tables import cell
 from studies.validation import manufactured_solutions, motion_problems, pages, static_problems
 from studies.validation.pages import Row
 
