@@ -4,12 +4,10 @@ import dataclasses
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from fem.accuracy import QUICK
 from geometry.design import paper
-from geometry.loads import Response
-from studies.exploration.solved_paths import Answer
 from studies.validation import claim_errors, claim_states
 from studies.validation.claim_errors import Voltages
 from studies.validation.claim_states import Press
@@ -100,11 +98,14 @@ def test_s1_reads_at_rest_what_the_paper_states(height):
 
 
 @pytest.mark.parametrize(("second", "expected"), [(0.02, 0.02), (math.nan, math.nan)])
-def test_an_unknown_error_estimate_is_not_left_out(monkeypatch, second, expected):
+def test_an_unknown_error_estimate_is_not_left_out(second, expected):
     """Of a load that the sensor refuses, there is no force whose error could be known."""
-    response = Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.5), 0.0, 0.0)
-    answers = [Answer(8.0, 1.0, response, "ok", "", estimate, 0.0) for estimate in (0.01, second)]
-    refused = Answer(8.0, 1.0, None, "bad_input", "too deep", math.nan, 0.0)
-    monkeypatch.setattr(claim_states, "reached", lambda *_: [*answers, refused])
-    found = claim_states.press(paper(), (1.0, 2.0, 9.0), QUICK, None)
+    rows = {
+        "depth_mm": [1.0, 2.0, 9.0],
+        "fem_force_N": [1.0, 1.0, math.nan],
+        "fem_shift_z_mm": [-0.5, -0.5, math.nan],
+    }
+    rows |= {"error_estimate": [0.01, second, math.nan], "message": ["", "", "too deep"]}
+    found = claim_states.press_of(paper(), pd.DataFrame(rows))
     assert found.error_estimate == approx(expected, nan_ok=True)
+    assert (found.message, found.complete) == ("too deep", False)

@@ -174,12 +174,10 @@ def claims(
     out
         Folder for CLAIMS.md, tables and plots.
     """
-    from studies.exploration import store as stores
     from studies.validation import claims as study
 
     here = destination(claims, locals(), study.FILES, [store])
-    with stores.opened(store or stores.default()) as states:
-        return publish(partial(study.run, store=states, quick=quick), here)
+    return publish(partial(study.run, store=store, quick=quick), here)
 
 
 def assumption(

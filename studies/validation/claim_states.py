@@ -9,23 +9,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analytic import hall
 from analytic.magnet import cylinder_field
 from fem.accuracy import FINE, QUICK, STANDARD, Accuracy
-from fem.scene import Scene
 from geometry.arrays import Array
-from geometry.design import BadInput, Design, paper
-from geometry.loads import Load, Magnet, Response, check_load
+from geometry.design import Design, paper
+from geometry.loads import Magnet, Response
 from geometry.messages import Progress
-from studies.exploration.solved_paths import Answer, solved
-from studies.exploration.store import Store
-from studies.output import console
-from studies.simulation.compare import part
+from studies import cases
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 S1_AT_REST = 2.87
 """Output of S1 at rest, V (section V.A of the paper)."""
@@ -136,39 +136,77 @@ UNDER = (1.0, 2.0)
 """Depths under the shears, mm; the paper does not give its own. The first is that of its Figure 6."""
 GRIP = 1.0
 """Height of the tip that a grip holds, mm: the tip condition of formula (6), free to sink and to turn."""
+CONDITIONS: tuple[tuple[str, Magnet, float, float], ...] = (
+    *((f"stuck to a plate at depth {depth:g} mm", "rigid", depth, NAN) for depth in UNDER),
+    (f"stuck to a plate at depth {UNDER[0]:g} mm, no magnet", "ignored", UNDER[0], NAN),
+    (f"topmost {GRIP:g} mm gripped, free to sink", "rigid", 0.0, GRIP),
+)
+"""Conditions of the tip under a shear: name, magnet, depth of the press and height of the grip, mm."""
+QUANTITIES = ("force", "shift", "tilt", "contact_radius")
 
 
-def solve(extent: Extent, store: Store, progress: Progress | None = None) -> States:
+def solve(extent: Extent, store: Path | None, progress: Progress | None = None) -> States:
     """Return all states: those that the store has, and the others solved and added to it."""
-    heights, accuracy = extent.heights, extent.accuracy
-    presses = []
-    for k, height in enumerate(heights):
-        low, high = (0.4 * each / len(heights) for each in (k, k + 1))
-        show = part(progress, low, high, f"magnet {height:g} mm high")
-        presses.append(press(with_magnet(height), extent.depths, accuracy, store, show))
-    show = part(progress, 0.4, 0.5, "press with friction")
-    rubbed = press(paper(), extent.depths, accuracy, store, show, FRICTION)
-    sheared = []
-    conditions = _conditions(extent.shears)
-    for k, (tip, magnet, loads) in enumerate(conditions):
-        low, high = (0.5 + 0.5 * each / len(conditions) for each in (k, k + 1))
-        answers = reached(paper(), loads, accuracy, magnet, store, part(progress, low, high, f"shear, {tip}"))
-        responses = tuple(answer.response for answer in answers)
-        sheared.append(Sheared(tip, paper(), magnet, loads[0].depth, extent.shears, responses))
-    return States(tuple(presses), rubbed, tuple(sheared))
+    import pandas as pd
+
+    presses = [
+        {"height": height, "friction": friction, "depth_mm": depth}
+        for height, friction in (*((height, "none") for height in extent.heights), (paper().magnet_height, FRICTION))
+        for depth in extent.depths
+    ]
+    shears = [
+        {"tip": tip, "height": paper().magnet_height, "magnet": magnet, "shear_mm": shear}
+        | {"depth_mm": depth, "grip_mm": grip, "friction": "stick" if depth else "none"}
+        for tip, magnet, depth, grip in CONDITIONS
+        for shear in extent.shears
+    ]
+    rows = pd.DataFrame([*presses, *shears]).fillna({"tip": "", "magnet": "rigid", "shear_mm": 0.0})
+    designs = {height: with_magnet(height) for height in {*extent.heights, paper().magnet_height}}
+    for field in ("magnet_diameter", "magnet_height", "magnet_edge_radius", "l0"):
+        rows[f"{field}_mm"] = [getattr(designs[height], field) for height in rows["height"]]
+    asked = rows.drop(columns=["tip", "height"])
+    model = f"fem:{extent.accuracy.name}"
+    answers = cases.answer(asked, [model], quantities=QUANTITIES, store=store, progress=progress)
+    answers = answers.assign(tip=rows["tip"], height=rows["height"])
+    pressed = answers[answers.tip == ""]
+    smooth, rubbed = (pressed[(pressed.friction == "none") == bare] for bare in (True, False))
+    return States(
+        tuple(press_of(designs[height], own) for height, own in smooth.groupby("height", sort=False)),
+        press_of(paper(), rubbed),
+        tuple(
+            Sheared(tip, paper(), magnet, depth, extent.shears, responses(answers[answers.tip == tip]))
+            for tip, magnet, depth, _ in CONDITIONS
+        ),
+    )
 
 
-def _conditions(shears: Sequence[float]) -> list[tuple[str, Magnet, list[Load]]]:
-    """Return the conditions of the tip under a shear: name, magnet, loads."""
-    conditions: list[tuple[str, Magnet, list[Load]]] = []
-    for depth in UNDER:
-        loads = [Load(depth, shear, friction="stick") for shear in shears]
-        conditions.append((f"stuck to a plate at depth {depth:g} mm", "rigid", loads))
-    loads = [Load(UNDER[0], shear, friction="stick") for shear in shears]
-    conditions.append((f"stuck to a plate at depth {UNDER[0]:g} mm, no magnet", "ignored", loads))
-    loads = [Load(shear_x=shear, grip=GRIP) for shear in shears]
-    conditions.append((f"topmost {GRIP:g} mm gripped, free to sink", "rigid", loads))
-    return conditions
+def press_of(design: Design, rows: pd.DataFrame) -> Press:
+    """Return the presses of a sensor from their rows; depths beyond its silicone are not reached."""
+    reached = np.isfinite(rows.fem_force_N.to_numpy())
+    estimates, messages = rows.error_estimate.to_numpy()[reached], rows.message.to_numpy()[~reached]
+    return Press(
+        design.magnet_height,
+        design,
+        rows.depth_mm.to_numpy(),
+        rows.fem_force_N.to_numpy() / design.E,
+        -rows.fem_shift_z_mm.to_numpy(),
+        float(np.max(estimates)) if len(estimates) else NAN,
+        str(messages[0]) if len(messages) else "",
+    )
+
+
+def responses(rows: pd.DataFrame) -> tuple[Response | None, ...]:
+    """Return the responses of rows; None where a state was not reached."""
+    found: list[Response | None] = []
+    for row in rows.to_dict("records"):
+        force, shift = (
+            (float(row[f"fem_force{axis}_N"]) for axis in ("_x", "_y", "")),
+            (float(row[f"fem_shift_{axis}_mm"]) for axis in "xyz"),
+        )
+        (fx, fy, fz), (x, y, z) = force, shift
+        response = Response((fx, fy, fz), (x, y, z), float(row["fem_tilt_rad"]), float(row["fem_contact_radius_mm"]))
+        found.append(response if math.isfinite(fz) else None)
+    return tuple(found)
 
 
 def with_magnet(height: float) -> Design:
@@ -203,60 +241,6 @@ def rest_distance(design: Design) -> float:
 
     half = design.magnet_height / 2
     return round(float(brentq(surplus, half, half + 100 * design.magnet_diameter)), 3)
-
-
-def press(
-    design: Design,
-    depths: Sequence[float],
-    accuracy: Accuracy,
-    store: Store,
-    progress: Progress | None = None,
-    friction: float = 0.0,
-) -> Press:
-    """Return the presses of a sensor; depths beyond its silicone are not reached.
-
-    Parameters
-    ----------
-    friction : Coulomb coefficient of the plate.
-    """
-    loads = [Load(depth, friction=friction or "none") for depth in depths]
-    magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
-    answers = reached(design, loads, accuracy, magnet, store, progress)
-    responses = [answer.response for answer in answers]
-    return Press(
-        design.magnet_height,
-        design,
-        np.array(depths, dtype=np.float64),
-        np.array([NAN if r is None else r.force[2] / design.E for r in responses]),
-        np.array([NAN if r is None else -r.shift[2] for r in responses]),
-        float(np.max([a.error_estimate for a in answers if a.response is not None] or [NAN])),
-        next((answer.message for answer in answers if answer.response is None), ""),
-    )
-
-
-def reached(
-    design: Design,
-    loads: Sequence[Load],
-    accuracy: Accuracy,
-    magnet: Magnet,
-    store: Store,
-    progress: Progress | None = None,
-) -> list[Answer]:
-    """Return the answer to each load, from the store or solved; a load that the design refuses has no response."""
-    answers: dict[int, Answer] = {}
-    for k, load in enumerate(loads):
-        try:
-            check_load(design, load, magnet)
-        except BadInput as error:
-            answers[k] = Answer(design.D, design.E, None, "bad_input", str(error), NAN, 0.0)
-    possible = [k for k in range(len(loads)) if k not in answers]
-    if possible:
-        scene = Scene(design, tuple(loads[k] for k in possible), accuracy, magnet)
-        solutions, trouble = solved(scene, store, progress)
-        answers |= dict(zip(possible, solutions, strict=True))
-        if trouble:
-            console.warn(trouble)
-    return [answers[k] for k in range(len(loads))]
 
 
 def s1_output(design: Design, sinking: Array, field: hall.Field = "exact") -> Array:

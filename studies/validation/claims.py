@@ -19,7 +19,6 @@ import numpy as np
 
 from geometry.design import paper
 from geometry.messages import Progress
-from studies.exploration.store import Store
 from studies.output import records
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
@@ -87,8 +86,8 @@ class Answer:
         return {"claim": self.claim, "paper": self.paper, "computed": self.computed, "verdict": self.verdict}
 
 
-def run(progress: Progress, store: Store, *, quick: bool = False) -> Result:
-    """Test the paper's claims; the store supplies the states that it has, and receives the others."""
+def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -> Result:
+    """Test the paper's claims; states are taken from the store (default: the user's), and added to it."""
     extent = QUICK_EXTENT if quick else Extent()
     states = solve(extent, store, part(progress, 0.0, 0.85))
     heights = [claim_errors.height_row(press) for press in states.presses]

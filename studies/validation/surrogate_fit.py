@@ -1,6 +1,9 @@
 """From finite-element states of beams to a surrogate: outputs, length scales, calibrated errors.
 
-The forms of the outputs are those of `studies.surrogate.prediction`.
+The forms of the outputs are those of `studies.surrogate.prediction`. No formula is a trend below them: with level
+paper as the trend, the 95th percentile of the errors of the press force in 437 left-out beams was 1.01 % in place of
+0.87 %; level finite alone, in its range, was 2.5 % off in 26 unseen beams, where the surrogate was 0.47 % off (commit
+ca06535).
 
 Intervals. An interval is the prediction plus or minus q g y, with the spread g of the Gaussian process, the yardstick
 y of the quantity, and the quantile q of scores. A score is (|error| + own error of the finite elements) / (g y), so

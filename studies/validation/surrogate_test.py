@@ -8,7 +8,6 @@ are.
 
 from __future__ import annotations
 
-import math
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,30 +17,24 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from analytic import beam
-from geometry.arrays import Array
-from geometry.design import BadInput
-from geometry.loads import Load
 from geometry.messages import Progress
 from studies.exploration.needed_paths import Processes
 from studies.exploration.store import Store
 from studies.output.goals import Goal, missed, verdict
 from studies.output.result import Result, Table
-from studies.surrogate import surrogate_file, surrogate_range
+from studies.surrogate import surrogate_file
 from studies.surrogate.prediction import DEEP, SLENDER, THICK, WIDE, Beams
 from studies.validation import pages, surrogate_study
 from studies.validation.pages import Row
-from studies.validation.surrogate_fit import COVERAGE, TrainingSet, fitted, press_outputs
+from studies.validation.surrogate_fit import COVERAGE
 from studies.validation.surrogate_study import Errors, Extent, Outcome, scores
-from studies.validation.surrogate_training import DIAMETER_MM, random_beams
+from studies.validation.surrogate_training import random_beams
 
 GOALS = {"force": 2.0, "force_x": 2.0, "force_z": 2.0, "tilt": 3.0}
 """Largest 95th percentile of the errors, %, of presses and shears."""
 DOUBT = 0.01
 """Probability that so few beams are covered as a goal refuses, if nine of ten are: a goal for each quantity and group
 is refused by chance about once in as many goals as there are in a table."""
-FINITE_NODES, FEWEST = 5, 30
-"""Depths of training within the range of level finite in most beams; least number of beams of a comparison."""
 REGIONS: dict[str, Callable[[Errors], Any]] = {
     "all": lambda rows: rows.beam == rows.beam,
     f"slender, L/D above {SLENDER:g}": lambda rows: rows.L_over_D > SLENDER,
@@ -124,66 +117,6 @@ def goals(table: Sequence[Row], failed: int) -> list[Goal]:
     return found
 
 
-def trends(outcome: Outcome) -> list[Row]:
-    """Compare the surrogate's forms with formulas as trends, and the formula of level finite alone with it.
-
-    As a trend, a formula divides the force, and the process interpolates the ratio.
-    """
-    training = outcome.training
-    logs, features = press_outputs(training.press)["force"], training.features
-    table = []
-    for level, nodes in (("paper", surrogate_range.PRESS_NODES), ("finite", FINITE_NODES)):
-        forms = _formula_logs(training, level)[:, :nodes]
-        rows = ~np.isnan(forms).any(axis=1)
-        if rows.sum() >= FEWEST:
-            own, other = (
-                _left_out_percent(features[rows], values[rows])
-                for values in (logs[:, :nodes], logs[:, :nodes] - forms)
-            )
-            table.append(_trend(f"level {level} as trend, against none", int(rows.sum()), own, other))
-    test = outcome.test.set
-    b = test.beams
-    predicted = Beams(b.L, b.diameter, b.height, b.nu, b.edge, outcome.surrogate).press(test.press.depth)["force"]
-    forms = _formula_logs(test, "finite")
-    inside = ~np.isnan(forms)
-    if inside.any():
-        truth = test.press.quantities["force_z"]
-        values = predicted.value, np.exp(forms) * test.press.depth**1.5
-        surrogate, formula = (
-            100 * float(np.percentile(np.abs(v - truth)[inside] / truth[inside], 95)) for v in values
-        )
-        name = "level finite alone, in its range, on unseen beams"
-        table.append(_trend(name, int(inside.any(axis=1).sum()), surrogate, formula))
-    return table
-
-
-def _trend(compared: str, beams: int, surrogate: float, formula: float) -> Row:
-    """Return 95th percentiles of errors of the press force without a formula and with one, %."""
-    return {"compared": compared, "beams": beams, "surrogate_percent": surrogate, "formula_percent": formula}
-
-
-def _left_out_percent(x: Array, y: Array) -> float:
-    predicted, _ = fitted(x, y).left_out()
-    return 100 * float(np.percentile(np.abs(1 - np.exp(y - predicted)), 95))
-
-
-def _formula_logs(states: TrainingSet, level: str) -> Array:
-    """Return the logarithms of F / d^1.5 by a formula in its range, NaN outside, shape (n, depths)."""
-    logs = np.full(states.press.depth.shape, np.nan)
-    for k, row in enumerate(states.press.depth):
-        design = states.beams.design(k)
-        for i, depth in enumerate(row):
-            load = Load(depth=float(depth) * DIAMETER_MM)
-            try:
-                if beam.outside(design, load, level):
-                    continue
-                force = beam.solve(design, load, level).force[2]
-            except BadInput:
-                continue
-            logs[k, i] = math.log(force / DIAMETER_MM**2 / depth**1.5)
-    return logs
-
-
 def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, float]:
     """Return how many designs a CPU second takes, with intervals."""
     b = random_beams(count, 11)
@@ -230,7 +163,6 @@ def result(outcome: Outcome, first: int) -> Result:
         lost=list(map(str, lost)),
         size=size / 1e6,
         speed=designs_per_second(outcome),
-        trends=trends(outcome),
     )
     return Result(
         title=title,
