@@ -172,7 +172,7 @@ def test_the_rounded_magnet_has_the_mass_and_the_inertia_of_its_mesh():
 def test_axial_modes_of_a_press_have_the_mass_of_the_rounded_magnet():
     scene = Scene(ROUNDED, (Load(depth=1.0, friction="stick"),), QUICK)
     press = modes.pressed_sensor(scene, modes.find_contact(scene))
-    K, system = modes._order_matrices(press, scene, 0)[0], press.state.d.system
+    K, system = modes._order_matrices(press, scene, 0, press.state.d)[0], press.state.d.system
     m = ROUNDED.magnet_density / ROUNDED.density * meshed_magnet()[0]
     value = modes.eigen(K, system.mass(1.0, np.array([m])), 1)[0][0]
     right = modes.frequency_unit(ROUNDED) * math.sqrt(value)

@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from fem.accuracy import STANDARD, Accuracy
 from fem.model import angular_fields, rigid_inclusion, single_order
 from fem.model.nonlinear_system import ON_AXIS, System
-from fem.model.symmetry_models import specification
+from fem.model.symmetry_models import Discretisation, specification
 from fem.results.error_estimates import error_rule, estimate_number, estimated
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
@@ -115,11 +115,15 @@ def estimate_frequencies(found: Modes, coarse: Modes, scene: Scene) -> tuple[flo
 def _solve_modes(scene: Scene, count: int, told: Scene, contact: tuple[float, PathState] | None) -> Modes:
     """Return the lowest modes of a scene, without error estimates.
 
-    told : scene whose status is told; the margin to buckling on the mesh for error estimates is not computed.
+    told : scene whose status is told; that on the mesh for error estimates is not.
     contact : of `find_contact`.
     """
     press, depth = pressed_sensor(scene, contact), scene.loads[0].depth
-    blocks = {name: _order_matrices(press, scene, order) for order, name in enumerate(SHAPES)}
+    sideways = SidewaysModel(press.state.d)
+    models = press.state.d, sideways.orders[0], single_order.build(press.state.d, 2)
+    blocks = {
+        name: _order_matrices(press, scene, *model) for name, model in zip(SHAPES, enumerate(models), strict=True)
+    }
     blocks["torsion"] = _torsion_matrices(press, scene)
     values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
     # most blocks have few of the lowest modes: only those that may have more are solved again
@@ -134,10 +138,11 @@ def _solve_modes(scene: Scene, count: int, told: Scene, contact: tuple[float, Pa
         )
     scale = frequency_unit(scene.design)
     frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
-    sideways = SidewaysModel(press.state.d) if scene is told else None
-    found = read(press.state, scene, scene.loads[0], sideways=sideways)
-    shapes = tuple(name for _, name in lowest)
-    return Modes(frequencies, shapes, (None,) * len(lowest), found.status, found.message)
+    found = Modes(frequencies, tuple(name for _, name in lowest), (None,) * len(lowest))
+    if scene is not told:
+        return found
+    state = read(press.state, scene, scene.loads[0], sideways=sideways)
+    return replace(found, status=state.status, message=state.message)
 
 
 def frequency_unit(design: Design) -> float:
@@ -179,9 +184,9 @@ def inertia_of_magnet(scene: Scene) -> tuple[float, float, float]:
     return ratio * magnet_volume(scene.shape), ratio * across, ratio * along
 
 
-def _order_matrices(press: Press, scene: Scene, order: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """Return tangent and mass of the block of one order about a press."""
-    state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
+def _order_matrices(press: Press, scene: Scene, order: int, d: Discretisation) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Return tangent and mass of the block of one order about a press, in its model."""
+    state = about(press.state, d) if order else press.state
     system, (m, across, _) = state.d.system, inertia_of_magnet(scene)
     moved = ((m,), (m, across), ())[order]
     K = system.assemble(system.state(state.q), press.glue(state)).tangent

@@ -212,6 +212,7 @@ class System:
 
     def with_prescribed(self, u: Array, p: Array) -> System:
         """Return the system with other prescribed displacements (nodes, fields) and pressures (corners, n)."""
+        _ = self._loops  # all copies share them
         system = copy.copy(self)
         system.prescribed, system._held, system._last = u, np.where(self._carried, 0.0, p), None
         return system

@@ -56,9 +56,14 @@ class SidewaysModel:
         return [single_order.build(self._low, order) for order in range(1, self._harmonics + 1)]
 
     @functools.cached_property
+    def solvers(self) -> list[Solver]:
+        """A solver for each of the models, which keeps the symbolic factorisation."""
+        return [Solver() for _ in self.orders]
+
+    @functools.cached_property
     def stiffness_at_rest(self) -> float:
         """Lateral stiffness of the unloaded beam, in units of E D."""
-        return _solve_lateral(self.orders[0], None)[0]
+        return _solve_lateral(self.solvers[0], self.orders[0], None)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +88,11 @@ def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided:
     guided : glue the contact area to the plate; otherwise the tip slides freely.
     """
     first, *others = (_about(d, state, guided=guided) for d in model.orders)
-    stiffness, stability = _solve_lateral(*first)
-    for d, plate in others:
-        stability += _factorise(d, plate).stability(d.system.n_pressure)
+    solver, *other_solvers = model.solvers
+    stiffness, stability = _solve_lateral(solver, *first)
+    for solver, (d, plate) in zip(other_solvers, others, strict=True):
+        _factorise(solver, d, plate)
+        stability += solver.stability(d.system.n_pressure)
     return LateralStiffness(stiffness, stability)
 
 
@@ -132,19 +139,18 @@ def integrate_normal_force(state: PathState) -> float:
     return float(plate_contact.resultant(state.skin, state.u, state.plate)[2])
 
 
-def _solve_lateral(d: Discretisation, plate: Plate | None) -> tuple[float, Stability]:
+def _solve_lateral(solver: Solver, d: Discretisation, plate: Plate | None) -> tuple[float, Stability]:
     """Return the stiffness against a force on the dome in the model of order 1, and its stability."""
     system = d.system
     assert system.surface is not None
     push = symmetry_models.distribute_push(system.surface, system.fixed.shape, d.shape.H, 1.0)
     force = np.zeros(system.size)
     force[: system.n_free] = push[system.free]
-    solver = _factorise(d, plate)
+    _factorise(solver, d, plate)
     return 1 / float(force @ solver.solve(force)), solver.stability(system.n_pressure)
 
 
-def _factorise(d: Discretisation, plate: Plate | None) -> Solver:
+def _factorise(solver: Solver, d: Discretisation, plate: Plate | None) -> None:
     """Factorise the tangent of a model of one order."""
-    solver, here = Solver(), d.system.assemble(d.system.state(np.zeros(d.system.size)), plate)
+    here = d.system.assemble(d.system.state(np.zeros(d.system.size)), plate)
     solver.factorise(here.tangent, symmetric=here.symmetric)
-    return solver
