@@ -196,12 +196,12 @@ def table(
     model, grid = lookup_table.plan(design, step, level, responses)
     with atomic_files.sole_writer(target), console.progress(as_json=as_json) as progress:
         name = decode_readings.level_name(level, responses, decode_readings.NO_LEVEL)
-        report = (
+        record = (
             lookup_table.write_plane(model, grid, target, name)
             if plane
             else lookup_table.write(model, grid, target, name, progress)
         )
-    return show(Result(title="Table", records=[report.row()]), Destination(as_json=as_json))
+    return show(Result(title="Table", records=[record]), Destination(as_json=as_json))
 
 
 def layout(

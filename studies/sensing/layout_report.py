@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
+from geometry.loads import tilts_of
 from geometry.messages import Progress
 from studies.inputs.option_groups import Basis
 from studies.output.result import Result, Table, Writer
 from studies.sensing import (
     decode_readings,
     force_range,
-    layout_map,
     layout_metrics,
     layout_plots,
     layout_search,
@@ -28,12 +28,13 @@ if TYPE_CHECKING:
     from studies.sensing.claim_rows import Claim, HeightRow, LimitRow
     from studies.sensing.force_range import ForceRange
     from studies.sensing.layout_metrics import LayoutRow
-    from studies.sensing.layout_search import SearchRow
 
 FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "force_range.csv", "LAYOUT.md")
 """Files of the study; those of search, claim and range of loads only if these were requested."""
 
 
+NOISE = ("noise_worst_um", "noise_median_um", "noise_worst_N")
+"""Columns of the noise of a layout that tables show."""
 MOST_CLEARANCE = 100.0
 """mm."""
 
@@ -89,7 +90,7 @@ def run(job: Job, progress: Progress) -> Result:
     }
     record, shown, tables = layout.row(), [Table(title="Layout", rows=[_shown(layout)])], {}
     if search is not None:
-        record["search"] = tables["search"] = [row.row() for row in search]
+        record["search"] = tables["search"] = search
         shown.append(Table(title="Layouts, best first", rows=_shown_search(search)))
     if claim is not None:
         record["claim"] = claim.row()
@@ -116,10 +117,44 @@ def run(job: Job, progress: Progress) -> Result:
 def _write_map(path: Path, coder: Decoder, poses: Survey) -> None:
     from studies.output.table_files import write_table
 
-    write_table(path, (row.row() for row in layout_map.table(coder, poses)))
+    write_table(path, map_rows(coder, poses))
 
 
-def text(layout: LayoutRow, search: list[SearchRow] | None, claim: Claim | None, forces: ForceRange | None) -> str:
+def map_rows(coder: Decoder, poses: Survey) -> Iterator[FlatRow]:
+    """Yield the row of each pose of the map.
+
+    known, saturated, blocked : 0 or 1; `known` is 1 if the pose lies within the range of the mechanics.
+    det_sign : sign of det J.
+    multiplicity : number of poses with these readings; None if they were not searched.
+    """
+    from analytic.parts import columns
+
+    names = columns(coder.forward.elements)
+    known, blocked = poses.weight > 0, poses.blocked
+    tilt, tilt_y = tilts_of(*poses.tilt)
+    for k in range(len(known)):
+        x, y, z = poses.shift[:, k].tolist()
+        readings = zip(names, poses.readings[:, k].tolist(), strict=True)
+        yield {
+            "x_mm": x,
+            "y_mm": y,
+            "z_mm": z,
+            "tilt_rad": tilt[k],
+            "tilt_y_rad": tilt_y[k],
+            **{f"{name}_mT": 1e3 * b for name, b in readings},
+            "known": int(known[k]),
+            "blocked": int(blocked[k]),
+            "saturated": int(poses.saturated[k]),
+            "det_sign": int(poses.sign[k]),
+            "condition": poses.condition[k],
+            "multiplicity": int(poses.multiplicity[k]) or None,
+            "alike_apart_mm": poses.alike_mm[k],
+            "noise_um": 1e3 * poses.noise_mm[k],
+            "noise_N": poses.noise_N[k],
+        }
+
+
+def text(layout: LayoutRow, search: list[FlatRow] | None, claim: Claim | None, forces: ForceRange | None) -> str:
     """Return the text of LAYOUT.md without its origin."""
     lines = ["# The layout of the Hall elements", ""]
     verdict = layout.message
@@ -215,15 +250,13 @@ def _forces(forces: ForceRange) -> list[str]:
     return [*lines, "", *force_range.about().splitlines(), "", "The table behind it is force_range.csv.", ""]
 
 
-def _search(rows: Sequence[SearchRow]) -> list[str]:
+def _search(rows: Sequence[FlatRow]) -> list[str]:
     heads = ["rank", "layout", "unique %", "saturated %", "blocked %", "worst condition"]
     heads += ["worst noise, µm", "median noise, µm", "worst noise, N"]
     cells = []
     for row in rows:
-        values = (row.unique_percent, row.saturated_percent, row.blocked_percent, row.condition_worst)
-        noise = (row.noise_worst_um, row.noise_median_um, row.noise_worst_N)
-        name = "given" if row.rank == 0 else str(row.rank)
-        cells.append([name, f"`{row.settings}`", *(_text(value) for value in (*values, *noise))])
+        keys = ("unique_percent", "saturated_percent", "blocked_percent", "condition_worst", *NOISE)
+        cells.append([str(row["rank"] or "given"), f"`{row['settings']}`", *(_text(row[key]) for key in keys)])
     return _markdown(heads, cells)
 
 
@@ -306,20 +339,10 @@ def _shown_forces(forces: ForceRange) -> FlatRow:
     return row | places
 
 
-def _shown_search(rows: Sequence[SearchRow]) -> list[FlatRow]:
+def _shown_search(rows: Sequence[FlatRow]) -> list[FlatRow]:
     """Return the rows of a search for the terminal; files and JSON have all shares."""
-    return [
-        {
-            "rank": row.rank or "given",
-            "settings": row.settings,
-            "unique_percent": row.unique_percent,
-            "condition_worst": row.condition_worst,
-            "noise_worst_um": row.noise_worst_um,
-            "noise_median_um": row.noise_median_um,
-            "noise_worst_N": row.noise_worst_N,
-        }
-        for row in rows
-    ]
+    keys = ("settings", "unique_percent", "condition_worst", *NOISE)
+    return [{"rank": row["rank"] or "given", **{key: row[key] for key in keys}} for row in rows]
 
 
 def _shown_claim(claim: Claim) -> list[FlatRow]:

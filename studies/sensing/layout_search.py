@@ -9,14 +9,12 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Basis
-from studies.output import records
 from studies.output.records import FlatRow
 from studies.sensing import layout_metrics
 
@@ -51,38 +49,6 @@ APART_STARTS, APART_FOUND = 1.5, 0.75
 """Least difference between two starts, and between two layouts of the table, in steps of the first grid."""
 HOPELESS: Score = (2.0, math.inf)
 """Score of a layout that cannot be evaluated; every other layout has a better one."""
-
-
-def _place_columns(place_mm: Mapping[str, float]) -> FlatRow:
-    return {f"{name}_mm": value for name, value in place_mm.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class SearchRow:
-    """A layout of a search.
-
-    Attributes
-    ----------
-    rank : 1 for the best; 0 for the design's own layout.
-    place_mm : values of the parameters.
-    settings : options of the command line that give the design this layout.
-    """
-
-    rank: int
-    place_mm: dict[str, float] = field(metadata={"columns": _place_columns})
-    unique_percent: float
-    ambiguous_percent: float
-    saturated_percent: float
-    blocked_percent: float
-    condition_worst: float | None
-    noise_worst_um: float | None
-    noise_median_um: float | None
-    noise_worst_N: float | None
-    settings: str
-
-    def row(self) -> FlatRow:
-        """Return the flat row for search.csv and JSON."""
-        return records.flat(self)
 
 
 def ranges(design: Design) -> dict[str, tuple[float, float]]:
@@ -123,7 +89,7 @@ def run(
     bounds: Mapping[str, tuple[float, float]],
     count: int,
     progress: Progress,
-) -> list[SearchRow]:
+) -> list[FlatRow]:
     """Return the design's own layout (rank 0) and up to `count` distinct layouts, the best first.
 
     Raises
@@ -158,7 +124,7 @@ def run(
         rows.append(_row(0, design_at(place), names, law, basis))
     rows.sort(key=_order)
     progress(1.0, "survey of the best")
-    ranked = [dataclasses.replace(row, rank=rank) for rank, row in enumerate(rows[:count], 1)]
+    ranked = [row | {"rank": rank} for rank, row in enumerate(rows[:count], 1)]
     return [_row(0, design, names, law, basis), *ranked]
 
 
@@ -262,27 +228,27 @@ def settings(design: Design, names: Sequence[str]) -> str:
     return " ".join(f"--set {name}={getattr(design, name):g}" for name in names)
 
 
-def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> SearchRow:
+def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> FlatRow:
     from analytic import survey
 
     coder, _ = layout_metrics.prepare(design, law, basis)
     figures = layout_metrics.figures(survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance))
-    return SearchRow(
-        rank=rank,
-        place_mm={name: getattr(design, name) for name in names},
-        unique_percent=figures.unique_percent,
-        ambiguous_percent=figures.ambiguous_percent,
-        saturated_percent=figures.saturated_percent,
-        blocked_percent=figures.blocked_percent,
-        condition_worst=figures.condition_worst,
-        noise_worst_um=figures.noise_worst_um,
-        noise_median_um=figures.noise_median_um,
-        noise_worst_N=figures.noise_worst_N,
-        settings=settings(design, names),
-    )
+    return {
+        "rank": rank,
+        **{f"{name}_mm": getattr(design, name) for name in names},
+        "unique_percent": figures.unique_percent,
+        "ambiguous_percent": figures.ambiguous_percent,
+        "saturated_percent": figures.saturated_percent,
+        "blocked_percent": figures.blocked_percent,
+        "condition_worst": figures.condition_worst,
+        "noise_worst_um": figures.noise_worst_um,
+        "noise_median_um": figures.noise_median_um,
+        "noise_worst_N": figures.noise_worst_N,
+        "settings": settings(design, names),
+    }
 
 
-def _order(row: SearchRow) -> Score:
+def _order(row: FlatRow) -> Score:
     """Return the key that sorts rows, the best first."""
-    worst = row.noise_worst_um
-    return round(1 - row.unique_percent / 100, 3), math.inf if worst is None else worst
+    worst = row["noise_worst_um"]
+    return round(1 - row["unique_percent"] / 100, 3), math.inf if worst is None else worst

@@ -15,14 +15,13 @@ import math
 import os
 import shutil
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.output import atomic_files, console, own_files, records
+from studies.output import atomic_files, console, own_files
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
@@ -33,29 +32,6 @@ if TYPE_CHECKING:
 
 NOTE_EVERY = 8
 """Number of slabs between two notes: an interruption loses the work of at most so many slabs."""
-
-
-@dataclass(frozen=True, slots=True)
-class TableReport:
-    """Report of a table that has been written.
-
-    Attributes
-    ----------
-    poses : number of grid points.
-    resumed : number of slabs that an interrupted command had already written.
-    level : source of the magnet's tilt.
-    """
-
-    status: str
-    file: str
-    poses: int
-    size_MB: float
-    resumed: int
-    level: str
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
 
 
 def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
@@ -100,8 +76,8 @@ def plan(design: Design, step: float, level: str | None, responses: Path | None)
     return model, lookup.Grid(side, sink, step)
 
 
-def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress) -> TableReport:
-    """Write the table of three dimensions, or continue it.
+def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress) -> FlatRow:
+    """Write the table of three dimensions, or continue it, and return its record (see `_record`).
 
     Raises
     ------
@@ -146,11 +122,11 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
     own_files.note(out.parent, {out.name: part})
     os.replace(part, out)
     note.unlink(missing_ok=True)
-    return TableReport("ok", str(out), size // 8 // shape[3], size / 1e6, done, level)
+    return _record(out, size // 8 // shape[3], size, done, level)
 
 
-def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> TableReport:
-    """Write the table of two dimensions, B_rho and B_z over (rho, Z).
+def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> FlatRow:
+    """Write the table of two dimensions, B_rho and B_z over (rho, Z), and return its record (see `_record`).
 
     Raises
     ------
@@ -173,7 +149,21 @@ def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> TableRepor
     with atomic_files.atomic(out) as temporary:
         np.save(temporary, table)
     atomic_files.write_json(out.with_suffix(".json"), about)
-    return TableReport("ok", str(out), table.size // 2, table.nbytes / 1e6, 0, level)
+    return _record(out, table.size // 2, table.nbytes, 0, level)
+
+
+def _record(out: Path, poses: int, size: int, resumed: int, level: str) -> FlatRow:
+    """Return the record of a written table: grid points, bytes, slabs that an interrupted command had written before,
+    and the source of the magnet's tilt.
+    """
+    return {
+        "status": "ok",
+        "file": str(out),
+        "poses": poses,
+        "size_MB": size / 1e6,
+        "resumed": resumed,
+        "level": level,
+    }
 
 
 def _made_for(design: Design, *, tilted: bool) -> design_digest.Fields:
