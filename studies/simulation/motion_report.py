@@ -191,67 +191,43 @@ def _message(
 
 def lines(motion: FlatRow) -> list[Line]:
     """Return the lines of a motion; those of a force or of a contact only where there is one."""
-    free = motion["stiffness_N_per_mm"] is None
-    rest = [
-        ("press at rest", _with_unit(motion["depth_mm"], "mm")),
-        ("shear at rest", _shear(motion)),
-    ]
-    rest.append(("force at rest (x, y, z)", _listed(motion["force_N"], "N")))
-    band = f"{motion['lowest_Hz']:g} to {motion['highest_Hz']:g} Hz"
-    return [
-        ("in short", motion["message"]),
-        *([] if free else rest),
-        ("frequencies", band),
-        ("natural frequencies, undamped", _listed(motion["undamped_Hz"], "Hz")),
-        *_resonances("plate" if not free else "base", motion["resonance_per_mm_Hz"], motion["resonance_per_mm_Q"]),
-        *([] if free else _resonances("force", motion["resonance_per_N_Hz"], motion["resonance_per_N_Q"])),
-        *_readings(motion),
-        *_amplitudes(motion),
-        *_errors(motion),
-    ]
-
-
-def _resonances(driven_by: str, frequencies: Sequence[float], quality: Sequence[float | None]) -> list[Line]:
-    """Return the line of the resonances under a plate, a base or a force of fixed amplitude."""
-    each = [
-        f"{_number(f)} Hz" + ("" if Q is None else f" (Q = {Q:.3g})")
-        for f, Q in zip(frequencies, quality, strict=True)
-    ]
-    return [(f"resonances, {driven_by} of fixed amplitude", ", ".join(each) or "none in the band")]
-
-
-def _readings(motion: FlatRow) -> list[Line]:
-    """Return the lines of the readings: at the lowest frequency, bandwidths, and at 600 Hz."""
-    slowest = f"{motion['lowest_Hz']:g} Hz"
+    free, slowest = motion["stiffness_N_per_mm"] is None, f"{motion['lowest_Hz']:g} Hz"
     unit, per_mm = _readings_per("mm", motion)
-    rows = [
-        ("elements", ", ".join(motion["element"])),
-        (f"readings per mm at {slowest}", _listed(per_mm, f"{unit}/mm")),
-    ]
-    if motion["stiffness_N_per_mm"] is None:
-        return rows
-    beyond = f"above {motion['highest_Hz']:g}"
-    reads = [value is not None for value in per_mm]
-
-    def reached(values: Sequence[float | None]) -> str:
-        texts = [
-            "-" if not reading else beyond if value is None else _number(value)
-            for value, reading in zip(values, reads, strict=True)
-        ]
-        return f"{', '.join(texts)} Hz"
-
-    rows += [
-        (f"readings per N at {slowest}", _listed(_readings_per("N", motion)[1], f"{unit}/N")),
-        ("readings per mm are 3 dB lower at", reached(motion["bandwidth_per_mm_Hz"])),
-        ("readings per N are 3 dB lower at", reached(motion["bandwidth_per_N_Hz"])),
-        (f"readings per N are {100 * ACCURATE:g} % off at", reached(motion["accurate_per_N_Hz"])),
+    _, per_N = _readings_per("N", motion)
+    under_force = [
+        (f"readings per N at {slowest}", _listed(per_N, f"{unit}/N")),
+        ("readings per mm are 3 dB lower at", _reached(motion, "bandwidth_per_mm_Hz", per_mm)),
+        ("readings per N are 3 dB lower at", _reached(motion, "bandwidth_per_N_Hz", per_mm)),
+        (f"readings per N are {100 * ACCURATE:g} % off at", _reached(motion, "accurate_per_N_Hz", per_mm)),
     ]
     if motion["lowest_Hz"] <= BAND <= motion["highest_Hz"]:
-        rows += [
+        under_force += [
             (f"readings per N at {BAND:g} Hz over {slowest}", _listed(motion["relative_reading_at_600"])),
             (f"phase to the force at {BAND:g} Hz", _listed(motion["phase_at_600_deg"], "°")),
         ]
-    return rows
+    under_force.append((f"stiffness at {slowest}", _with_unit(motion["stiffness_N_per_mm"], "N/mm")))
+    shear = _with_unit(motion["shear_mm"], "mm")
+    if motion["shear_y_mm"]:
+        shear += f" along x, {_with_unit(motion['shear_y_mm'], 'mm')} along y"
+    at_rest = [
+        ("press at rest", _with_unit(motion["depth_mm"], "mm")),
+        ("shear at rest", shear),
+        ("force at rest (x, y, z)", _listed(motion["force_N"], "N")),
+    ]
+    driven = "base" if free else "plate"
+    return [
+        ("in short", motion["message"]),
+        *([] if free else at_rest),
+        ("frequencies", f"{motion['lowest_Hz']:g} to {motion['highest_Hz']:g} Hz"),
+        ("natural frequencies, undamped", _listed(motion["undamped_Hz"], "Hz")),
+        (f"resonances, {driven} of fixed amplitude", _resonances(motion, "mm")),
+        *([] if free else [("resonances, force of fixed amplitude", _resonances(motion, "N"))]),
+        ("elements", ", ".join(motion["element"])),
+        (f"readings per mm at {slowest}", _listed(per_mm, f"{unit}/mm")),
+        *([] if free else under_force),
+        *([] if free else _amplitudes(motion)),
+        *_errors(motion),
+    ]
 
 
 def _readings_per(what: str, motion: FlatRow) -> tuple[str, list[float | None]]:
@@ -260,50 +236,48 @@ def _readings_per(what: str, motion: FlatRow) -> tuple[str, list[float | None]]:
     return key.split("_")[1], motion[key]
 
 
-def _shear(motion: FlatRow) -> str:
-    """Return the shear at rest, with both components where it is not along x."""
-    along_x = _with_unit(motion["shear_mm"], "mm")
-    return (
-        along_x
-        if not motion["shear_y_mm"]
-        else f"{along_x} along x, {_with_unit(motion['shear_y_mm'], 'mm')} along y"
-    )
+def _reached(motion: FlatRow, key: str, readings: Sequence[float | None]) -> str:
+    """Return frequencies, one for each element; a dash for one that reads nothing."""
+    pairs = zip(motion[key], readings, strict=True)
+    beyond = f"above {motion['highest_Hz']:g}"
+    texts = ["-" if seen is None else beyond if value is None else _number(value) for value, seen in pairs]
+    return f"{', '.join(texts)} Hz"
+
+
+def _resonances(motion: FlatRow, per: str) -> str:
+    pairs = zip(motion[f"resonance_per_{per}_Hz"], motion[f"resonance_per_{per}_Q"], strict=True)
+    each = [f"{_number(f)} Hz" + ("" if Q is None else f" (Q = {Q:.3g})") for f, Q in pairs]
+    return ", ".join(each) or "none in the band"
 
 
 def _amplitudes(motion: FlatRow) -> list[Line]:
-    """Return the lines of stiffness and of the amplitudes up to which contact is kept."""
-    if motion["stiffness_N_per_mm"] is None:
-        return []
-    amplitudes = (
-        ("amplitude that opens a quarter of the contact", motion["kept_amplitude_mm"], motion["kept_amplitude_Hz"]),
-        ("amplitude that takes the whole normal force", motion["lift_amplitude_mm"], motion["lift_amplitude_Hz"]),
-    )
+    """Return the lines of the amplitudes up to which contact is kept, where they are known."""
+    names = {"kept": "opens a quarter of the contact", "lift": "takes the whole normal force"}
     return [
-        (f"stiffness at {motion['lowest_Hz']:g} Hz", _with_unit(motion["stiffness_N_per_mm"], "N/mm")),
-        *(
-            (name, f"{_with_unit(value, 'mm')}, the least, at {_with_unit(at, 'Hz')}")
-            for name, value, at in amplitudes
-            if value is not None
-        ),
+        (
+            f"amplitude that {what}",
+            f"{_with_unit(value, 'mm')}, the least, at {_with_unit(motion[f'{name}_amplitude_Hz'], 'Hz')}",
+        )
+        for name, what in names.items()
+        if (value := motion[f"{name}_amplitude_mm"]) is not None
     ]
 
 
 def _errors(motion: FlatRow) -> list[Line]:
     """Return the lines of the numerical errors."""
-    rows = [
+    names = {"": "shift" if motion["stiffness_N_per_mm"] is None else "force", "reading_": "readings per N"}
+    estimates = [
+        (what, motion[f"{name}error_estimate"], motion[f"largest_{name}error_estimate"])
+        for name, what in names.items()
+    ]
+    return [
+        *(
+            (f"estimated error of the {what}", f"median {100 * median:.2g} %, largest {100 * largest:.2g} %")
+            for what, median, largest in estimates
+            if median is not None and largest is not None
+        ),
         ("reduced basis", f"{motion['factorisations']} factorisations, relative error {motion['reduced_error']:.2g}"),
     ]
-    what = "shift" if motion["stiffness_N_per_mm"] is None else "force"
-    estimates = (
-        (what, motion["error_estimate"], motion["largest_error_estimate"]),
-        ("readings per N", motion["reading_error_estimate"], motion["largest_reading_error_estimate"]),
-    )
-    known = [
-        (f"estimated error of the {name}", f"median {100 * median:.2g} %, largest {100 * largest:.2g} %")
-        for name, median, largest in estimates
-        if median is not None and largest is not None
-    ]
-    return [*known, *rows]
 
 
 def mesh_warnings(motion: FlatRow) -> list[str]:
