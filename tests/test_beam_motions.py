@@ -1,4 +1,4 @@
-"""Motions of many magnets: those of each model for each sensor and load by itself."""
+"""Motions and outputs of many sensors: those of each model for each sensor and load, named as in a sweep."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,17 @@ import pytest
 from analytic import beam, hall
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.sensitivity.beam_motions import QUANTITIES, motions, poses, readings
+from studies.sensitivity.beam_motions import (
+    QUANTITIES,
+    Press,
+    motions,
+    names,
+    poses,
+    readings,
+    relative_half_width,
+    sampled_cases,
+    sampled_outputs,
+)
 from studies.surrogate import surrogate_response
 
 DEPTH, SHEAR = np.array([[0.5, 1.0], [0.4, 0.8]]), np.array([[0.0, 0.3], [0.0, -0.3]])
@@ -65,3 +75,68 @@ def test_an_unknown_model_is_refused():
         BadInput, match="the model must be one of surrogate, paper, column, tip, magnet, finite; got 'x'"
     ):
         motions("x", [paper()], DEPTH[:1], SHEAR[:1])
+
+
+RANGES = {"E": (0.5, 2.0), "depth": (0.5, 1.0)}
+POINTS = np.array([[0.5, 1.0], [2.0, 0.5], [1.0, 0.001]])
+
+
+def test_outputs_are_those_of_each_case():
+    cases = sampled_cases(paper(), RANGES, POINTS, Press(1.0, 0.2))
+    outputs, refusals = sampled_outputs("finite", paper(), cases, sheared=True)
+    assert tuple(outputs) == names(paper(), sheared=True)
+    response = beam.solve(Design(E=2.0), Load(0.5, 0.2, friction="stick"), "finite")
+    assert outputs["force_x_N"][0][1] == response.force[0]
+    assert outputs["tilt_rad"][0][1] == response.tilt
+    assert outputs["S2_V"][0][1] == pytest.approx(hall.readings(paper(), response).V[1])
+    assert refusals == ("", "", "")
+
+
+def test_a_chip_has_outputs_in_mT():
+    chip = Design(hall_layout="tmag5273a1")
+    cases = sampled_cases(chip, RANGES, POINTS[:1], Press(1.0))
+    outputs, _ = sampled_outputs("finite", chip, cases, sheared=False)
+    truth = hall.readings(chip, beam.solve(chip, Load(1.0), "finite")).B_T[0]
+    assert outputs["chip_-z_output_mT"][0][0] == pytest.approx(1e3 * truth)
+
+
+def test_cases_that_the_surrogate_refuses_have_no_value_and_a_reason():
+    cases = sampled_cases(paper(), RANGES, POINTS, Press(1.0))
+    outputs, refusals = sampled_outputs("surrogate", paper(), cases, sheared=False)
+    assert np.isfinite(outputs["force_N"][0][:2]).all()
+    assert np.isnan(outputs["S1_V"][0][2])
+    assert "the surrogate knows depths of 0.08 to" in refusals[2]
+    assert (outputs["S1_V"][1][:2] > 0).all()
+
+
+def test_a_design_without_a_magnet_has_no_readings():
+    assert names(Design(magnet_diameter=0, magnet_height=0), sheared=False)[-1] == "contact_radius_mm"
+
+
+def test_the_error_is_relative_to_the_variation():
+    assert relative_half_width(np.array([1.0, 3.0, np.nan]), np.array([0.2, 0.2, np.nan])) == pytest.approx(0.2)
+    assert relative_half_width(np.full(3, np.nan), np.zeros(3)) == 0.0
+
+
+def test_cases_have_the_values_of_their_points_and_elements_keep_their_places():
+    points = np.array([[8.0, 9.0, 0.5], [8.0, 11.0, 1.5], [20.0, 9.0, 1.0]])
+    cases = sampled_cases(paper(), {"D": (4, 20), "L": (8, 12), "depth": (0.5, 1.5)}, points, Press(1.0, 0.2))
+    first, longer, impossible = cases.designs
+    assert (first.D, first.L, first.l0) == pytest.approx((8.0, 9.0, 7.2))
+    assert (longer.L, longer.l0) == (11.0, 9.2)
+    assert impossible is None
+    assert "L must exceed the tip radius" in cases.refusals[2]
+    assert cases.depth.tolist() == [0.5, 1.5, 1.0]
+    assert cases.shear.tolist() == [0.2] * 3
+
+
+@pytest.mark.parametrize("load", [(0.0, 0.0), (float("nan"), 0.0), (1.0, -0.1), (1.0, float("inf"))])
+def test_impossible_loads_are_refused(load):
+    with pytest.raises(BadInput, match="must be a finite number of mm"):
+        Press(*load)
+
+
+def test_a_case_without_a_possible_sensor_keeps_its_place():
+    cases = sampled_cases(Design(), {"nu": (0.4, 0.6)}, np.array([[0.45], [0.55]]), Press(1.0))
+    assert cases.designs[0].nu == 0.45
+    assert cases.designs[1] is None

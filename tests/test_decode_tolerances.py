@@ -12,9 +12,7 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
-from studies.sensitivity.made_readings import made_readings
-from studies.sensitivity.made_sensors import made_sensors, nominal_sensor
-from studies.sensitivity.tolerances import Tolerances
+from studies.sensitivity.made_sensors import Tolerances, made_readings, made_sensors, nominal_sensor
 
 
 def field_of(sensors, shift, tilt):

@@ -36,10 +36,8 @@ def test_texts_of_nine_outputs_and_six_inputs_are_apart(method, monkeypatch, tmp
 def test_texts_of_histograms_are_apart(monkeypatch, tmp_path):
     figures = saved_figures(monkeypatch)
     values = 0.012 + 1e-3 * np.random.default_rng(1).standard_normal(200)
-    axis = SimpleNamespace(
-        sensitivity=values, zeroed_error=values**2, recalibrated_error=100 * values, nominal_sensitivity=0.012
-    )
-    study = SimpleNamespace(spread=SimpleNamespace(axes={"z": axis, "x": axis}), unit="V")
-    sensitivity_plots.monte_carlo(tmp_path / "montecarlo.png", study)
+    made = {"sensitivity": values, "zeroed_force_error": values**2, "recalibrated_force_error": 100 * values}
+    axis = SimpleNamespace(made=made, nominal={"sensitivity": 0.012})
+    sensitivity_plots.monte_carlo(tmp_path / "montecarlo.png", {"z": axis, "x": axis}, "V/N")
     check_texts(figures[0])
     assert legend(figures[0]) == ["nominal design"]

@@ -254,25 +254,32 @@ def sensitivity(
     out
         Folder for SENSITIVITY.md, tables and pictures.
     """
-    from studies.exploration.needed_paths import Processes
-    from studies.sensitivity import sensitivity_report, sensitivity_request
+    from studies.sensitivity import made_sensors, sensitivity_study
+    from studies.sensitivity.beam_motions import Press
 
-    here = destination(sensitivity, locals(), sensitivity_report.FILES)
-    request = sensitivity_request.request_of(
-        design=design_of(source, sets),
-        vary=vary or [],
-        load=(depth, shear),
-        methods=methods,
-        tolerances=tolerances or [],
+    here = destination(sensitivity, locals(), sensitivity_study.FILES)
+    design, sizes = design_of(source, sets), made_sensors.parse_tolerances(tolerances or [])
+    chosen = tuple(dict.fromkeys(part.strip() for part in methods.split(",")))
+    request = sensitivity_study.Request(
+        design=design,
+        ranges=sensitivity_study.ranges_of(design, vary or [], chosen, sizes),
+        load=Press(depth, shear),
+        methods=chosen,
+        tolerances=sizes,
         model=model,
         accuracy=accuracy,
-        counts=(count, trajectories, sensors),
+        points=count,
+        trajectories=trajectories,
+        sensors=sensors,
         seed=seed,
+        store=store,
+        workers=workers,
+        scheduler=scheduler,
     )
-    if store is not None and "morris" not in request.methods:
+    if store is not None and "morris" not in chosen:
         raise BadInput("--store works with the method morris only: add it to --methods, or leave --store out")
     atomic_files.check_apart([store], [source])
-    return publish(partial(sensitivity_request.run, request, store, Processes(workers, scheduler)), here)
+    return publish(partial(sensitivity_study.run, request), here)
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:

@@ -134,14 +134,14 @@ def decode(
     """
     from studies.sensing import decode_readings, decode_tables
     from studies.sensitivity import decode_tolerances
-    from studies.sensitivity.tolerances import parse
+    from studies.sensitivity.made_sensors import parse_tolerances
 
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
         raise BadInput("--out works with --file only: leave it out")
     atomic_files.check_apart([out], [source, file, responses])
-    made = parse(tolerances or [])
+    made = parse_tolerances(tolerances or [])
     coder = decode_readings.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     name = decode_readings.level_name(level, responses)
     if readings is not None:

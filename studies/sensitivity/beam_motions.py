@@ -1,4 +1,4 @@
-"""Forces on many sensors and motions of their magnets, by the surrogate or by a level of the formulas.
+"""Forces on many sensors, motions of their magnets and outputs, by the surrogate or by a level of the formulas.
 
 The loads are those of both models: a frictionless press, and a shear along x with the tip stuck to the plate. A shear
 of negative sign is the mirror image of a positive one.
@@ -7,6 +7,7 @@ of negative sign is the mirror image of a positive one.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
@@ -22,6 +23,9 @@ from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
+from studies.exploration.study_cases import varied
+from studies.inputs import study_axes
+from studies.sensing.field_readings import columns as element_columns
 from studies.surrogate import prediction, surrogate_range, surrogate_response
 from studies.surrogate.prediction import Beams
 
@@ -33,6 +37,29 @@ SPACING = 0.3
 QUANTITIES = ("force_x", "force_z", "shift_x", "shift_z", "tilt", "contact_radius")
 """Results of a model: forces on the tip, N, positive along the shear and in compression; displacements of the magnet,
 mm, along the shear and along z (negative downwards); its tilt towards the shear, rad; contact radius, mm."""
+
+
+PRESS = {"force_N": "force_z", "shift_z_mm": "shift_z", "contact_radius_mm": "contact_radius"}
+"""Outputs of a press, and which of `QUANTITIES` they are."""
+SHEAR = {"force_N": "force_z", "force_x_N": "force_x", "shift_z_mm": "shift_z", "shift_x_mm": "shift_x"} | {
+    "tilt_rad": "tilt",
+    "contact_radius_mm": "contact_radius",
+}
+"""Outputs of a press and a shear."""
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """The load of a study: depth of the plate, mm, and shear along x with the tip stuck to the plate, mm."""
+
+    depth: float
+    shear: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.depth < math.inf:
+            raise BadInput(f"--depth must be a finite number of mm above 0; got {self.depth:g}")
+        if not 0 <= self.shear < math.inf:
+            raise BadInput(f"--shear must be a finite number of mm, 0 or more; got {self.shear:g}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,3 +232,77 @@ def _outputs(designs: Sequence[Design | None], values: Mapping[str, Array]) -> A
     field = batch_readings(stand_in, owner, shift.reshape(-1, 3), tilt.reshape(-1, 2)).field_T
     gain, null, low, high, *_ = np.array([common_values(design) for design in stand_in])[owner].T[:, :, None]
     return converted(null + gain * field, low, high, np.zeros(1))[0].reshape(count, states, ELEMENTS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledCases:
+    """Sensors and loads at n points.
+
+    Attributes
+    ----------
+    designs, refusals : the sensor at each point, or None and the reason why it is impossible ("" where it is not).
+    depth, shear : load at each point, shape (n,), mm.
+    """
+
+    designs: tuple[Design | None, ...]
+    refusals: tuple[str, ...]
+    depth: Array
+    shear: Array
+
+
+def sampled_cases(
+    design: Design, ranges: Mapping[str, tuple[float, float]], points: Array, load: Press
+) -> SampledCases:
+    """Return the sensors and loads at points (n, d); Hall elements keep their places, as in `study_cases.varied`."""
+    columns = dict(zip(ranges, points.T, strict=True))
+    fields = {name: values for name, values in columns.items() if name in study_axes.DESIGN}
+    designs, refusals = zip(*(_varied(design, fields, k) for k in range(len(points))), strict=True)
+    depth, shear = (columns.get(name, np.full(len(points), getattr(load, name))) for name in ("depth", "shear"))
+    return SampledCases(designs, refusals, depth, shear)
+
+
+def _varied(design: Design, fields: Mapping[str, Array], k: int) -> tuple[Design | None, str]:
+    """Return the sensor at a point, or None and the reason why it is impossible."""
+    try:
+        return varied(design, {name: float(values[k]) for name, values in fields.items()}), ""
+    except BadInput as error:
+        return None, str(error)
+
+
+def names(design: Design, *, sheared: bool) -> tuple[str, ...]:
+    """Return the names of the outputs, with their units: those that `magtip sweep` has, too.
+
+    >>> names(Design(), sheared=False)
+    ('force_N', 'shift_z_mm', 'contact_radius_mm', 'S1_V', 'S2_V')
+    """
+    elements, unit = element_columns(design)
+    # by symmetry the third element reads in a press what the second one does
+    shown = list(elements)[: None if sheared else 2] if design.shape.has_magnet else []
+    return (*(SHEAR if sheared else PRESS), *(f"{element}_{unit}" for element in shown))
+
+
+def sampled_outputs(
+    model: str, design: Design, cases: SampledCases, *, sheared: bool
+) -> tuple[dict[str, tuple[Array, Array]], tuple[str, ...]]:
+    """Return the outputs of n cases by their names, and why each case has failed, "" where it has not.
+
+    An output is its values, NaN where it has failed, and the half widths of the model's 90 % interval, each of shape
+    (n,).
+    """
+    moved = motions(model, cases.designs, cases.depth[:, None], cases.shear[:, None])
+    quantities = SHEAR if sheared else PRESS
+    outputs = {name: (moved.values[key][:, 0], moved.half_widths[key][:, 0]) for name, key in quantities.items()}
+    read, half_widths = readings(cases.designs, moved)
+    _, unit = element_columns(design)
+    scale = 1.0 if unit == "V" else 1e3
+    for k, name in enumerate(names(design, sheared=sheared)[len(quantities) :]):
+        outputs[name] = scale * read[:, 0, k], scale * half_widths[:, 0, k]
+    refusals = zip(cases.refusals, moved.refusals[:, 0], strict=True)
+    return outputs, tuple(impossible or str(refused) for impossible, refused in refusals)
+
+
+def relative_half_width(value: Array, half_width: Array) -> float:
+    """Return the median half width over the standard deviation of an output: how much of its variation is error."""
+    known = np.isfinite(value)
+    deviation = float(value[known].std()) if known.any() else 0.0
+    return float(np.median(half_width[known])) / deviation if deviation else 0.0

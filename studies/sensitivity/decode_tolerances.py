@@ -25,9 +25,7 @@ import numpy as np
 from analytic.decode import Status, decode
 from analytic.parts import common_values
 from studies.sensing.decode_readings import WHY
-from studies.sensitivity.made_readings import made_readings
-from studies.sensitivity.made_sensors import MadeSensors, made_sensors, nominal_sensor
-from studies.sensitivity.tolerances import Tolerances
+from studies.sensitivity.made_sensors import MadeSensors, Tolerances, made_readings, made_sensors, nominal_sensor
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder

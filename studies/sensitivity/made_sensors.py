@@ -1,27 +1,121 @@
-"""Made sensors: designs whose values deviate from a nominal design within tolerances, drawn with a seed.
+"""Made sensors: designs that deviate from a nominal one within tolerances, drawn with a seed, and their readings.
+
+A tolerance T is the largest deviation. A "uniform" deviation has equal density from -T to T. A "normal" deviation has
+the standard deviation T/2 before it is cut off at -T and T, as if parts outside were sorted out.
 
 Each sensor is an independent draw, so that a share of them has a binomial sampling error. The casting moves the
 magnet in the silicone and the assembly moves the elements. These deviations change the readings. Their effect on the
 mechanics is neglected: the silicone still deforms as if the magnet were centred and upright.
+
+The magnet's offset turns with the silicone around it, and its tilt adds to that of the state. An element that is
+displaced reads as if the magnet were displaced the other way, so each element's offset enters as a shift of the pose.
+Outputs are those before the converter rounds them: a step of a chip is no deviation of a sensor, and would hide in
+which sense its reading changes.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from analytic.batch_readings import ELEMENTS, batch_readings
+from analytic.hall import converted, rotated
+from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.sensitivity.tolerances import CUT, Tolerances
+from studies.inputs.user_input import parse_choices
 
-ELEMENTS = 3
-"""Number of elements, or of axes of a chip."""
+Shape = Literal["normal", "uniform"]
+CUT = 2.0
+"""Number of standard deviations at which a normal deviation is cut off: 4.6 % of parts are sorted out."""
+
+
+def _tolerance(default: float, unit: str, shape: Shape, text: str, source: str, *, assumed: bool = True) -> Any:
+    metadata = {"unit": unit, "shape": shape, "text": text, "source": source, "assumed": assumed}
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tolerances:
+    """Largest deviations of a made sensor from its design; 0 for a value that does not vary.
+
+    The metadata of a field give unit, distribution, a description, and the source of the default; `assumed` is True
+    where no data sheet or measurement gives it. A tolerance in percent is relative to the design's value.
+
+    Raises
+    ------
+    BadInput
+        A tolerance is negative, not finite or too large.
+
+    >>> Tolerances(E=-1)
+    Traceback (most recent call last):
+        ...
+    geometry.bad_input.BadInput: tolerance E must be a number of percent from 0 to 90; got -1
+    """
+
+    E: float = _tolerance(
+        10.0, "percent", "normal", "Young's modulus", "2 points of Shore A are 9 % at Shore 30 A by Gent's formula"
+    )
+    nu: float = _tolerance(2e-4, "1", "uniform", "Poisson's ratio, at most 0.5", "bulk modulus from 0.4 GPa upwards")
+    remanence: float = _tolerance(
+        2.5, "percent", "uniform", "remanence of the magnet", "range of remanences within one grade of NdFeB"
+    )
+    magnet_diameter: float = _tolerance(
+        0.05, "mm", "uniform", "diameter of the magnet", "usual tolerance of ground sintered NdFeB up to 10 mm"
+    )
+    magnet_height: float = _tolerance(
+        0.05, "mm", "uniform", "height of the magnet", "usual tolerance of ground sintered NdFeB up to 10 mm"
+    )
+    magnet_x: float = _tolerance(0.15, "mm", "normal", "place of the magnet along x", "play in the cast pocket")
+    magnet_y: float = _tolerance(0.15, "mm", "normal", "place of the magnet along y", "play in the cast pocket")
+    magnet_z: float = _tolerance(0.15, "mm", "normal", "place of the magnet along z", "glue below the magnet")
+    magnet_tilt: float = _tolerance(
+        3.0,
+        "deg",
+        "normal",
+        "tilt of the magnetisation about x and about y",
+        "magnetisation within a few degrees of the axis (K&J Magnetics); seat in the pocket assumed",
+    )
+    hall_x: float = _tolerance(0.1, "mm", "normal", "place of a Hall element along x", "play in a printed seat")
+    hall_y: float = _tolerance(0.1, "mm", "normal", "place of a Hall element along y", "play in a printed seat")
+    hall_z: float = _tolerance(0.1, "mm", "normal", "place of a Hall element along z", "play in a printed seat")
+    hall_gain: float = _tolerance(
+        4.0, "percent", "uniform", "gain of a Hall element", "SS495A: 3.00 to 3.25 mV/G", assumed=False
+    )
+    hall_null: float = _tolerance(0.075, "V", "uniform", "null of a Hall element", "SS495A: 2.50 +- 0.075 V")
+    chip_gain: float = _tolerance(5.0, "percent", "uniform", "gain of a chip's axis", "TMAG5273: 5 %")
+    chip_null: float = _tolerance(3e-4, "T", "uniform", "offset of a chip's axis", "TMAG5273: 0.3 mT")
+
+    def __post_init__(self) -> None:
+        for spec in dataclasses.fields(self):
+            value, unit = getattr(self, spec.name), spec.metadata["unit"]
+            # a deviation of 100 % would allow a value of 0, of which there is no sensor
+            most = {"percent": 90.0, "mm": 100.0, "deg": 45.0}.get(unit, 1.0)
+            if not 0 <= value <= most:
+                name = {"percent": "a number of percent", "1": "a number"}.get(unit, f"a number of {unit}")
+                raise BadInput(f"tolerance {spec.name} must be {name} from 0 to {most:g}; got {value:g}")
+
+
+def parse_tolerances(texts: Sequence[str]) -> Tolerances:
+    """Return the tolerances of texts NAME=VALUE; the others have their defaults.
+
+    >>> parse_tolerances(["E=5"]).E, parse_tolerances([]).hall_null
+    (5, 0.075)
+    """
+    values = parse_choices("--tolerance", texts, Tolerances)
+    for name, value in values.items():
+        if not (isinstance(value, (int, float)) and math.isfinite(value)):
+            raise BadInput(f"tolerance {name} must be a finite number; got {value!r}")
+    return Tolerances(**values)
+
+
 MOST_SENSORS = 1_000_000
 """Largest number of made sensors; more are taken for a mistake."""
 COLUMNS = {"magnet_tilt": 2, **dict.fromkeys(("hall_x", "hall_y", "hall_z", "hall_gain", "chip_gain"), ELEMENTS)} | {
@@ -171,3 +265,47 @@ def share_with_error(count: int, total: int, level: float = 0.95) -> tuple[float
     low = 0.0 if count == 0 else float(beta.ppf(tail, count, total - count + 1))
     high = 1.0 if count == total else float(beta.ppf(1 - tail, count + 1, total - count))
     return (count / total if total else math.nan), low, high
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MadeReadings:
+    """Readings of n made sensors in k states; NaN, and not saturated, where there is no pose or no sensor.
+
+    Attributes
+    ----------
+    field_T : flux density that each element measures, shape (n, k, 3), T.
+    output : output of each element within the rails, not rounded, shape (n, k, 3), V, or T for a chip.
+    saturated : whether the output lies at a rail, shape (n, k, 3).
+    """
+
+    field_T: Array
+    output: Array
+    saturated: NDArray[np.bool_]
+
+
+def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> MadeReadings:
+    """Return the readings of each sensor in its states.
+
+    Parameters
+    ----------
+    shift : displacement of the magnet by the load, shape (n, k, 3), mm.
+    tilt : rotation vector (rx, ry) of the magnet by the load, shape (n, k, 2), rad.
+    """
+    count, states = shift.shape[:2]
+    # None stands for an impossible sensor: any design may take its place, since its rows have no pose
+    designs = [design or sensors.nominal for design in sensors.designs]
+    possible = np.array([design is not None for design in sensors.designs])
+    shift = np.where(possible[:, None, None], shift, np.nan)
+    # rotation vectors add up to a turn about z, which moves the axis of the magnet by a third-order angle only
+    turn = tilt + sensors.magnet_tilt[:, None]
+    moved = shift + rotated(sensors.magnet_offset[:, None], tilt)
+    relative = moved[:, :, None] - sensors.element_offset[:, None]
+    owner = np.repeat(np.arange(count), states * ELEMENTS)
+    poses = np.repeat(turn.reshape(-1, 2), ELEMENTS, axis=0)
+    rows = batch_readings(designs, owner, relative.reshape(-1, 3), poses)
+    # row j of a state has the offset of element j: only the reading of this element is right
+    field = np.diagonal(rows.field_T.reshape(count, states, ELEMENTS, ELEMENTS), axis1=2, axis2=3)
+    gain, null, low, high, *_ = common_values(sensors.nominal)
+    raw = null + sensors.null_shift[:, None] + gain * sensors.gain_factor[:, None] * field
+    output, saturated = converted(raw, np.array(low), np.array(high), np.array(0.0))
+    return MadeReadings(field, output, saturated)

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from studies.output.table_plots import ANALYTIC, COLOURS, FEM, legend_columns, sheet
 from studies.output.text_tables import titled
-from studies.sensitivity.sensitivity_rows import MorrisRow, SobolRow
-from studies.sensitivity.sensitivity_study import MonteCarloStudy
+from studies.sensitivity.calibration import AxisSpread
 
-Row = TypeVar("Row", SobolRow, MorrisRow)
 WIDTH, BAR, COLUMNS = 7.0, 0.17, 3
 """Width of a picture, and height of a bar, in; number of panels side by side."""
 BINS = 40
 """Number of bars of a histogram."""
 PANELS = {
     "sensitivity": "sensitivity",
-    "zeroed_error": "force error\nafter zeroing (N)",
-    "recalibrated_error": "force error after\nrecalibration (N)",
+    "zeroed_force_error": "force error\nafter zeroing (N)",
+    "recalibrated_force_error": "force error after\nrecalibration (N)",
 }
 """Quantities with a histogram for each axis, and their labels."""
 MARKERS = "osD^vP*XhH8p"
@@ -36,13 +34,13 @@ def named(field: str) -> str:
     return "\n".join(" ".join(words[k : k + 2]) for k in range(0, len(words), 2))
 
 
-def by_output(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
+def by_output(rows: Sequence[Any]) -> Iterator[tuple[str, list[Any]]]:
     """Yield the outputs with their rows, in order."""
     for output in dict.fromkeys(row.output for row in rows):
         yield output, [row for row in rows if row.output == output]
 
 
-def sobol(path: Path, rows: Sequence[SobolRow]) -> None:
+def sobol(path: Path, rows: Sequence[Any]) -> None:
     """Draw indices of first and total order of each output as bars with their intervals."""
     panels = [(output, each) for output, each in by_output(rows) if each[0].first_order is not None]
     if not panels:
@@ -66,7 +64,7 @@ def sobol(path: Path, rows: Sequence[SobolRow]) -> None:
         _finish(figure, axes, len(panels), "Sobol index")
 
 
-def morris(path: Path, rows: Sequence[MorrisRow]) -> None:
+def morris(path: Path, rows: Sequence[Any]) -> None:
     """Draw sigma over mu* of each output, a marker for each input with its interval of mu*."""
     panels = [(output, each) for output, each in by_output(rows) if each[0].mu_star is not None]
     if not panels:
@@ -99,26 +97,26 @@ def morris(path: Path, rows: Sequence[MorrisRow]) -> None:
         _finish(figure, axes, len(panels), "")
 
 
-def monte_carlo(path: Path, study: MonteCarloStudy) -> None:
+def monte_carlo(path: Path, axes: Mapping[str, AxisSpread], unit: str) -> None:
     """Draw histograms of sensitivity and errors of the made sensors, a line of panels for each axis."""
     import numpy as np
 
-    spread = {name: axis for name, axis in study.spread.axes.items() if np.isfinite(axis.sensitivity).any()}
+    spread = {name: axis for name, axis in axes.items() if np.isfinite(axis.made["sensitivity"]).any()}
     if not spread:
         return
     with sheet(path, WIDTH, 1.8 * len(spread) + 0.9) as figure:
-        axes = figure.subplots(len(spread), len(PANELS), squeeze=False)
-        for last, line, (name, one) in zip([*[False] * (len(spread) - 1), True], axes, spread.items(), strict=True):
+        panels = figure.subplots(len(spread), len(PANELS), squeeze=False)
+        for last, line, (name, one) in zip([*[False] * (len(spread) - 1), True], panels, spread.items(), strict=True):
             for axis, (quantity, label) in zip(line, PANELS.items(), strict=True):
-                values = getattr(one, quantity)
+                values = one.made[quantity]
                 axis.hist(values[np.isfinite(values)], BINS, color=FEM)
-                unit = f"({study.unit}/N)" if quantity == "sensitivity" else ""
+                of_label = f"({unit})" if quantity == "sensitivity" else ""
                 if last:
-                    axis.set_xlabel(f"{label}\n{unit}" if unit else label)
+                    axis.set_xlabel(f"{label}\n{of_label}" if of_label else label)
                 _thin_ticks(axis)
-            line[0].axvline(one.nominal_sensitivity, color=ANALYTIC, label="nominal design")
+            line[0].axvline(one.nominal["sensitivity"], color=ANALYTIC, label="nominal design")
             line[0].set_ylabel(f"sensors, axis {name}")
-        handles, names = axes[0, 0].get_legend_handles_labels()
+        handles, names = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", frameon=False)
 
 

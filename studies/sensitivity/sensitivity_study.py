@@ -1,4 +1,4 @@
-"""The three studies of `magtip sensitivity`: Sobol indices, Morris' effects, and made sensors.
+"""The study of `magtip sensitivity`: Sobol indices, Morris' effects, and made sensors, with its tables and its page.
 
 Sobol indices come from a fast model, which answers thousands of points; Morris' effects from finite elements, whose
 states are kept in the store like those of a sweep, so that an interrupted study continues; made sensors from a fast
@@ -7,209 +7,546 @@ model again.
 
 from __future__ import annotations
 
+import dataclasses
+import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from fem.accuracy import LEVELS
 from geometry.arrays import Array
-from geometry.design import Design
+from geometry.bad_input import nearest
+from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
-from studies.exploration import sweep
-from studies.exploration.needed_paths import Processes
-from studies.exploration.store import Store
-from studies.exploration.study_cases import FemModel, Plan
-from studies.exploration.study_rows import flat_rows
-from studies.inputs.study_axes import Factor
+from studies import cases
+from studies.inputs import study_axes, user_input
 from studies.inputs.user_input import AccuracyName
+from studies.output import pages
 from studies.output.records import FlatRow
+from studies.output.result import Result, Table, Writer
+from studies.output.text_tables import heading, titled
 from studies.sensing.field_readings import columns as element_columns
-from studies.sensitivity import morris_effects, sensitivity_rows, sobol_indices
-from studies.sensitivity.beam_motions import error_lengths
-from studies.sensitivity.calibration_spread import CalibrationSpread, calibration_spread, failure_reasons
-from studies.sensitivity.sampled_outputs import names, relative_half_width, sampled_outputs
-from studies.sensitivity.sensitivity_rows import MorrisRow, SobolRow, SpreadRow
-from studies.sensitivity.sobol_indices import Ranges
-from studies.sensitivity.tolerances import Tolerances
-from studies.sensitivity.varied_inputs import Press, check_ranges, sampled_cases
+from studies.sensitivity import beam_motions, global_sensitivity, made_sensors, sensitivity_plots
+from studies.sensitivity.beam_motions import MODELS, Press, sampled_cases, sampled_outputs
+from studies.sensitivity.calibration import AxisSpread, CalibrationSpread, calibration_spread, percentile
+from studies.sensitivity.global_sensitivity import Ranges
+from studies.sensitivity.made_sensors import Tolerances
 
-METHODS = ("sobol", "morris", "montecarlo")
-"""Methods of the verb."""
+FILES = (
+    "SENSITIVITY.md",
+    *("sobol.csv", "sobol.png", "morris.csv", "morris_cases.csv", "morris.png"),
+    *("montecarlo.csv", "percentiles.csv", "montecarlo.png"),
+)
+"""Files of the study; those of a method only if it was requested."""
+OF_A_TOLERANCE = ("E", "nu", "remanence", "magnet_diameter", "magnet_height")
+"""Fields of a design that `Tolerances` has under the same name: the inputs that vary by default."""
+SHARES = (0.05, 0.5, 0.95)
+"""Percentiles of the spread of a calibration."""
+LEAST_SHARE = 0.05
+"""Least total order of an input that the page names in a sentence."""
 MOST_NAMED = 3
 """Greatest number of reasons of failures that a sentence names."""
 
 
-@dataclass(frozen=True, slots=True)
-class SobolStudy:
-    """Rows of all outputs, and why how many points have failed."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """A sensitivity study that is ready to run.
 
-    rows: Sequence[SobolRow]
-    reasons: Mapping[str, int]
+    Attributes
+    ----------
+    ranges : of the inputs of sobol and morris.
+    model : of sobol and montecarlo, and of failed cases of morris; accuracy : of the finite elements of morris.
+    points, trajectories, sensors : numbers of base points of sobol, of trajectories, and of made sensors.
+    store, workers, scheduler : of morris, see `studies.cases.answer`.
 
-
-@dataclass(frozen=True, slots=True)
-class MorrisStudy:
-    """Rows of all outputs, the cases as a sweep has them, and why how many of them have failed.
-
-    `replaced` : number of failed cases that the fast model replaces in the estimates. `unstable` : messages of the
-    cases whose state is unstable, which keep their numbers.
+    Raises
+    ------
+    BadInput
+        A method, model, range, count or seed is unknown or impossible: what a method would refuse is refused before
+        another one has begun to compute.
     """
 
-    rows: Sequence[MorrisRow]
-    cases: Sequence[FlatRow]
-    reasons: Mapping[str, int]
-    replaced: int
-    unstable: Sequence[str]
+    design: Design
+    ranges: Ranges
+    load: Press
+    methods: Sequence[str] = ("sobol", "montecarlo")
+    tolerances: Tolerances = dataclasses.field(default_factory=Tolerances)
+    model: str = beam_motions.SURROGATE
+    accuracy: AccuracyName = "standard"
+    points: int = 1024
+    trajectories: int = 10
+    sensors: int = 1000
+    seed: int = 0
+    store: Path | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in self.methods:
+            if name not in METHODS:
+                raise BadInput(f"--methods: there is no method {name!r}: {nearest(name, METHODS)}")
+        if self.model not in MODELS:
+            raise BadInput(f"--model: there is no model {self.model!r}: {nearest(self.model, MODELS)}")
+        if not self.seed >= 0:
+            raise BadInput(f"--seed must be 0 or more; got {self.seed}")
+        if tuple(self.methods) != ("montecarlo",):
+            self._check_ranges()
+        if "sobol" in self.methods:
+            global_sensitivity.check_count(self.ranges, self.points)
+        if "morris" in self.methods:
+            global_sensitivity.check_trajectories(self.ranges, self.trajectories)
+        if "montecarlo" in self.methods:
+            made_sensors.check_draw(self.design, self.sensors, self.seed)
+
+    def _check_ranges(self) -> None:
+        """Raise BadInput for an input that is neither a field of the design, nor depth or shear, or is also fixed."""
+        if not self.ranges:
+            raise BadInput("no input varies: add --vary NAME=low:high")
+        for name in self.ranges:
+            if name not in study_axes.DESIGN and name not in ("depth", "shear"):
+                raise BadInput(f"--vary {name}: only fields of the design, depth and shear can vary: leave it out")
+        if "shear" in self.ranges and self.load.shear:
+            raise BadInput("shear is given twice, by --shear and by --vary: leave one of them out")
 
     @property
-    def doubt(self) -> str:
-        """How many states are unstable, with the message of the first; "" if none is."""
-        if not self.unstable:
-            return ""
-        return (
-            f"{len(self.unstable)} of {len(self.cases)} states are unstable, the first one because {self.unstable[0]}"
-        )
+    def sheared(self) -> bool:
+        """Whether the load has a shear."""
+        return bool(self.load.shear) or "shear" in self.ranges
 
 
-@dataclass(frozen=True, slots=True)
-class MonteCarloStudy:
-    """Percentiles, the made sensors with their calibrations, and why how many of them have failed."""
+def ranges_of(design: Design, vary: Sequence[str], methods: Sequence[str], tolerances: Tolerances) -> Ranges:
+    """Return the ranges in texts NAME=low:high; without any, those of the tolerances.
 
-    spread: CalibrationSpread
-    rows: Sequence[SpreadRow]
-    sensors: Sequence[FlatRow]
-    reasons: Mapping[str, int]
-    unit: str
-
-
-def sobol_study(design: Design, ranges: Ranges, load: Press, model: str, count: int, seed: int) -> SobolStudy:
-    """Return the Sobol indices of all outputs for the ranges of the inputs.
-
-    Raises
-    ------
-    BadInput
-        An input cannot vary in this study, or the count is no power of 2.
+    >>> from geometry.design import paper
+    >>> ranges_of(paper(), ["E=0.6:1", "depth=0.5:1.5"], ["sobol"], Tolerances())
+    {'E': (0.6, 1.0), 'depth': (0.5, 1.5)}
     """
-    check_ranges(ranges, load)
-    points = sobol_indices.saltelli_points(ranges, count, seed)
-    cases = sampled_cases(design, ranges, points, load)
-    outputs, refusals = sampled_outputs(model, design, cases, sheared=_sheared(ranges, load))
-    lengths = error_lengths(model, design)
-    rows = []
-    for name, output in outputs.items():
-        indices = sobol_indices.indices(ranges, output.value, output.half_width, seed, lengths)
-        rows += sensitivity_rows.sobol_rows(ranges, name, indices, relative_half_width(output), model)
-    return SobolStudy(rows, failure_reasons(refusals))
+    if not vary:
+        return _ranges_of_tolerances(design, tolerances)
+    if tuple(methods) == ("montecarlo",):
+        raise BadInput("--vary works with the methods sobol and morris: add one to --methods, or use --tolerance")
+    ranges = {}
+    for name, text in user_input.pairs("--vary", vary, "E=0.6:1").items():
+        study_axes.check_name(name)
+        if not study_axes.AXES[name].is_number:
+            raise BadInput(f"--vary {name}: its values are names, not numbers, so it has no range: leave it out")
+        if name == "hall_average":
+            raise BadInput("--vary hall_average: it is a whole number of samples, so it has no range: leave it out")
+        parts = text.split(":")
+        if len(parts) != 2:
+            raise BadInput(f"--vary {name} takes low:high, such as {name}=1:2; got {text!r}")
+        low, high = (study_axes.parse(name, part.strip())[0] for part in parts)
+        if isinstance(low, str) or isinstance(high, str) or not low < high:
+            raise BadInput(f"--vary {name} takes low:high with low < high; got {text!r}")
+        ranges[name] = (low, high)
+    return ranges
 
 
-def morris_study(
-    design: Design,
-    ranges: Ranges,
-    load: Press,
-    model: str,
-    accuracy: AccuracyName,
-    count: int,
-    seed: int,
-    store: Store,
-    processes: Processes = Processes(),
-    progress: Progress | None = None,
-) -> MorrisStudy:
-    """Return Morris' effects on all outputs of finite elements; `model` replaces failed cases in the estimates.
+def _ranges_of_tolerances(design: Design, tolerances: Tolerances) -> Ranges:
+    """Return the ranges in which the tolerances let the fields of a design vary; none for a tolerance of 0."""
+    ranges = {}
+    for name in OF_A_TOLERANCE:
+        value, size = getattr(design, name), getattr(tolerances, name)
+        spread = size * value / 100 if name in ("E", "remanence") else size
+        if spread:
+            ranges[name] = (value - spread, min(value + spread, study_axes.DESIGN[name].high))
+    return ranges
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """What a method has found.
+
+    Attributes
+    ----------
+    rows : of its table.
+    each : the cases of morris as a sweep has them, or the made sensors.
+    count : number of points, cases or sensors; reasons : why how many of them have failed.
+    doubt : what to beware of, in a sentence; "" if there is nothing.
+    replaced : number of failed cases that the fast model replaces in the estimates of morris.
+    axes : calibrations of the made sensors by the axis.
+    """
+
+    rows: list[FlatRow]
+    each: list[FlatRow] = dataclasses.field(default_factory=list)
+    count: int
+    reasons: Mapping[str, int]
+    doubt: str = ""
+    replaced: int = 0
+    axes: Mapping[str, AxisSpread] = dataclasses.field(default_factory=dict)
+
+    @property
+    def failures(self) -> str:
+        """How many have failed and why, "" if none has.
+
+        >>> Found(rows=[], count=100, reasons={"a": 2, "b": 1}).failures
+        '3 of 100 have failed (3 %), 2 because a, 1 because b'
+        """
+        failed = sum(self.reasons.values())
+        if not failed:
+            return ""
+        named = list(self.reasons.items())[:MOST_NAMED]
+        texts = [f"{number} because {text}" for text, number in named]
+        rest = failed - sum(number for _, number in named)
+        texts += [f"{rest} for other reasons"] if rest else []
+        return f"{failed} of {self.count} have failed ({100 * failed / self.count:.3g} %), {', '.join(texts)}"
+
+
+def sobol(request: Request) -> Found:
+    """Return the Sobol indices of all outputs for the ranges of the inputs."""
+    design, ranges, seed = request.design, request.ranges, request.seed
+    points = global_sensitivity.saltelli_points(ranges, request.points, seed)
+    sampled = sampled_cases(design, ranges, points, request.load)
+    outputs, refusals = sampled_outputs(request.model, design, sampled, sheared=request.sheared)
+    lengths = beam_motions.error_lengths(request.model, design)
+    rows, doubtful = [], []
+    for name, (values, half_width) in outputs.items():
+        # what is rounding only is no share
+        table = global_sensitivity.indices(ranges, values, half_width, seed, lengths).round(9) + 0.0
+        known = values[np.isfinite(values)]
+        error = beam_motions.relative_half_width(values, half_width)
+        doubtful += [titled(name)] if error > 1 else []
+        last = {
+            "mean": float(known.mean()) if len(known) else None,
+            "standard_deviation": float(known.std()) if len(known) else None,
+            "model_error_over_deviation": error,
+            "model": request.model,
+        }
+        rows += _rows("sobol", ranges, name, table, values, last)
+    doubt = (
+        f"do not read the indices of {', '.join(doubtful)}: the model's error exceeds the variation of the output, "
+        "so that their intervals reach from 0 to 1; vary the inputs in wider ranges, or use --methods morris"
+        if doubtful
+        else ""
+    )
+    return Found(rows=rows, count=len(points), reasons=failure_reasons(refusals), doubt=doubt)
+
+
+def morris(request: Request, progress: Progress | None = None) -> Found:
+    """Return Morris' effects on all outputs of finite elements; the fast model stands in for failed cases.
 
     Raises
     ------
-    BadInput
-        The number of trajectories is out of range, or an input cannot vary in this study.
     KeyboardInterrupt
         The study was interrupted; what is solved is in the store, and the same call continues.
     """
-    check_ranges(ranges, load)
-    points = morris_effects.trajectories(ranges, count, seed)
-    plan = morris_plan(design, ranges, load, points, accuracy)
-    tables = list(sweep.run(plan, None, store, processes=processes, progress=progress))
-    table = {name: np.concatenate([one[name] for one in tables]) for name in tables[0]}
-    ok = np.isin(table["status"].astype(str), ANSWERED)
-    sheared = _sheared(ranges, load)
-    outputs = names(design, sheared=sheared)
-    other = substitutes(design, ranges, load, points, model, ~ok)
+    design, ranges, load = request.design, request.ranges, request.load
+    points = global_sensitivity.trajectories(ranges, request.trajectories, request.seed)
+    fixed = {name: getattr(load, name) for name in ("depth", "shear") if name not in ranges and getattr(load, name)}
+    inputs = pd.DataFrame(points, columns=[study_axes.column(name) for name in ranges])
+    table = cases.answer(
+        inputs.assign(**{study_axes.column(name): value for name, value in fixed.items()}),
+        [f"fem:{request.accuracy}"],
+        base=design,
+        quantities=[
+            *("force", "shift", "contact_radius"),
+            *(["readings"] if design.shape.has_magnet else []),
+            *(["tilt"] if request.sheared else []),
+        ],
+        store=request.store,
+        workers=request.workers,
+        scheduler=request.scheduler,
+        progress=progress,
+    )
+    ok = table["status"].isin(ANSWERED)
+    other = substitutes(request, points, ~ok.to_numpy())
+    unit_of = {name: heading(name)[1] or name.rpartition("_")[2] for name in output_names(request)}
     rows = []
-    for name in outputs:
+    for name, unit in unit_of.items():
         values = np.where(ok, table[f"fem_{name}"].astype(float), np.nan)
-        effects = morris_effects.effects(ranges, points, values, other.get(name), seed)
-        rows += sensitivity_rows.morris_rows(ranges, name, effects, f"fem {accuracy}")
-    replaced = int(np.isfinite(other["force_N"]).sum()) if other else 0
-    messages = [f"{one}: {text}" for one, text in zip(table["status"][~ok], table["message"][~ok], strict=True)]
-    unstable = table["message"][table["status"] == "unstable"].tolist()
-    return MorrisStudy(rows, list(flat_rows(table)), failure_reasons(messages), replaced, unstable)
-
-
-def morris_plan(design: Design, ranges: Ranges, load: Press, points: Array, accuracy: AccuracyName) -> Plan:
-    """Return the points as a study for `sweep.run`, all inputs zipped."""
-    fixed: dict[str, float | str] = {} if "depth" in ranges else {"depth": load.depth}
-    fixed |= {"shear": load.shear} if load.shear else {}
-    quantities = ["force", "shift", "contact_radius", *(["readings"] if design.shape.has_magnet else [])]
-    return Plan(
-        design,
-        (Factor(tuple(ranges), tuple(map(tuple, points.T.tolist())), sampled=True),),
-        fixed,
-        "rigid" if design.shape.has_magnet else "ignored",
-        (FemModel(accuracy, LEVELS[accuracy]),),
-        (),
-        (*quantities, *(["tilt"] if _sheared(ranges, load) else [])),  # type: ignore[arg-type]
+        effects = global_sensitivity.effects(ranges, points, values, other.get(name), request.seed)
+        effects["effect_unit"] = f"{unit} per full range"
+        rows += _rows("morris", ranges, name, effects, values, {"model": f"fem {request.accuracy}"})
+    failed, unstable = table[~ok], table["message"][table["status"] == "unstable"]
+    doubt = f"{len(unstable)} of {len(table)} states are unstable, the first one because {next(iter(unstable), '')}"
+    return Found(
+        rows=rows,
+        each=table.to_dict("records"),
+        count=len(table),
+        reasons=failure_reasons((failed["status"] + ": " + failed["message"]).tolist()),
+        doubt=doubt if len(unstable) else "",
+        replaced=int(np.isfinite(other["force_N"]).sum()) if other else 0,
     )
 
 
-def substitutes(
-    design: Design, ranges: Ranges, load: Press, points: Array, model: str, failed: NDArray[np.bool_]
-) -> dict[str, Array]:
-    """Return the outputs of a fast model at the failed points, NaN elsewhere; none if no point has failed."""
+def output_names(request: Request) -> tuple[str, ...]:
+    """Return the names of the outputs, with their units."""
+    return beam_motions.names(request.design, sheared=request.sheared)
+
+
+def substitutes(request: Request, points: Array, failed: NDArray[np.bool_]) -> dict[str, Array]:
+    """Return the outputs of the fast model at the failed points, NaN elsewhere; none if no point has failed."""
     if not failed.any():
         return {}
-    cases = sampled_cases(design, ranges, points[failed], load)
-    outputs, _ = sampled_outputs(model, design, cases, sheared=_sheared(ranges, load))
-    result = {}
-    for name, output in outputs.items():
-        result[name] = np.full(len(points), np.nan)
-        result[name][failed] = output.value
+    sampled = sampled_cases(request.design, request.ranges, points[failed], request.load)
+    outputs, _ = sampled_outputs(request.model, request.design, sampled, sheared=request.sheared)
+    result = {name: np.full(len(points), np.nan) for name in outputs}
+    for name, (values, _) in outputs.items():
+        result[name][failed] = values
     return result
 
 
-def monte_carlo_study(
-    design: Design, load: Press, tolerances: Tolerances, model: str, count: int, seed: int
-) -> MonteCarloStudy:
+def _rows(
+    method: str, ranges: Ranges, output: str, table: pd.DataFrame, values: Array, last: FlatRow
+) -> list[FlatRow]:
+    """Return a row for each input: its range, the numbers of a table by input, points and failures, and `last`."""
+    failed = int((~np.isfinite(values)).sum())
+    count = {"points": len(values), "failed": failed, "failed_percent": 100 * failed / len(values)}
+    return [
+        {"method": method, "output": output, "input": name, "low": low, "high": high}
+        | {"unit": study_axes.AXES[name].unit}
+        | _known(numbers)
+        | count
+        | last
+        for (name, (low, high)), numbers in zip(ranges.items(), table.to_dict("records"), strict=True)
+    ]
+
+
+def _known(row: Mapping[Any, Any]) -> FlatRow:
+    """Return a row with None in place of numbers that are not finite."""
+    return {k: None if isinstance(value, float) and not math.isfinite(value) else value for k, value in row.items()}
+
+
+def monte_carlo(request: Request) -> Found:
     """Return the spread of the calibrations of made sensors.
 
     Raises
     ------
     BadInput
-        The model refuses the design itself, or the draws are impossible.
+        The model refuses the design itself under this load.
     """
-    spread = calibration_spread(design, load, tolerances, count, seed, model)
+    design, model = request.design, request.model
+    spread = calibration_spread(design, request.load, request.tolerances, request.sensors, request.seed, model)
     unit = "V" if element_columns(design)[1] == "V" else "T"
-    rows = sensitivity_rows.spread_rows(spread, unit, model)
-    sensors = sensitivity_rows.sensor_rows(spread, unit)
-    return MonteCarloStudy(spread, rows, sensors, failure_reasons(spread.refusals), unit)
+    rows = []
+    for name, axis in spread.axes.items():
+        for quantity, values in axis.made.items():
+            for share in SHARES:
+                value, low, high = percentile(values, share)
+                row = {
+                    "method": "montecarlo",
+                    "axis": name,
+                    "quantity": quantity,
+                    "unit": {"sensitivity": f"{unit}/N", "offset": unit}.get(quantity, "N"),
+                    "nominal": axis.nominal[quantity],
+                    "percentile": 100 * share,
+                    "value": value,
+                    "low": low,
+                    "high": high,
+                    "sensors": len(axis.refusals),
+                    "failed": sum(map(bool, axis.refusals)),
+                    "model": model,
+                    "model_error_percent": 100 * axis.model_error,
+                    "message": axis.message,
+                }
+                rows.append(_known(row))
+    sensors = sensor_rows(spread, unit)
+    reasons = failure_reasons(spread.refusals)
+    return Found(rows=rows, each=sensors, count=len(sensors), reasons=reasons, axes=spread.axes)
 
 
-def _sheared(ranges: Ranges, load: Press) -> bool:
-    """Return whether the load has a shear."""
-    return bool(load.shear) or "shear" in ranges
+def sensor_rows(spread: CalibrationSpread, unit: str) -> list[FlatRow]:
+    """Return a row for each made sensor: its values, and its calibration along each axis."""
+    made = spread.sensors
+    columns: dict[str, Any] = {
+        "sensor": range(1, len(made) + 1),
+        "status": ["failed" if reason else "ok" for reason in spread.refusals],
+        "E_MPa": made.E,
+        "nu": made.nu,
+        "remanence_T": made.remanence,
+        "magnet_diameter_mm": made.magnet_diameter,
+        "magnet_height_mm": made.magnet_height,
+    }
+    for k, letter in enumerate("xyz"):
+        columns[f"magnet_offset_{letter}_mm"] = made.magnet_offset[:, k]
+    columns |= {"magnet_tilt_rad": made.magnet_tilt[:, 1], "magnet_tilt_y_rad": -made.magnet_tilt[:, 0]}
+    for element in range(made.gain_factor.shape[1]):
+        for k, letter in enumerate("xyz"):
+            columns[f"element{element + 1}_offset_{letter}_mm"] = made.element_offset[:, element, k]
+        columns[f"element{element + 1}_gain_factor"] = made.gain_factor[:, element]
+        columns[f"element{element + 1}_null_shift_{unit}"] = made.null_shift[:, element]
+    unit_of = {"sensitivity": f"{unit}_per_N", "offset": unit}
+    for name, axis in spread.axes.items():
+        columns |= {f"{name}_{quantity}_{unit_of.get(quantity, 'N')}": v for quantity, v in axis.made.items()}
+    columns["message"] = spread.refusals
+    return [{str(k): v for k, v in row.items()} for row in pd.DataFrame(columns).to_dict("records")]
 
 
-def summary(reasons: Mapping[str, int], count: int) -> str:
-    """Return how many of so many cases have failed and why, "" if none has.
+def failure_reasons(refusals: Sequence[str]) -> dict[str, int]:
+    """Return how many have failed for each reason, the most frequent first; "" is no failure.
 
-    >>> summary({"a": 2, "b": 1}, 100)
-    '3 of 100 have failed (3 %), 2 because a, 1 because b'
+    Reasons that differ in their numbers only are one, and the first of them is named.
+
+    >>> failure_reasons(["", "rail", "1 mm deep", "rail", "2.5e-3 mm deep", "rail"])
+    {'rail': 3, '1 mm deep': 2}
     """
-    failed = sum(reasons.values())
-    if not failed:
-        return ""
-    named = list(reasons.items())[:MOST_NAMED]
-    texts = [f"{number} because {text}" for text, number in named]
-    rest = failed - sum(number for _, number in named)
-    texts += [f"{rest} for other reasons"] if rest else []
-    return f"{failed} of {count} have failed ({100 * failed / count:.3g} %), {', '.join(texts)}"
+    groups: dict[str, list[str]] = {}
+    for reason in filter(None, refusals):
+        groups.setdefault(re.sub(r"-?\d[\d.]*(e[+-]?\d+)?", "#", reason), []).append(reason)
+    return {group[0]: len(group) for group in sorted(groups.values(), key=len, reverse=True)}
+
+
+METHODS: dict[str, Table] = {
+    "sobol": Table(
+        title="Sobol indices",
+        rows=(),
+        brief=("method", "low", "high", "unit", "points", "failed", "failed_percent", "model", "mean"),
+        first=("output", "input", "first_order", "total_order"),
+    ),
+    "morris": Table(
+        title="Morris' effects",
+        rows=(),
+        brief=(
+            *("method", "low", "high", "unit", "points", "failed", "failed_percent", "model"),
+            *("sigma_low", "sigma_high"),
+        ),
+        first=("output", "input", "mu_star", "sigma", "effect_unit"),
+    ),
+    "montecarlo": Table(
+        title="Calibration of made sensors",
+        rows=(),
+        brief=("method", "sensors", "failed", "model", "model_error_percent", "message"),
+        first=("axis", "quantity", "unit", "percentile", "value"),
+    ),
+}
+"""The table of each method on a terminal, without its rows."""
+
+
+def run(request: Request, progress: Progress) -> Result:
+    """Return tables, pictures and page of all methods; the study has failed if every case of a method has failed."""
+    found: dict[str, Found] = {}
+    # first the method that may refuse the load, last the one whose solves take long
+    if "montecarlo" in request.methods:
+        progress(0.0, "made sensors")
+        found["montecarlo"] = monte_carlo(request)
+    if "sobol" in request.methods:
+        progress(0.0, "Sobol indices")
+        found["sobol"] = sobol(request)
+    if "morris" in request.methods:
+        found["morris"] = morris(request, progress)
+    found = {name: found[name] for name in METHODS if name in found}
+    shown = [dataclasses.replace(METHODS[name], rows=each.rows) for name, each in found.items()]
+    remarks = ["; ".join(filter(None, (each.failures, each.doubt))) for each in found.values()]
+    said = [remark for remark in remarks if remark]
+    lost = any(sum(each.reasons.values()) >= each.count for each in found.values())
+    return Result(
+        title="Sensitivity",
+        records=[row for table in shown for row in table.rows],
+        shown=shown,
+        tables=_tables(found),
+        files=_pictures(found),
+        pages={"SENSITIVITY.md": page(request, found)},
+        packages=("SALib", "matplotlib"),
+        remarks=[] if lost else said,
+        failures=said if lost else [],
+    )
+
+
+def _tables(found: Mapping[str, Found]) -> dict[str, list[FlatRow]]:
+    """Return the rows by the names of their files."""
+    of_rows = {"montecarlo": "percentiles"}
+    of_each = {"morris": "morris_cases", "montecarlo": "montecarlo"}
+    tables = {}
+    for name, result in found.items():
+        tables[of_rows.get(name, name)] = result.rows
+        if name in of_each:
+            tables[of_each[name]] = result.each
+    return tables
+
+
+def _pictures(found: Mapping[str, Found]) -> dict[str, Writer]:
+    """Return the pictures by the names of their files."""
+    files: dict[str, Writer] = {}
+    for name, draw in {"sobol": sensitivity_plots.sobol, "morris": sensitivity_plots.morris}.items():
+        if name in found:
+            files[f"{name}.png"] = partial(draw, rows=[SimpleNamespace(**row) for row in found[name].rows])
+    if "montecarlo" in found:
+        made, unit = found["montecarlo"], found["montecarlo"].rows[0]["unit"]
+        files["montecarlo.png"] = partial(sensitivity_plots.monte_carlo, axes=made.axes, unit=unit)
+    return files
+
+
+def page(request: Request, found: Mapping[str, Found]) -> str:
+    """Return the text of SENSITIVITY.md without its origin."""
+    return pages.rendered(
+        Path(__file__).with_name("SENSITIVITY.md.j2"),
+        load=request.load,
+        shares=_largest_shares(found["sobol"].rows) if "sobol" in found else (),
+        errors=_force_errors(found["montecarlo"].axes) if "montecarlo" in found else (),
+        tolerances=_effective_tolerances(request) if "montecarlo" in found else (),
+        titled=titled,
+        bracketed=_bracketed,
+        number=_number,
+        **{name: found.get(name) for name in METHODS},
+    )
+
+
+def _largest_shares(rows: Sequence[FlatRow]) -> list[str]:
+    """Return for each output the inputs whose total order is at least `LEAST_SHARE`, the largest first."""
+    lines = []
+    for output, each in pd.DataFrame(rows).groupby("output", sort=False):
+        named = each[each["total_order"] >= LEAST_SHARE].sort_values(["total_order", "input"], ascending=False)
+        texts = [
+            f"{name} {100 * share:.0f} %" for name, share in zip(named["input"], named["total_order"], strict=True)
+        ]
+        # the interval of an index is then wide: the estimate alone would mislead
+        doubtful = each["model_error_over_deviation"].iloc[0] > 1
+        doubt = "; the model's error exceeds this variation" if doubtful else ""
+        lines += [f"{titled(str(output))} varies with {', '.join(texts)}{doubt}"] if texts else []
+    return lines
+
+
+def _force_errors(axes: Mapping[str, AxisSpread]) -> list[str]:
+    """Return for each axis the 95th percentile of the force errors, in N and of the span of the force range."""
+    lines = []
+    for name, axis in axes.items():
+        span = axis.force_range[1] - axis.force_range[0]
+        worst = [percentile(values, 0.95)[0] for key, values in axis.made.items() if key.endswith("force_error")]
+        texts = [f"{error:.2g} N ({100 * error / span:.3g} % of the range)" for error in worst]
+        if all(map(math.isfinite, worst)):
+            lines.append(
+                f"Along {name} 95 % of the sensors that have not failed err by at most {texts[0]} with the nominal "
+                f"calibration, {texts[1]} after zeroing, and {texts[2]} after recalibration"
+            )
+    return lines
+
+
+def _effective_tolerances(request: Request) -> list[FlatRow]:
+    """Return the rows of the tolerances that have an effect, with their sources."""
+    unused = "hall" if request.design.hall_layout != "three" else "chip"
+    units, rows = {"1": "", "percent": "%"}, []
+    for spec in dataclasses.fields(Tolerances):
+        if spec.name in (f"{unused}_gain", f"{unused}_null"):
+            continue
+        value, meta = getattr(request.tolerances, spec.name), spec.metadata
+        source = f"{'assumed: ' if meta['assumed'] else ''}{meta['source']}"
+        rows.append(
+            {
+                "value": meta["text"],
+                "tolerance": f"± {value:g} {units.get(meta['unit'], meta['unit'])}".rstrip(),
+                "distribution": meta["shape"],
+                "source": source if value == spec.default else "set by the user",
+            }
+        )
+    return rows
+
+
+def _bracketed(value: float | None, low: float | None, high: float | None) -> str:
+    """Format a value with its interval.
+
+    >>> _bracketed(0.123456, 0.1, None), _bracketed(None, None, None)
+    ('0.123 (0.1 to -)', '-')
+    """
+    return "-" if value is None else f"{_number(value)} ({_number(low)} to {_number(high)})"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value + 0.0:.3g}"

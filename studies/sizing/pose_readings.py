@@ -17,8 +17,7 @@ from analytic.batch_readings import batch_readings
 from analytic.force_resolution import STEP, Loaded
 from analytic.parts import common_values, of_design
 from geometry.arrays import Array, Ints
-from studies.sensitivity.made_readings import made_readings
-from studies.sensitivity.made_sensors import MadeSensors
+from studies.sensitivity.made_sensors import MadeSensors, made_readings
 from studies.sizing.candidate_variables import Variant
 
 

@@ -1,12 +1,21 @@
-"""Calibration of each axis: the reading of its element over the force, for many sensors at once.
+"""Calibrations of made sensors: readings over the force, how much they differ, and which force errors follow.
 
 Axis z is read by the first element in a press. Axes x and y are read by the second and the third in shears to both
 sides, at the depth where the press force is the largest. Each sensor is pressed and sheared to the same forces, which
-a stiffer one reaches earlier. The states between are found by monotone cubic interpolation.
+a stiffer one reaches earlier. The states between are found by monotone cubic interpolation. For each axis and sensor:
+
+- the sensitivity is the change of the reading over the force range, over the range;
+- the offset is the reading without a force on this axis;
+- the force error is the largest one over the range, in magnitude, if the nominal sensor's calibration is used;
+- the zeroed error is the same after the offset was corrected without a force;
+- the recalibrated error is the same after the offset and the gain were corrected, the gain at the largest force.
+
+A calibration is the nominal sensor's curve of reading over force, and beyond its ends a line with its mean slope.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +23,8 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.sensitivity.beam_motions import Motions, motions, poses, readings
-from studies.sensitivity.made_readings import made_readings
-from studies.sensitivity.made_sensors import MadeSensors, nominal_sensor
-from studies.sensitivity.varied_inputs import Press
+from studies.sensitivity.beam_motions import Motions, Press, motions, poses, readings
+from studies.sensitivity.made_sensors import MadeSensors, Tolerances, made_readings, made_sensors, nominal_sensor
 
 AXES = ("z", "x", "y")
 """Axes in the order of the elements that read them."""
@@ -120,7 +127,7 @@ def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, f
     """Return the readings of the second element over the force along x, and of the third along y."""
     depths = REACH * load.depth * np.linspace(0, 1, STATES) ** 2
     pressed = _pressed(model, sensors, depths).values["force_z"]
-    depth = np.array([_at(one, depths, press) for one in pressed])
+    depth = np.array([_over(one, depths, np.array([press]))[0] for one in pressed])
     shear = REACH * load.shear * np.linspace(0, 1, STATES)
     count = len(sensors)
     moved = motions(model, sensors.designs, np.tile(depth[:, None], len(shear)), np.tile(shear, (count, 1)))
@@ -178,11 +185,145 @@ def _over(reached: Array, values: Array, force: Array) -> Array:
     return np.where((force >= x[0] - slack) & (force <= x[-1] + slack), result, np.nan)
 
 
-def _at(reached: Array, depth: Array, force: float) -> float:
-    """Return the depth at which a sensor is pressed with a force; NaN if it is not reached."""
-    return float(_over(reached, depth, np.array([force]))[0])
-
-
 def _reason(moved: Motions, k: int) -> str:
     """Return why a sensor lacks states, of its largest loads if there are several reasons, "" if it has all."""
     return next((reason for reason in reversed(moved.refusals[k].tolist()) if reason), "")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisSpread:
+    """Calibrations of n made sensors along one axis.
+
+    Attributes
+    ----------
+    force_range : from the least to the largest force, N.
+    nominal : sensitivity and offset of the nominal sensor, V/N and V, or T/N and T for a chip, and force errors of 0.
+    model_error : half width of the model's 90 % interval of the nominal sensitivity, relative; 0 if it states none.
+    made : the same quantities of the made sensors, shape (n,), force errors in N; NaN where a sensor has failed.
+    refusals : why a sensor has failed, "" where it has not.
+    message : why the axis cannot be calibrated at all, "" if it can.
+    """
+
+    force_range: tuple[float, float]
+    nominal: Mapping[str, float]
+    model_error: float
+    made: Mapping[str, Array]
+    refusals: tuple[str, ...]
+    message: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibrationSpread:
+    """Made sensors, and the spread of their calibrations by the axis."""
+
+    sensors: MadeSensors
+    axes: Mapping[str, AxisSpread]
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Why each sensor has failed on any axis, "" where it has not."""
+        every = zip(*(axis.refusals for axis in self.axes.values()), strict=True)
+        return tuple(next((reason for reason in one if reason), "") for one in every)
+
+
+def calibration_spread(
+    design: Design,
+    load: Press,
+    tolerances: Tolerances = Tolerances(),
+    count: int = 1000,
+    seed: int = 0,
+    model: str = "surrogate",
+) -> CalibrationSpread:
+    """Return the spread of the calibrations of made sensors.
+
+    The force range is that of the design itself: the press force at the depth, and the force of the shear to both
+    sides there.
+
+    Raises
+    ------
+    BadInput
+        The model refuses the design itself under this load, or the draws are impossible.
+    """
+    sensors = made_sensors(design, tolerances, count, seed)
+    pairs = curves(model, sensors, load)
+    errors = sensitivity_errors(model, design, load)
+    return CalibrationSpread(sensors, {name: _spread(*pair, name, errors[name]) for name, pair in pairs.items()})
+
+
+def _spread(nominal: Curves, made: Curves, name: str, model_error: float) -> AxisSpread:
+    """Return the spread of the sensors' curves along an axis."""
+    force, truth = nominal.force, nominal.reading[0]
+    rising = np.diff(truth)
+    message = ""
+    if not ((rising > 0).all() or (rising < 0).all()):
+        message = f"the reading of axis {name} does not change throughout the force range in one sense"
+    elif nominal.saturated[0]:
+        message = f"the reading of axis {name} of the design itself lies at a rail"
+    refusals = tuple(
+        message or reason or ("its reading lies at a rail" if rail else "")
+        for reason, rail in zip(made.refusals, made.saturated, strict=True)
+    )
+    failed = np.array([bool(reason) for reason in refusals])
+    reading = np.where(failed[:, None], np.nan, made.reading)
+    rest = np.where(failed, np.nan, made.rest)
+    span, change = force[-1] - force[0], truth[-1] - truth[0]
+    # offset and gain as in the nominal sensor at rest and at the largest force
+    gain = (truth[-1] - nominal.rest[0]) / (reading[:, -1] - rest)
+    corrected = {
+        "force_error": reading,
+        "zeroed_force_error": nominal.rest[0] + reading - rest[:, None],
+        "recalibrated_force_error": nominal.rest[0] + (reading - rest[:, None]) * gain[:, None],
+    }
+    none = np.full(len(failed), np.nan)
+    made_quantities = {
+        "sensitivity": (reading[:, -1] - reading[:, 0]) / span,
+        "offset": rest,
+        **{name: none if message else _largest_error(force, truth, each) for name, each in corrected.items()},
+    }
+    nominal_quantities = {"sensitivity": float(change / span), "offset": float(nominal.rest[0])}
+    return AxisSpread(
+        force_range=(float(force[0]), float(force[-1])),
+        nominal=dict.fromkeys(made_quantities, 0.0) | nominal_quantities,
+        model_error=model_error,
+        made=made_quantities,
+        refusals=refusals,
+        message=message,
+    )
+
+
+def _largest_error(force: Array, truth: Array, reading: Array) -> Array:
+    """Return the largest error of the forces that the nominal calibration gives, shape (n,), N."""
+    slope = (force[-1] - force[0]) / (truth[-1] - truth[0])
+    order = np.argsort(truth)
+    inside = np.interp(reading, truth[order], force[order])
+    low, high = truth[order][[0, -1]]
+    beyond = slope * (np.minimum(reading - low, 0.0) + np.maximum(reading - high, 0.0))
+    return np.asarray(np.abs(inside + beyond - force).max(axis=1))
+
+
+LEVEL = 0.95
+"""Confidence of the intervals."""
+
+
+def percentile(values: Array, share: float) -> tuple[float, float, float]:
+    """Return the quantile of the values, shape (n,), and its confidence interval; NaN marks a failed member.
+
+    The interval lies between two order statistics, whose ranks are binomial; it needs no distribution. Its lower end
+    counts failed members as lowest, its upper end as highest. An end beyond the sample is infinite; without any value
+    the quantile is NaN.
+
+    >>> percentile(np.arange(101.0), 0.5)
+    (50.0, 40.0, 60.0)
+    """
+    from scipy.stats import binom
+
+    known = np.sort(values[np.isfinite(values)])
+    count, failed = len(values), len(values) - len(known)
+    if not len(known):
+        return np.nan, -np.inf, np.inf
+    tail = (1 - LEVEL) / 2
+    low_rank, high_rank = (int(binom.ppf(one, count, share)) for one in (tail, 1 - tail))
+    # with the failed ones lowest, the known values have the ranks from `failed` on
+    low = known[low_rank - 1 - failed] if low_rank > failed else -np.inf
+    high = known[high_rank] if high_rank < len(known) else np.inf
+    return float(np.quantile(known, share)), float(low), float(high)

@@ -1,0 +1,406 @@
+"""Which input matters most: Sobol indices and Morris' elementary effects, with intervals for what is not known.
+
+*Sobol indices.* The first-order index of an input is the share of the output's variance that its variation alone
+explains. The total index also has all its interactions. Points come from Saltelli's design, (d + 2) N points for d
+inputs, and the estimators are those of SALib (Saltelli et al., Comput. Phys. Commun. 181 (2010) 259). Inputs are
+independent and uniform in their ranges. An interval covers three causes:
+
+- sampling: percentiles of bootstrap resamples of the N base points, 95 %;
+- error of the model: the output is changed by random smooth functions whose size is the stated error at each point
+  (`error_variants`); the interval is widened to the percentiles of their pooled resamples, 95 %; where the stated
+  error exceeds the deviation of the output, nothing is known of its shares, and the interval is widened to 0 to 1;
+- failed points: the interval is widened by the bounds of the indices over all values that the failed points may have
+  between the least and the largest of the others.
+
+*Morris' effects.* A trajectory has d + 1 points; each differs from the one before in one input, by 2/3 of its range.
+The difference of the output over this share of the range is an elementary effect, in units of the output per full
+range of the input. For each input, mu* is the mean magnitude of its effects, mu their mean, and sigma their standard
+deviation: 0 for an input that acts linearly and by itself. Trajectories and statistics are those of SALib (Morris,
+Technometrics 33 (1991) 161; Campolongo et al., Environ. Model. Softw. 22 (2007) 1509).
+
+*Failed points.* Both estimators compare the values of two points that differ in one input. With a NaN among the
+values the whole estimate is lost. So a failed value is replaced by that of another model, or by the median of the
+others, for the estimate; and by their least and by their largest, for its interval. All three fillings let the output
+jump at a failed point, which looks like an interaction. Bounds that hold for every filling between the least and the
+largest value come from each pair by itself: `squared_differences` and `variances`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from geometry.arrays import Array
+from geometry.design import BadInput
+
+Ranges = Mapping[str, tuple[float, float]]
+"""Lowest and highest value of each input by its name."""
+LEVEL = 0.95
+"""Confidence of the intervals."""
+RESAMPLES = 200
+"""Number of bootstrap resamples of an output."""
+RESAMPLES_WITH_ERROR = 50
+"""Number of bootstrap resamples with each of the error functions."""
+ERROR_FIELDS = 10
+"""Number of random error functions by which an output with a stated error is changed."""
+SMOOTHNESS = 0.5
+"""Correlation length of the error functions, over the range of an input: the error of a fitted model is smooth."""
+FEATURES = 64
+"""Number of cosines of an error function."""
+NORMAL_90 = 1.6449
+"""Half width of a 90 % interval over the standard deviation of a normal distribution."""
+MOST_POINTS = 2_000_000
+"""Largest number of points; more are taken for a mistake."""
+LEVELS = 4
+"""Number of values of each input; SALib's step is then 2/3 of the range."""
+MORRIS_RESAMPLES = 1000
+"""Number of bootstrap resamples of mu*."""
+FEWEST, MOST = 2, 1000
+"""Fewest and most trajectories: one alone has no standard deviation."""
+EFFECTS = ("mu_star", "mu_star_low", "mu_star_high", "mu", "sigma", "sigma_low", "sigma_high")
+"""Columns of the table of effects."""
+
+
+def sobol_of(function: Callable[[Array], Array], ranges: Ranges, count: int = 1024, seed: int = 0) -> pd.DataFrame:
+    """Return the indices of any function of points (n, d), which returns values (n,), NaN where it fails.
+
+    Parameters
+    ----------
+    count : number N of base points, a power of 2.
+
+    >>> sobol_of(lambda x: x[:, 0] + 2 * x[:, 1], {"a": (0, 1), "b": (0, 1)}, 256)["first_order"].round(1).tolist()
+    [0.2, 0.8]
+    """
+    return indices(ranges, function(saltelli_points(ranges, count, seed)), seed=seed)
+
+
+def saltelli_points(ranges: Ranges, count: int, seed: int) -> Array:
+    """Return the points of Saltelli's design, shape ((d + 2) count, d); see `check_count` for the count."""
+    check_count(ranges, count)
+    return scaled(_unit_points(ranges, count, seed), ranges)
+
+
+def check_count(ranges: Ranges, count: int) -> None:
+    """Raise BadInput unless there is an input, the count is a power of 2 of at least 8, and not too large."""
+    if count < 8 or count & (count - 1):
+        below = max(1 << (max(count, 8).bit_length() - 1), 8)
+        raise BadInput(f"Sobol indices need a power of 2, 8 or more, as count; got {count}: take {below}")
+    if not (ranges and (len(ranges) + 2) * count <= MOST_POINTS):
+        raise BadInput(
+            f"Sobol indices need an input and at most {MOST_POINTS} points; {len(ranges)} inputs and count {count} "
+            f"give {(len(ranges) + 2) * count}: take a smaller count"
+        )
+
+
+def scaled(unit: Array, ranges: Ranges) -> Array:
+    """Return points of the unit cube (n, d) as values of the inputs."""
+    low, high = np.array(list(ranges.values()), dtype=np.float64).T
+    # 12 digits: an input that a design leaves as it is must not differ by rounding
+    return np.asarray(np.clip(low + np.round(unit, 12) * (high - low), low, high))
+
+
+def indices(
+    ranges: Ranges,
+    values: Array,
+    half_width: Array | None = None,
+    seed: int = 0,
+    error_lengths: Mapping[str, float] | None = None,
+) -> pd.DataFrame:
+    """Return the indices of an output at the points of `saltelli_points`.
+
+    Parameters
+    ----------
+    values : output at the points, shape ((d + 2) count,), not finite where it has failed.
+    half_width : half width of the model's 90 % interval at each point; default: no error.
+    error_lengths : distance in each input over which the model's error varies, in the unit of the input; the error
+        does not depend on other inputs. Default: `SMOOTHNESS` of each range.
+
+    Returns
+    -------
+    A row for each input, with the columns first_order and total_order and the ends of their intervals, which end
+    with _low and _high; NaN if every point has failed, or if the output does not vary.
+    """
+    values, d = np.where(np.isfinite(values), values, np.nan), len(ranges)
+    known = values[~np.isnan(values)]
+    filled = [one for one in fillings(values) if _varies(one)]
+    if not filled or not _varies(known):
+        return _orders(ranges, *np.full((3, 2, d), np.nan))
+    estimate, sampling = _resampled(ranges, filled[0], RESAMPLES, seed)
+    low, high = _interval(sampling)
+    with_errors = [
+        _resampled(ranges, one, RESAMPLES_WITH_ERROR, seed)[1]
+        for one in error_variants(ranges, filled[0], half_width, seed, error_lengths)
+    ]
+    if with_errors:
+        pooled = _interval(np.concatenate(with_errors, axis=1))
+        low, high = np.minimum(low, pooled[0]), np.maximum(high, pooled[1])
+    low, high = np.minimum(low, estimate), np.maximum(high, estimate)
+    # the median half width over the standard deviation of the known outputs
+    if half_width is not None and np.nanmedian(half_width) > known.std():
+        low, high = np.minimum(low, 0.0), np.maximum(high, 1.0)
+    if len(known) < len(values):
+        # the sampling error comes on top of the bounds of what the failed points may be
+        others = [_resampled(ranges, one, 2, seed)[0] for one in filled[1:]]
+        least, most = _pairwise_bounds(values, d)
+        low = low - estimate + np.min([estimate, least, *others], axis=0)
+        high = high - estimate + np.max([estimate, most, *others], axis=0)
+    return _orders(ranges, estimate, low, high)
+
+
+def _orders(ranges: Ranges, estimate: Array, low: Array, high: Array) -> pd.DataFrame:
+    """Return the table of indices of first and total order, each of shape (2, d)."""
+    columns = {
+        f"{order}_order{end}": values[k]
+        for k, order in enumerate(("first", "total"))
+        for end, values in (("", estimate), ("_low", low), ("_high", high))
+    }
+    return pd.DataFrame(columns, index=list(ranges))
+
+
+def _varies(values: Array) -> bool:
+    """Return whether values differ by more than rounding."""
+    return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
+
+
+def error_variants(
+    ranges: Ranges,
+    values: Array,
+    half_width: Array | None,
+    seed: int,
+    error_lengths: Mapping[str, float] | None = None,
+) -> list[Array]:
+    """Return the output at the points of `saltelli_points`, changed by random smooth errors of the stated size.
+
+    An error is a Gaussian random field over the inputs (a sum of cosines with random frequencies) whose standard
+    deviation is that of the model at each point. Independent errors at each point would be no error of a smooth
+    model: they would be taken for interactions.
+    """
+    if half_width is None or not np.nanmax(half_width, initial=0.0) > 0:
+        return []
+    deviation = np.where(np.isfinite(half_width), half_width, 0.0) / NORMAL_90
+    count = len(values) // (len(ranges) + 2)
+    lengths = {name: SMOOTHNESS * (high - low) for name, (low, high) in ranges.items()}
+    lengths = lengths if error_lengths is None else dict(error_lengths)
+    # an input that the error does not depend on has an infinite length
+    scales = np.array([(high - low) / lengths.get(name, np.inf) for name, (low, high) in ranges.items()])
+    unit = _unit_points(ranges, count, seed) * scales
+    random = np.random.default_rng(seed)
+    variants = []
+    for _ in range(ERROR_FIELDS):
+        frequency = random.standard_normal((len(ranges), FEATURES))
+        phase = random.uniform(0, 2 * np.pi, FEATURES)
+        field = np.sqrt(2 / FEATURES) * np.cos(unit @ frequency + phase).sum(axis=1)
+        variants.append(values + deviation * field)
+    return variants
+
+
+def _unit_points(ranges: Ranges, count: int, seed: int) -> Array:
+    """Return the points of Saltelli's design in the unit cube, shape ((d + 2) count, d)."""
+    from SALib.sample import sobol
+
+    return np.asarray(sobol.sample(_problem(ranges), count, calc_second_order=False, seed=seed))
+
+
+def _problem(ranges: Ranges) -> dict[str, Any]:
+    """Return the problem as SALib describes it, in the unit cube."""
+    return {"num_vars": len(ranges), "names": list(ranges), "bounds": [[0.0, 1.0]] * len(ranges)}
+
+
+def _resampled(ranges: Ranges, values: Array, resamples: int, seed: int) -> tuple[Array, Array]:
+    """Return the indices of first and total order, (2, d), and those of bootstrap resamples, (2, resamples, d)."""
+    from SALib.analyze import sobol
+
+    # SALib ignores a seed of 0 and takes NumPy's global state, so it gets a generator
+    result = sobol.analyze(
+        _problem(ranges),
+        values,
+        calc_second_order=False,
+        num_resamples=resamples,
+        conf_level=LEVEL,
+        keep_resamples=True,
+        seed=np.random.default_rng(seed),
+    )
+    estimate = np.array([result["S1"], result["ST"]], dtype=np.float64)
+    return estimate, np.array([result["S1_conf_all"], result["ST_conf_all"]], dtype=np.float64)
+
+
+def _interval(resamples: Array) -> tuple[Array, Array]:
+    """Return the ends of the intervals of resamples (2, resamples, d), each of shape (2, d)."""
+    low, high = np.quantile(resamples, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=1)
+    return low, high
+
+
+def _pairwise_bounds(values: Array, d: int) -> tuple[Array, Array]:
+    """Return the least and the largest indices, each of shape (2, d), over all fillings of failed points.
+
+    By Jansen's estimators, with A and B the values of the two independent points of a row, C that of the point of A
+    with one input of B, and V their variance:
+
+        S1 = 1 - mean (B - C)^2 / 2 V,    ST = mean (A - C)^2 / 2 V.
+    """
+    low, high = np.nanmin(values), np.nanmax(values)
+    rows = values.reshape(-1, d + 2)
+    first, crossed, last = rows[:, :1], rows[:, 1:-1], rows[:, -1:]
+    least_variance, most_variance = variances(np.concatenate([first, last]).ravel(), low, high)
+    # an output that may not vary at all bounds nothing
+    least_variance = max(least_variance, 1e-12 * most_variance)
+    near, far = squared_differences(last, crossed, low, high)
+    unchanged = 1 - far.mean(axis=0) / (2 * least_variance), 1 - near.mean(axis=0) / (2 * most_variance)
+    near, far = squared_differences(first, crossed, low, high)
+    changed = near.mean(axis=0) / (2 * most_variance), far.mean(axis=0) / (2 * least_variance)
+    # indices are shares
+    least, most = np.clip(np.stack([unchanged, changed], axis=1), 0.0, 1.0)
+    return least, most
+
+
+def morris_of(function: Callable[[Array], Array], ranges: Ranges, count: int = 10, seed: int = 0) -> pd.DataFrame:
+    """Return the effects on any function of points (n, d), which returns values (n,), NaN where it fails.
+
+    >>> effects = morris_of(lambda x: 3 * x[:, 0] + x[:, 1], {"a": (0, 2), "b": (0, 1)})
+    >>> effects["mu_star"].round(9).tolist(), bool(effects["sigma"].max() < 1e-9)
+    ([6.0, 1.0], True)
+    """
+    points = trajectories(ranges, count, seed)
+    return effects(ranges, points, function(points), seed=seed)
+
+
+def trajectories(ranges: Ranges, count: int, seed: int) -> Array:
+    """Return the points of Morris' trajectories one after the other, shape ((d + 1) count, d)."""
+    check_trajectories(ranges, count)
+    from SALib.sample import morris
+
+    return scaled(morris.sample(_problem(ranges), count, num_levels=LEVELS, seed=np.random.default_rng(seed)), ranges)
+
+
+def check_trajectories(ranges: Ranges, count: int) -> None:
+    """Raise BadInput unless there is an input and the number of trajectories is in its range."""
+    if not (ranges and FEWEST <= count <= MOST):
+        raise BadInput(f"Morris needs an input and from {FEWEST} to {MOST} trajectories; got {count}")
+
+
+def effects(
+    ranges: Ranges, points: Array, values: Array, substitute: Array | None = None, seed: int = 0
+) -> pd.DataFrame:
+    """Return the effects on an output at the points of `trajectories`, in units of the output per full range.
+
+    Parameters
+    ----------
+    values : output at the points, shape (n,), not finite where it has failed.
+    substitute : output of another model there, which replaces failed values in the estimate.
+
+    Returns
+    -------
+    A row for each input; NaN if every point has failed. Columns: mu_star with its interval, mu_star_low and
+    mu_star_high, 95 % by bootstrap, widened to the bounds over all values that the failed points may have between the
+    least and the largest of the others; mu; sigma with its range over the fillings, sigma_low and sigma_high.
+    """
+    values = np.where(np.isfinite(values), values, np.nan)
+    results = [_analysed(ranges, points, filled, seed) for filled in fillings(values, substitute)]
+    if not results:
+        return pd.DataFrame(np.nan, index=list(ranges), columns=list(EFFECTS))
+    mu_star, half_width = results[0]["mu_star"], results[0]["mu_star_conf"]
+    least, most = (mu_star, mu_star) if len(results) == 1 else _mu_star_bounds(ranges, points, values)
+    sigmas = [result["sigma"] for result in results]
+    columns = (
+        mu_star,
+        np.maximum(np.minimum(mu_star, least) - half_width, 0.0),
+        np.maximum(mu_star, most) + half_width,
+        results[0]["mu"],
+        sigmas[0],
+        np.min(sigmas, axis=0),
+        np.max(sigmas, axis=0),
+    )
+    return pd.DataFrame(dict(zip(EFFECTS, columns, strict=True)), index=list(ranges))
+
+
+def _unit(ranges: Ranges, points: Array) -> Array:
+    """Return points in the unit cube, shape (n, d); an input of a step has exactly the same value as before."""
+    low, high = np.array(list(ranges.values()), dtype=np.float64).T
+    return np.asarray(np.round((points - low) / (high - low), 9))
+
+
+def _analysed(ranges: Ranges, points: Array, values: Array, seed: int) -> dict[str, Array]:
+    """Return SALib's statistics by their names, each of shape (d,)."""
+    from SALib.analyze import morris
+
+    result = morris.analyze(
+        _problem(ranges),
+        _unit(ranges, points),
+        values,
+        num_resamples=MORRIS_RESAMPLES,
+        conf_level=LEVEL,
+        num_levels=LEVELS,
+        seed=np.random.default_rng(seed),
+    )
+    return {name: np.asarray(result[name], dtype=np.float64) for name in ("mu_star", "mu_star_conf", "mu", "sigma")}
+
+
+def _mu_star_bounds(ranges: Ranges, points: Array, values: Array) -> tuple[Array, Array]:
+    """Return the least and the largest mu* over all fillings of failed points, each of shape (d,)."""
+    d = len(ranges)
+    steps = np.diff(_unit(ranges, points).reshape(-1, d + 1, d), axis=1)
+    rows = values.reshape(-1, d + 1)
+    squares = squared_differences(rows[:, 1:], rows[:, :-1], np.nanmin(values), np.nanmax(values))
+    # each step of a trajectory changes one input, so a sum over the steps picks the effect of each
+    changed = steps != 0
+    size = np.abs(steps).sum(axis=2)
+    least, most = ((np.sqrt(square) / size)[:, :, None] * changed for square in squares)
+    return least.sum(axis=1).mean(axis=0), most.sum(axis=1).mean(axis=0)
+
+
+def fillings(values: Array, substitute: Array | None = None) -> list[Array]:
+    """Return the values, shape (n,), without NaN: filled for the estimate, by the least, and by the largest of them.
+
+    One filling, the values themselves, if none has failed; none if all have.
+
+    Parameters
+    ----------
+    substitute : values of another model, shape (n,), which replace failed ones in the estimate; the median of the
+        values where this is NaN, and by default.
+
+    >>> fillings(np.array([1.0, np.nan, 3.0]))
+    [array([1., 2., 3.]), array([1., 1., 3.]), array([1., 3., 3.])]
+    """
+    failed = ~np.isfinite(values)
+    if not failed.any():
+        return [values]
+    if failed.all():
+        return []
+    known = values[~failed]
+    estimate = np.full_like(values, np.median(known))
+    if substitute is not None:
+        estimate = np.where(np.isfinite(substitute), substitute, estimate)
+    return [np.where(failed, one, values) for one in (estimate, known.min(), known.max())]
+
+
+def squared_differences(one: Array, other: Array, low: float, high: float) -> tuple[Array, Array]:
+    """Return the least and the largest square of one - other, with every NaN any number from low to high.
+
+    >>> squared_differences(np.array([1.0, 1.0]), np.array([3.0, np.nan]), 0.0, 5.0)
+    (array([4., 0.]), array([ 4., 16.]))
+    """
+    from_one, to_one = np.where(np.isfinite(one), one, low), np.where(np.isfinite(one), one, high)
+    from_other, to_other = np.where(np.isfinite(other), other, low), np.where(np.isfinite(other), other, high)
+    apart = np.maximum(np.maximum(from_one - to_other, from_other - to_one), 0.0)
+    farthest = np.maximum(to_one - from_other, to_other - from_one)
+    return apart**2, farthest**2
+
+
+def variances(values: Array, low: float, high: float) -> tuple[float, float]:
+    """Return bounds of the variance of values, with every NaN any number from low to high.
+
+    >>> variances(np.array([0.0, 2.0, np.nan, np.nan]), 0.0, 2.0)
+    (0.5, 1.0)
+    """
+    failed = ~np.isfinite(values)
+    known = values[~failed]
+    count, missing = len(values), int(failed.sum())
+    # least: all at the mean of the known; the largest is a convex function's, which lies at the ends of the range
+    least = float(known.var()) * len(known) / count
+    at_high = np.arange(missing + 1)
+    total = known.sum() + (missing - at_high) * low + at_high * high
+    squares = (known**2).sum() + (missing - at_high) * low**2 + at_high * high**2
+    return least, float((squares / count - (total / count) ** 2).max())
