@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from studies.output.markdown_tables import markdown
+from studies.output.text_tables import cell, markdown
 
 
 def rendered(template: Path, **values: Any) -> str:
-    """Return the text of a template; at most one empty line stands between two paragraphs.
-
-    Its filters are `table`, which returns rows as a Markdown table, and `f`, which formats as Python does.
-    """
+    """Return the text of a template; at most one empty line stands between two paragraphs."""
     text = _environment(template.parent).get_template(template.name).render(values)
     return re.sub(r"\n{3,}", "\n\n", text).strip()
 
 
+def filled(text: str, **values: Any) -> str:
+    """Return a template's text with these values."""
+    return str(_environment(Path(__file__).parent).from_string(text).render(values))
+
+
+def listed(lines: Iterable[str], nothing: str = "None.") -> str:
+    """Return lines as a list, each once, or the text for none."""
+    return "\n".join(f"- {line}" for line in dict.fromkeys(lines)) or nothing
+
+
 @functools.cache
 def _environment(folder: Path) -> Any:
+    """Return the templates, with the filters `table`, `cell`, `listed`, and `f`, which formats as Python does."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -29,5 +38,10 @@ def _environment(folder: Path) -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"table": markdown, "f": format}
+    environment.filters |= {
+        "table": functools.partial(markdown, nothing="None."),
+        "cell": cell,
+        "listed": listed,
+        "f": format,
+    }
     return environment
