@@ -28,13 +28,15 @@ largest value come from each pair by itself: `squared_differences` and `variance
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from geometry.arrays import Array
 from geometry.design import BadInput
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Ranges = Mapping[str, tuple[float, float]]
 """Lowest and highest value of each input by its name."""
@@ -152,6 +154,8 @@ def indices(
 
 def _orders(ranges: Ranges, estimate: Array, low: Array, high: Array) -> pd.DataFrame:
     """Return the table of indices of first and total order, each of shape (2, d)."""
+    import pandas as pd
+
     columns = {
         f"{order}_order{end}": values[k]
         for k, order in enumerate(("first", "total"))
@@ -297,6 +301,8 @@ def effects(
     mu_star_high, 95 % by bootstrap, widened to the bounds over all values that the failed points may have between the
     least and the largest of the others; mu; sigma with its range over the fillings, sigma_low and sigma_high.
     """
+    import pandas as pd
+
     values = np.where(np.isfinite(values), values, np.nan)
     results = [_analysed(ranges, points, filled, seed) for filled in fillings(values, substitute)]
     if not results:

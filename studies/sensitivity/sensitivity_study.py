@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from geometry.arrays import Array
@@ -29,7 +28,7 @@ from geometry.messages import Progress
 from studies import cases
 from studies.inputs import study_axes, user_input
 from studies.inputs.user_input import AccuracyName
-from studies.output import pages
+from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Writer
 from studies.output.text_tables import heading, titled
@@ -39,6 +38,9 @@ from studies.sensitivity.beam_motions import MODELS, Press, sampled_cases, sampl
 from studies.sensitivity.calibration import AxisSpread, CalibrationSpread, calibration_spread, percentile
 from studies.sensitivity.global_sensitivity import Ranges
 from studies.sensitivity.made_sensors import Tolerances
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FILES = (
     "SENSITIVITY.md",
@@ -238,6 +240,8 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
     KeyboardInterrupt
         The study was interrupted; what is solved is in the store, and the same call continues.
     """
+    import pandas as pd
+
     design, ranges, load = request.design, request.ranges, request.load
     points = global_sensitivity.trajectories(ranges, request.trajectories, request.seed)
     fixed = {name: getattr(load, name) for name in ("depth", "shear") if name not in ranges and getattr(load, name)}
@@ -355,6 +359,8 @@ def monte_carlo(request: Request) -> Found:
 
 def sensor_rows(spread: CalibrationSpread, unit: str) -> list[FlatRow]:
     """Return a row for each made sensor: its values, and its calibration along each axis."""
+    import pandas as pd
+
     made = spread.sensors
     columns: dict[str, Any] = {
         "sensor": range(1, len(made) + 1),
@@ -476,7 +482,7 @@ def _pictures(found: Mapping[str, Found]) -> dict[str, Writer]:
 
 def page(request: Request, found: Mapping[str, Found]) -> str:
     """Return the text of SENSITIVITY.md without its origin."""
-    return pages.rendered(
+    return page_templates.rendered(
         Path(__file__).with_name("SENSITIVITY.md.j2"),
         load=request.load,
         shares=_largest_shares(found["sobol"].rows) if "sobol" in found else (),
@@ -491,6 +497,8 @@ def page(request: Request, found: Mapping[str, Found]) -> str:
 
 def _largest_shares(rows: Sequence[FlatRow]) -> list[str]:
     """Return for each output the inputs whose total order is at least `LEAST_SHARE`, the largest first."""
+    import pandas as pd
+
     lines = []
     for output, each in pd.DataFrame(rows).groupby("output", sort=False):
         named = each[each["total_order"] >= LEAST_SHARE].sort_values(["total_order", "input"], ascending=False)

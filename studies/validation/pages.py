@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.output import pages
-from studies.output.pages import filled, listed
+from studies.output import page_templates
+from studies.output.page_templates import filled, listed
 
 __all__ = ["Row", "failed", "filled", "listed", "rendered"]
 
@@ -18,7 +18,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def rendered(template: str, **values: Any) -> str:
     """Return the text of a file of `templates`."""
-    return pages.rendered(TEMPLATES / template, **values)
+    return page_templates.rendered(TEMPLATES / template, **values)
 
 
 def failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> list[str]:
