@@ -7,7 +7,6 @@ import io
 import json
 import math
 import os
-import pickle
 import random
 import signal
 import subprocess
@@ -18,8 +17,8 @@ import zipfile
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
+import worker_tasks
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
@@ -28,7 +27,8 @@ from fem.accuracy import LEVELS
 from fem.equilibrium import solve
 from geometry.design import BadInput, Design
 from studies.cli import commands
-from studies.explorer import explorer_answers, explorer_process, explorer_server, explorer_state, explorer_workers
+from studies.exploration import worker_process
+from studies.explorer import explorer_answers, explorer_server, explorer_state, explorer_workers
 from studies.inputs import user_input
 
 PATIENCE = 60.0
@@ -163,15 +163,15 @@ def test_page_and_its_files_are_served_to_the_token(loop, page):
     assert (script.code, script.headers["Content-Type"]) == (200, "text/javascript; charset=utf-8")
 
 
-OUTSIDE = explorer_server.PAGE.parent.parent / "report" / "plots.js"
+OUTSIDE = explorer_server.PAGE.parent.parent / "report" / "figures.js"
 """A file of a type that the server sends, beside its pages."""
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        "../../report/plots.js",
-        "%2e%2e/%2e%2e/report/plots.js",
+        "../../report/figures.js",
+        "%2e%2e/%2e%2e/report/figures.js",
         str(OUTSIDE),
         "none.js",
         "%00",
@@ -181,53 +181,61 @@ OUTSIDE = explorer_server.PAGE.parent.parent / "report" / "plots.js"
     ids=["dots", "escaped dots", "absolute", "no file", "zero byte", "long", "folder"],
 )
 def test_other_files_are_not_served(loop, page, name):
-    assert (explorer_server.PAGE / "../../report/plots.js").resolve() == OUTSIDE
+    assert (explorer_server.PAGE / "../../report/figures.js").resolve() == OUTSIDE
     assert OUTSIDE.is_file()
     assert loop.run_until_complete(page.fetch(f"/page/{name}")).code == 404
 
 
-def test_bug_is_said_to_the_page_that_met_it_before_the_next_job_begins(monkeypatch, capsys):
-    stream, answers = io.BytesIO(), explorer_answers.Answers()
-    worker = explorer_process.Worker(stream)
+def test_bug_is_said_to_the_page_that_met_it_before_the_next_job_begins(loop, monkeypatch, capsys):
+    """The jobs of this process end as an exception, another one that pickle does not know, and an exit."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    monkeypatch.setattr(explorer_workers, "warm", worker_tasks.echo)
+    monkeypatch.setattr(explorer_workers, "do", worker_tasks.fails_at_depth)
 
-    def sent():
-        stream.seek(0)
-        with contextlib.suppress(EOFError):
-            while True:
-                yield pickle.load(stream)
+    async def answers():
+        worker, said = explorer_workers.PageWorker(asyncio.get_running_loop()), asyncio.Queue()
+        for number in range(1, 6):
+            request = explorer_state.request_of({"number": number, "state": {"load": {"depth": number / 10}}})
+            worker.ask(number, explorer_workers.Asked(request, "quick", said.put_nowait))
+        found = [json.loads(await asyncio.wait_for(said.get(), PATIENCE)) for _ in range(6)]
+        worker.close()
+        return found
 
-    for number, error in enumerate([np.linalg.LinAlgError("Singular matrix"), ValueError("a\nb"), KeyError("x")], 1):
+    answers = loop.run_until_complete(answers())
+    assert [one["number"] for one in answers] == [1, 2, 3, 4, 4, 5]
+    names = ["LinAlgError", "OddError", "SystemExit", None, "exit code 7", None]
+    for answer, name in zip(answers, names, strict=True):
+        assert ("error" in answer) == (name is not None)
+        assert name is None or (name in answer["error"] and answer["error"].count("\n") == 0)
+    errors = capsys.readouterr().err
+    assert "in fails_at_depth" in errors
+    assert "LinAlgError: Singular matrix" in errors
 
-        def raising(*_, error=error):
-            raise error
 
-        monkeypatch.setattr(answers, "all_of", raising)
-        worker.do(answers, explorer_process.Job(number, {"number": 10 * number}, "quick"))
-        *_, (said, kind, text), end = sent()
-        assert (said, kind, end) == (number, "answer", (number, "done", ""))
-        assert (json.loads(text)["number"], type(error).__name__ in text) == (10 * number, True)
-        assert json.loads(text)["error"].count("\n") == 0
-        assert f"{type(error).__name__}: " in capsys.readouterr().err
-
-    def ending(*_):
-        raise SystemExit(3)
-
-    monkeypatch.setattr(answers, "all_of", ending)
-    with pytest.raises(SystemExit):
-        worker.do(answers, explorer_process.Job(4, {"number": 40}, "quick"))
-    # the process ends during this job, which the server then still knows as the running one
-    assert list(sent())[-1][0] == 3
+def test_a_bug_leaves_nothing_that_is_kept(monkeypatch):
+    kept = explorer_answers.Answers()
+    monkeypatch.setattr(kept, "all_of", lambda *_: 1 / 0)
+    kept._kept["curve"] = 1.0
+    monkeypatch.setattr(explorer_workers, "_answers", lambda background: kept)
+    monkeypatch.setattr(worker_process, "_senders", [worker_process.Sender(io.BytesIO())])
+    with pytest.raises(ZeroDivisionError):
+        explorer_workers.do(explorer_workers.Job(1, explorer_state.request_of({}), "quick"))
+    assert kept._kept == {}
 
 
 def test_processes_that_never_start_are_said_to_every_request(loop, monkeypatch, capfd):
-    monkeypatch.setattr(explorer_workers, "COMMAND", (sys.executable, "-c", "import sys; sys.exit(7)"))
+    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-c", "import sys; sys.exit(7)"))
 
     async def answers():
-        process = explorer_workers.WorkerProcess(asyncio.get_running_loop())
+        process = explorer_workers.PageWorker(asyncio.get_running_loop())
         first, later = asyncio.Queue(), asyncio.Queue()
-        process.ask("early", {"number": 1}, "quick", first.put_nowait)
+
+        def asked(message, queue):
+            return explorer_workers.Asked(explorer_state.request_of(message), "quick", queue.put_nowait)
+
+        process.ask("early", asked({"number": 1}, first))
         said = [await asyncio.wait_for(first.get(), PATIENCE)]
-        process.ask("late", {"number": 2, "side": "b"}, "quick", later.put_nowait)
+        process.ask("late", asked({"number": 2, "side": "b"}, later))
         said.append(await asyncio.wait_for(later.get(), 1))
         process.close()
         return [json.loads(text) for text in said]
@@ -365,7 +373,9 @@ def memory(pids):
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
 def test_many_moves_leave_no_error_and_no_memory(loop, running, live):
     draw = random.Random(3)
-    pids = [running.shared.workers.quick.pid, running.shared.workers.refining.pid]
+    workers = running.shared.workers
+    pids = [*workers.quick.processes.pids, *workers.refining.processes.pids]
+    assert len(pids) == 2
 
     ranges = {"depth": (-0.1, 3), "D": (6, 12), "L": (5, 14), "E": (0.1, 3), "f": (4, 9), "remanence": (0.8, 1.4)}
     state = {"design": {}, "load": {"depth": 1.0}}
@@ -427,14 +437,10 @@ def test_mould_is_that_of_the_command_line(loop, page, tmp_path):
     assert {"mold_a.stl", "mold_a.3mf", "mold.step", "README.md"} <= names
 
 
-def molding():
-    """Processes of this one that make moulds."""
-    found = []
-    for pid in children(os.getpid()):
-        with contextlib.suppress(OSError):
-            if b"\0cad\0" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                found.append(pid)
-    return found
+def molding(running):
+    """Processes of this one that make moulds: those that answer no page."""
+    workers = running.shared.workers
+    return set(children(os.getpid())) - {*workers.quick.processes.pids, *workers.refining.processes.pids}
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are listed from /proc")
@@ -449,14 +455,14 @@ def test_moulds_are_made_one_at_a_time_and_end_with_their_page(loop, page):
             writer.write(request)
         counts = []
         for _ in range(20):
-            counts.append(len(molding()))
+            counts.append(len(molding(page.running)))
             await asyncio.sleep(0.1)
         for _, writer in pages:
             writer.close()
         end = time.monotonic() + 10
-        while molding() and time.monotonic() < end:
+        while molding(page.running) and time.monotonic() < end:
             await asyncio.sleep(0.1)
-        return max(counts), len(molding())
+        return max(counts), len(molding(page.running))
 
     assert loop.run_until_complete(most_at_once()) == (1, 0)
     assert not page.running.shared.molding.locked()
@@ -471,7 +477,8 @@ def test_a_worker_that_dies_is_said_and_replaced(loop, running, live):
     async def answers():
         number = await live.ask({"load": {"depth": 1.0, "shear": 1.0, "friction": 0.3}, "level": "quick"})
         await asyncio.sleep(0.2)
-        os.kill(running.shared.workers.quick.pid, signal.SIGKILL)
+        (pid,) = running.shared.workers.quick.processes.pids
+        os.kill(pid, signal.SIGKILL)
         refused, _ = await live.until(lambda one: "error" in one)
         assert refused["number"] == number
         number = await live.ask({"load": {"depth": 1.0}, "level": "quick"})

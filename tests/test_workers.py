@@ -14,7 +14,7 @@ import worker_tasks
 from worker_tasks import gone, until
 
 from studies.exploration import worker_process
-from studies.exploration.executors import processes
+from studies.exploration.worker_process import processes
 from studies.exploration.workers import finished
 
 TESTS = Path(__file__).parent
@@ -156,7 +156,7 @@ def test_processes_that_the_system_kills_while_they_load_are_started_again(monke
 
 
 def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):
-    monkeypatch.setattr("studies.exploration.executors.cores", lambda: 8)
+    monkeypatch.setattr("studies.exploration.worker_process.cores", lambda: 8)
     for name, value in {"OMP_NUM_THREADS": "3", "MKL_NUM_THREADS": "16", "OPENBLAS_NUM_THREADS": "x"}.items():
         monkeypatch.setenv(name, value)
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)

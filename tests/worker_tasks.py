@@ -1,11 +1,16 @@
 """Functions that tests hand to worker processes, which import this module by its name."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+import numpy as np
+
+from studies.exploration import worker_process
 
 
 def echo(task):
@@ -59,6 +64,18 @@ def raises(kind):
         "memory": MemoryError(),
     }
     raise errors[kind]
+
+
+def fails_at_depth(job):
+    """Fail in another way at each depth of a job of the explorer; between and after them say that it is done."""
+    depth = round(10 * job.request.state.load.depth)
+    if depth == 1:
+        raise np.linalg.LinAlgError("Singular matrix\nof rank 1")
+    if depth in (2, 3):
+        raises("odd" if depth == 2 else "exit")
+    worker_process.sender().say(json.dumps({"number": job.request.number}))
+    if depth == 4:
+        os._exit(7)
 
 
 class OddError(Exception):

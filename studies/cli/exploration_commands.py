@@ -106,9 +106,9 @@ def sweep(
         Solve again the cases whose process died.
     """
     from studies.exploration import sweep_request
-    from studies.exploration.executors import SchedulerLost
     from studies.exploration.needed_paths import Processes
     from studies.exploration.study_rows import flat_rows
+    from studies.exploration.worker_process import SchedulerLost
 
     here = destination(sweep, locals(), sweep_request.FILES, [design])
     processes = Processes(workers, scheduler, retry_failed)

@@ -25,8 +25,7 @@ from typing import Any
 
 from fem.physics_version import PHYSICS
 from geometry.design import BadInput
-from studies.exploration.executors import Executor, SchedulerLost, WorkersLost
-from studies.exploration.worker_process import Answer, WorkerProcesses
+from studies.exploration.worker_process import Answer, Executor, SchedulerLost, WorkerProcesses, WorkersLost
 from studies.output import provenance
 
 CONNECT = 10.0

@@ -3,7 +3,8 @@
 A process is started by `COMMAND`, never forked: threads of MKL and numba do not survive a fork. It has a session of
 its own, so that Ctrl-C reaches the sender alone. It ends at once, even during a job, when its standard input closes,
 which happens however the sender ends. A job is a pickled pair of function and task; pickles pass only through the
-pipes between a process and its sender.
+pipes between a process and its sender. While it runs, a job may say things to its sender, and may ask whether the
+sender has given it up (`sender`). An `Executor` hands tasks to such processes; `cluster` has one of its own.
 """
 
 from __future__ import annotations
@@ -18,9 +19,12 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import IO, Any
 
+from geometry.compiled import cores
 from studies import deferred_modules
 from studies.output.provenance import ROOT
 
@@ -56,6 +60,10 @@ class NotStarted(RuntimeError):
     """No process could be started, or jobs of this owner have been ended."""
 
 
+def _unheard(content: Any) -> None:
+    """Drop what a job says."""
+
+
 def environment(threads: int) -> dict[str, str]:
     """Return the environment of a process that may use a number of threads, or fewer if the user has set so."""
     limits = {}
@@ -81,7 +89,7 @@ class WorkerProcesses:
         self._busy: dict[subprocess.Popen[bytes], str] = {}
         self._ended: set[str] = set()
 
-    def call(self, job: bytes, owner: str = "", *, tries: int = 2) -> bytes:
+    def call(self, job: bytes, owner: str = "", *, tries: int = 2, hear: Callable[[Any], None] = _unheard) -> bytes:
         """Have a process do a job and return its pickled `Answer`.
 
         Parameters
@@ -89,6 +97,7 @@ class WorkerProcesses:
         job : pickled pair of function and task.
         owner : on whose behalf; `end` ends the jobs of one owner.
         tries : number of processes that may die of the job.
+        hear : takes what the job says before it returns.
 
         Raises
         ------
@@ -100,12 +109,25 @@ class WorkerProcesses:
         codes: list[int] = []
         while len(codes) < tries:
             process = self._take(owner)
-            answer = _exchange(process, job)
+            answer = _exchange(process, job, hear)
             code = self._give_back(process, usable=answer is not None)
             if answer is not None:
                 return answer
             codes.append(code)
         raise WorkerDied(*codes)
+
+    def give_up(self, number: int) -> None:
+        """Tell all processes that jobs with this number and lower ones are useless, see `Sender.has_given_up`."""
+        with self._lock:
+            for process in (*self._idle, *self._busy):
+                with contextlib.suppress(OSError, ValueError):  # it has died
+                    _write(process, number)
+
+    @property
+    def pids(self) -> list[int]:
+        """Numbers of the processes."""
+        with self._lock:
+            return [process.pid for process in (*self._idle, *self._busy)]
 
     def end(self, owner: str = "") -> None:
         """End the processes that are idle or do jobs of an owner, for whom no others are started."""
@@ -138,7 +160,8 @@ class WorkerProcesses:
             code = self._give_back(process, usable=False)
             if code > 0:
                 break  # an installation that does not work
-        raise NotStarted(f"worker processes end with {WorkerDied(code)} before they do anything")
+        death = WorkerDied(code)
+        raise NotStarted(f"worker processes end with {death} before they do anything") from death
 
     def _give_back(self, process: subprocess.Popen[bytes], *, usable: bool) -> int:
         """Keep a process for later jobs, or end it and return its exit code."""
@@ -156,25 +179,32 @@ def _start(threads: int) -> subprocess.Popen[bytes]:
     return subprocess.Popen(COMMAND, env=environment(threads), stdin=pipe, stdout=pipe, start_new_session=True)
 
 
-def _exchange(process: subprocess.Popen[bytes], job: bytes) -> bytes | None:
+def _exchange(process: subprocess.Popen[bytes], job: bytes, hear: Callable[[Any], None]) -> bytes | None:
     """Send a job and return the answer; None if the process dies."""
-    assert process.stdin is not None
     try:
-        pickle.dump(job, process.stdin)
-        process.stdin.flush()
+        _write(process, job)
     except BrokenPipeError:
         return None
-    return _receive(process)
+    while isinstance(message := _receive(process), tuple):
+        hear(*message)
+    answer: bytes | None = message
+    return answer
 
 
-def _receive(process: subprocess.Popen[bytes]) -> bytes | None:
-    """Return what a process sends; None if it dies."""
+def _write(process: subprocess.Popen[bytes], message: bytes | int) -> None:
+    """Send a job, or the number up to which jobs are given up, as one piece: two threads may write."""
+    assert process.stdin is not None
+    process.stdin.write(pickle.dumps(message))
+    process.stdin.flush()
+
+
+def _receive(process: subprocess.Popen[bytes]) -> Any:
+    """Return what a process sends, an answer or a tuple with what a job says; None if it dies."""
     assert process.stdout is not None
     try:
-        answer: bytes = pickle.load(process.stdout)
+        return pickle.load(process.stdout)
     except (EOFError, pickle.UnpicklingError):
         return None
-    return answer
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
@@ -203,6 +233,111 @@ def answer(function: Callable[[Any], Any], task: Any) -> Answer:
         return None, error, time.perf_counter() - begin
 
 
+class Sender:
+    """The process that sends the jobs, for a job that says what it has so far, or asks whether it still matters.
+
+    Parameters
+    ----------
+    answers : stream to it.
+    """
+
+    def __init__(self, answers: IO[bytes]) -> None:
+        self._answers, self._given_up, self._heard = answers, -1, threading.Event()
+
+    def say(self, content: Any) -> None:
+        """Send what the job has so far."""
+        _send((content,), self._answers)
+
+    def has_given_up(self, number: int, patience: float = 0.0) -> bool:
+        """Return whether it has given up the job with this number, or does so within `patience`, s."""
+        end = time.monotonic() + patience
+        while self._given_up < number and (left := end - time.monotonic()) > 0:
+            self._heard.wait(left)
+            self._heard.clear()
+        return self._given_up >= number
+
+    def give_up(self, number: int) -> None:
+        """Note that jobs up to a number are given up."""
+        self._given_up = number
+        self._heard.set()
+
+
+_senders: list[Sender] = []
+"""The sender of this process, if it is a worker process."""
+
+
+def sender() -> Sender:
+    """Return the process that sends jobs to this one."""
+    return _senders[-1]
+
+
+class SchedulerLost(RuntimeError):
+    """The scheduler of a cluster, or all of its workers, are gone. The text is one sentence."""
+
+
+class WorkersLost(RuntimeError):
+    """A task was handed to several workers of a cluster, which were all lost. The text is one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Executor:
+    """How tasks are handed to workers.
+
+    Attributes
+    ----------
+    submit : hands over a function and a task, to be done in the order of the calls.
+    size : returns the number of tasks that are done at the same time.
+    check : raises `SchedulerLost` if no answer can come any more.
+    """
+
+    submit: Callable[[Callable[[Any], Any], Any], Future[Answer]]
+    size: Callable[[], int]
+    check: Callable[[], None]
+
+
+def inline() -> Executor:
+    """Return an executor that does each task in this process, when it is submitted."""
+
+    def submit(function: Callable[[Any], Any], task: Any) -> Future[Answer]:
+        future: Future[Answer] = Future()
+        future.set_result(answer(function, task))
+        return future
+
+    return Executor(submit, lambda: 0, _no_check)
+
+
+@contextlib.contextmanager
+def processes(count: int, tries: int = 2) -> Iterator[Executor]:
+    """Yield an executor with worker processes on this machine, which are ended with the context, also during tasks.
+
+    Parameters
+    ----------
+    count : number of processes; linear algebra in them shares the cores that this process may use.
+    tries : number of processes that may die of a task, before its future raises `WorkerDied`.
+    """
+    threads = ThreadPoolExecutor(count)
+    pool = WorkerProcesses(max(cores() // count, 1))
+
+    def do(job: bytes) -> Answer:
+        result: Answer = pickle.loads(pool.call(job, tries=tries))
+        return result
+
+    def submit(function: Callable[[Any], Any], task: Any) -> Future[Answer]:
+        return threads.submit(do, pickle.dumps((function, task)))
+
+    try:
+        yield Executor(submit, lambda: count, _no_check)
+    finally:
+        # end the processes before joining the threads: these wait for answers of the processes
+        threads.shutdown(wait=False, cancel_futures=True)
+        pool.end()
+        threads.shutdown()
+
+
+def _no_check() -> None:
+    """Accept that an answer takes long: processes of this machine cannot be lost unnoticed."""
+
+
 def main() -> None:
     """Do the jobs that arrive on standard input, one after the other, until it closes."""
     deferred_modules.defer()
@@ -212,6 +347,7 @@ def main() -> None:
     os.dup2(nothing, 0)
     os.dup2(2, 1)
     waiting: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    _senders.append(Sender(answers))
     threading.Thread(target=_read, args=(jobs, waiting), daemon=True).start()
     _send(b"", answers)
     while True:
@@ -222,7 +358,11 @@ def _read(jobs: IO[bytes], waiting: queue.SimpleQueue[bytes]) -> None:
     """Queue the jobs that arrive; when no more can arrive, end this process and those that it has started."""
     try:
         while True:
-            waiting.put(pickle.load(jobs))
+            message = pickle.load(jobs)
+            if isinstance(message, int):
+                sender().give_up(message)
+            else:
+                waiting.put(message)
     finally:
         if os.getpgrp() == os.getpid():
             os.killpg(0, signal.SIGKILL)
@@ -256,9 +396,9 @@ def _portable(error: BaseException) -> BaseException:
     return error
 
 
-def _send(text: bytes, answers: IO[bytes]) -> None:
-    """Send an answer."""
-    pickle.dump(text, answers)
+def _send(message: bytes | tuple[Any], answers: IO[bytes]) -> None:
+    """Send an answer, or what a job says."""
+    pickle.dump(message, answers)
     answers.flush()
 
 

@@ -1,4 +1,4 @@
-"""Tasks done by worker processes on this machine, or by those of a Dask cluster (`cluster`).
+"""Tasks done in this process, by worker processes on this machine, or by those of a Dask cluster (`cluster`).
 
 Both ways share everything but the transport: a task goes to a worker process (`worker_process`), one at a time, and
 is done once more by a new process if its process dies. A process that dies has no other task, so that no other task
@@ -17,11 +17,16 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from geometry.messages import Progress
-from studies.exploration.executors import Executor, SchedulerLost, WorkersLost, inline, processes
 from studies.exploration.time_left import Unfinished, clock_text
-from studies.exploration.worker_process import Answer, WorkerDied
-
-__all__ = ["Finished", "SchedulerLost", "finished"]
+from studies.exploration.worker_process import (
+    Answer,
+    Executor,
+    SchedulerLost,
+    WorkerDied,
+    WorkersLost,
+    inline,
+    processes,
+)
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -1,20 +1,16 @@
 """The files that the page exports: design, mould, numbers, commands and fields of a state.
 
 Texts of a state are made in the server. Numbers and fields need its solution, which a worker process has. The mould
-comes from `magtip cad`, in a process of its own that ends with the request: it loads a CAD library.
+is that of `magtip cad`, made by a worker process that ends with the request: it loads a CAD library.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import csv
 import dataclasses
 import io
 import json
-import os
-import signal
-import sys
 import tempfile
 import zipfile
 from collections.abc import Mapping
@@ -23,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
+from studies.exploration.worker_process import WorkerDied, processes
 from studies.explorer import state_commands
 from studies.explorer.explorer_state import ExplorerState
 
@@ -68,43 +65,38 @@ def design_text(design: Design) -> str:
 
 
 async def mold(state: ExplorerState) -> bytes:
-    """Return the archive of everything that `magtip cad` writes for a design.
+    """Return the archive of everything that `magtip cad` writes for a design, made by a process that ends with it.
 
     Raises
     ------
     BadInput
         The mould cannot be made; the sentence is that of the command.
     """
+    command = state_commands.line("cad", state, {"--out": "mold"})
+    with processes(1, tries=1) as executor:
+        made = asyncio.wrap_future(executor.submit(_mold_archive, (state.design, command)))
+        try:
+            content, error, _ = await asyncio.wait_for(made, PATIENCE)
+        except TimeoutError:
+            raise BadInput(f"the mould took more than {PATIENCE:g} s: use magtip cad") from None
+        except WorkerDied as death:
+            raise BadInput(f"the process that made the mould ended with {death}: use magtip cad") from None
+    if error is not None:
+        raise error
+    assert isinstance(content, bytes)
+    return content
+
+
+def _mold_archive(task: tuple[Design, str]) -> bytes:
+    """Build a design's mould, in a worker process."""
+    from studies.fabrication.sensor_parts import build
+
+    design, command = task
     with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
-        source, out = Path(folder, "design.toml"), Path(folder, "mold")
-        source.write_text(design_text(state.design), encoding="utf-8")
-        command = (sys.executable, "-P", "-m", "studies.cli", "cad", str(source), "--out", str(out))
-        status, errors = await _run(command)
-        # exit status 3: a check of the parts failed, which their README says
-        if not out.is_dir() or status not in (0, 3):
-            sentence = errors.strip().rpartition("\n")[2].removeprefix("magtip: ")
-            raise BadInput(sentence.replace(f"{folder}{os.sep}", "") or f"magtip cad ended with exit status {status}")
-        return _zipped(out)
-
-
-async def _run(command: tuple[str, ...]) -> tuple[int, str]:
-    """Run a command in a session of its own, which is killed if the request or the server ends."""
-    from studies.exploration.worker_process import environment
-
-    pipe = asyncio.subprocess.PIPE
-    process = await asyncio.create_subprocess_exec(
-        *command, env=environment(1), stdout=pipe, stderr=pipe, start_new_session=True
-    )
-    try:
-        _, errors = await asyncio.wait_for(process.communicate(), PATIENCE)
-    except TimeoutError:
-        raise BadInput(f"the mould took more than {PATIENCE:g} s: use magtip cad") from None
-    finally:
-        if process.returncode is None:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)
-            await process.wait()
-    return process.returncode or 0, errors.decode(errors="replace")
+        row = build(design, Path(folder, "mold"), lambda share, text: None, command=command)
+        if row.status != "ok":
+            raise BadInput(row.message)
+        return _zipped(row.folder)
 
 
 def _zipped(folder: Path) -> bytes:

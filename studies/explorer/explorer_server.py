@@ -28,8 +28,8 @@ import tornado.websocket
 from geometry.design import BadInput, paper
 from studies.explorer import explorer_exports, explorer_workers, state_commands
 from studies.explorer.explorer_fields import explorer_fields
-from studies.explorer.explorer_process import encoded, fault
-from studies.explorer.explorer_state import request_of, wrong_field
+from studies.explorer.explorer_state import Request, request_of, wrong_field
+from studies.explorer.explorer_workers import encoded, fault
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""
@@ -184,24 +184,20 @@ class Live(tornado.websocket.WebSocketHandler):
     def on_message(self, message: str | bytes) -> None:
         content: object = None
         try:
-            content = explorer_workers.parsed(message)
-            self._answer(explorer_workers.check(content))
+            content = parsed(message)
+            request = request_of(content)
+            if "commands" in request.parts:
+                data = state_commands.commands(request.state)
+                self.send(encoded(request.number, request.side, part="commands", level="formula", data=data))
+            if set(request.parts) - {"commands"}:
+                self.shared.workers.ask((id(self), request.side), request, self.send)
         except BadInput as error:
             field = wrong_field(content) if isinstance(content, dict) else None
             self.send(refusal(content, str(error), field))
         except Exception as error:
             self.send(refusal(content, fault(error)))
 
-    def _answer(self, message: dict[str, Any]) -> None:
-        """Send the commands of a checked request, and hand its other parts to the workers."""
-        request = request_of(message)
-        if "commands" in request.parts:
-            data = state_commands.commands(request.state)
-            self.send(encoded(request.number, request.side, part="commands", level="formula", data=data))
-        if set(request.parts) - {"commands"}:
-            self.shared.workers.ask((id(self), request.side), message, self.send)
-
-    def send(self, text: str | bytes) -> None:
+    def send(self, text: str) -> None:
         """Send a text unless the page has been closed."""
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
             # a page may also close while the text is on its way; its loss needs no trace on the terminal
@@ -216,6 +212,20 @@ class Live(tornado.websocket.WebSocketHandler):
         """Log bugs only."""
         if not isinstance(error[1], (tornado.web.HTTPError, tornado.websocket.WebSocketClosedError)):
             super().log_exception(*error)
+
+
+def parsed(text: str | bytes) -> object:
+    """Return what a page has sent as JSON.
+
+    Raises
+    ------
+    BadInput
+        It is not JSON.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        raise BadInput("the request is not valid JSON") from None
 
 
 def refusal(content: object, sentence: str, field: str | None = None) -> str:
@@ -255,28 +265,27 @@ class Export(Guarded):
         if name not in explorer_exports.TYPES:
             raise tornado.web.HTTPError(404)
         try:
-            message = explorer_workers.check(explorer_workers.parsed(self.request.body))
-            self.making = asyncio.ensure_future(self._content(name, message))
+            self.making = asyncio.ensure_future(self._content(name, request_of(parsed(self.request.body))))
             content = await self.making
-        except BadInput as error:
-            self.set_status(400)
-            self.set_header("Content-Type", "text/plain; charset=utf-8")
-            self.finish(str(error))
-            return
         except asyncio.CancelledError:
             return  # the client has left
+        except Exception as error:
+            is_refused = isinstance(error, BadInput)
+            self.set_status(400 if is_refused else 500)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.finish(str(error) if is_refused else fault(error))
+            return
         self.set_header("Content-Type", explorer_exports.TYPES[name])
         self.set_header("Content-Disposition", f'attachment; filename="magtip-{name}"')
         self.finish(content)
 
-    async def _content(self, name: str, message: dict[str, Any]) -> bytes:
-        state = request_of(message).state
+    async def _content(self, name: str, request: Request) -> bytes:
         if name in explorer_exports.OF_WORKER:
-            return await self.shared.workers.export(name, message)
+            return await self.shared.workers.export(name, request)
         if name != "mold.zip":
-            return explorer_exports.text_of(name, state)
+            return explorer_exports.text_of(name, request.state)
         async with self.shared.molding:
-            return await explorer_exports.mold(state)
+            return await explorer_exports.mold(request.state)
 
     def on_connection_close(self) -> None:
         """End the export of a client that has left."""

@@ -77,12 +77,14 @@ class Request:
     parts: tuple[Part, ...]
 
 
-def request_of(message: Mapping[str, Any]) -> Request:
-    """Return the request in a message of the page.
+def request_of(message: object) -> Request:
+    """Return the request in a message of the page, checked as on the command line.
 
     >>> request_of({"number": 1, "state": {"design": {"D": 10}, "load": {"depth": 1}}}).state.design.D
     10.0
     """
+    if not isinstance(message, dict):
+        raise BadInput(f"a request must be a table of values; got {message!r:.60}")
     number, side = message.get("number", 0), message.get("side", "a")
     if isinstance(number, bool) or not isinstance(number, int):
         raise BadInput(f"number must be a whole number; got {number!r:.60}")

@@ -1,148 +1,314 @@
-"""The worker processes of the explorer's server: one for quick answers, one that refines them when the hand rests.
+"""The explorer's worker processes: one answers quickly, the other refines its answers when the hand rests.
 
-Of the requests of one page and side only the newest waits; older ones are dropped, and a running one is abandoned.
-The processes stay: their imports, compiled functions, meshes and factorisations serve the next request.
+Of the requests of one page and side only the newest waits; older ones are dropped, and a running one is given up at
+the next load increment or part. Its first picture is still finished if that takes less than `GRACE`; otherwise a hand
+that never rests would see no picture. The processes (`studies.exploration.worker_process`) stay: their imports,
+compiled functions, meshes and factorisations serve the next request.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
+import base64
+import functools
+import gc
 import json
 import os
 import pickle
-import signal
-import subprocess
-import sys
-import threading
 import time
+import traceback
 from collections.abc import Callable, Hashable
-from typing import Any, NamedTuple
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from geometry.design import BadInput
-from studies.exploration.worker_process import environment
-from studies.explorer.explorer_process import BACKGROUND, Job, Kind, encoded
-from studies.explorer.explorer_state import request_of
+from studies.exploration import worker_process
+from studies.exploration.worker_process import NotStarted, WorkerDied, WorkerProcesses
+from studies.explorer.explorer_state import Request, request_of
 
-COMMAND = (sys.executable, "-P", "-m", "studies.explorer.explorer_process")
-"""Command line of a worker process. -P keeps it from importing modules of the user's current folder."""
+if TYPE_CHECKING:
+    from studies.explorer.explorer_answers import Answers
+
+GRACE = 1.0
+"""Time that the first picture of a job may take after a newer request has arrived, s."""
+PAUSE = 0.1
+"""Time that a job waits for a newer request between its picture and what takes longer, s: more than the time between
+two moves of a hand."""
+PROGRESS = 0.3
+"""Time between two messages of progress, and before the first, s."""
 REST = 0.25
 """Time without a newer request after which an answer is refined, s."""
 MOST_STARTS = 3
 """Starts of a process that dies before it has done anything."""
-ENDING = 1.0
-"""Longest time that a process may take to end after it has closed its pipe, s."""
 
 Key = Hashable
 """A page and a side: a newer request replaces an older one with the same key."""
-Send = Callable[[str | bytes], None]
-"""Takes an answer: a text for a page, or the bytes of an export."""
+Send = Callable[[str], None]
+"""Takes an answer for a page."""
 
 
-class Asked(NamedTuple):
-    """A request that waits or runs: the page's message, level, name of an export or "", receiver, time of receipt."""
+class Job(NamedTuple):
+    """One job: its number, the request, the level of its answers, and the name of an export or "".
 
-    message: dict[str, Any]
+    `asked` is the time at which the server received the request, by the clock of the machine. A process whose jobs
+    are of the `background` leaves the processor to others.
+    """
+
+    number: int
+    request: Request
     level: str
-    export: str
+    export: str = ""
+    asked: float = 0.0
+    background: bool = False
+
+
+class GivenUp(Exception):
+    """A newer request has made this job useless."""
+
+
+@functools.cache
+def _answers(background: bool) -> Answers:
+    """Return what this process keeps, after it has imported and compiled what requests need by small solves."""
+    from studies.explorer.explorer_answers import Answers
+
+    if background and hasattr(os, "nice"):
+        os.nice(10)
+    answers = Answers()
+    for load in ({"depth": 0.5}, {"depth": 0.5, "shear": 0.2}):
+        # the first answer is the picture
+        next(answers.all_of(request_of({"parts": ["state", "sensor3d"], "state": {"load": load}}), "quick"))
+    # modules stay: searching them for garbage would take longer than a picture
+    gc.freeze()
+    return answers
+
+
+def warm(background: bool) -> None:
+    """Make a worker process ready for its first job."""
+    _answers(background)
+
+
+def do(job: Job) -> bytes | None:
+    """Do a job in a worker process, which says each answer as soon as it is ready; return the file of an export."""
+    from fem.solve.load_increments import watched
+
+    answers, run = _answers(job.background), _Run(job)
+    try:
+        with watched(run.watch):
+            if job.export:
+                return answers.export(job.export, job.request.state)
+            run.answer(answers)
+    except GivenUp:
+        pass
+    except BadInput:
+        raise
+    except Exception:
+        # the next job starts afresh
+        answers.forget()
+        raise
+    return None
+
+
+class _Run:
+    """A job that runs: it says answers and progress to the server, and ends when it is useless."""
+
+    def __init__(self, job: Job) -> None:
+        self.job, self.sender, self.pictured = job, worker_process.sender(), False
+        self.begin = self.last_progress = time.monotonic()
+
+    def answer(self, answers: Answers) -> None:
+        """Say all answers to the request."""
+        job = self.job
+        for answer in answers.all_of(job.request, job.level):
+            if answer is not None:
+                part, level, data = answer
+                # the times that the job has waited and has taken, ms
+                waited, taken = self.begin - job.asked, time.monotonic() - self.begin
+                times = round(1000 * waited, 1), round(1000 * taken, 1)
+                self.say(part=part, level=level, times=times, data=data)
+            else:
+                self.pictured = True
+                self.sender.has_given_up(job.number, PAUSE)
+            if self.pictured:
+                self.watch(0.0)
+
+    def watch(self, share: float) -> None:
+        """End a job that is useless, and report progress of a long one."""
+        now = time.monotonic()
+        if self.sender.has_given_up(self.job.number) and (self.pictured or now - self.begin > GRACE):
+            raise GivenUp
+        if now - self.last_progress > PROGRESS:
+            self.last_progress = now
+            seconds = round(now - self.begin, 1)
+            self.say(progress={"share": round(share, 3), "seconds": seconds, "level": self.job.level})
+
+    def say(self, **content: Any) -> None:
+        request = self.job.request
+        self.sender.say(encoded(request.number, request.side, **content))
+
+
+def fault(error: BaseException) -> str:
+    """Return a sentence on an error that is no refusal of the input, and print its traceback on the terminal."""
+    traceback.print_exception(error)
+    text = str(error).strip().partition("\n")[0]
+    return f"magtip failed at this state ({type(error).__name__}{text and ': '}{text:.200}): change the state"
+
+
+def encoded(number: int, side: str, **content: Any) -> str:
+    """Return an answer as JSON; numbers that are not finite become null, and arrays are packed."""
+    return as_json({"number": number, "side": side, **content})
+
+
+def as_json(message: Any) -> str:
+    """Return a message as JSON, in the same way."""
+    try:
+        return json.dumps(message, allow_nan=False, separators=(",", ":"), default=packed)
+    except ValueError:
+        return json.dumps(_finite(message), separators=(",", ":"), default=packed)
+
+
+def packed(array: Any) -> dict[str, str]:
+    """Return an array as `OfflineData.decoded` in the page reads it: digits would take 20 times as long.
+
+    >>> packed(np.array([1.0, 0.5])), packed(np.array([1, 2]))
+    ({'float32': 'AACAPwAAAD8='}, {'uint16': 'AQACAA=='})
+    """
+    if not isinstance(array, np.ndarray):
+        raise TypeError(f"an answer has no {type(array).__name__}")
+    kind, name = "<f4", "float32"
+    if array.dtype.kind in "iu":
+        kind, name = ("<u2", "uint16") if array.size == 0 or array.max() < 1 << 16 else ("<u4", "uint32")
+    return {name: base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if value - value == 0 else None
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """A request that waits or runs.
+
+    Attributes
+    ----------
+    send : takes the answers for the page.
+    export : name of an export, or "".
+    file : receives the content of the export.
+    time : of its receipt.
+    """
+
+    request: Request
+    level: str
     send: Send
-    time: float
+    export: str = ""
+    file: asyncio.Future[bytes] | None = None
+    time: float = 0.0
+
+    def finish(self, content: bytes | None, error: BaseException | None) -> None:
+        """Take what the job returned or raised."""
+        if isinstance(error, BadInput):
+            self.refuse(str(error))
+        elif error is not None:
+            self.refuse(fault(error))
+        elif self.file is not None and content is not None and not self.file.done():
+            self.file.set_result(content)
 
     def refuse(self, sentence: str) -> None:
         """Answer that there is no answer, and why."""
-        number, side = self.message.get("number", 0), self.message.get("side", "a")
-        self.send(encoded(number, side, error=sentence, field=None))
+        if self.file is None:
+            self.send(encoded(self.request.number, self.request.side, error=sentence, field=None))
+        elif not self.file.done():
+            self.file.set_exception(BadInput(sentence))
 
 
-class WorkerProcess:
-    """One worker process, restarted if it dies, and the jobs that wait for it.
+class PageWorker:
+    """One worker process, started again if it dies, and the jobs that wait for it.
 
     Its methods are called in the thread of the event loop.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, *more: str) -> None:
-        self._loop, self._command = loop, (*COMMAND, *more)
+    def __init__(self, loop: asyncio.AbstractEventLoop, *, background: bool = False) -> None:
+        self._loop, self._background = loop, background
+        self.processes, self._thread = WorkerProcesses(1), ThreadPoolExecutor(1)
         self._waiting: dict[Key, Asked] = {}
         self._running: tuple[Key, Asked] | None = None
-        self._number = 0
-        self._failures = 0
-        self._closed = False
-        self._given_up = ""
-        self._ready = False
-        self._start()
+        self._number = self._failures = 0
+        self._closed = self._ready = False
+        self._lost = ""
+        self._call(warm, background)
 
-    def ask(self, key: Key, message: dict[str, Any], level: str, send: Send, export: str = "") -> None:
+    def ask(self, key: Key, asked: Asked) -> None:
         """Queue a request, or an export, in place of an older one of this key."""
         self.drop(key)
-        self._waiting[key] = Asked(message, level, export, send, time.monotonic())
-        if self._given_up:
+        self._waiting[key] = asked
+        if self._lost:
             self._refuse_waiting()
         self._next()
 
     def drop(self, key: Key) -> None:
-        """Forget the request of a key that waits, and abandon the one that runs."""
+        """Forget the request of a key that waits, and give up the one that runs."""
         self._waiting.pop(key, None)
         if self._running is not None and self._running[0] == key:
-            self._write(self._number)
+            self.processes.give_up(self._number)
 
     def close(self) -> None:
         """End the process."""
         self._closed = True
         self._waiting.clear()
-        _kill(self._process)
-        self._process.wait()
+        self.processes.end()
+        self._thread.shutdown()
 
-    @property
-    def pid(self) -> int:
-        """Number of the process."""
-        return self._process.pid
+    def _call(self, function: Callable[[Any], Any], task: Any) -> None:
+        """Have the process call a function; what it says and returns is taken in the thread of the event loop."""
+        later, job = self._loop.call_soon_threadsafe, pickle.dumps((function, task))
 
-    def _start(self) -> None:
-        self._ready, self._running = False, None
-        self._process = subprocess.Popen(
-            self._command, env=environment(1), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
-        )
-        threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
+        def hear(content: str) -> None:
+            later(self._hear, content)
 
-    def _listen(self, process: subprocess.Popen[bytes]) -> None:
-        """Hand everything that a process sends to the event loop, in a thread of its own."""
-        assert process.stdout is not None
-        with contextlib.suppress(RuntimeError):  # the loop is closed
-            try:
-                while True:
-                    number, kind, content = pickle.load(process.stdout)
-                    self._loop.call_soon_threadsafe(self._take, number, kind, content)
-            except (EOFError, pickle.UnpicklingError, OSError, ValueError):
-                pass  # the process has ended, or `close` has closed the pipe
-            finally:
-                self._loop.call_soon_threadsafe(self._lost, process)
+        called = self._thread.submit(self.processes.call, job, tries=1, hear=hear)
+        called.add_done_callback(lambda called: later(self._finish, called))
 
-    def _take(self, number: int, kind: Kind, content: str | bytes) -> None:
-        """Pass an answer on, or begin the next job."""
-        if kind == "done":
-            self._ready, self._running, self._failures = True, None, 0
-            self._next()
-        elif self._running is not None and self._number == number:
+    def _hear(self, content: str) -> None:
+        if self._running is not None:
             self._running[1].send(content)
 
-    def _lost(self, process: subprocess.Popen[bytes]) -> None:
-        """Start another process after one has died, and say so to the page that waits for it."""
-        if self._closed or process is not self._process:
+    def _finish(self, called: Future[bytes]) -> None:
+        """Take the end of a job, or that the process is warm, and begin the next job."""
+        if self._closed:
             return
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(ENDING)
-        _kill(process)
-        ending = _ending(process.wait())
-        if self._running is not None:
-            self._running[1].refuse(
-                f"the process that solved this state ended ({ending}): change the state and try again"
-            )
-            self._running = None
-        self._failures += 1
+        asked = None if self._running is None else self._running[1]
+        self._running = None
+        try:
+            content, error, _ = pickle.loads(called.result())
+        except (WorkerDied, NotStarted) as death:
+            # the cause of a process that was not started is the death of the last one
+            ending = str(death.__cause__ or death)
+            if asked is not None:
+                asked.refuse(f"the process that solved this state ended ({ending}): change the state and try again")
+            self._start_again(ending)
+            return
+        if asked is not None:
+            asked.finish(content, error)
+        elif error is not None:
+            traceback.print_exception(error)
+            self._start_again(f"{type(error).__name__}: {error}")
+            return
+        self._ready, self._failures = True, 0
+        self._next()
+
+    def _start_again(self, ending: str) -> None:
+        """Warm another process, or say that none can answer if that has failed too often."""
+        self._ready, self._failures = False, self._failures + 1
         if self._failures <= MOST_STARTS:
-            self._start()
+            self._call(warm, self._background)
             return
-        self._given_up = (
+        self._lost = (
             f"the process that solves ends whenever it is started ({ending}), and the terminal says why: "
             "mend the installation, then start magtip explore again"
         )
@@ -151,7 +317,7 @@ class WorkerProcess:
     def _refuse_waiting(self) -> None:
         """Say to all requests that wait that no process can answer them."""
         while self._waiting:
-            self._waiting.pop(next(iter(self._waiting))).refuse(self._given_up)
+            self._waiting.pop(next(iter(self._waiting))).refuse(self._lost)
 
     def _next(self) -> None:
         """Begin the job that has waited longest."""
@@ -161,14 +327,7 @@ class WorkerProcess:
         asked = self._waiting.pop(key)
         self._number += 1
         self._running = key, asked
-        self._write(Job(self._number, asked.message, asked.level, asked.export, asked.time))
-
-    def _write(self, content: Job | int) -> None:
-        """Send a job, or the number of one to abandon."""
-        assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError, OSError, ValueError):
-            pickle.dump(content, self._process.stdin)
-            self._process.stdin.flush()
+        self._call(do, Job(self._number, asked.request, asked.level, asked.export, asked.time, self._background))
 
 
 class Workers:
@@ -176,46 +335,37 @@ class Workers:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self.quick, self.refining = WorkerProcess(loop), WorkerProcess(loop, BACKGROUND)
+        self.quick, self.refining = PageWorker(loop), PageWorker(loop, background=True)
         self._timers: dict[Key, asyncio.TimerHandle] = {}
 
-    def ask(self, key: Key, message: dict[str, Any], send: Send) -> None:
-        """Answer a checked request: quick first, refined when no newer one has come for a while."""
-        self.refining.drop(key)
-        self._stop_timer(key)
-        self.quick.ask(key, message, "quick", send)
-        if message.get("state", {}).get("level", "standard") == "standard":
-            self._timers[key] = self._loop.call_later(REST, self._refine, key, message, send)
+    def ask(self, key: Key, request: Request, send: Send) -> None:
+        """Answer a request: quick first, refined when no newer one has come for a while."""
+        self.forget(key)
+        self.quick.ask(key, Asked(request, "quick", send, time=time.monotonic()))
+        if request.state.level == "standard":
+            self._timers[key] = self._loop.call_later(REST, self._refine, key, request, send)
 
-    async def export(self, name: str, message: dict[str, Any]) -> bytes:
-        """Return the file of a checked request.
+    async def export(self, name: str, request: Request) -> bytes:
+        """Return the file of a request.
 
         Raises
         ------
         BadInput
             The state cannot be solved.
         """
-        future: asyncio.Future[bytes] = self._loop.create_future()
-
-        def take(content: str | bytes) -> None:
-            if future.done():
-                return
-            if isinstance(content, bytes):
-                future.set_result(content)
-            elif "error" in (answer := json.loads(content)):
-                future.set_exception(BadInput(answer["error"]))
-
-        key = ("export", id(future))
-        level = message.get("state", {}).get("level", "standard")
-        self.refining.ask(key, message, level, take, name)
+        file: asyncio.Future[bytes] = self._loop.create_future()
+        key = ("export", id(file))
+        level, now = request.state.level, time.monotonic()
+        self.refining.ask(key, Asked(request, level, lambda _: None, name, file, now))
         try:
-            return await future
+            return await file
         finally:
             self.refining.drop(key)
 
     def forget(self, key: Key) -> None:
-        """Drop the requests of a page that has been closed."""
-        self._stop_timer(key)
+        """Drop the requests of a page and side, which has closed or asks anew."""
+        if (timer := self._timers.pop(key, None)) is not None:
+            timer.cancel()
         self.quick.drop(key)
         self.refining.drop(key)
 
@@ -227,53 +377,6 @@ class Workers:
         self.quick.close()
         self.refining.close()
 
-    def _refine(self, key: Key, message: dict[str, Any], send: Send) -> None:
+    def _refine(self, key: Key, request: Request, send: Send) -> None:
         self._timers.pop(key, None)
-        self.refining.ask(key, message, "standard", send)
-
-    def _stop_timer(self, key: Key) -> None:
-        timer = self._timers.pop(key, None)
-        if timer is not None:
-            timer.cancel()
-
-
-def parsed(text: str | bytes) -> object:
-    """Return what a page has sent as JSON.
-
-    Raises
-    ------
-    BadInput
-        It is not JSON.
-    """
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        raise BadInput("the request is not valid JSON") from None
-
-
-def check(message: object) -> dict[str, Any]:
-    """Return a message of a page that can be computed.
-
-    Raises
-    ------
-    BadInput
-        The sentence is the command line's.
-    """
-    if not isinstance(message, dict):
-        raise BadInput(f"a request must be a table of values; got {message!r:.60}")
-    request_of(message)
-    return message
-
-
-def _ending(code: int) -> str:
-    return f"signal {-code}" if code < 0 else f"exit code {code}"
-
-
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process and those that it has started, and close its pipes."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    for stream in (process.stdin, process.stdout):
-        with contextlib.suppress(BrokenPipeError, OSError):
-            if stream is not None:
-                stream.close()
+        self.refining.ask(key, Asked(request, "standard", send, time=time.monotonic()))

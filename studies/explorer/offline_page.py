@@ -30,8 +30,8 @@ from studies.explorer import (
     state_grid,
 )
 from studies.explorer.explorer_fields import explorer_fields
-from studies.explorer.explorer_process import as_json
 from studies.explorer.explorer_state import RATES, Level
+from studies.explorer.explorer_workers import as_json
 from studies.explorer.state_grid import Grid
 from studies.output import atomic_files
 

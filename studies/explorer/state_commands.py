@@ -36,7 +36,7 @@ def shell(state: ExplorerState) -> str:
 def without_load(design: Design, magnet: Magnet, level: Level) -> dict[str, str]:
     """Return both texts for a design without load, in which the page without a server puts options and `Load()`."""
     state = ExplorerState("paper", design, Load(), Motion(depth=0.0), magnet, level)
-    return {"shell": _line("solve", state, {}), "python": python(state)}
+    return {"shell": line("solve", state, {}), "python": python(state)}
 
 
 def _rate_lines(state: ExplorerState) -> list[str]:
@@ -48,10 +48,10 @@ def _rate_lines(state: ExplorerState) -> list[str]:
         friction = friction_text(state.vibrating_load)
         own_friction = None if friction == "stick" or not load.depth else friction
         more = {"--frequencies": band, "--friction": own_friction, "--plate-tilt": state.motion.plate_tilt or None}
-        lines.append(_line("response", state, own | {"--shear-y": load.shear_y or None} | more))
+        lines.append(line("response", state, own | {"--shear-y": load.shear_y or None} | more))
     if state.speed and not load.plate_tilt and not load.shear_y and load.depth:
         contact = friction_text(load) if load.coulomb is not None else None
-        lines.append(_line("cycle", state, own | {"--speed": state.speed, "--friction": contact}))
+        lines.append(line("cycle", state, own | {"--speed": state.speed, "--friction": contact}))
     return lines
 
 
@@ -66,10 +66,10 @@ def _solve_line(state: ExplorerState) -> str:
     options: dict[str, Any] = {"--depth": motion.depth, "--shear": motion.shear, "--shear-y": motion.shear_y}
     options["--plate-tilt"] = motion.plate_tilt or None
     options["--friction"] = friction_text(state.load) if state.load.shear or state.load.coulomb else None
-    return _line("solve", state, options)
+    return line("solve", state, options)
 
 
-def _line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
+def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
     """Return a command line with options, those that are None left out, and with what all verbs take of a state."""
     options["--magnet"] = None if state.magnet == "rigid" else state.magnet
     options["--accuracy"] = None if state.level == "standard" else state.level

@@ -12,9 +12,7 @@ from pathlib import Path
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.exploration import executors
-from studies.exploration.executors import Executor
-from studies.exploration.worker_process import WorkerDied
+from studies.exploration.worker_process import Executor, WorkerDied, processes
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import FabricationChoices
@@ -73,7 +71,7 @@ def batch(
     with atomic_files.filled(out), _clean_up([out / name for name in names]), contextlib.ExitStack() as stack:
         rows: Iterator[FabricationRow] = map(fabricate, jobs)
         if count > 1:
-            rows = _rows(jobs, stack.enter_context(executors.processes(count, tries=1)))
+            rows = _rows(jobs, stack.enter_context(processes(count, tries=1)))
         for k, (point, row) in enumerate(zip(points, rows, strict=True)):
             progress((k + 1) / len(jobs), row.folder.name)
             yield dataclasses.replace(row, variant=point)
