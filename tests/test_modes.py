@@ -30,7 +30,7 @@ def cylinder(length, angles):
     fixed = np.repeat(e.nodes[:, 1:] < 1e-9, angles.fields, axis=1)
     still = np.array([True, True, False]) if angles.fields == 3 else ~on_axis(angles.harmonics)
     fixed[np.ix_(e.nodes[:, 0] < 1e-9, still)] = True
-    return System(e, None, *lame(1.0, NU), fixed)
+    return System(e, None, lame(1.0, NU), fixed)
 
 
 def frequencies(system, count):

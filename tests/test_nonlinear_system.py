@@ -26,7 +26,7 @@ def cylinder(nu=0.4998, n=2):
     e = elements.build(mesh, axisymmetric=True)
     fixed = np.stack([e.nodes[:, 0] < 1e-9, e.nodes[:, 1] < 1e-9], axis=1)
     skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
-    return System(e, skin, *lame(1.0, nu), fixed)
+    return System(e, skin, lame(1.0, nu), fixed)
 
 
 def cube(nu=0.4998):
@@ -35,7 +35,7 @@ def cube(nu=0.4998):
     mesh = mesh.with_boundaries({"skin": lambda x: x[2] > 1 - 1e-9})
     e = elements.build(mesh, axisymmetric=False)
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return System(e, skin, *lame(1.0, nu), e.nodes < 1e-9)
+    return System(e, skin, lame(1.0, nu), e.nodes < 1e-9)
 
 
 def half_ball():
@@ -51,7 +51,7 @@ def half_ball():
     fixed[e.nodes[:, 1] < 1e-9, 1] = True
     core = np.flatnonzero(np.abs(e.nodes).max(axis=1) < 0.5 + 1e-9)
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return System(e, skin, *lame(1.0, 0.49), fixed, core, rigid_inclusion.solid(e.nodes[core], 3))
+    return System(e, skin, lame(1.0, 0.49), fixed, core, rigid_inclusion.solid(e.nodes[core], 3))
 
 
 def sensor(harmonics=0):
@@ -117,7 +117,7 @@ def test_prescribed_stretch_of_a_block_has_its_closed_form(make):
     fixed, prescribed = given.fixed.copy(), np.zeros(e.nodes.shape)
     fixed[top, -1] = True
     prescribed[top, -1] = 1.0
-    system = System(e, None, *lame(1.0, 0.5), fixed, prescribed=prescribed)
+    system = System(e, None, lame(1.0, 0.5), fixed, prescribed=(prescribed, None))
     stretched = np.zeros(system.size)
     stretched[: system.n_free] = (e.nodes * ([-0.3] * (e.dim - 1) + [1.0]))[system.free]
     answer = newton(system, Solver(), stretched, None)
@@ -174,7 +174,7 @@ def test_residual_is_the_derivative_of_the_energy_and_tangent_of_the_residual(na
 def test_rigid_body_motion_gives_no_forces():
     mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet())
     e = elements.build(mesh, axisymmetric=False)
-    system = System(e, None, *lame(1.0, 0.4998), np.zeros(e.nodes.shape, bool))
+    system = System(e, None, lame(1.0, 0.4998), np.zeros(e.nodes.shape, bool))
     u = rigid_inclusion.solid(e.nodes - 0.3, 6).displacement(np.array([0.2, -0.1, 0.3, 2.0, -0.7, 0.4]))
     q = np.zeros(system.size)
     q[: system.n_free] = u.ravel()
@@ -216,7 +216,7 @@ def stiff_or_rigid(magnet, angles, depth):
         stiff[mesh.subdomains["magnet"]] = 1e5
     glued = elements.boundary_nodes(mesh, "magnet") if magnet == "hole" else NONE
     body = rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles) if magnet == "hole" else None
-    system = System(e, skin, mu * stiff, inverse_K / stiff, fixed, glued, body)
+    system = System(e, skin, (mu * stiff, inverse_K / stiff), fixed, glued, body)
     q = np.zeros(system.size)
     for press in np.linspace(0.1, depth, round(depth / 0.1)):
         flat = Plate(shape.L - press, 5000.0, np.zeros(2))

@@ -243,7 +243,7 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
     assert plate is not None
     system, en = state.d.system, plate.stiffness
     at_state = system.state(state.q)
-    t = max(skin.angles, len(system.elements.angles.theta))
+    t = skin.angles
     overlap = plate_contact.overlap(skin, at_state.u, plate)
     weights = skin.weights * (overlap > 0)
 

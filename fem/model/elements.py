@@ -296,25 +296,25 @@ def surface(
     normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
     weights = np.linalg.norm(normal, axis=-1) * w
     positions = shape @ X
-    own_angles = elements.angles
-    a = (
-        fourier_fields(own_angles.harmonics, angles, sines=own_angles.sines)
-        if axisymmetric and angles
-        else own_angles
-    )
-    turned = rotations(a.theta)
-    t = len(a.theta)
     if dim == 2:
         positions = np.stack([positions[..., 0], np.zeros_like(weights), positions[..., 1]], axis=-1)
     if axisymmetric:
         weights = weights * positions[..., 0]
-    points = np.einsum("ijt,kqj->kqti", turned, positions).reshape(len(nodes), -1, 3)
+    around = elements.angles
+    if axisymmetric and angles:
+        around = fourier_fields(around.harmonics, angles, sines=around.sines)
+    return revolve(nodes, shape, weights, positions, around)
+
+
+def revolve(nodes: Ints, shape: Array, weights: Array, positions: Array, angles: Angles) -> Surface:
+    """Return a skin with points at several angles, from weights (k, q) and positions (k, q, 3) in the plane y = 0."""
+    turned, t = rotations(angles.theta), len(angles.theta)
     return Surface(
         nodes=nodes,
         shape=np.repeat(shape, t, axis=0),
-        weights=(weights[..., None] * a.weights).reshape(len(nodes), -1),
-        points=points,
-        E=np.tile(np.einsum("ijt,tjf->tif", turned, a.E), (len(shape), 1, 1)),
+        weights=(weights[..., None] * angles.weights).reshape(len(nodes), -1),
+        points=np.einsum("ijt,kqj->kqti", turned, positions).reshape(len(nodes), -1, 3),
+        E=np.tile(np.einsum("ijt,tjf->tif", turned, angles.E), (len(shape), 1, 1)),
         angles=t,
     )
 

@@ -83,15 +83,15 @@ class System:
     Parameters
     ----------
     elements, surface : interior and skin.
-    mu, inverse_K : shear modulus and inverse bulk modulus, numbers or one per element.
+    moduli : shear modulus and inverse bulk modulus, numbers or one per element.
     fixed : (nodes, fields) mask of the prescribed displacements, which are zero unless `prescribed` is given.
     glued : nodes on the magnet's surface (empty without a rigid magnet).
     rigid : motion of these nodes with the magnet.
     dead : (nodes, fields) nodal forces that do not change with the deformation.
     law : isochoric law of the silicone.
     prescribed : (nodes, fields) values of the fixed displacements, and those of the nodes on the magnet before its
-        motion; other entries are ignored.
-    held : (nodes, pressures) prescribed pressures, nan where they are unknowns; or None.
+        motion, other entries are ignored; and (nodes, pressures) prescribed pressures, nan where they are unknowns,
+        or None.
 
     Attributes
     ----------
@@ -106,22 +106,20 @@ class System:
         self,
         elements: Elements,
         surface: Surface | None,
-        mu: float | Array,
-        inverse_K: float | Array,
+        moduli: tuple[float | Array, float | Array],
         fixed: NDArray[np.bool_],
         glued: Ints = NONE,
         rigid: RigidBody | None = None,
         dead: Array | None = None,
         law: material.Law = material.neo_hookean,
-        prescribed: Array | None = None,
-        held: Array | None = None,
+        prescribed: tuple[Array, Array | None] | None = None,
     ) -> None:
         self.law = law
         self.viscous: Overstress | None = None
         self.surface = surface
         self.fixed = fixed
         self.dead = np.zeros(fixed.shape) if dead is None else dead
-        self.prescribed = np.zeros(fixed.shape) if prescribed is None else prescribed
+        self.prescribed, held = (np.zeros(fixed.shape), None) if prescribed is None else prescribed
         self.glued, self.rigid = glued, rigid
         self._last: State | None = None
         touches = np.zeros(len(elements.nodes), dtype=bool)
@@ -133,8 +131,9 @@ class System:
         self.elements = replace(
             elements, cells=elements.cells[order], D=elements.D[order], weights=elements.weights[order]
         )
-        self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[order, None]
-        self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[order, None]
+        self.mu, self.inverse_K = (
+            np.broadcast_to(np.asarray(modulus, dtype=np.float64), (m,))[order, None] for modulus in moduli
+        )
         self._number_unknowns(fixed, held)
         self._build_pattern()
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.model import angular_fields, rigid_inclusion
+from fem.model import angular_fields, elements, rigid_inclusion
 from fem.model.angular_fields import Angles
 from fem.model.elements import Surface
 from fem.model.nonlinear_system import NONE, ON_AXIS, State, System
@@ -44,13 +44,12 @@ def build(low: Discretisation, order: int) -> Discretisation:
     system = System(
         e,
         revolve_surface(base.surface, angles),
-        base.mu[:, 0],
-        base.inverse_K[:, 0],
+        (base.mu[:, 0], base.inverse_K[:, 0]),
         fixed,
         base.glued if rigid else NONE,
         rigid,
         law=base.law,
-        held=held,
+        prescribed=(np.zeros(fixed.shape), held),
     )
     return replace(low, model="harmonic", system=system)
 
@@ -71,11 +70,4 @@ def raise_fields(u: Array) -> Array:
 
 def revolve_surface(surface: Surface, angles: Angles) -> Surface:
     """Return the skin of an axisymmetric section with points at several angles."""
-    turned, t = angular_fields.rotations(angles.theta), len(angles.theta)
-    return Surface(
-        nodes=surface.nodes,
-        shape=np.repeat(surface.shape, t, axis=0),
-        weights=(surface.weights[..., None] * (angles.weights / (2 * np.pi))).reshape(len(surface.nodes), -1),
-        points=np.einsum("ijt,kqj->kqti", turned, surface.points).reshape(len(surface.nodes), -1, 3),
-        E=np.tile(np.einsum("ijt,tjf->tif", turned, angles.E), (len(surface.shape), 1, 1)),
-    )
+    return elements.revolve(surface.nodes, surface.shape, surface.weights / (2 * np.pi), surface.points, angles)

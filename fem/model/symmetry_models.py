@@ -150,7 +150,7 @@ def _build_section(spec: MeshSpecification) -> Discretisation:
     dead = distribute_push(skin, fixed.shape, shape.H, spec.push) if spec.push else None
     if spec.glued and spec.rim is not None:
         skin = _release_next_point(skin, shape, spec.rim[0])
-    system = System(e, skin, *lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
+    system = System(e, skin, lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
 
@@ -167,7 +167,7 @@ def _build_solid(spec: MeshSpecification) -> Discretisation:
     body = rigid_inclusion.solid(e.nodes[held] - [0, 0, shape.H], 3 if half else 6) if len(held) else None
     symmetry = 2.0 if half else 1.0
     dead = distribute_push(skin, fixed.shape, shape.H, spec.push / symmetry) if spec.push else None
-    system = System(e, skin, *lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
+    system = System(e, skin, lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
     return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
 
 

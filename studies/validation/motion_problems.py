@@ -62,7 +62,7 @@ def stresses(
     viscous: ViscousLaw = "prony",
 ) -> Iterator[Array]:
     """Yield V sigma (3, 3) of a unit cube after each step (length in s, displacements)."""
-    system, q = System(e, None, 1.0, SLOW, fixed, law=law), None
+    system, q = System(e, None, (1.0, SLOW), fixed, law=law), None
     history = viscoelasticity.at_rest(viscous, branches, (1, *e.weights.shape))
     for dt, moved in motion:
         stepped = system.with_prescribed(moved, np.zeros((len(system.corner_nodes), 1)))

@@ -59,7 +59,7 @@ def body(
     dead : nodal dead loads, shape (nodes, fields).
     moved : prescribed displacements, shape (nodes, fields).
     """
-    return System(e, None, mu, inverse_K, fixed, dead=dead, prescribed=moved)
+    return System(e, None, (mu, inverse_K), fixed, dead=dead, prescribed=None if moved is None else (moved, None))
 
 
 def solve(system: System, u: Array | None = None, q: Array | None = None) -> Equilibrium:
@@ -177,7 +177,7 @@ def reese_block(
     fixed = e.nodes < SKIN
     fixed[e.nodes[:, 2] > 1 - SKIN, :2] = True
     law, bulk = (_coupled, lam) if own_energy else (material.neo_hookean, lam + 2 / 3 * mu)
-    system = System(e, None, mu, 1 / bulk, fixed, law=law)
+    system = System(e, None, (mu, 1 / bulk), fixed, law=law)
     steps = [float(level) for level in range(20, max(levels) + 1, 20)]
     answers = dict(zip(steps, ramp(system, facet_loads(mesh, e, "pressed", (0, 0, -4.0)), steps), strict=True))
     corner = np.argmin(np.linalg.norm(e.nodes - [0, 0, 1], axis=1))
