@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.model.angular_fields import Angles, orders
+from fem.model.angular_fields import Angles, rotations
 from geometry.arrays import Array
 
 
@@ -70,26 +70,24 @@ def solid(arms: Array, size: int) -> RigidBody:
 
 
 def section(arms: Array, angles: Angles) -> RigidBody:
-    """Return the motion of a section's nodes at (r, z) (n, 2) from the magnet's centre; axial without harmonics."""
-    k = list(orders(angles.harmonics))
+    """Return the motion of a section's nodes at (r, z) (n, 2) from the magnet's centre; axial without harmonics.
+
+    With harmonics the space of the fields contains the motion of a solid, whose fields follow from its displacements
+    at all angles.
+    """
     r, z = arms.T
-    rise = len(k)
-    if angles.harmonics == 0 and angles.fields == 3:
-        B = np.zeros((3, len(arms), 3))
-        B[0, :, 2], B[1, :, 1], B[2, :, 0] = 1, r, r
-        return RigidBody(B, 2)
     if angles.harmonics == 0:
-        B = np.zeros((1, len(arms), angles.fields))
-        B[0, :, rise] = 1
-        return RigidBody(B, 1)
-    if angles.sines:
-        return _spatial_section(arms, angles)
-    B = np.zeros((4, len(arms), angles.fields))
-    along, out, double = k.index(-1), k.index(0), k.index(-2)
-    B[0, :, along], B[1, :, rise] = 1, 1
-    B[2, :, along], B[2, :, rise + 1] = z, -r
-    B[3, :, out], B[3, :, double], B[3, :, rise] = r / 2, r / 2, z
-    return RigidBody(B, 3)
+        B = np.zeros((3 if angles.fields == 3 else 1, len(arms), angles.fields))
+        B[0, :, -1] = 1
+        if angles.fields == 3:
+            B[1, :, 1], B[2, :, 0] = r, r
+        return RigidBody(B, angles.fields - 1)
+    c, s, t = np.cos(angles.theta), np.sin(angles.theta), len(angles.theta)
+    around = np.stack(np.broadcast_arrays(r[:, None] * c, r[:, None] * s, z[:, None]), axis=-1)
+    body = solid(around.reshape(-1, 3), 6 if angles.sines else 3)
+    displaced = np.einsum("ijt,tjf->tif", rotations(angles.theta), angles.E).reshape(3 * t, -1)
+    fields = body.fields.reshape(len(body.fields), len(arms), 3 * t) @ np.linalg.pinv(displaced).T
+    return RigidBody(fields, body.size)
 
 
 def sideways(arms: Array, angles: Angles) -> RigidBody:
@@ -100,28 +98,6 @@ def sideways(arms: Array, angles: Angles) -> RigidBody:
     B[1, :, 2], B[1, :, 4] = z, -r
     B[2, :, 0], B[2, :, 3] = r / 2, z
     return RigidBody(B, 2)
-
-
-def _spatial_section(arms: Array, angles: Angles) -> RigidBody:
-    """Return the motion of a section's nodes with six unknowns, in the fields a_k, b_k, z_n, z'_n.
-
-    A displacement along x by a real function f(theta) is f = sum_m f_m exp(i m theta) with complex f_m = w_(m-1); one
-    along y is i f. Here f is 1, x = r cos theta, y = r sin theta or z.
-    """
-    k, N = list(orders(angles.harmonics)), angles.harmonics
-    r, z = arms.T
-    a = {m: k.index(m - 1) for m in (-1, 0, 1)}
-    b = {m: len(k) + i for m, i in a.items()}
-    rise = 2 * len(k)
-    B = np.zeros((3, 4, len(arms), angles.fields))
-    for i, (real, imaginary, sign) in enumerate(((a, b, 1.0), (b, a, -1.0))):
-        B[i, 0, :, real[0]] = 1
-        B[i, 1, :, real[1]], B[i, 1, :, real[-1]] = r / 2, r / 2
-        B[i, 2, :, imaginary[1]], B[i, 2, :, imaginary[-1]] = -sign * r / 2, sign * r / 2
-        B[i, 3, :, real[0]] = z
-    B[2, 0, :, rise], B[2, 3, :, rise] = 1, z
-    B[2, 1, :, rise + 1], B[2, 2, :, rise + N + 1] = r, r
-    return RigidBody(np.concatenate([B[:, 0], B[:, 1:].reshape(9, len(arms), angles.fields)]), 6)
 
 
 def _functions(q: Array) -> tuple[Array, Array, Array]:
