@@ -87,6 +87,7 @@ class ReducedSystem:
     ----------
     V : (n, m) basis, whose displacements are orthonormal.
     K, R, M, b : projected matrices (m, m), and right-hand sides (m, k).
+    W : (s, 2 m) sampled rows of the columns of K^-1 R V and -K^-1 M V in turn, for the error.
     factorisations : number of factorisations with which the basis was built.
     stability : that of the body at rest.
     error : largest error at the frequencies for which it was built.
@@ -97,6 +98,7 @@ class ReducedSystem:
     R: Array
     M: Array
     b: Array
+    W: Array
     factorisations: int
     stability: Stability
     error: float = np.inf
@@ -111,40 +113,20 @@ class ReducedSystem:
             y[own] = np.linalg.solve(A, self.b.astype(np.complex128))
         return y
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Basis:
-    """Vectors, the system on their span, and what its error is measured with.
-
-    Attributes
-    ----------
-    V : (n, m) vectors with orthonormal displacements.
-    K, R, M : (m, m) projected matrices.
-    W : (s, 2 m) sampled rows of the columns of K^-1 R V and -K^-1 M V in turn.
-    """
-
-    V: Array
-    K: Array
-    R: Array
-    M: Array
-    W: Array
-
-    def extend(self, vectors: Array, problem: Problem, at_rest: Solver, sample: Ints) -> _Basis:
-        """Return the basis with vectors (n, j) of `_independent` added; `at_rest` has factorised K."""
+    def extend(self, vectors: Array, problem: Problem, at_rest: Solver, sample: Ints) -> ReducedSystem:
+        """Return the system with vectors (n, j) of `_independent` added; `at_rest` has factorised K."""
         V = np.hstack([self.V, vectors])
         K, R, M = (_times(matrix, vectors) for matrix in (problem.K, problem.R, problem.M))
         loads = np.stack([R, -M], axis=2).reshape(len(V), -1)
-        return _Basis(
-            V,
-            _bordered(self.K, V.T @ K),
-            _bordered(self.R, V.T @ R),
-            _bordered(self.M, V.T @ M),
-            np.hstack([self.W, _refined(at_rest, problem.K, loads)[sample]]),
+        return replace(
+            self,
+            V=V,
+            K=_bordered(self.K, V.T @ K),
+            R=_bordered(self.R, V.T @ R),
+            M=_bordered(self.M, V.T @ M),
+            b=V.T @ problem.b,
+            W=np.hstack([self.W, _refined(at_rest, problem.K, loads)[sample]]),
         )
-
-    def system(self, b: Array, rounds: int, stability: Stability) -> ReducedSystem:
-        """Return the system for right-hand sides b (n, k) on the span of the basis."""
-        return ReducedSystem(self.V, self.K, self.R, self.M, self.V.T @ b, rounds + 1, stability)
 
 
 def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = TOLERANCE) -> ReducedSystem:
@@ -157,31 +139,30 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     SingularMatrixError
         K is singular.
     """
-    n, moving_part, residual, worst = len(problem.b), problem.moving, problem.b, 0
+    n, residual, worst = len(problem.b), problem.b, 0
     best: ReducedSystem | None = None
-    sample = np.unique(np.linspace(0, moving_part - 1, SAMPLED).astype(np.int64))
-    none = np.empty((0, 0))
-    basis = _Basis(np.empty((n, 0)), none, none, none, np.empty((len(sample), 0)))
+    sample = np.unique(np.linspace(0, problem.moving - 1, SAMPLED).astype(np.int64))
     at_rest, moving = Solver(), Solver()
     at_rest.factorise(problem.K)
-    static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - moving_part)
+    static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - problem.moving)
+    none, no_rows = np.empty((0, 0)), np.empty((len(sample), 0))
+    system = ReducedSystem(np.empty((n, 0)), none, none, none, none, no_rows, 1, stability)
     # with the static solutions the slow limit is exact
-    basis = basis.extend(_independent(static, basis.V, moving_part), problem, at_rest, sample)
+    system = system.extend(_independent(static, system.V, problem.moving), problem, at_rest, sample)
     for rounds in range(1, MOST_ROUNDS + 1):
         shifted = problem.at(float(c[worst].real), float(eigenvalues[worst]))
         moving.factorise(shifted)
-        vectors = _independent(_local_vectors(moving, shifted, problem, residual), basis.V, moving_part)
+        vectors = _independent(_local_vectors(moving, shifted, problem, residual), system.V, problem.moving)
         if vectors.size:
-            basis = basis.extend(vectors, problem, at_rest, sample)
-        system = basis.system(problem.b, rounds, stability)
+            system = system.extend(vectors, problem, at_rest, sample)
         y = system.solve(c, eigenvalues)
-        errors = _errors(static[sample], basis.V[sample], basis.W, y, c, eigenvalues)
+        errors = _errors(static[sample], system.V[sample], system.W, y, c, eigenvalues)
         worst = int(np.argmax(errors))
         if best is None or errors[worst] < best.error:
-            best = replace(system, error=float(errors[worst]))
+            best = replace(system, factorisations=rounds + 1, error=float(errors[worst]))
         if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + STALLED_ROUNDS:
             break
-        residual = _residual(problem, basis.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
+        residual = _residual(problem, system.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
     assert best is not None
     if best.error > max(tolerance, ACCEPTED):
         raise NotReachedError(f"the reduced basis has an error of {best.error:.2g}, above {tolerance:g}")
@@ -250,7 +231,7 @@ def _errors(static: Array, V: Array, W: Array, y: Complex, c: Complex, eigenvalu
 
     Parameters
     ----------
-    static, V, W : rows of K^-1 b (n, k), of the basis (n, m), and of `_Basis.W`, over which the norms are taken.
+    static, V, W : rows of K^-1 b (n, k), of the basis (n, m), and `ReducedSystem.W`, over which the norms are taken.
     y : (f, m, k) solutions.
     """
     (f, m, k), rows = y.shape, len(static)
