@@ -46,7 +46,6 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.analyses.modes import eigen, find_contact, frequency_unit, inertia_of_magnet, pressed_sensor
 from fem.equilibrium import start_path
 from fem.model import coulomb_friction, element_assembly, plate_contact, single_order
-from fem.model.elements import Surface
 from fem.model.material import lame
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
@@ -232,11 +231,6 @@ class ContactPressure:
     by_motion: Array
 
 
-def _rise(skin: Surface, u: Array, normal: Array) -> Array:
-    """Return the displacement (k, q) of the skin along the normal of the plate, for nodal fields u."""
-    return np.asarray(skin.displacement(u) @ normal) if normal[0] else skin.upward_displacement(u)
-
-
 def read_pressure(block: Block, V: Array) -> ContactPressure:
     """Return the pressure of the contact area for small motions V (n, m) of a body under a plate."""
     state, plate, skin = block.state, block.plate, block.state.skin
@@ -256,7 +250,7 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
     at_rest = en * over_lines(overlap) / divisor
     # the skin's displacement is linear in the unknowns, that of the magnet's surface is not
     normal = plate.frame[2]
-    moves = [over_lines(_rise(skin, system.state(state.q + v).u - at_state.u, normal)) for v in V.T]
+    moves = [over_lines(skin.displacement(system.state(state.q + v).u - at_state.u) @ normal) for v in V.T]
     changes = en * np.stack(moves, axis=1) / divisor[:, None]
     plate_moves = en * np.array([[-normal @ _motion_vector(motion) for motion in block.motions]] * len(area))
     if system.elements.angles.fields == ORDER_FIELDS:  # the first of its two angles is 0, where the cosine is 1

@@ -108,15 +108,6 @@ class Surface:
         """Whether the skin lies on both sides of the planes x = 0 and y = 0."""
         return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -1e-9)
 
-    @functools.cached_property
-    def upward_spread(self) -> Array:
-        """(f fields, q) displacements of a facet's points along z by its nodal fields."""
-        return np.ascontiguousarray(self.spread[:, 2::3])
-
-    def upward_displacement(self, u: Array) -> Array:
-        """Return the displacements of the points along z, shape (k, q), for nodal fields (n, fields)."""
-        return np.asarray(u.take(self.nodes, axis=0).reshape(len(self.nodes), len(self.spread)) @ self.upward_spread)
-
     def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
         """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.
 

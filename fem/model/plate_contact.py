@@ -111,8 +111,6 @@ def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
     """
     if plate.height is None:
         return np.full(surface.weights.shape, -np.inf)
-    if not plate.tilt:
-        return surface.points[..., 2] - plate.height + surface.upward_displacement(u)
     n = plate.frame[2]
     rest = n[2] * (surface.points[..., 2] - plate.height) + n[0] * surface.points[..., 0]
     return np.asarray(rest + surface.displacement(u) @ n)
@@ -190,7 +188,7 @@ def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, 
     Both have shape (k, q); None where no skin is below the base. The base is wider than the beam, and frictionless
     there. Without this contact the skin would fold at the clamp in a deep press.
     """
-    depth = surface.points[..., 2] + surface.upward_displacement(u)
+    depth = surface.points[..., 2] + surface.displacement(u)[..., 2]
     below = depth < 0
     return (np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)) if below.any() else None
 
