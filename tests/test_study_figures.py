@@ -119,8 +119,8 @@ def test_the_decoded_force_has_dashes_of_its_own():
 
 
 def test_an_undamped_oscillator_does_not_stretch_the_axis():
-    gains = {"frequency_Hz": [1.0, 2.0], "finite elements": [1.0, 3.0], "undamped": [1.0, 1e6]}
-    figure = time_figures.oscillators(folder_contents.frame_of(gains), ["undamped"])
+    gains = {"finite elements": np.array([1.0, 3.0]), "undamped": np.array([1.0, 1e6])}
+    figure = time_figures.oscillators(np.array([1.0, 2.0]), gains, ["undamped"])
     assert figure.data["shift per N over that at 1 Hz"].max() == 3
 
 

@@ -195,6 +195,7 @@ def heat(
     value: str,
     *,
     edges: Sequence[float] = (),
+    colours: Mapping[str, str] = {},
     columns: int = 3,
 ) -> Figure:
     """Return a map of a value over two axes: a cell for each row of the table.
@@ -203,6 +204,7 @@ def heat(
     ----------
     axes : columns of the horizontal and of the vertical axis; numbers stand in rising order.
     edges : bounds of the classes of values, each with its colour; empty for colours that change gradually.
+    colours : colours of values that are names.
     """
     import altair as alt
 
@@ -211,8 +213,8 @@ def heat(
     panels = list(dict.fromkeys(data["panel"])) if "panel" in data else []
     columns = 2 if len(panels) == 4 else min(columns, len(panels)) or 1
     width, height = min(WIDTH / columns - 20, 60.0 * wide), max(120.0, min(300.0, 26.0 * high))
-    known = np.isfinite(data[value].astype(float))
-    cells, shade = _shaded(data, known, value, edges)
+    known = data[value].notna() if _is_named(data, value) else np.isfinite(data[value].astype(float))
+    cells, shade = _shaded(data, known, value, edges, colours)
     base = alt.Chart().encode(
         x=alt.X(**_cell_axis(data, x)),
         y=alt.Y(**_cell_axis(data, y, "descending")),
@@ -389,20 +391,24 @@ def _cell_axis(data: pd.DataFrame, name: str, sort: str = "ascending") -> dict[s
     """Return the encoding of an axis of a map: numbers in order, names as the table has them."""
     import altair as alt
 
-    if _is_named(data, name):
-        names = list(dict.fromkeys(data[name]))
-        order: Any = names if sort == "ascending" else names[::-1]
-        axis = alt.Axis(labelAngle=0, labelOverlap=True)
-    else:
-        order = sort
-        axis = alt.Axis(labelAngle=0, labelOverlap=True, labelExpr="format(datum.value, '.3~g')")
-    return {"field": escaped(name), "type": "ordinal", "sort": order, "axis": axis, "title": name}
+    # cells without a value have a place, too
+    values = list(dict.fromkeys(data[name])) if _is_named(data, name) else np.unique(data[name]).tolist()
+    texts = {} if _is_named(data, name) else {"labelExpr": "format(datum.value, '.3~g')"}
+    axis = alt.Axis(labelAngle=0, labelOverlap=True, **texts)
+    scale = alt.Scale(domain=values if sort == "ascending" else values[::-1])
+    return {"field": escaped(name), "type": "ordinal", "scale": scale, "sort": None, "axis": axis, "title": name}
 
 
-def _shaded(data: pd.DataFrame, known: Any, value: str, edges: Sequence[float]) -> tuple[pd.DataFrame, Any]:
+def _shaded(
+    data: pd.DataFrame, known: Any, value: str, edges: Sequence[float], colours: Mapping[str, str] = {}
+) -> tuple[pd.DataFrame, Any]:
     """Return the cells of a map with the class of each, where there are classes, and the encoding of its colour."""
     import altair as alt
 
+    if colours:
+        scale = alt.Scale(domain=list(colours), range=list(colours.values()))
+        legend = alt.Legend(columns=6, title=value, symbolStrokeColor="#999999", symbolStrokeWidth=1)
+        return data, alt.Color(field=escaped(value), type="nominal", scale=scale, legend=legend, sort=None)
     if edges:
         ends = [short(edge).replace("-", "\N{MINUS SIGN}") for edge in edges]
         names = [f"below {ends[0]}", *map(" to ".join, itertools.pairwise(ends)), f"above {ends[-1]}"]
@@ -468,7 +474,8 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
         names = [*first, *(name for name in present if name not in first)]
         more = {"range": [values[k % len(values)] for k in range(len(names))]} if values else {}
         columns = max(1, int(WIDTH / (LETTER * max(map(len, present), default=1) + 34)))
-        legend = alt.Legend(columns=columns, values=present) if named and any(present) else None
+        kept = {"symbolType": "stroke", "symbolSize": 300} if look.dashed else {}
+        legend = alt.Legend(columns=columns, values=present, **kept) if named and any(present) else None
         return kind(field=column, type="nominal", scale=alt.Scale(domain=names, **more), legend=legend, sort=None)
 
     dashes = style(alt.StrokeDash, "dash", DASHES, named=not marked) if "dash" in data else None

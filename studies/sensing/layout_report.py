@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +12,13 @@ from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
 from geometry.messages import Progress
 from studies.inputs.option_groups import Basis
+from studies.output.figures import picture, save
 from studies.output.result import Result, Table, Writer
 from studies.sensing import (
     decode_readings,
     force_range,
+    layout_figures,
     layout_metrics,
-    layout_plots,
     layout_search,
     layout_uniqueness,
 )
@@ -86,7 +88,7 @@ def run(job: Job, progress: Progress) -> Result:
     claim = layout_uniqueness.run(design, progress) if job.claim else None
     files: dict[str, Writer] = {
         "layout.csv": lambda path: _write_map(path, coder, poses),
-        "layout.png": lambda path: layout_plots.maps(path, coder, poses, basis.clearance),
+        "layout.png": lambda path: save(path, layout_figures.maps(coder, poses, basis.clearance)),
     }
     record, shown, tables = layout.row(), [Table(title="Layout", rows=[_shown(layout)])], {}
     if search is not None:
@@ -95,7 +97,7 @@ def run(job: Job, progress: Progress) -> Result:
     if claim is not None:
         record["claim"] = claim.row()
         tables["claim"] = [row.row() for row in claim.heights]
-        files["claim.png"] = lambda path: layout_plots.claim(path, claim.heights, design.c)
+        files["claim.png"] = partial(picture, rows=tables["claim"], draw=partial(layout_figures.claim, c=design.c))
         shown.append(Table(title="Claim", rows=_shown_claim(claim)))
     if loads is not None and forces is not None:
         record["force_range"] = forces.row()

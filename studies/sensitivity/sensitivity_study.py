@@ -29,11 +29,12 @@ from studies import cases
 from studies.inputs import study_axes, user_input
 from studies.inputs.user_input import AccuracyName
 from studies.output import page_templates
+from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Writer
 from studies.output.text_tables import heading, titled
 from studies.sensing.field_readings import columns as element_columns
-from studies.sensitivity import beam_motions, global_sensitivity, made_sensors, sensitivity_plots
+from studies.sensitivity import beam_motions, global_sensitivity, made_sensors, uncertainty_figures
 from studies.sensitivity.beam_motions import MODELS, Press, sampled_cases, sampled_outputs
 from studies.sensitivity.calibration import AxisSpread, CalibrationSpread, calibration_spread, percentile
 from studies.sensitivity.global_sensitivity import Ranges
@@ -450,7 +451,7 @@ def run(request: Request, progress: Progress) -> Result:
         tables=_tables(found),
         files=_pictures(found),
         pages={"SENSITIVITY.md": page(request, found)},
-        packages=("SALib", "matplotlib"),
+        packages=("SALib",),
         remarks=[] if lost else said,
         failures=said if lost else [],
     )
@@ -471,12 +472,12 @@ def _tables(found: Mapping[str, Found]) -> dict[str, list[FlatRow]]:
 def _pictures(found: Mapping[str, Found]) -> dict[str, Writer]:
     """Return the pictures by the names of their files."""
     files: dict[str, Writer] = {}
-    for name, draw in {"sobol": sensitivity_plots.sobol, "morris": sensitivity_plots.morris}.items():
+    for name, draw in {"sobol": uncertainty_figures.sobol, "morris": uncertainty_figures.morris}.items():
         if name in found:
-            files[f"{name}.png"] = partial(draw, rows=[SimpleNamespace(**row) for row in found[name].rows])
+            files[f"{name}.png"] = partial(picture, rows=found[name].rows, draw=draw)
     if "montecarlo" in found:
-        made, unit = found["montecarlo"], found["montecarlo"].rows[0]["unit"]
-        files["montecarlo.png"] = partial(sensitivity_plots.monte_carlo, axes=made.axes, unit=unit)
+        sensors = found["montecarlo"].each
+        files["montecarlo.png"] = partial(picture, rows=sensors, draw=uncertainty_figures.made_sensors)
     return files
 
 

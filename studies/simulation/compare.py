@@ -23,9 +23,10 @@ from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
 from geometry.messages import Progress
+from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, failure_of
-from studies.simulation import comparison_findings
+from studies.simulation import comparison_figures, comparison_findings
 from studies.simulation.comparison_rows import (
     NAN,
     Kind,
@@ -133,8 +134,6 @@ def study(
 
 def result_of(design: Design, comparison: Comparison, chosen: Chosen | None = None) -> Result:
     """Return tables, pictures and sentences of a comparison."""
-    from studies.simulation import comparison_plots
-
     press, shear, summary = comparison.press, comparison.shear, comparison.summary
     rows = [*press, *shear]
     shown: list[Block] = [_table("Press", press), _table("Shear", shear)]
@@ -147,8 +146,8 @@ def result_of(design: Design, comparison: Comparison, chosen: Chosen | None = No
         shown=shown,
         tables={"press": press, "shear": shear},
         files={
-            "press.png": partial(comparison_plots.press, design=design, rows=press),
-            "shear.png": partial(comparison_plots.shear, design=design, rows=shear),
+            "press.png": partial(picture, rows=press, draw=comparison_figures.press),
+            "shear.png": partial(picture, rows=shear, draw=comparison_figures.shear),
         },
         failures=[*lost, *failure_of([row for row in rows if row["status"] not in ANSWERED])],
         design=asdict(design),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analytic.relaxation_loops import loop
@@ -14,9 +13,10 @@ from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes, relaxation_of
+from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Interrupted, Result, Table, failure_of
-from studies.simulation import cycle_report
+from studies.simulation import cycle_report, time_figures
 from studies.simulation.cycle_motion import Motion
 from studies.simulation.cycle_report import Cycles, Static
 
@@ -83,17 +83,18 @@ def study(
         *inertia_warnings(motion, lowest),
         *(text for one in followed for text in doubts(static, one)),
     ]
+    states = [{"law": one.law} | state.row(one.unit) for one in followed for state in one.states]
     said = [*findings(followed[0]), *([found["sentence"]] if found else []), *sentences]
     return Result(
         title="Loops",
         records=[record | {"frequency_Hz": motion.frequency, "warnings": warned, "notes": sentences}],
         shown=[*map(_table, followed), *(f"{sentence}." for sentence in said)],
         tables={
-            "cycle": [{"law": one.law} | state.row(one.unit) for one in followed for state in one.states],
+            "cycle": states,
             "loops": [{"law": one.law} | asdict(row) for one in followed for row in one.loops],
         },
         digits=9,
-        files={"cycle.png": partial(_picture, motion=motion, followed=followed)},
+        files={"cycle.png": partial(picture, rows=states, draw=time_figures.cycle)},
         warnings=warned,
         failures=failure_of([*(one.row() for one in followed), *([found] if found else [])]),
         design=asdict(design),
@@ -103,12 +104,6 @@ def study(
 def _table(cycles: Cycles) -> Table:
     law = "linear overstresses" if cycles.law == "prony" else "law for large rates"
     return Table(title=f"Loops, {law}", rows=[asdict(row) for row in cycles.loops])
-
-
-def _picture(path: Path, motion: Motion, followed: Sequence[Cycles]) -> None:
-    from studies.simulation import cycle_plot
-
-    cycle_plot.draw(path, motion, *(one.states for one in followed))
 
 
 def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:

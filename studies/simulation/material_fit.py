@@ -20,9 +20,17 @@ from geometry.messages import Progress
 from geometry.prony import branches_text
 from geometry.relaxation import range_text
 from studies.output.atomic_files import write_text
+from studies.output.figures import save
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Texts
-from studies.simulation import branch_regression, law_regression, law_selection, relaxation_test, tensile_test
+from studies.simulation import (
+    branch_regression,
+    fit_figures,
+    law_regression,
+    law_selection,
+    relaxation_test,
+    tensile_test,
+)
 from studies.simulation.branch_regression import BranchFit, thinned
 from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
 from studies.simulation.law_selection import Judged
@@ -135,11 +143,9 @@ def _law_tables(rows: Sequence[FlatRow], *, wide: bool) -> list[Block]:
 
 
 def _draw_laws(path: Path, data: Specimen, fits: Sequence[Fit], nu: float) -> None:
-    from studies.simulation import fit_plot
-
     smooth = np.geomspace(min(1.0, data.stretch.min()), max(1.0, data.stretch.max()), 300)
-    curves = {fit.law: [_stress(fit, x, nu).tolist() for x in (smooth, data.stretch)] for fit in fits}
-    fit_plot.draw(path, data.stretch.tolist(), data.stress.tolist(), smooth.tolist(), curves)
+    curves = {fit.law: (_stress(fit, smooth, nu), _stress(fit, data.stretch, nu)) for fit in fits}
+    save(path, fit_figures.laws(data.stretch, data.stress, smooth, curves))
 
 
 def _stress(fit: Fit, stretch: Array, nu: float) -> Array:
@@ -277,11 +283,9 @@ def _branch_tables(rows: Sequence[FlatRow], chosen: BranchFit, test: Test, *, wi
 
 
 def _draw_branches(path: Path, test: Test, fit: BranchFit) -> None:
-    from studies.simulation import relaxation_plot
-
     smooth = replace(test, at=np.geomspace(test.at[0], test.at[-1], 400))
     curves = (branch_regression.model(each, fit) for each in (smooth, test))
-    relaxation_plot.draw(path, test, smooth.at, *curves)
+    save(path, fit_figures.branches(test, smooth.at, *curves))
 
 
 def is_usable(fit: BranchFit, test: Test) -> bool:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometry.arrays import Array
 from studies.output.figures import Figure, Guide, Look, numbers, plot, texts
 
 if TYPE_CHECKING:
@@ -86,19 +88,23 @@ def _curves(table: pd.DataFrame, columns: list[str], names: list[str], y: str, *
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"frequency (Hz)": [], y: [], "panel": []})
 
 
-def oscillators(table: pd.DataFrame, undamped: list[str]) -> Figure:
+def oscillators(frequency: Array, gains: Mapping[str, Array], undamped: Sequence[str]) -> Figure:
     """Return the gain of the magnet's shift per N beside that of oscillators, over its value at the first frequency.
 
     Parameters
     ----------
-    table : `frequency_Hz`, and a gain for each model by its name.
+    frequency : Hz, shape (f,).
+    gains : of each model by its name, shape (f,).
     undamped : oscillators whose gain has no largest value.
     """
-    gains = table.set_index("frequency_Hz").rename_axis("frequency (Hz)")
-    gains = gains / gains.iloc[0]
-    label = f"shift per N over that at {gains.index[0]:.4g} Hz"
-    top = HIGHEST * float(gains.drop(columns=undamped).max(axis=None))
-    data = gains.where(gains <= top).reset_index().melt("frequency (Hz)", var_name="series", value_name=label)
+    import pandas as pd
+
+    relative = {name: gain / gain[0] for name, gain in gains.items()}
+    label = f"shift per N over that at {frequency[0]:.4g} Hz"
+    top = HIGHEST * max(float(gain.max()) for name, gain in relative.items() if name not in undamped)
+    parts = [pd.DataFrame({"frequency (Hz)": frequency, label: gain, "series": n}) for n, gain in relative.items()]
+    data = pd.concat(parts, ignore_index=True)
+    data = data[data[label] <= top]
     caption = "Motion of the magnet per N by finite elements and by oscillators of one and two masses."
     return plot(
         "Motion of the magnet beside oscillators", caption, data, "frequency (Hz)", label, Look(log="xy", dashed=True)

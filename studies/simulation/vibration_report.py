@@ -16,15 +16,17 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes
+from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
 from studies.output.result import Block, Lines, Result, Table, Writer, failure_of
-from studies.simulation import oscillator_ladder, resonance_peaks, response_curves
+from studies.simulation import oscillator_ladder, resonance_peaks, response_curves, time_figures
 from studies.simulation.motion_report import lines, mesh_warnings, report_motion
 from studies.simulation.resonance_peaks import BAND
 from studies.simulation.response_curves import At, Curves
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
+    from fem.scene import Scene
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
 """Files that a folder of results may hold, beside run.json."""
@@ -144,14 +146,22 @@ def _solve(
         rows += response_curves.rows(table, coarse.get(name), sensor.scene)
         tops += [rung["peak_Hz"] for rung in ladder if rung["motion"] == name and rung["peak_Hz"] is not None]
         drawn = at(resonance_peaks.around(tops, table.frequency))[name]
-        pictures[f"response_{name}.png"] = partial(_draw, curves=drawn, models=models.get(name, {}))
+        pictures[f"response_{name}.png"] = partial(
+            _draw, curves=drawn, scene=sensor.scene, models=models.get(name, {})
+        )
     return Vibration(motions, rows, ladder, pictures, sensor.scene.design)
 
 
-def _draw(path: Path, curves: Curves, models: oscillator_ladder.Models) -> None:
-    from studies.simulation import bode_plot
-
-    bode_plot.draw(path, curves, {name: response(curves.frequency) for name, (_, response) in models.items()})
+def _draw(path: Path, curves: Curves, scene: Scene, models: oscillator_ladder.Models) -> None:
+    """Write the readings over the frequency, and the magnet's motion beside oscillators where there is a force."""
+    drawn = time_figures.response(table_of(response_curves.rows(curves, None, scene)))
+    if curves.force is not None and models:
+        responses = {name: response(curves.frequency) for name, (_, response) in models.items()}
+        gains = {"finite elements": np.abs(curves.along / curves.force)}
+        gains |= {name: np.abs(response) for name, response in responses.items()}
+        undamped = [name for name, response in responses.items() if not np.iscomplex(response).any()]
+        drawn.append(time_figures.oscillators(curves.frequency, gains, undamped))
+    save(path, drawn)
 
 
 def _coarse_curves(

@@ -8,9 +8,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from studies.output.atomic_files import write_json
+from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Writer
 from studies.output.text_tables import markdown
+from studies.sizing import sizing_figures
 from studies.sizing.front_solves import FrontPoint, largest_differences
 
 if TYPE_CHECKING:
@@ -69,8 +71,6 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
     origin, command : what sizing.json states as its origin.
     wide : whether the terminal shows all columns of the front.
     """
-    from studies.sizing import front_plot
-
     whole, made_sensors = record(sizing, origin, command), sizing.winner_yield
     rows = [point.row() for point in sizing.front]
     shown: list[Block] = []
@@ -79,7 +79,7 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
         main = rows if wide else [{name: row[name] for name in (*FRONT, "status", "reason")} for row in rows]
         first = ("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "outer_size_mm")
         shown.append(Table(title=f"Front: {len(rows)} points, solved by finite elements", rows=main, first=first))
-        files["front.png"] = lambda path: front_plot.draw(path, sizing.front)
+        files["front.png"] = partial(picture, rows=rows, draw=sizing_figures.front)
     if rows and made_sensors is not None:
         shown.append(
             f"Yield of the first: {100 * made_sensors.share:.3g} % of {made_sensors.count} made sensors are within "
