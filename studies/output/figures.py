@@ -457,7 +457,9 @@ def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -
     # d3 writes many zeros before it turns to powers of ten
     powers = {"format": "~e"} if 0 < most < 1e-3 or 1e6 <= most < np.inf else {}
     axis = alt.Axis(tickCount=ticks, **powers)
-    scale = alt.Scale(zero=zero, padding=9, nice=way == "y")
+    # a margin below zero would show numbers that no value has
+    padding = 0 if way == "y" and (zero or low == 0) else 9
+    scale = alt.Scale(zero=zero, padding=padding, nice=way == "y")
     return kind(field=escaped(name), type="quantitative", scale=scale, axis=axis, title=name)
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic import beam
 from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, heat, long, numbers, plot, texts
 from studies.simulation import beam_cells
-from studies.simulation.beam_cells import Body, Cells, Columns, Kind
+from studies.simulation.beam_cells import Cells, Columns, Kind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,48 +36,58 @@ def _assumption_maps(columns: Columns, levels: list[str]) -> Iterator[Figure]:
     nu = max(body.nu for body in bodies)
     kinds: tuple[Kind, ...] = ("press", "shear")
     for kind in kinds:
-        grids = [(body, beam_cells.cells(columns, body, kind)) for body in bodies if body.nu == nu]
-        grids = [(body, grid) for body, grid in grids if grid.row.size]
+        grids = [beam_cells.cells(columns, body, kind) for body in bodies if body.nu == nu]
+        grids = [grid for grid in grids if grid.row.size]
         for quantity in beam_cells.QUANTITIES[kind] if grids else ():
             for level in levels:
-                yield _assumption_map(columns, grids, quantity, level)
+                yield error_map(columns, grids, quantity, level)
 
 
-def _assumption_map(columns: Columns, grids: list[tuple[Body, Cells]], quantity: str, level: str) -> Figure:
-    """Return the map of one quantity and level."""
-    import pandas as pd
-
-    kind = grids[0][1].kind
-    load = "depth/D" if kind == "press" else "depth/D / shear/D"
-    parts = []
-    for body, grid in grids:
-        errors = beam_cells.errors(columns, grid, level, quantity)
-        lines, places = (k.ravel() for k in np.indices(errors.shape))
-        part = {
-            "depth": grid.loads[lines, 0],
-            "shear": grid.loads[lines, 1],
-            "L/D": grid.slenderness[places].round(3),
-        }
-        parts.append(pd.DataFrame(part | {"error (%)": errors.ravel()}).assign(panel=body.name))
-    data = pd.concat(parts, ignore_index=True).sort_values(["depth", "shear"], kind="stable", ignore_index=True)
-    pairs = zip(data["depth"], data["shear"], strict=True)
-    data[load] = [float(f"{d:.3g}") if kind == "press" else f"{d:.3g} / {s:.3g}" for d, s in pairs]
-    data = data.sort_values(
-        "panel", kind="stable", key=lambda names: names.map([body.name for body, _ in grids].index)
-    )
-    judged = data["error (%)"].dropna().abs()
+def error_map(columns: Columns, grids: Sequence[Cells], quantity: str, level: str) -> Figure:
+    """Return the map of the errors of one quantity by one level, a panel for each of the grids."""
+    error = "error (%)"
+    data, axes = map_cells(grids, lambda grid: beam_cells.errors(columns, grid, level, quantity), error)
+    judged = data[error].dropna().abs()
     shares = [100 * float((judged <= bound).mean()) if len(judged) else 0.0 for bound in (5, 10)]
     caption = (
         f"Of {len(judged)} cells {shares[0]:.0f} % are within 5 % and {shares[1]:.0f} % within 10 % of finite "
-        "elements. Empty cells: the magnet does not fit, the solve stopped, or the beam gave way."
+        "elements. Crosses: the solve stopped, or the beam gave way. Empty cells: the magnet does not fit, or the "
+        "level has no answer."
     )
-    nu = grids[0][0].nu
+    nu = grids[0].body.nu
     others = ", ".join(f"{other:g}" for other in sorted({body.nu for body in beam_cells.bodies(columns)} - {nu}))
     if others:
         caption += f" Poisson's ratio {nu:g}; the table also has {others}."
-    data = data[["panel", "L/D", load, "error (%)"]]
-    title = f"Error of the {quantity}, level {level}"
-    return heat(title, caption, data, ("L/D", load), "error (%)", edges=ERROR_EDGES)
+    return heat(f"Error of the {quantity}, level {level}", caption, data, axes, error, edges=ERROR_EDGES)
+
+
+def map_cells(
+    grids: Sequence[Cells], values: Callable[[Cells], NDArray[Any]], name: str
+) -> tuple[pd.DataFrame, tuple[str, str]]:
+    """Return the cells of grids as the table of a map, a panel for each, and its axes.
+
+    Parameters
+    ----------
+    values : of the cells of a grid, shape (loads, lengths).
+    name : column of the values.
+    """
+    import pandas as pd
+
+    press = grids[0].kind == "press"
+    load = "depth/D" if press else "depth/D / shear/D"
+    parts = []
+    for grid in grids:
+        cells = values(grid)
+        line, place = (k.ravel() for k in np.indices(cells.shape))
+        part = {"depth": grid.loads[line, 0], "shear": grid.loads[line, 1], "L/D": grid.slenderness[place].round(3)}
+        part |= {name: cells.ravel(), "failed": ((grid.possible & ~grid.answered) | grid.gave_way).ravel()}
+        parts.append(pd.DataFrame(part).assign(panel=grid.body.name))
+    data = pd.concat(parts, ignore_index=True).sort_values(["depth", "shear"], kind="stable", ignore_index=True)
+    pairs = zip(data["depth"], data["shear"], strict=True)
+    data[load] = [float(f"{d:.3g}") if press else f"{d:.3g} / {s:.3g}" for d, s in pairs]
+    order = [grid.body.name for grid in grids]
+    data = data.sort_values("panel", kind="stable", key=lambda names: names.map(order.index))
+    return data[["panel", "L/D", load, name, "failed"]], ("L/D", load)
 
 
 def readings(table: pd.DataFrame) -> list[Figure]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from fem.results.error_estimates import table_rows
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.output.checkpoint import solved_at
+from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
+from studies.report import verdict_figures
 from studies.simulation.model_choice import rounded_up
 from studies.validation import error_study, error_study_cases, pages
 from studies.validation.error_study import (
@@ -35,24 +38,6 @@ FILES = ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv")
 """Files that `write` writes into a folder."""
 LEAST_STATES = 8
 """Coverage and sharpness of fewer states are not compared with their goals."""
-COLOURS = {
-    "press": "#0072B2",
-    "deep": "#000000",
-    "pressed": "#56B4E9",
-    "stick": "#D55E00",
-    "far": "#882255",
-    "grip": "#009E73",
-    "friction": "#E69F00",
-    "half": "#CC79A7",
-    "critical": "#999999",
-    "small shear": "#F0E442",
-    "modes": "#6A3D9A",
-}
-"""Colours of the scenes, and of all states of the half model."""
-TITLES = {"sideways": "sideways force", "depth": "critical depth", "stiffness": "small-shear stiffness"}
-MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
-LEAST = 1e-3
-"""Least true error of the picture, %; smaller errors are drawn at this value."""
 
 
 Frame = Any
@@ -101,7 +86,7 @@ def result(states: Sequence[Row], *, quick: bool) -> Result:
         ],
         tables={"accuracy": states, "error_rules": rules(states)},
         digits=9,
-        files={"errors.png": lambda path: picture(path, states)},
+        files={"errors.png": partial(picture, rows=states, draw=verdict_figures.accuracy)},
         pages={"ACCURACY.md": page},
         failures=failures(posed),
     )
@@ -265,51 +250,3 @@ def _rule_of(row: Row) -> tuple[str, str, str]:
     if row["model"] == "half":
         return "solid press" if scene == "press" else "solid", row["magnet"], quantity
     return scene, row["magnet"], "pressed frequency" if quantity == "frequency" and row["depth_mm"] else quantity
-
-
-def picture(path: Path, states: Sequence[Row]) -> None:
-    """Plot estimates over true errors of each quantity; between the two lines an estimate covers and is sharp."""
-    from matplotlib.lines import Line2D
-
-    from studies.output.table_plots import sheet
-
-    with sheet(path, 11.0, 6.4, dpi=200) as figure:
-        grid = figure.subplots(2, -(-len(QUANTITIES) // 2), sharex=True, sharey=True)
-        axes = grid.ravel().tolist()
-        for axis, name in zip(axes, QUANTITIES, strict=False):
-            _scatter(axis, states, name)
-            axis.tick_params(labelbottom=True)
-        for unused in axes[len(QUANTITIES) :]:
-            unused.set_axis_off()
-        for first in grid[:, 0]:
-            first.set_ylabel("estimate (%)")
-        figure.supxlabel("true error (%)")
-        grey: dict[str, Any] = {"color": "#555555", "linestyle": ""}
-        handles = [Line2D([], [], marker=mark, label=level, **grey) for level, mark in MARKERS.items()]
-        lines = {"estimate = error": "-", f"estimate = {SHARP:g} errors": "--"}
-        handles += [Line2D([], [], color="black", linewidth=1, linestyle=a, label=text) for text, a in lines.items()]
-        scenes = {"half" if state["model"] == "half" else state["scene"] for state in states}
-        handles += [
-            Line2D([], [], marker="o", linestyle="", color=COLOURS[n], label=n) for n in COLOURS if n in scenes
-        ]
-        # there is one panel more than quantities: it holds the legend
-        small = {"fontsize": 9.5, "columnspacing": 1.0, "handlelength": 1.6}
-        axes[-1].legend(handles=handles, loc="center", ncols=2, frameon=False, **small)
-
-
-def _scatter(axis: Any, states: Sequence[Row], name: str) -> None:
-    from studies.output.table_plots import log_numbers
-
-    frame = errors_of(states)
-    for row in frame[frame.quantity == name].itertuples():
-        look = {"marker": MARKERS[row.level], "color": COLOURS["half" if row.model == "half" else row.scene]}
-        place = max(100 * row.error, LEAST), 100 * row.estimate
-        axis.plot(*place, linestyle="", markersize=4.5, markeredgewidth=0, alpha=0.55, **look)
-    ends = [LEAST, 20]
-    axis.plot(ends, ends, color="black", linewidth=1)
-    axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
-    axis.set(xscale="log", yscale="log", title=TITLES.get(name, name), xlim=ends, ylim=(5e-3, 20))
-    for way in "xy":
-        log_numbers(axis, way)
-    # a number at the left end would lie upon the last one of the panel beside it
-    axis.set_xticks([1e-2, 1e-1, 1, 10])

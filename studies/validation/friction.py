@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from geometry.bad_input import SolveFailed
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
+from studies.output.figures import Figure, Guide, Look, plot, save, table_of
 from studies.output.result import Result, Table
 from studies.validation import pages
 from studies.validation.pages import Row
@@ -86,7 +86,7 @@ def result(checks: Sequence[Row], curves: Sequence[Sequence[Solution]], loop: Se
         shown=[Table(title="Friction", rows=checks, first=("quantity", "value", "expected", "passed"))],
         tables={"friction": checks},
         digits=9,
-        files={"friction.png": lambda path: draw_friction(path, curves, loop)},
+        files={"friction.png": lambda path: save(path, draw_friction(curves, loop))},
         pages={"FRICTION.md": pages.rendered("friction.md.j2", rows=checks, heads=heads)},
         failures=pages.failed(missed, len(checks), "checks fail"),
     )
@@ -198,22 +198,21 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
     return _check("tilted plate", name, along / across, mu, 0.01)
 
 
-def draw_friction(path: Path, curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> None:
-    """Draw the ratio of tangential to normal force over the shear for several mu, and a cycle of shear."""
-    from studies.output.table_plots import COLOURS, FEM, canvas, label
+def draw_friction(curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> list[Figure]:
+    """Return the ratio of tangential to normal force over the shear for several mu, and a cycle of shear."""
+    x, ratio = "shear (mm)", "tangential over normal force"
+    rows = [
+        {x: state.load.shear_x, ratio: state.response.force[0] / state.response.force[2], "series": _name(states)}
+        for states in curves
+        for state in states
+    ]
+    guides = tuple(Guide("y", float(states[0].load.friction)) for states in curves)
+    figures = [plot("Onset of slip", "", table_of(rows), x, ratio, Look(guides=guides))] if rows else []
+    force = "force along the shear (N)"
+    cycle = [{x: state.load.shear_x, force: state.response.force[0]} for state in loop]
+    title = f"A cycle of shear, {_name(loop)}" if loop else ""
+    return figures + ([plot(title, "", table_of(cycle), x, force, Look(ordered=True))] if cycle else [])
 
-    with canvas(path, 1, 2, shared=False) as (_, axes):
-        for states, colour in zip(curves, COLOURS, strict=False):
-            mu = float(states[0].load.friction)
-            ratio = [s.response.force[0] / s.response.force[2] for s in states]
-            axes[0].plot([s.load.shear_x for s in states], ratio, color=colour, marker="o", label=f"$\\mu$ = {mu:g}")
-            axes[0].axhline(mu, color=colour, linestyle=":", linewidth=1)
-            label(axes[0], "a", "$F_x / F_N$")
-        if loop:
-            label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {loop[0].load.friction:g}")
-        shears, forces = [s.load.shear_x for s in loop], [s.response.force[0] for s in loop]
-        axes[1].plot(shears, forces, color=FEM, marker="o", markersize=3)
-        for axis in axes:
-            axis.set_xlabel("shear (mm)")
-        if curves:
-            axes[0].legend(frameon=False)
+
+def _name(states: Sequence[Solution]) -> str:
+    return f"\N{GREEK SMALL LETTER MU} = {states[0].load.friction:g}"

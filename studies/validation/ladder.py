@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 from analytic import beam, buckling
 from fem import equilibrium
@@ -14,8 +13,10 @@ from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
+from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
+from studies.report import verdict_figures
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -194,30 +195,7 @@ def result(rows: Sequence[Row]) -> Result:
         records=rows,
         shown=[Table(title=title, rows=summary(rows))],
         tables={"ladder": rows},
-        files={"ladder.png": lambda path: picture(path, rows)},
+        files={"ladder.png": partial(picture, rows=rows, draw=verdict_figures.ladder)},
         pages={"LADDER.md": page},
         failures=failures(posed),
     )
-
-
-def picture(path: Path, rows: Sequence[Row]) -> None:
-    """Plot the error of each level over the depth: root mean square over designs and shears, logarithmic axis."""
-    from studies.output.table_plots import COLOURS, sheet
-
-    with sheet(path, 11.0, 6.4, dpi=160) as figure:
-        axes: Any = figure.subplots(2, 3, sharex=True).ravel()
-        for ax, title, name in zip(axes, PANELS, ERRORS, strict=True):
-            for colour, level in zip(COLOURS, beam.LEVELS, strict=False):
-                # the panel of the sinking shows presses only
-                own = [row for row in rows if row["level"] == level and f"{name}_error" in row]
-                own = [row for row in own if name != "sinking" or not row["shear_over_D"]]
-                depths = sorted({row["depth_over_D"] for row in own})
-                rms = [_rms([row[f"{name}_error"] for row in own if row["depth_over_D"] == at]) for at in depths]
-                ax.plot(depths, rms, "o-", color=colour, label=level)
-            ax.set(yscale="log", ylim=(0.5, 300), title=title)
-            ax.set_yticks([1, 3, 10, 30, 100], ["1", "3", "10", "30", "100"])
-        for ax in axes[3:]:
-            ax.set_xlabel("depth / D")
-        for ax in axes[::3]:
-            ax.set_ylabel("error, rms (%)")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)

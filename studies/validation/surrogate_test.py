@@ -20,6 +20,7 @@ from scipy import stats
 from geometry.messages import Progress
 from studies.exploration.needed_paths import Processes
 from studies.exploration.store import Store
+from studies.output.figures import Figure, Look, plot, save, table_of
 from studies.output.goals import Goal, missed, verdict
 from studies.output.result import Result, Table
 from studies.surrogate import surrogate_file
@@ -171,39 +172,35 @@ def result(outcome: Outcome, first: int) -> Result:
         tables={"summary": table, "errors": rows.to_dict("records")},
         files={
             "surrogate.npz": lambda path: surrogate_file.write(path, outcome.surrogate),
-            "errors.png": lambda path: draw(path, rows),
+            "errors.png": lambda path: save(path, figures(rows)),
         },
         pages={"SURROGATE.md": page},
-        packages=("matplotlib",),
         failures=list(map(str, lost)),
     )
 
 
-def draw(file: Path, rows: Errors) -> None:
-    """Draw the error of force and tilt over the half width of its interval, for presses and shears."""
-    from studies.output.table_plots import log_numbers, sheet
+EQUAL = "error = half width"
+ENDS = (0.05, 50.0)
+"""Half widths, %, at which the line of equal errors begins and ends."""
+LEAST_ERROR = 1e-3
+"""Least error of the picture, %; smaller errors are drawn at this value."""
 
-    kinds = (("press", ("force",)), ("shear", ("force_x", "force_z")), ("shear", ("tilt",)))
-    with sheet(file, 10.0, 3.6) as figure:
-        axes = figure.subplots(1, len(kinds), sharey=True)
-        for axis, (kind, names) in zip(axes, kinds, strict=True):
-            for name, colour, marker in zip(names, ("#0072B2", "#D55E00"), ("o", "^"), strict=False):
-                own = rows[(rows.kind == kind) & (rows.quantity == name)]
-                axis.loglog(
-                    own.interval_percent,
-                    own.error_percent.abs().clip(lower=1e-3),
-                    marker,
-                    color=colour,
-                    markersize=3,
-                    alpha=0.5,
-                    label=name.replace("_", " along "),
-                )
-            ends = np.array([0.05, 50.0])
-            axis.plot(ends, ends, "k-", linewidth=0.8, label="error = half width")
-            axis.set_xlabel("half width of the 90 % interval (%)")
-            log_numbers(axis, "x")
-            axis.set_title(f"{kind}: {' and '.join(names).replace('_', ' along ')}", fontsize=10)
-            axis.grid(alpha=0.3)
-            axis.legend(fontsize=8, loc="upper left")
-        axes[0].set_ylabel("error on unseen beams (%)")
-        log_numbers(axes[0], "y")
+
+def figures(rows: Errors) -> list[Figure]:
+    """Return the error of force and tilt over the half width of its interval, for presses and shears."""
+    import pandas as pd
+
+    x, y = "half width of the 90 % interval (%)", "error on unseen beams (%)"
+    data = rows[rows["quantity"].isin(["force", "force_x", "force_z", "tilt"])]
+    data = data.assign(
+        **{x: data["interval_percent"], y: data["error_percent"].abs().clip(lower=LEAST_ERROR)},
+        panel=data["kind"].astype(str),
+        series=data["quantity"].astype(str).str.replace("_", " along "),
+    )
+    equal = table_of(
+        {x: end, y: end, "panel": kind, "series": EQUAL, "joined": True}
+        for kind in dict.fromkeys(data["panel"])
+        for end in ENDS
+    )
+    data = pd.concat([data[[x, y, "panel", "series"]].assign(joined=False), equal], ignore_index=True)
+    return [plot("Errors and half widths of the surrogate", "", data, x, y, Look(log="xy"))]

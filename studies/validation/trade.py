@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.output.atomic_files import write_text
 from studies.output.checkpoint import solved_at
+from studies.output.figures import picture
 from studies.output.goals import failures, page_lines
 from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.output.text_tables import cell as number
+from studies.report import verdict_figures
 from studies.simulation.model_choice import Statement
 from studies.validation import pages, trade_cases, trade_rule, trade_study
 from studies.validation.pages import Row
@@ -29,30 +31,7 @@ from studies.validation.trade_study import QUANTITIES, QUICK_KINDS, errors_of, i
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
 """Files that `write` writes into a folder."""
 LEVELS = (*beam.LEVELS, SHIPPED, "quick", "standard", "fine")
-COLOURS = {
-    "formula": "#D55E00",
-    "surrogate": "#882255",
-    "axisymmetric": "#0072B2",
-    "harmonic": "#009E73",
-    "half": "#CC79A7",
-    "full": "#000000",
-}
-LABELS = {
-    "formula": ("left", "bottom"),
-    "tip": ("right", "top"),
-    "magnet": ("right", "bottom"),
-    "column": ("right", "top"),
-    "surrogate": ("left", "bottom"),
-    "axisymmetric": ("right", "top"),
-    "harmonic": ("left", "top"),
-    "harmonic quick": ("left", "bottom"),
-    "half": ("right", "bottom"),
-    "full": ("left", "bottom"),
-}
-"""Sides of labels by name, level or model, so that they do not overlap: anchors of the text."""
-MARKERS = {"formula": "D", "surrogate": "*", "axisymmetric": "o", "harmonic": "s", "half": "^", "full": "v"}
-SIZES = {"surrogate": 10}
-"""Sizes of markers that need another one than 6 points."""
+MODELS = ("formula", "surrogate", "axisymmetric", "harmonic", "half", "full")
 
 
 def run(progress: Progress, *, designs: int, confirm: bool, quick: bool, folder: Path | None, command: str) -> Result:
@@ -115,7 +94,7 @@ def result(
         tables={"trade": states} | ({"confirm": results} if results else {}),
         files={
             "model_choice.json": lambda path: write_text(path, text),
-            "trade.png": lambda path: picture(path, table),
+            "trade.png": partial(picture, rows=states, draw=verdict_figures.trade),
         },
         pages={"TRADE.md": page},
         failures=failures(trade_rule.goals(results, kinds)) if kinds else (),
@@ -133,7 +112,7 @@ def cells(states: Sequence[Row]) -> list[Row]:
     for state in states:
         if not state["confirming"]:
             groups.setdefault((state["kind"], state["model"], state["level"]), []).append(state)
-    places = product(KINDS, COLOURS, LEVELS)
+    places = product(KINDS, MODELS, LEVELS)
     return [
         dict(zip(("kind", "model", "level"), place, strict=True)) | _cell(groups[place])
         for place in places
@@ -201,56 +180,3 @@ def _percents(statement: Statement) -> Row:
     bounds = {f"{name} %": getattr(statement, name) for name in COUNTED}
     row |= {name: getattr(statement, name) for name in ("designs", "states", "cost")}
     return row | {name: None if value is None else 100 * value for name, value in bounds.items()}
-
-
-def picture(path: Path, table: Sequence[Row]) -> None:
-    """Plot the error over the cost, one panel for each kind; a line joins the models that no other one dominates."""
-    from matplotlib.lines import Line2D
-
-    from studies.output.table_plots import sheet
-
-    with sheet(path, 13.0, 5.6, dpi=150) as figure:
-        axes = figure.subplots(1, len(KINDS), sharey=True)
-        for axis, kind in zip(axes, KINDS, strict=True):
-            _panel(
-                axis, [cell for cell in table if cell["kind"] == kind and math.isfinite(cell["worst_median_percent"])]
-            )
-            axis.set(title=kind, xlabel="CPU seconds of a path (s)")
-        axes[0].set_ylabel("largest error of a state (%)")
-        models = dict.fromkeys(cell["model"] for cell in table)
-        handles = [
-            Line2D([], [], marker=MARKERS[m], color=COLOURS[m], markersize=SIZES.get(m, 6), linestyle="", label=m)
-            for m in models
-        ]
-        handles.append(Line2D([], [], color="#777777", linewidth=1, linestyle="--", label="not dominated"))
-        handles.append(Line2D([], [], color="#777777", linewidth=1.2, marker="_", label="median to 95th percentile"))
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
-
-
-def _panel(axis: Any, cells: Sequence[Row]) -> None:
-    axis.set(xscale="log", yscale="log")
-    for cell in cells:
-        middle, high, model = cell["worst_median_percent"], cell["worst_p95_percent"], cell["model"]
-        place, name = cell["cpu_s"], f"{model} {cell['level']}"
-        colour, (side, height) = (
-            COLOURS[model],
-            LABELS.get(name, LABELS.get(cell["level"], LABELS[model])),
-        )
-        axis.plot([place] * 2, [middle, high], "-", color=colour, linewidth=1.2, alpha=0.6)
-        axis.plot(place, high, "_", color=colour, markersize=7)
-        axis.plot(place, middle, MARKERS[model], color=colour, markersize=SIZES.get(model, 6))
-        axis.annotate(
-            cell["level"],
-            (place, middle),
-            # bars of neighbours stand close to the right of a marker
-            xytext=(9 if side == "left" else -4, 4 if height == "bottom" else -4),
-            textcoords="offset points",
-            fontsize=9,
-            color=colour,
-            ha=side,
-            va=height,
-        )
-    points = sorted((cell["cpu_s"], cell["worst_median_percent"]) for cell in cells)
-    front = [(s, e) for s, e in points if not any(other < s and error <= e for other, error in points)]
-    axis.plot(*zip(*front, strict=True), "--", color="#777777", linewidth=1, zorder=0)
-    axis.margins(x=0.2, y=0.1)
