@@ -20,7 +20,7 @@ from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary
 from studies.simulation.compare import Comparison, Outcome, part
 
-PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "matplotlib")
+PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "altair")
 """Packages whose versions the report names, besides those of the finite elements: solids, meshes, tables, plots."""
 
 FILES = {

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from geometry import base
 from geometry.design import BadInput, paper
@@ -183,9 +184,7 @@ def test_assembly_and_mould_are_named_and_coloured(made):
 
 
 def test_the_picture_shows_the_sensor_in_colour(made):
-    from matplotlib.image import imread
-
-    image = imread(made / "assembly.png")[..., :3]
+    image = np.asarray(Image.open(made / "assembly.png").convert("RGB")) / 255
     tall, wide, _ = image.shape
     assert assembly_picture.SIZE[0] / 2 < wide <= assembly_picture.SIZE[0]
     assert assembly_picture.SIZE[1] / 2 < tall <= assembly_picture.SIZE[1]
@@ -199,10 +198,9 @@ def test_the_picture_shows_the_sensor_in_colour(made):
 
 def test_the_picture_names_each_element(made):
     """Each name's leader line ends at a dot, the only black area into which a square of 7 pixels fits."""
-    from matplotlib.image import imread
     from scipy.ndimage import binary_opening, label
 
-    ink = np.abs(imread(made / "assembly.png")[..., :3] - 0x11 / 255).max(axis=2) < 1e-3
+    ink = np.abs(np.asarray(Image.open(made / "assembly.png").convert("RGB")) / 255 - 0x11 / 255).max(axis=2) < 1e-3
     assert label(binary_opening(ink, np.ones((7, 7))))[1] == 3
 
 

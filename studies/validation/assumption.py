@@ -145,7 +145,6 @@ def result(table: Columns, design: Design) -> Result:
         tables={"shares": shares, "best": best, "readings": parts, "sweep": list(flat_rows(table))},
         files={name: picture.draw for name, picture in pictures.items()},
         pages={"ASSUMPTION.md": pages.rendered("assumption.md.j2", **page)},
-        packages=("matplotlib",),
     )
 
 

@@ -132,7 +132,6 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         },
         files=pictures,
         pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page)},
-        packages=("matplotlib",),
     )
 
 
