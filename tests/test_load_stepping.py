@@ -1,4 +1,4 @@
-"""Steps along a path of loads: where they lead does not depend on them."""
+"""Paths do not depend on the steps that they take; their predictor saves increments and changes no answer."""
 
 from dataclasses import replace
 
@@ -8,9 +8,11 @@ import pytest
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import trace
 from fem.model.symmetry_models import MeshSpecification
-from fem.solve import load_increments
-from fem.solve.load_stepping import Path
-from fem.solve.path_state import at_rest
+from fem.solve import load_increments, load_stepping
+from fem.solve.direct_solver import Solver
+from fem.solve.load_increments import follow_segment
+from fem.solve.load_stepping import Path, correct_press, predict
+from fem.solve.path_state import at_rest, glue, with_predictor
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -91,3 +93,111 @@ def test_small_elements_under_a_deep_press_keep_their_stability():
     # the free skin is compressed beyond the limit of creases there, which the mesh does not open
     assert facts.stability.is_stable
     assert (facts.onset, facts.creased) == (None, True)
+
+
+SHAPE = paper().shape.without_magnet().scaled(1 / 8)
+ASIDE = np.array([0.0, 0.1, 0.0])
+
+
+@pytest.fixture
+def solvers():
+    return Solver(), Solver()
+
+
+@pytest.fixture(scope="module")
+def gripped():
+    """A gripped tip at rest, in a model with two harmonics and a predictor with one."""
+    one, two = (
+        MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=n, skin_harmonics=2).build()
+        for n in (1, 2)
+    )
+    return with_predictor(at_rest(two, grip=0.3), one)
+
+
+def test_it_leads_to_the_state_that_increments_lead_to(gripped, solvers):
+    at_once, _ = predict(*solvers, gripped, ASIDE)
+    in_steps = follow_segment(solvers[0], gripped, ASIDE).state
+    np.testing.assert_array_equal(at_once.position, ASIDE)
+    assert at_once.energy == pytest.approx(in_steps.energy, rel=1e-8)
+    np.testing.assert_allclose(at_once.u, in_steps.u, atol=1e-8)
+
+
+def test_it_goes_along_and_leaves_the_state_before_as_it_was(gripped, solvers):
+    reduced, q = gripped.reduced, gripped.reduced.q.copy()
+    once, again = (predict(*solvers, gripped, ASIDE) for _ in range(2))
+    assert gripped.reduced is reduced
+    np.testing.assert_array_equal(reduced.q, q)
+    np.testing.assert_array_equal(once[0].q, again[0].q)
+    np.testing.assert_array_equal(once[0].reduced.q, again[0].reduced.q)
+    np.testing.assert_array_equal(once[0].reduced.position, ASIDE)
+    assert once[1] == again[1]
+
+
+def test_where_its_correction_fails_only_the_predictor_has_moved(gripped, solvers, monkeypatch):
+    real = load_stepping.newton
+
+    def stubborn(*given, **options):
+        return replace(real(*given, **options), reason="no_convergence")
+
+    monkeypatch.setattr(load_stepping, "newton", stubborn)
+    state, iterations = predict(*solvers, gripped, ASIDE)
+    assert state.q is gripped.q
+    assert state.position is gripped.position
+    np.testing.assert_array_equal(state.reduced.position, ASIDE)
+    assert iterations > 0
+
+
+def test_one_that_was_left_behind_says_nothing(gripped, solvers):
+    elsewhere = replace(gripped, position=np.array([0.0, 0.05, 0.0]))
+    assert predict(*solvers, elsewhere, ASIDE) == (elsewhere, 0)
+    alone = replace(gripped, reduced=None)
+    assert predict(*solvers, alone, ASIDE) == (alone, 0)
+
+
+def test_a_section_leads_tetrahedra_to_the_state_that_increments_lead_to(solvers):
+    solid = MeshSpecification(SHAPE, 0.4998, "ignored", 0.6, 0.3, body="half").build()
+    section = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1).build()
+    pressed, sheared = np.array([0.05, 0.0, 0.0]), np.array([0.05, 0.05, 0.0])
+    alone = at_rest(solid)
+    state, _ = predict(*solvers, with_predictor(alone, section), pressed)
+    np.testing.assert_array_equal(state.position, pressed)
+    in_steps = follow_segment(solvers[0], alone, pressed).state
+    assert state.energy == pytest.approx(in_steps.energy, rel=1e-8)
+    state, _ = predict(*solvers, glue(state, 0.2), sheared)
+    np.testing.assert_array_equal(state.position, sheared)
+    in_steps = follow_segment(solvers[0], glue(in_steps, 0.2), sheared).state
+    np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)
+
+
+def test_a_prediction_that_inverts_a_tetrahedron_is_made_in_two_halves(solvers):
+    solid = MeshSpecification(SHAPE, 0.4998, "ignored", 0.6, 0.3, body="half").build()
+    section = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1).build()
+    pressed, rest = np.array([0.05, 0.0, 0.0]), with_predictor(at_rest(solid), section)
+    raised: list[float] = []
+
+    def inverts_once(q):
+        raised.append(float(np.abs(q).max()))
+        guess = rest.raise_unknowns(q)
+        # the first call is for the start, the second one for the first guess
+        return guess + 0.5 * np.eye(1, len(guess), 100)[0] if len(raised) == 2 else guess
+
+    state, _ = predict(*solvers, replace(rest, raise_unknowns=inverts_once), pressed)
+    assert len(raised) == 6
+    assert raised[3] < raised[1]
+    in_steps = follow_segment(solvers[0], at_rest(solid), pressed).state
+    np.testing.assert_array_equal(state.position, pressed)
+    np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)
+
+
+def test_a_press_on_another_mesh_leads_to_the_state_that_increments_lead_to(solvers):
+    rough, fine = (MeshSpecification(SHAPE, 0.4998, "ignored", size, size / 2).build() for size in (0.3, 0.2))
+    pressed = np.array([0.1, 0.0, 0.0])
+    other = follow_segment(solvers[1], at_rest(rough), pressed).state
+    state, iterations = correct_press(solvers[0], at_rest(fine), other, pressed)
+    in_steps = follow_segment(solvers[0], at_rest(fine), pressed)
+    np.testing.assert_array_equal(state.position, pressed)
+    np.testing.assert_allclose(state.u, in_steps.state.u, atol=1e-8)
+    assert state.stability == in_steps.state.stability
+    assert iterations > 0
+    rest = at_rest(fine)
+    assert correct_press(solvers[0], rest, other, pressed / 2) == (rest, 0)
