@@ -74,13 +74,15 @@ def modes(
     *,
     depth: float = 0.0,
     accuracy: Accuracy = STANDARD,
+    located: Accuracy | None = None,
     estimate: bool = True,
 ) -> Modes:
     """Return the lowest modes about a press to a depth in mm; 0 is the free sensor.
 
     Parameters
     ----------
-    estimate : estimate the errors from a second solve on a mesh coarser by COARSER.
+    located : accuracy at which the edge of the contact is located; default: `accuracy`.
+    estimate : estimate the errors from a second solve on a mesh coarser by COARSER, located alike.
 
     Raises
     ------
@@ -90,7 +92,8 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    find = functools.partial(_solve_modes, count=count, told=scene, contact=find_contact(scene))
+    contact = find_contact(replace(scene, accuracy=located or accuracy))
+    find = functools.partial(_solve_modes, count=count, told=scene, contact=contact)
     return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
 
 

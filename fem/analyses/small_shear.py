@@ -62,13 +62,15 @@ def small_shear(
     magnet: Magnet = "rigid",
     *,
     accuracy: Accuracy = STANDARD,
+    located: Accuracy | None = None,
     estimate: bool = True,
 ) -> SmallShear:
     """Return stiffness, shift and tilt per mm of shear at a depth in mm, with the contact area glued.
 
     Parameters
     ----------
-    estimate : estimate the errors from a second solve on a mesh coarser by COARSER.
+    located : accuracy at which the edge of the contact is located; default: `accuracy`.
+    estimate : estimate the errors from a second solve on a mesh coarser by COARSER, located alike.
 
     Raises
     ------
@@ -78,8 +80,9 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    rough = _section(replace(scene, accuracy=replace(QUICK, section_size=max(ROUGH, accuracy.section_size))))
-    contact = find_press(rough, EDGE * accuracy.section_patch, depth / design.D)
+    level = located or accuracy
+    rough = _section(replace(scene, accuracy=replace(QUICK, section_size=max(ROUGH, level.section_size))))
+    contact = find_press(rough, EDGE * level.section_patch, depth / design.D)
     find = functools.partial(_solve_small_shear, contact=contact)
     return estimated(scene, find, estimate_small_shear) if estimate else find(scene)
 

@@ -137,15 +137,19 @@ class Task:
     fineness: int = 1
 
     @property
-    def solves(self) -> dict[str, tuple[Trial, Accuracy]]:
-        """Trial and accuracy of each solve, by ROLES: the level, its coarser level, the reference."""
+    def solves(self) -> dict[str, tuple[Trial, Accuracy] | tuple[Trial, Accuracy, Accuracy]]:
+        """Trial and accuracy of each solve, by ROLES: the level, its coarser level, the reference.
+
+        The coarser level of a small shear and of modes has a third value: the level that locates the edge of its
+        contact, as for the estimates that a user gets.
+        """
         trial, level = self.trial, replace(self.level, solid_size=self.level.solid_size * (1 + NUDGE * self.repeat))
         # the section model resolves the same state on a far finer mesh than tetrahedra can
         reference = replace(trial, model="auto") if trial.model == "half" else trial
-        check = level.name == "reference"
+        check, located = level.name == "reference", trial.scene in ("small shear", "modes")
         return {
             "": (trial, level),
-            "companion_": (trial, level if check else coarser(level)),
+            "companion_": (trial, coarser(level), level) if located else (trial, level if check else coarser(level)),
             "reference_": (reference, error_study_cases.reference(trial.scene, 2 if check else self.fineness)),
         }
 
@@ -193,16 +197,17 @@ def run(
     chosen = tasks(quick=quick)
     store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", code())
     needed = {key(*solve): solve for task in chosen for solve in task.solves.values()}
-    for i, (name, (trial, accuracy)) in enumerate(needed.items()):
+    for i, (name, solve) in enumerate(needed.items()):
+        trial, accuracy, *_ = solve
         if name in store.known:
             continue
         if time.monotonic() > end:
             break
         progress(i / len(needed), f"{trial.name}, {accuracy.name}")
-        store.keep(name, [state.kept() for state in follow(trial, accuracy)])
+        store.keep(name, [state.kept() for state in follow(*solve)])
     known = {
         name: [restored(trial.scene, answer) for answer in store.known[name]]
-        for name, (trial, _) in needed.items()
+        for name, (trial, *_) in needed.items()
         if name in store.known
     }
     return [
@@ -212,10 +217,15 @@ def run(
     ]
 
 
-def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
-    """Return the states of a trial, without estimates; an exception becomes the last state, its text the message."""
+def follow(trial: Trial, accuracy: Accuracy, located: Accuracy | None = None) -> list[SolvedState]:
+    """Return the states of a trial, without estimates; an exception becomes the last state, its text the message.
+
+    Parameters
+    ----------
+    located : accuracy at which the edge of the contact is located, see `fem.analyses.modes.modes`.
+    """
     if trial.scene in TANGENTS:
-        return [_tangent_state(trial, load.depth, accuracy) for load in trial.loads]
+        return [_tangent_state(trial, load.depth, accuracy, located) for load in trial.loads]
     states, begin = [], time.process_time()
     try:
         scene = Scene(trial.design, trial.loads, accuracy, trial.magnet, trial.model)
@@ -228,11 +238,11 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
     return states
 
 
-def _tangent_state(trial: Trial, depth: float, accuracy: Accuracy) -> SolvedState:
+def _tangent_state(trial: Trial, depth: float, accuracy: Accuracy, located: Accuracy | None) -> SolvedState:
     """Return the state at a depth of a trial of tangents; a failure is a state as well."""
     begin = time.process_time()
     try:
-        tangent = _tangent(trial, depth, accuracy)
+        tangent = _tangent(trial, depth, accuracy, located)
     except Exception as error:
         # the study goes on: a crash is one of its results
         status = "failed" if isinstance(error, BadInput) else "crashed"
@@ -244,16 +254,16 @@ def _tangent_state(trial: Trial, depth: float, accuracy: Accuracy) -> SolvedStat
     return SolvedState("ok", "", cpu_s=spent, tangent=tangent)
 
 
-def _tangent(trial: Trial, depth: float, accuracy: Accuracy) -> Tangent:
+def _tangent(trial: Trial, depth: float, accuracy: Accuracy, located: Accuracy | None) -> Tangent:
     design, magnet = trial.design, trial.magnet
     if trial.scene == "critical":
         return stability.critical(design, magnet, accuracy=accuracy, deepest=depth, estimate=False)
     if trial.scene == "small shear":
-        return small_shear.small_shear(design, depth, magnet, accuracy=accuracy, estimate=False)
-    return modes.modes(design, magnet, COUNT, depth=depth, accuracy=accuracy, estimate=False)
+        return small_shear.small_shear(design, depth, magnet, accuracy=accuracy, located=located, estimate=False)
+    return modes.modes(design, magnet, COUNT, depth=depth, accuracy=accuracy, located=located, estimate=False)
 
 
-def key(trial: Trial, accuracy: Accuracy) -> str:
+def key(trial: Trial, accuracy: Accuracy, located: Accuracy | None = None) -> str:
     """Return all that a solve depends on beside the code, as text.
 
     Numbers of the accuracy that the trial does not use are set to 0, so that levels that differ only in these share a
@@ -270,7 +280,8 @@ def key(trial: Trial, accuracy: Accuracy) -> str:
     loads = [dataclasses.astuple(load) for load in trial.loads]
     tangent = trial.scene in TANGENTS
     kind = [trial.scene, _digest(TANGENT_MODULES)] if tangent else trial.model
-    numbers = dataclasses.astuple(used), QUICK.section_size
+    edges = [] if located is None else [located.section_size, located.section_patch]
+    numbers = dataclasses.astuple(used), QUICK.section_size, *edges
     return json.dumps([trial.magnet, kind, dataclasses.astuple(trial.design), *loads, *numbers])
 
 
