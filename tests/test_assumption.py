@@ -1,11 +1,18 @@
 """The study of the beam assumption on few cases: the verb, its files and its refusals; the shipped study is sound."""
 
+import dataclasses
 import math
 
+import numpy as np
 import pytest
 
+from analytic import beam
+from geometry.design import paper
 from studies.inputs import study_input
-from studies.validation import assumption
+from studies.simulation import beam_cells
+from studies.simulation.beam_cells import Body
+from studies.validation import assumption, assumption_maps, reading_split
+from studies.validation.assumption import Block
 
 SMALL = """
 version = 2
@@ -78,3 +85,296 @@ def test_the_shipped_study_covers_the_range():
     assert (min(presses) / 8, max(presses) / 8) == pytest.approx((0.02, 0.35))
     assert len(set(axes["nu"])) >= 3
     assert plan.count == math.prod(len(axes[name]) for name in ("L", "nu", "depth"))
+
+
+# Cells of the study of the beam assumption, and regions and sentences from them, on errors that are known
+
+
+approx = pytest.approx
+LENGTHS, DEPTHS, D = (0.6, 2.0, 4.0), (0.05, 0.1, 0.3), 8.0
+
+
+def table(error, heights=(0.0,), shear=0.0, **columns):
+    """A sweep in which level paper has the given errors, (depths, lengths), %, and the others ten times as much."""
+    cases = [(h, i, j) for h in heights for i in range(len(DEPTHS)) for j in range(len(LENGTHS))]
+    n = len(cases)
+    off = np.array([error[i][j] for _, i, j in cases], dtype=float)
+    values = {
+        "D_mm": np.full(n, D),
+        "L_mm": np.array([LENGTHS[j] * D for *_, j in cases]),
+        "magnet_height_mm": np.array([h * D for h, *_ in cases]),
+        "nu": np.full(n, 0.4998),
+        "depth_mm": np.array([DEPTHS[i] * D for _, i, _ in cases]),
+        "shear_mm": np.full(n, shear * D),
+        "status": np.full(n, "ok", dtype=object),
+    }
+    for column in ("force_N", "shift_z_mm", "force_x_N", "shift_x_mm", "tilt_rad"):
+        values[f"fem_{column}"] = np.full(n, 2.0)
+        for level in beam.LEVELS:
+            factor = 1 if level == "paper" else 10
+            values[f"analytic_{level}_{column}"] = 2.0 * (1 + factor * off / 100)
+    return values | {name: np.array(value) for name, value in columns.items()}
+
+
+ERROR = [[-60.0, -80.0, -90.0], [-20.0, 4.0, 8.0], [12.0, -3.0, 9.0]]
+
+
+def grid_of(values, kind="press"):
+    return beam_cells.cells(values, beam_cells.bodies(values)[0], kind)
+
+
+def test_errors_stand_at_their_length_and_load():
+    values = table(ERROR)
+    order = np.random.default_rng(0).permutation(9)
+    mixed = {name: column[order] for name, column in values.items()}
+    grid = grid_of(mixed)
+    assert grid.slenderness.tolist() == list(LENGTHS)
+    assert grid.loads[:, 0].tolist() == list(DEPTHS)
+    assert beam_cells.errors(mixed, grid, "paper", "press force") == approx(np.array(ERROR))
+
+
+def test_two_rows_of_one_cell_are_refused():
+    values = table(ERROR)
+    values["depth_mm"][1] = values["depth_mm"][0]
+    values["L_mm"][1] = values["L_mm"][0]
+    with pytest.raises(ValueError, match="two rows of the table are one cell"):
+        grid_of(values)
+
+
+def test_bodies_are_sorted_by_height():
+    assert beam_cells.bodies(table(ERROR, heights=(0.25, 0.0))) == [Body(0.0, 0.4998), Body(0.25, 0.4998)]
+
+
+def test_cells_without_an_answer_have_no_error():
+    values = table(ERROR)
+    values["fem_force_N"][4] = np.nan
+    values["status"][4] = "not_converged"
+    values["fem_force_N"][0] = np.nan
+    values["status"][0] = "bad_input"
+    grid = grid_of(values)
+    assert np.argwhere(~grid.answered).tolist() == [[0, 0], [1, 1]]
+    assert np.argwhere(~grid.possible).tolist() == [[0, 0]]
+    assert np.isnan(beam_cells.errors(values, grid, "paper", "press force")[1, 1])
+
+
+def test_presses_beyond_the_critical_depth_are_marked():
+    values = table(ERROR, critical_depth_mm=[np.nan, 0.2 * D, 0.08 * D] * 3)
+    assert grid_of(values).leans.tolist() == [[False] * 3, [False, False, True], [False, True, True]]
+
+
+def test_a_beam_that_does_not_resist_the_shear_is_not_judged():
+    values = table(ERROR, shear=0.1)
+    values["fem_force_x_N"][8] = -0.5
+    grid = grid_of(values, "shear")
+    assert np.argwhere(grid.gave_way).tolist() == [[2, 2]]
+    assert np.isnan(beam_cells.errors(values, grid, "paper", "shear force")[2, 2])
+
+
+# Regions
+
+
+def test_largest_block():
+    inside = np.array([[0, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]], dtype=bool)
+    assert assumption.largest_block(inside) == Block(0, 2, 1, 2) or assumption.largest_block(inside).size == 6
+    assert assumption.largest_block(np.zeros((2, 2), dtype=bool)) is None
+    assert assumption.largest_block(np.ones((2, 3), dtype=bool)) == Block(0, 1, 0, 2)
+
+
+def test_a_block_is_named_by_its_ends():
+    grid = grid_of(table(ERROR))
+    assert assumption.block_text(grid, Block(1, 2, 1, 2)) == "L/D 2 to 4, d/D 0.1 to 0.3"
+    assert assumption.block_text(grid, Block(0, 0, 0, 0)) == "L/D 0.6, d/D 0.05"
+    assert assumption.block_text(grid, None) == "nowhere"
+
+
+def test_shares_and_blocks_of_a_level():
+    rows = assumption.share_rows(table(ERROR), [grid_of(table(ERROR))])
+    row = next(row for row in rows if (row["quantity"], row["level"]) == ("press force", "paper"))
+    assert row["cells"] == 9
+    assert row["within_5_percent"] == approx(100 * 2 / 9)
+    assert row["within_10_percent"] == approx(100 * 4 / 9)
+    assert row["within_10_block"] == "L/D 2 to 4, d/D 0.1 to 0.3"
+    assert row["within_5_block"] == "L/D 2, d/D 0.1 to 0.3"
+    assert row["largest_error_percent"] == approx(-90)
+    assert row["median_error_percent"] == approx(12)
+
+
+def test_the_level_of_least_error_is_the_best():
+    values = table(ERROR)
+    values["analytic_finite_force_N"] = np.full(9, 2.1)
+    rows = assumption.best_rows(values, [grid_of(values)])
+    best = {row["region"]: row for row in rows if row["quantity"] == "press force"}
+    shallow = best["no magnet, L/D above 2, d/D to 0.06"]
+    assert shallow["best_level"] == "finite"
+    assert shallow["rms_error_percent"] == approx(5)
+    assert shallow["paper_rms_error_percent"] == approx(90)
+    deep = best["no magnet, L/D 1.1 to 2, d/D above 0.2"]
+    assert (deep["best_level"], deep["best_in_percent"]) == ("paper", 100)
+
+
+def test_best_level_of_each_cell():
+    errors = {"a": np.array([1.0, -5.0, np.nan]), "b": np.array([-2.0, 3.0, np.nan])}
+    index, size = assumption_maps.best_levels(errors)
+    assert index.tolist() == [0, 1, -1]
+    assert size[:2].tolist() == [1.0, 3.0]
+    assert np.isnan(size[2])
+
+
+def test_presses_that_a_free_tip_would_not_reach_are_counted():
+    """Four cells are within 10 %; the deepest row, which has two of them, lies beyond the critical depth."""
+    values = table(ERROR, critical_depth_mm=[0.2 * D] * 9)
+    rows = assumption.share_rows(values, [grid_of(values)])
+    row = next(row for row in rows if (row["quantity"], row["level"]) == ("press force", "paper"))
+    assert row["leaning_of_these_percent"] == approx(50)
+    assert any("But 50 % of the cells within 10 % are presses" in line for line in found(values))
+
+
+# Sentences
+
+
+def found(values):
+    """The findings of a table."""
+    grids = [beam_cells.cells(values, body, "press") for body in beam_cells.bodies(values)]
+    return assumption.findings(values, grids, assumption.share_rows(values, grids), [])
+
+
+def sentence(values, word):
+    """The only finding with a word."""
+    (line,) = [line for line in found(values) if word in line]
+    return line
+
+
+def test_sentence_on_the_range_of_a_formula():
+    text = sentence(table(ERROR), "No magnet")
+    assert text.startswith("No magnet, press force: formula (5) is within 10 % for L/D 2 to 4, d/D 0.1 to 0.3")
+    assert "never within 10 %" in sentence(table([[50.0] * 3] * 3), "No magnet")
+
+
+def test_sentence_on_light_presses():
+    assert "off by -90 to -60 %" in sentence(table(ERROR), "light presses")
+
+
+def test_sentences_on_failures():
+    values = table(ERROR, critical_depth_mm=[0.2 * D] * 9)
+    values["fem_force_N"][4] = np.nan
+    assert sentence(values, "slides freely on").startswith("3 of 8 presses")
+    assert "did not reach 1, and 0 are impossible" in sentence(values, "cells the finite elements")
+
+
+def test_sentence_on_all_bodies():
+    values = table(ERROR, heights=(0.0, 0.25))
+    line = sentence(values, "all bodies")
+    assert "formula (5) in 44 % and level finite in 0 %" in line
+
+
+# Errors of the readings: each part has its own cause, and their sum is the whole
+
+
+def poses(tilt=0.0, aside=0.5, lower=0.4):
+    """Two shears and a press of the paper's sensor: the finite elements' poses, and the formula's at (0.5, -0.4)."""
+    n = 3
+    moved = np.array([1.0, 2.0, 0.0])
+    return {
+        **{f"{name}_mm": np.full(n, size) for name, size in (("D", 8.0), ("L", 9.0), ("f", 5.0), ("l0", 7.2))},
+        "magnet_diameter_mm": np.full(n, 4.0),
+        "magnet_height_mm": np.full(n, 2.0),
+        "magnet_edge_radius_mm": np.full(n, 0.1),
+        "nu": np.full(n, 0.4998),
+        "depth_mm": np.full(n, 1.0),
+        "shear_mm": moved,
+        "status": np.full(n, "ok", dtype=object),
+        "fem_force_N": np.ones(n),
+        "fem_force_x_N": np.ones(n),
+        "fem_shift_x_mm": aside * moved,
+        "fem_shift_y_mm": np.zeros(n),
+        "fem_shift_z_mm": np.full(n, -lower),
+        "fem_tilt_rad": tilt * moved,
+        "fem_tilt_y_rad": np.zeros(n),
+        "analytic_paper_shift_x_mm": 0.5 * moved,
+        "analytic_paper_shift_y_mm": np.zeros(n),
+        "analytic_paper_shift_z_mm": np.full(n, -0.4),
+        "analytic_paper_tilt_rad": np.zeros(n),
+        "analytic_paper_tilt_y_rad": np.zeros(n),
+    }
+
+
+def split(values, design=paper()):
+    body = beam_cells.bodies(values)[0]
+    grids = [beam_cells.cells(values, body, kind) for kind in ("press", "shear")]
+    return reading_split.split_cells(values, grids, design)
+
+
+def cells(**pose):
+    return split(poses(**pose))
+
+
+def largest(rows, part):
+    return max(abs(row[f"{part}_percent_FS"]) for row in rows)
+
+
+def test_the_papers_pose_and_field_have_no_error():
+    rows = cells()
+    assert len(rows) == 9
+    assert largest(rows, "total") == approx(0, abs=1e-6)
+    assert largest(rows, "dipole") > 1
+
+
+@pytest.mark.parametrize(
+    ("pose", "part", "other"), [({"tilt": 0.1}, "tilt", "mechanics"), ({"aside": 0.4}, "mechanics", "tilt")]
+)
+def test_each_part_has_its_cause(pose, part, other):
+    rows = cells(**pose)
+    assert largest(rows, part) > 1
+    assert largest(rows, other) == approx(0, abs=1e-9)
+
+
+def test_parts_add_up():
+    for row in cells(tilt=0.1, aside=0.4, lower=0.3):
+        parts = row["mechanics_percent_FS"] + row["tilt_percent_FS"] + row["field_percent_FS"]
+        assert row["total_percent_FS"] == approx(parts)
+
+
+def test_means_are_by_load_and_slenderness():
+    means = reading_split.split_means(
+        cells(tilt=0.1), {"short": lambda ratio: ratio < 2, "long": lambda ratio: False}
+    )
+    assert [(mean["load"], mean["slenderness"], mean["states"]) for mean in means] == [
+        ("press", "short", 1),
+        ("shear", "short", 2),
+    ]
+    assert means[0]["tilt_percent_FS"] == 0
+    assert means[1]["tilt_percent_FS"] > 1
+
+
+@pytest.mark.parametrize("column", ["fem_shift_x_mm", "fem_shift_z_mm", "analytic_paper_shift_x_mm", "fem_tilt_rad"])
+def test_an_unknown_pose_is_no_motion(column):
+    values = poses(aside=0.4)
+    values[column] = np.where(values["shear_mm"] == 2.0, np.nan, values[column])
+    rows, whole = split(values), cells(aside=0.4)
+    for row in rows:
+        assert math.isnan(row["total_percent_FS"]) == (row["shear_over_D"] == 0.25)
+    (mean,) = (m for m in reading_split.split_means(rows, {"all": lambda _: True}) if m["load"] == "shear")
+    assert mean["states"] == 1
+    assert len(rows) == len(whole)
+
+
+def test_a_press_may_have_no_columns_across():
+    values = poses()
+    for name in ("fem_shift_x_mm", "fem_shift_y_mm", "fem_tilt_rad", "analytic_paper_tilt_rad"):
+        values[name] = np.where(values["shear_mm"] == 0, np.nan, values[name])
+    assert all(math.isfinite(row["total_percent_FS"]) for row in split(values))
+
+
+def test_the_sensor_is_that_of_the_study():
+    """Its elements' height, and sizes of the magnet that no axis varies."""
+    values = {name: column for name, column in poses().items() if name not in ("magnet_diameter_mm", "l0_mm")}
+    own = dataclasses.replace(paper(), c=3.0, magnet_diameter=3.0)
+    sensor = reading_split.sensor(values, 0, own)
+    assert (sensor.c, sensor.magnet_diameter, sensor.l0) == (3.0, 3.0, pytest.approx(own.l0))
+    by_c = [[row["dipole_percent_FS"] for row in split(values, dataclasses.replace(own, c=c))] for c in (2.0, 3.0)]
+    assert by_c[0] != by_c[1]
+
+
+def test_a_chip_has_its_own_elements():
+    rows = split(poses(), dataclasses.replace(paper(), hall_layout="tmag5273a1"))
+    assert {row["element"] for row in rows} == {"chip x", "chip y", "chip -z"}

@@ -8,15 +8,16 @@ import pytest
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK
+from fem.analyses import modes, small_shear, stability
 from fem.physics_version import PHYSICS
 from fem.results.error_estimates import table_rows
 from geometry.design import paper
 from studies.cli import entry_point
-from studies.output import checkpoint
+from studies.output import checkpoint, goals
 from studies.output.atomic_files import json_line
 from studies.output.result import FAILED
 from studies.validation import accuracy_study, error_study, error_study_cases
-from studies.validation.error_study import QUANTITIES, ROLES, SolvedState, Task, restored, without_errors
+from studies.validation.error_study import QUANTITIES, ROLES, TANGENTS, SolvedState, Task, restored, without_errors
 
 
 @pytest.fixture(scope="module")
@@ -216,3 +217,134 @@ def test_a_state_that_is_unstable_by_one_solve_only_disagrees(press):
     for solves, status in (((ok, ok, unstable), "disagrees"), ((unstable,) * 3, "unstable")):
         states = dict(zip(ROLES, solves, strict=True))
         assert without_errors(press.trial, QUICK, press.trial.loads[0], states)["status"] == status
+
+
+# Statistics of the study of error estimates: shares, missed goals and mesh noise
+
+
+def solve(force_z=0.0, shift_z=0.0):
+    """An answer of the half model to a press."""
+    return {"force_x_N": 0.0, "force_z_N": force_z, "shift_x_mm": 0.0, "shift_z_mm": shift_z, "tilt_rad": 0.0}
+
+
+def missed(states):
+    """Names of the missed goals."""
+    return [str(goal) for goal in goals.missed(accuracy_study.goals(states))]
+
+
+def test_shares_and_goals():
+    safe = [state(0.010, 0.015) for _ in range(19)]
+    assert missed([*safe, state(0.02, 0.015)]) == []
+    unsafe = missed([*safe, state(0.02, 0.015), state(0.02, 0.015)])
+    assert len(unsafe) == len(QUANTITIES)
+    assert "at most the estimate: 90.5 %, goal at least 95 %" in unsafe[0]
+    blunt = missed([state(0.001, 0.0031) for _ in range(20)])
+    assert all("true error: 0 %, goal at least 50 %" in said for said in blunt)
+    assert "largest error: 3.1 %, goal at most 3 %" in missed([state(0.031, 0.04)])[0]
+
+
+def test_an_unknown_estimate_covers_nothing():
+    assert all(
+        "at most the estimate: 50 %" in said for said in missed([state(0.01, e) for e in (0.015, math.nan)] * 4)
+    )
+
+
+def test_states_without_a_comparison_miss_a_goal():
+    for status in ("not_run", "crashed", "disagrees"):
+        lost = missed([state(0.01, 0.015), state(0.0, 0.0, status=status)])
+        assert lost == ["states without a comparison: 1, goal at most 0"]
+    assert not missed([state(0.01, 0.015), state(0.0, 0.0, status="unstable")])
+
+
+def test_a_large_error_stays_in_the_statistics():
+    assert accuracy_study.summary([state(0.4, 0.015)])[0]["max_percent"] == pytest.approx(40)
+
+
+def test_mesh_noise_is_the_spread_over_meshes():
+    half = [state(0.01, 0.02, model="half", scene="pressed", **solve(f, -1.0)) for f in (0.99, 1.0, 1.01)]
+    (force, shift) = accuracy_study.noise(half)
+    assert force["mean_percent"] == pytest.approx(1.0)
+    assert shift["mean_percent"] == 0.0
+
+
+def test_depths_of_a_press_are_no_noise():
+    """Nor is the tilt that tetrahedra have where there should be none."""
+    half = [state(0.01, 0.02, model="half", depth_mm=d, **solve(d, -d)) for d in (1.0, 2.0) for _ in "ab"]
+    noise = accuracy_study.noise(half)
+    assert [(one["quantity"], one["states"], one["max_percent"]) for one in noise] == [
+        ("force", 2, 0.0),
+        ("shift", 2, 0.0),
+    ]
+
+
+# The trials of critical depths, small shears and frequencies, as the accuracy study runs them
+
+
+def solved(scene):
+    """The states of the paper's sensor at level quick against a rough reference."""
+    task = Task(error_study_cases.trial(0, "rigid", scene, "auto"), QUICK, fineness=0)
+    known = {error_study.key(*solve): error_study.follow(*solve) for solve in task.solves.values()}
+    return task, error_study.states_of(task, known)
+
+
+def test_the_study_judges_the_errors_of_a_critical_state_that_a_user_gets():
+    _, (state,) = solved("critical")
+    critical = stability.critical(paper(), accuracy=QUICK)
+    assert state["status"] == "ok"
+    # the loops may be compiled in the second of both solves only
+    assert (state["depth"], state["force"]) == pytest.approx((critical.depth, critical.force), rel=1e-11)
+    estimates = critical.estimates.depth, critical.estimates.force
+    assert (state["depth_estimate"], state["force_estimate"]) == pytest.approx(estimates, rel=1e-7)
+    assert state["depth_error"] == pytest.approx(abs(state["depth"] / state["reference_depth"] - 1))
+
+
+def test_the_study_judges_the_errors_of_a_small_shear_that_a_user_gets():
+    task, states = solved("small shear")
+    assert [state["depth_mm"] for state in states] == [load.depth for load in task.trial.loads]
+    shear = small_shear.small_shear(paper(), states[-1]["depth_mm"], accuracy=QUICK)
+    for name in ("stiffness", "shift", "tilt"):
+        assert states[-1][f"{name}_estimate"] == getattr(shear.estimates, name)
+
+
+def test_the_study_judges_every_frequency():
+    task, states = solved("modes")
+    assert len(states) == 2 * error_study.COUNT
+    eight = modes.modes(paper(), depth=task.trial.loads[1].depth, accuracy=QUICK)
+    pressed = states[error_study.COUNT :]
+    assert [one["frequency"] for one in pressed] == list(eight.frequency)
+    assert [one["frequency_estimate"] for one in pressed] == list(eight.estimates)
+    assert {errors["scene"] for errors in accuracy_study.summary(states)} == {"modes"}
+
+
+def test_a_kept_tangent_is_read_back():
+    trial = error_study_cases.trial(0, "rigid", "small shear", "auto")
+    for state in error_study.follow(trial, QUICK):
+        assert restored("small shear", json.loads(json_line(state.kept()))) == state
+
+
+def test_a_beam_that_does_not_give_way_is_listed():
+    trial = error_study_cases.trial(5, "rigid", "critical", "auto")
+    (stable,) = error_study.follow(trial, QUICK)
+    assert stable.status == "stable"
+    task = Task(trial, QUICK)
+    (state,) = error_study.states_of(task, {error_study.key(*task.solves[role]): [stable] for role in ROLES})
+    assert state["status"] == "stable"
+    assert accuracy_study.summary([state]) == []
+
+
+def test_all_designs_are_looked_at_and_quick_takes_one():
+    made = [task for task in error_study.tasks() if task.trial.scene in TANGENTS]
+    assert {task.level.name for task in made} == set(LEVELS)
+    for scene in TANGENTS:
+        assert {t.trial.number for t in made if t.trial.scene == scene} == set(range(error_study_cases.DESIGNS))
+    short = [task.trial for task in error_study.tasks(quick=True) if task.trial.scene in TANGENTS]
+    assert {(trial.scene, trial.number) for trial in short} == {(scene, 0) for scene in TANGENTS}
+
+
+def test_scenes_have_keys_of_their_own():
+    keys = {error_study.key(error_study_cases.trial(0, "rigid", scene, "auto"), QUICK) for scene in TANGENTS}
+    assert len(keys) == len(TANGENTS)
+
+
+def test_what_is_not_a_number_has_no_estimate():
+    assert math.isnan(error_study.judged("depth", 1.0, 2.0, None)["depth_estimate"])

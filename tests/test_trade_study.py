@@ -3,14 +3,39 @@
 import contextlib
 import csv
 import io
+import itertools
 import json
+import math
 
 import pytest
 
+from analytic import buckling
+from fem.accuracy import QUICK
+from fem.physics_version import PHYSICS
+from fem.scene import Scene
+from geometry.design import paper
+from geometry.loads import Load, Response
 from studies.cli import entry_point
-from studies.output import atomic_files, checkpoint
-from studies.validation import trade_cases, trade_solves, trade_study
+from studies.output import atomic_files, checkpoint, goals, result
+from studies.simulation import model_choice
+from studies.simulation.model_choice import Statement
+from studies.surrogate import surrogate_response
+from studies.validation import error_study, trade, trade_cases, trade_rule, trade_solves, trade_study
+from studies.validation.error_study import SolvedState
+from studies.validation.error_study_cases import Trial
 from studies.validation.trade import FILES
+from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, references, runs_on, trial
+from studies.validation.trade_rule import confirm, statements, summary
+from studies.validation.trade_solves import Run, measure, solved
+from studies.validation.trade_study import (
+    Reference,
+    components,
+    extrapolate,
+    full_scales,
+    is_clear,
+    true_errors,
+    with_errors,
+)
 
 COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
 
@@ -18,7 +43,12 @@ COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
 def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
     planned = trade_study.plan()
     cells = {(one.kind, one.model, one.level) for one in planned.runs}
-    excluded = {cell for cell, count in trade_cases.RUNS.items() if count == 0}
+    excluded = {
+        (*place, level)
+        for place, counts in trade_cases.RUNS.items()
+        for level, count in zip(("quick", "standard", "fine"), counts, strict=True)
+        if count == 0
+    }
     everything = {
         (kind, model, level)
         for kind in trade_cases.KINDS
@@ -88,3 +118,399 @@ def test_the_number_of_designs_is_checked(run):
     status, _, err = run("validate", "trade", "--designs", "1")
     assert status == 2
     assert "between 2 and 24; got 1" in err
+
+
+# Designs, loads, models and references of the study of cost and error
+
+
+def test_the_chosen_designs_span_the_range():
+    ratios = [design.L / design.D for design in designs()]
+    assert len(designs()) == trade_cases.STUDIED
+    assert (min(ratios), max(ratios)) == (0.6, 6.0)
+    assert (min(d.nu for d in designs()), max(d.nu for d in designs())) == (0.45, 0.4999)
+    assert {d.law for d in designs()} == {"neo-hookean", "mooney-rivlin", "yeoh", "ogden"}
+    assert {d.shape.has_magnet for d in designs()} == {True, False}
+
+
+def test_the_confirming_designs_are_others_in_the_same_range():
+    assert len(confirming_designs()) == trade_cases.CONFIRMED
+    assert not set(confirming_designs()) & set(designs())
+    assert all(0.6 <= design.L / design.D <= 6.0 and 0.45 <= design.nu < 0.5 for design in confirming_designs())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("confirm", [True, False])
+def test_every_model_can_carry_the_loads_of_its_kind(kind, confirm):
+    for number in range(trade_cases.CONFIRMED if confirm else trade_cases.STUDIED):
+        for model in MODELS[kind]:
+            one = trial(number, kind, model, confirm=confirm)
+            assert Scene(one.design, one.loads, magnet=one.magnet, model=model).model == model
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fineness", ["rough", "coarser", "usual", "finer"])
+def test_each_mesh_of_a_reference_is_finer_by_the_root_of_two(kind, fineness):
+    sizes = [accuracy.section_size for accuracy in references(kind, fineness)]
+    assert [a / b for a, b in itertools.pairwise(sizes)] == pytest.approx([2**0.5] * 2, rel=0.01)
+
+
+def test_cells_that_run_on_few_designs_take_different_ones():
+    numbers = runs_on("press", "half", "quick", trade_cases.STUDIED)
+    assert len({designs()[number].L / designs()[number].D for number in numbers}) == len(numbers)
+    assert set(numbers) <= set(range(trade_cases.STUDIED))
+
+
+# References by extrapolation, and the true errors against them
+
+
+SIZES = (0.04, 0.02, 0.01)
+
+
+def test_a_known_limit_and_order_are_recovered():
+    answers = [{"force": (2.0 + 3.0 * h**2, 0.0)} for h in SIZES]
+    reference = extrapolate(SIZES, answers)
+    assert reference.values["force"] == pytest.approx((2.0, 0.0), abs=1e-10)
+    assert reference.bars["force"] == pytest.approx((3.0 * SIZES[-1] ** 2, 0.0), abs=1e-10)
+    assert reference.orders == pytest.approx([2.0])
+
+
+@pytest.mark.parametrize("values", [(1.0, 1.2, 1.1), (1.0, 1.1, 1.25), (1.0, 1.1, 1.19)])
+def test_without_steady_convergence_the_finest_mesh_is_the_reference_and_the_spread_its_bar(values):
+    reference = extrapolate(SIZES, [{"force": (value,)} for value in values])
+    assert reference.values["force"] == (values[-1],)
+    assert reference.bars["force"] == pytest.approx((max(values) - min(values),))
+    assert reference.orders == ()
+
+
+def test_errors_of_vectors_are_relative_to_the_length_of_the_reference():
+    reference = Reference({"force": (3.0, 0.0, 4.0)}, {"force": (0.0, 0.0, 0.01)}, ())
+    error = true_errors({"force": (3.0, 0.05, 4.0)}, reference, ())["force"]
+    assert error == pytest.approx((1.0, 0.2))
+    assert is_clear(*error)
+
+
+def test_an_error_below_three_bars_is_unclear():
+    assert not is_clear(0.29, 0.1)
+
+
+def test_readings_are_relative_to_full_scale():
+    reference = Reference({"readings": (1e-3, 2e-3, 2e-3)}, {"readings": (0.0, 0.0, 0.0)}, ())
+    answer = {"readings": (1.1e-3, 2e-3, 2e-3)}
+    assert true_errors(answer, reference, (1e-3, 2e-3, 2e-3))["readings"][0] == pytest.approx(10.0)
+    assert "readings" not in true_errors(answer, reference, ())
+
+
+def test_s2_and_s3_share_their_full_scale():
+    moved = Response((0.0, 0.0, 1.0), (0.5, 0.0, -0.3), 0.05, 1.0)
+    values = components(paper(), Load(depth=0.5, shear_x=0.5, friction="stick"), moved)
+    first, second, third = full_scales(paper(), [Reference(values, values, ())])
+    assert first > 0
+    assert second == third > 0
+
+
+def test_an_upright_press_has_no_tilt_and_no_force_along_a_shear():
+    values = components(paper(), Load(depth=0.5), Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.3), 0.0, 1.0))
+    assert set(values) == {"force", "shift", "readings"}
+
+
+def test_quantities_that_are_nearly_zero_have_no_error():
+    reference = Reference({"tilt": (1e-9,)}, {"tilt": (0.0,)}, ())
+    assert true_errors({"tilt": (2e-9,)}, reference, ()) == {}
+
+
+# Table and chart of cost and error
+
+
+def ran(percent, model, level, *, design=0, outside="", cpu=1.0, bar=0.1):
+    place = {"design": design, "confirming": False, "kind": "press", "model": model, "level": level}
+    place |= {"depth_mm": 0.4, "shear_mm": 0.0, "friction": "none", "status": "ok", "along_N": None}
+    paid = {"cpu_s": cpu, "peak_MB": 30.0, "cost": cpu / 0.5, "message": outside, "commit": ""}
+    return with_errors(place | paid, dict.fromkeys(("force", "shift"), (percent, bar)))
+
+
+def cell(model, level):
+    return next(c for c in trade.cells(STATES) if (c["model"], c["level"]) == (model, level))
+
+
+STATES = [
+    *(ran(p, "axisymmetric", "quick", design=i) for i, p in enumerate((0.2, 0.5, 1.0))),
+    *(ran(p, "axisymmetric", "standard", design=i, cpu=2.0) for i, p in enumerate((0.1, 0.2, 0.3))),
+    *(ran(p, "formula", "finite", cpu=1e-3) for p in (2.0, 4.0)),
+    ran(70.0, "formula", "finite", outside="nu = 0.4 is below 0.49", cpu=1e-3),
+    *(ran(p, "surrogate", "shipped", cpu=6e-3) for p in (0.4, 0.8)),
+    with_errors(ran(0.0, "surrogate", "shipped", cpu=1e-5) | {"status": "refused"}, {}),
+]
+
+
+def test_a_cell_holds_median_percentile_and_largest_error():
+    found = cell("axisymmetric", "quick")
+    names = ("force_median_percent", "force_p95_percent", "largest_percent")
+    assert [found[name] for name in names] == [0.5, 1.0, 1.0]
+    assert (found["designs"], found["solved"], found["cost"]) == (3, 3, 2.0)
+    assert found["unclear_percent"] == pytest.approx(100 / 3)
+    assert math.isnan(found["tilt_median_percent"])
+
+
+def test_a_formula_counts_inside_its_range_only():
+    found = cell("formula", "finite")
+    assert (found["solved"], found["states"], found["largest_percent"]) == (2, 3, 4.0)
+
+
+def test_the_surrogate_counts_inside_its_range_only_in_errors_and_cost():
+    found = cell("surrogate", "shipped")
+    assert (found["solved"], found["states"], found["largest_percent"]) == (2, 3, 0.8)
+    assert (found["cpu_s"], found["cost"]) == pytest.approx((6e-3, 0.012))
+
+
+def test_the_report_names_model_errors_confirmation_and_command(tmp_path):
+    case = {"kind": "press", "design": 0, "depth_mm": 0.4, "shear_mm": 0.0, "tolerance": 0.01}
+    case |= {"model": "axisymmetric quick", "status": "exceeded", "expected": 0.01, "error": 0.012}
+    found = trade.result(STATES, [], [case], ["press"], "")
+    result.write(found, tmp_path, "magtip validate trade --out out/trade")
+    page = (tmp_path / "TRADE.md").read_text("utf-8")
+    assert {path.name for path in tmp_path.glob("[!.]*")} == set(trade.FILES)
+    assert "| axisymmetric | quick | 3 | 3 of 3 | 0.5 / 1 |" in page
+    assert "error 1.2 %" in page
+    assert "Made with `magtip validate trade --out out/trade`, on Python" in page
+
+
+# The rule that follows from measured errors, and its confirmation
+
+
+def state(percent, *, design=0, confirming=False, model="axisymmetric", level="quick", outside="", bar=0.0, cost=0.5):
+    """A light press with equal errors of force and shift."""
+    depth = trade_cases.trial(design, "press", "auto", confirm=confirming).loads[0].depth
+    place = {"design": design, "confirming": confirming, "kind": "press", "model": model, "level": level}
+    place |= {"depth_mm": depth, "shear_mm": 0.0, "friction": "none", "status": "ok", "along_N": None}
+    paid = {"cpu_s": 1.0, "peak_MB": 10.0, "cost": cost, "message": outside, "commit": ""}
+    return with_errors(place | paid, dict.fromkeys(("force", "shift"), (percent, bar)))
+
+
+def levels(quick, standard):
+    """States of two levels on ten designs, with constant errors; bounds are 1.1 times these."""
+    names = (("quick", quick, 0.5), ("standard", standard, 1.0))
+    pressed = (0, 2, 3, 5, 6, 7, 9, 10, 11, 13)
+    return [state(p, level=name, cost=c, design=number) for name, p, c in names for number in pressed]
+
+
+def test_no_studied_state_exceeds_its_bound():
+    (one,) = statements([state(float(p)) for p in range(1, 101)])
+    assert one.force == pytest.approx(2 * 1.0, rel=0.01)
+    (other,) = statements([state(p) for p in [1.0] * 99 + [13.0]])
+    assert other.force == pytest.approx(2 * 0.13, rel=0.01)
+
+
+def test_more_designs_tighten_a_bound():
+    (one,) = statements([state(1.0, design=number) for number in (0, 3, 5, 10)])
+    assert one.force == pytest.approx(1.25 * 0.01, rel=0.01)
+
+
+def test_a_formula_on_too_few_designs_has_no_bound():
+    assert statements([state(1.0, model="formula", level="finite", design=i) for i in (0, 3, 5)]) == []
+
+
+def test_the_surrogate_has_a_bound_for_each_region_of_loads_and_is_read_back():
+    rule = statements([state(1.0, model="surrogate", level="shipped", design=i) for i in (0, 3, 9, 10)])
+    assert [(one.model, one.level, one.region) for one in rule] == [("surrogate", "shipped", "depth to 0.06 D")]
+    assert [Statement(**each) for each in json.loads(trade_rule.as_text(rule, ""))["statements"]] == rule
+
+
+def test_the_surrogate_on_too_few_designs_has_no_bound():
+    assert statements([state(1.0, model="surrogate", level="shipped", design=i) for i in (0, 3, 9)]) == []
+
+
+def test_tetrahedra_have_one_bound_for_all_regions():
+    (one,) = statements([state(1.0, model="half", design=number) for number in (0, 1)])
+    assert one.region == "any"
+
+
+def test_an_error_below_the_bar_of_its_reference_counts_as_large_as_the_bar():
+    (one,) = statements([state(0.1, bar=0.5)] * 20)
+    assert one.force == pytest.approx(2 * 0.005, rel=0.01)
+
+
+def test_formulas_outside_their_range_and_confirming_designs_do_not_count():
+    states = [state(1.0, model="formula", level="finite", design=number) for number in (0, 3, 7, 10)]
+    far = [state(90.0, model="formula", level="finite", outside="nu")] * 9 + [state(80.0, confirming=True)] * 9
+    assert statements(states + far) == statements(states)
+
+
+def test_the_rule_chooses_the_cheapest_level_that_meets_each_tolerance():
+    rule = statements(levels(1.5, 0.4))
+    results = list(confirm([state(1.4, confirming=True), state(0.3, level="standard", confirming=True)], rule))
+    assert [each["model"].split()[-1] if each["model"] else "" for each in results] == [
+        *("standard", "standard", "quick", "quick", "quick", "quick")
+    ]
+    assert {each["status"] for each in results} == {"within"}
+
+
+def test_a_tolerance_below_every_bound_is_refused_and_counted():
+    results = list(confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.8))))
+    first = next(row for row in summary(results) if row["kind"] == "press" and row["tolerance_percent"] == 0.5)
+    assert (first["cases"], first["refused"], first["within"]) == (1, 1, 0)
+
+
+def missed(results):
+    """The missed goals of presses."""
+    return [str(goal) for goal in goals.missed(trade_rule.goals(results, ["press"]))]
+
+
+def test_errors_beyond_the_tolerance_miss_both_goals():
+    results = list(confirm([state(9.0, confirming=True)], statements(levels(1.5, 3.0))))
+    assert "press, tolerance 2 %, cases within it: 0 %, goal at least 95 %" in missed(results)
+    assert "press, tolerance 2 %, largest error over it: 4.5, goal at most 1.5" in missed(results)
+
+
+def test_a_confirmation_without_a_judged_case_misses_its_goals():
+    lost = {"kind": "press", "design": 60, "depth_mm": 0.4, "shear_mm": 0.0, "tolerance": 0.01}
+    lost |= {"model": "axisymmetric quick", "status": "no_reference", "expected": 0.01, "error": None}
+    for results in ([], [lost]):
+        assert "press, cases within the tolerance: no data, goal at least 95 %" in missed(results)
+    assert "press, cases without a judgement: 1, goal at most 0" in missed([lost])
+    met = [lost | {"status": "within", "error": 0.005, "design": d} for d in (0, 60)]
+    assert missed(met) == []
+    # a kind that no case confirms is no success
+    assert goals.missed(trade_rule.goals(met))
+
+
+def test_a_chosen_model_that_did_not_run_is_unjudged():
+    results = list(confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.4))))
+    assert [each["status"] for each in results if each["model"].endswith("standard")] == ["not run"] * 2
+
+
+def test_the_text_of_a_rule_is_read_back():
+    rule = statements(levels(1.5, 0.4))
+    read = json.loads(trade_rule.as_text(rule, "by hand"))
+    assert [Statement(**each) for each in read["statements"]] == rule
+    assert read["made"] == "by hand"
+    assert read["versions"] == model_choice.versions()
+    assert read["versions"]["harmonic"] == str(PHYSICS["harmonic"])
+
+
+def sheared(along, sideways, along_N, *, level="quick", confirming=True, design=0):
+    """A glued shear with an error of the force along it, over the unpressed beam's and over itself, percent."""
+    load = trade_cases.trial(design, "glued shear", "auto", confirm=confirming).loads[0]
+    errors = dict.fromkeys(("force", "shift", "tilt"), (0.1, 0.0))
+    errors |= {"along": (along, 0.0), "sideways": (sideways, 0.0)}
+    cost = {"quick": 0.5, "standard": 1.0, "fine": 5.0}[level]
+    place = {"design": design, "confirming": confirming, "kind": "glued shear", "model": "harmonic", "level": level}
+    place |= {"depth_mm": load.depth, "shear_mm": load.shear_x, "friction": "stick", "status": "ok"}
+    paid = {"along_N": along_N, "cpu_s": 1.0, "peak_MB": 10.0, "cost": cost, "message": "", "commit": ""}
+    return with_errors(place | paid, errors)
+
+
+def sheared_rule():
+    """Bounds 0.8, 0.4 and 0.2 % of the force along the shear, over that of the unpressed beam."""
+    errors = {"quick": 0.4, "standard": 0.2, "fine": 0.1}
+    return statements([sheared(e, e, 1.0, level=level, confirming=False) for level, e in errors.items()])
+
+
+def test_the_bound_of_the_force_along_a_shear_is_over_that_of_the_unpressed_beam():
+    (quick, *_) = sheared_rule()
+    assert (quick.sideways, quick.force) == (pytest.approx(0.008), pytest.approx(0.002))
+
+
+@pytest.mark.parametrize(
+    ("share", "model", "status"),
+    [
+        (1.0, "harmonic quick", "within"),
+        (0.6, "harmonic standard", "within"),
+        (0.1, "", "refused"),
+        (0.0, "", "refused"),
+    ],
+)
+def test_a_force_along_a_shear_that_nearly_vanishes_asks_for_a_finer_model(share, model, status):
+    design = trade_cases.confirming_designs()[0]
+    load = trade_cases.trial(0, "glued shear", "auto", confirm=True).loads[0]
+    along = share * buckling.sideways_stiffness(design) * load.shear_x
+    states = [sheared(0.1, 0.1 / max(share, 1e-9), along, level=level) for level in ("quick", "standard", "fine")]
+    (result,) = [each for each in confirm(states, sheared_rule()) if each["tolerance"] == 0.01]
+    assert (result["model"], result["status"]) == (model, status)
+
+
+def test_an_error_of_the_force_along_the_shear_counts():
+    design = trade_cases.confirming_designs()[0]
+    load = trade_cases.trial(0, "glued shear", "auto", confirm=True).loads[0]
+    along = buckling.sideways_stiffness(design) * load.shear_x
+    (result,) = [e for e in confirm([sheared(6.0, 6.0, along)], sheared_rule()) if e["tolerance"] == 0.01]
+    assert (result["status"], result["error"]) == ("exceeded", pytest.approx(0.06))
+
+
+# Solves in processes of their own, with their cost
+
+
+TRIAL = trade_cases.trial(0, "press", "axisymmetric")
+
+
+def test_a_solve_in_its_own_process_gives_the_same_states_and_its_cost():
+    run = Run(TRIAL, QUICK)
+    answer = solved(TRIAL, measure(run))
+    # one of the processes may run compiled loops, which round differently
+    for state, again in zip(answer.states, error_study.follow(TRIAL, QUICK), strict=True):
+        assert state.response.force == pytest.approx(again.response.force, rel=1e-9)
+        assert state.response.shift == pytest.approx(again.response.shift, rel=1e-9)
+    assert 0 < answer.cpu_s < 60
+    assert 1 < answer.peak_MB < 2000
+
+
+def test_a_process_that_dies_is_an_answer(monkeypatch):
+    monkeypatch.setattr(trade_solves, "LIMIT_S", 0.0)
+    (state,) = solved(TRIAL, measure(Run(TRIAL, QUICK))).states
+    assert (state.status, state.message) == ("not_finished", "stopped after 0 s")
+
+
+def test_a_lost_process_has_no_cost_and_is_not_kept(monkeypatch):
+    monkeypatch.setattr(trade_solves, "LIMIT_S", 0.0)
+    answer = measure(Run(TRIAL, QUICK))
+    assert math.isnan(answer["cpu_s"])
+    assert not trade_solves.is_kept(Run(TRIAL, QUICK), answer)
+
+
+def test_what_may_change_without_a_version_is_not_kept():
+    assert not any(
+        trade_solves.is_kept(Run(TRIAL, level), measure(Run(TRIAL, level))) for level in ("finite", "paper")
+    )
+    crashed = {"states": [SolvedState("crashed", "IndexError").kept()], "cpu_s": 1.0}
+    assert not trade_solves.is_kept(Run(TRIAL, QUICK), crashed)
+    assert trade_solves.is_kept(Run(TRIAL, QUICK), {"states": [{"status": "ok"}], "cpu_s": 1.0})
+
+
+def test_formulas_are_measured_without_a_process():
+    answer = solved(TRIAL, measure(Run(TRIAL, "finite")))
+    assert [state.status for state in answer.states] == ["ok"] * len(TRIAL.loads)
+    assert 0 < answer.cpu_s < 1
+
+
+def test_a_load_that_a_level_refuses_is_a_state():
+    loads = (Load(depth=0.5, shear_x=0.5, friction=0.3),)
+    (state,) = trade_solves.follow_formula(Trial(0, TRIAL.design, "rigid", "friction", "auto", loads), "finite")
+    assert state.status == "refused"
+
+
+def test_the_surrogate_is_measured_without_a_process():
+    run = Run(trade_cases.trial(0, "glued shear", "auto"), "shipped")
+    answer = solved(run.trial, measure(run))
+    assert (run.model, run.level) == ("surrogate", "shipped")
+    assert [state.response for state in answer.states] == [
+        surrogate_response.respond(run.trial.design, load).response for load in run.trial.loads
+    ]
+    assert 0 < answer.cpu_s < 1
+
+
+def test_the_surrogate_refuses_what_lies_outside_its_range():
+    states = trade_solves.follow_surrogate(trade_cases.trial(1, "press", "auto"))
+    assert {(state.status, state.response) for state in states} == {("refused", None)}
+
+
+def test_keys_tell_model_level_and_load_apart():
+    runs = [
+        *(Run(trade_cases.trial(0, "press", model), QUICK) for model in ("axisymmetric", "harmonic", "half")),
+        *(Run(trade_cases.trial(0, kind, "harmonic"), QUICK) for kind in ("glued shear", "friction")),
+        *(Run(TRIAL, level) for level in ("paper", "finite", "shipped")),
+    ]
+    assert len({run.key for run in runs}) == len(runs)
+
+
+@pytest.mark.parametrize("method", [QUICK, "finite", "shipped"])
+def test_the_text_of_the_progress_names_design_and_method(method):
+    assert "design 0" in Run(TRIAL, method).name

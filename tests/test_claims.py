@@ -1,0 +1,422 @@
+"""The claims on few loads: the verb, its verdicts, and the files."""
+
+import csv
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analytic import beam
+from fem.accuracy import QUICK
+from geometry.design import paper
+from geometry.loads import Response
+from studies.cli import entry_point
+from studies.validation import claim_errors, claim_states, claims
+from studies.validation.claim_errors import HEIGHT_FIGURES, TIP_FIGURES, Voltages, formula, height_row
+from studies.validation.claim_states import Press, Sheared, States
+from studies.validation.claims import hall_factor, hysteresis, verdict
+from studies.validation.sensor_figures import factor_figures, loop_figures, response_figures
+
+VERDICTS = {
+    "the same, relative to the largest force": "not decidable",
+    "voltage of S1 against F_N": "refuted",
+    "F_mu by (6) against measurement, delta to 3.1 mm": "reproduced",
+    "the ignored tilt of the magnet causes most of it": "refuted",
+    "look-up table unique to each location": "not decidable",
+    "natural frequency": "refuted",
+    "hysteresis along z": "not decidable",
+    "offset of S1": "reproduced",
+    "simple and faster than a finite element model": "reproduced",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("claims")
+    assert entry_point.main(["validate", "claims", "--quick", "--out", str(out), "--json"]) == 0
+    return out
+
+
+def test_all_files_are_written(folder):
+    assert {path.name for path in folder.glob("[!.]*")} == set(claims.FILES)
+
+
+def test_verdicts_of_the_quick_study(folder):
+    with (folder / "claims.csv").open(encoding="utf-8") as file:
+        found = {row["claim"]: row["verdict"] for row in csv.DictReader(file)}
+    assert {claim: found[claim] for claim in VERDICTS} == VERDICTS
+
+
+def test_the_modulus_that_makes_the_claim_true(folder):
+    """With the preset's magnet: about 0.6 MPa."""
+    with (folder / "heights.csv").open(encoding="utf-8") as file:
+        rows = {float(row["magnet_height_mm"]): row for row in csv.DictReader(file)}
+    low, high = float(rows[2.0]["E_from_MPa"]), float(rows[2.0]["E_to_MPa"])
+    assert 0.57 < low < high < 0.62
+
+
+def test_report_names_its_command_and_every_picture(folder):
+    text = (folder / "CLAIMS.md").read_text("utf-8")
+    assert "Made with `magtip validate claims --quick" in text
+    assert all(f"]({name})" in text for name in claims.FILES if name.endswith(".png"))
+
+
+def test_decoded_force_is_the_sum_of_its_parts(folder):
+    with (folder / "parts.csv").open(encoding="utf-8") as file:
+        rows = [{k: v if k == "tip" else float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    assert rows
+    for row in rows:  # of six digits
+        parts = row["tilt_N"] + row["geometry_N"] + row["force_law_N"]
+        assert row["fem_force_x_N"] + parts == pytest.approx(row["decoded_force_x_N"], abs=2e-5)
+
+
+def test_the_gap_of_a_loading_cycle_allows_a_loss_factor():
+    figures = hysteresis(loop_figures()).figures
+    assert figures["gap_percent"] == pytest.approx(8.0, abs=0.1)
+    # for a sine the gap of a spring is the sine of the loss angle
+    assert figures["allowed_loss_factor_sine"] == pytest.approx(0.1, rel=0.01)
+
+
+def test_rows_of_json_have_figures():
+    row = json.loads(json.dumps(hall_factor(factor_figures()).row()))
+    assert row["figures"]["polarisation_T"] == pytest.approx(0.026, abs=1e-3)
+
+
+# For which moduli is a formula within a bound? On forces whose answer is known
+
+
+approx = pytest.approx
+DEPTH = np.linspace(0.25, 3.0, 12)
+
+
+def press(force, sinking=None, height=2.0):
+    """Presses of the preset's magnet with a given force at 1 MPa."""
+    sinking = DEPTH * 5 / 9 if sinking is None else sinking
+    return Press(height, claim_states.with_magnet(height), DEPTH, force, sinking, 0.0, "")
+
+
+def test_the_true_modulus_is_in_the_middle_of_the_interval():
+    force = claim_errors.formula(DEPTH) / 0.6
+    low, high = claim_errors.modulus_interval(claim_errors.formula(DEPTH), force, 0.05 * force)
+    assert (low, high) == approx((0.6 / 1.05, 0.6 / 0.95))
+
+
+def test_an_interval_ends_where_the_error_is_the_bound():
+    """At both ends some depth has exactly the error that is allowed, and no depth a larger one."""
+    predicted, force = claim_errors.formula(DEPTH), 0.9 * DEPTH**1.8
+    slack = np.full_like(force, 0.3 * force.max())
+    for E in claim_errors.modulus_interval(predicted, force, slack):
+        assert claim_errors.error_of_largest(predicted, force, E) == approx(30)
+
+
+def test_no_modulus_mends_another_law():
+    predicted, force = DEPTH**2, DEPTH**1.5
+    assert claim_errors.modulus_interval(predicted, force, 0.05 * force) is None
+    assert claim_errors.modulus_interval(predicted, force, np.full_like(force, 0.5 * force.max())) is not None
+
+
+def test_each_depth_from_the_first_that_fits():
+    """d^2 over d^1.5 grows by 10.5 % from 1.5 / 1.105^2 to 1.5."""
+    depth = np.array([0.5, 1.0, 1.3, 1.4, 1.5])
+    assert claim_errors.each_depth_from(depth, depth**2, depth**1.5) == 1.3
+
+
+def test_a_sensor_that_is_the_formula_has_no_error():
+    row = claim_errors.height_row(press(claim_errors.formula(DEPTH)))
+    assert row["best_E_MPa"] == approx(1.0)
+    assert row["best_error_percent_of_largest"] == approx(0, abs=1e-5)
+    assert row["error_percent_of_largest"] == row["worst_error_percent"] == 0
+    assert row["each_depth_from_mm"] == DEPTH[0]
+    # the paper's quadrature of the field, and the depths between those of the presses
+    assert row["S1_error_percent"] < 0.1
+
+
+def test_twice_the_force_is_half_the_modulus():
+    row = claim_errors.height_row(press(2 * claim_errors.formula(DEPTH)))
+    assert row["best_E_MPa"] == approx(0.5)
+    assert row["worst_error_percent"] == approx(-50)
+    assert row["best_E_S1_error_percent"] < 2
+
+
+def test_presses_that_stop_have_a_row_without_answers():
+    force = claim_errors.formula(DEPTH)
+    force[-2:] = np.nan
+    row = claim_errors.height_row(press(force))
+    assert row["reached_mm"] == DEPTH[-3]
+    assert np.isnan(row["best_E_MPa"])
+
+
+def test_a_gain_mends_a_wrong_gain_only():
+    force = np.linspace(0.0, 10.0, 21)
+    same = Voltages(force, force, force[1:], 2 * force[1:], 10.0)
+    assert same.error(1.0) == approx(50)
+    assert same.error(1.0, any_gain=True) == approx(0, abs=0.1)
+    bent = dataclasses.replace(same, measured=force[1:] ** 2)
+    assert bent.error(1.0, any_gain=True) > 5
+
+
+def test_voltages_beyond_the_formulas_largest_force_are_not_compared():
+    force = np.linspace(0.0, 10.0, 21)
+    hard = Voltages(force, force, 4 * force[1:], force[1:], 10.0)
+    assert hard.reaches(0.25)
+    assert not hard.reaches(1.0)
+    assert hard.error(0.25) == approx(0)
+    assert np.isnan(hard.error(100.0))
+
+
+@pytest.mark.parametrize("height", [1.0, 2.0, 4.0])
+def test_s1_reads_at_rest_what_the_paper_states(height):
+    design = claim_states.with_magnet(height)
+    assert claim_states.s1_output(design, np.zeros(1))[0] == approx(2.87, abs=1e-3)
+
+
+@pytest.mark.parametrize(("second", "expected"), [(0.02, 0.02), (math.nan, math.nan)])
+def test_an_unknown_error_estimate_is_not_left_out(second, expected):
+    """Of a load that the sensor refuses, there is no force whose error could be known."""
+    rows = {
+        "depth_mm": [1.0, 2.0, 9.0],
+        "fem_force_N": [1.0, 1.0, math.nan],
+        "fem_shift_z_mm": [-0.5, -0.5, math.nan],
+    }
+    rows |= {"error_estimate": [0.01, second, math.nan], "message": ["", "", "too deep"]}
+    found = claim_states.press_of(paper(), pd.DataFrame(rows))
+    assert found.error_estimate == approx(expected, nan_ok=True)
+    assert (found.message, found.complete) == ("too deep", False)
+
+
+# Errors of (6) and their parts, on shears whose parts are known
+
+
+STIFFNESS, LEVER = beam.cantilever_stiffness(paper()), paper().H / paper().L
+SHEARS = (0.0, 1.0, 2.0, 3.0)
+
+
+def sheared(stiffness=STIFFNESS, lever=LEVER, tilt=0.0):
+    """Shears with a force, a shift and a tilt in proportion."""
+    responses = [Response((stiffness * s, 0.0, 4.0), (lever * s, 0.0, -0.5), tilt * s, 2.0) for s in SHEARS]
+    return Sheared("held", paper(), "rigid", 1.0, SHEARS, tuple(responses))
+
+
+def test_a_stiffer_beam_needs_a_larger_modulus():
+    row = claim_errors.tip_row(sheared(stiffness=STIFFNESS / 2))
+    assert row["worst_error_percent"] == approx(100)
+    assert row["best_E_MPa"] == approx(2)
+    assert row["best_error_percent"] == approx(0, abs=1e-9)
+    assert (row["within_5_percent_from_E_MPa"], row["within_5_percent_to_E_MPa"]) == approx((2 / 1.05, 2 / 0.95))
+
+
+def test_states_that_were_not_reached_are_left_out():
+    whole = sheared()
+    short = dataclasses.replace(whole, responses=(*whole.responses[:2], None, None))
+    assert claim_errors.tip_row(short)["last_error_percent"] == approx(0, abs=1e-9)
+    assert [row["shear_mm"] for row in claim_errors.split(short)] == [1.0]
+
+
+def test_the_papers_own_beam_has_no_error():
+    for row in claim_errors.split(sheared()):
+        assert row["error_N"] == approx(0, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("changed", "part"),
+    [
+        ({"stiffness": STIFFNESS / 2}, "force_law_N"),
+        ({"lever": 0.8 * LEVER}, "geometry_N"),
+        ({"tilt": 0.05}, "tilt_N"),
+    ],
+)
+def test_each_cause_is_its_own_part(changed, part):
+    rows = claim_errors.split(sheared(**changed))
+    assert len(rows) == 3
+    assert claim_errors.share(rows, part) == approx(100, abs=0.1)
+    for row in rows:
+        assert row["tilt_N"] + row["geometry_N"] + row["force_law_N"] == approx(row["error_N"])
+
+
+# Verdicts on figures that stand on either side of a claim
+
+
+NAN = math.nan
+LOOPS = ("fem_percent", "spring_percent", "sine_percent")
+FACTOR = {"rest_mT": 12.0, "polarisation_T": 0.026, "rest_V": 0.1, "face_V": 0.2, "pairs": []}
+RESPONSE = ("along_z", "along_x", "resonance_Hz", "Q", "accurate_Hz")
+
+
+def response(*figures):
+    return {"loss_factor": 0.1} | dict(zip(RESPONSE, figures, strict=True))
+
+
+def tip(name, *figures):
+    return {"tip": name} | dict(zip(TIP_FIGURES, figures, strict=True))
+
+
+def states(force):
+    return States((press(force),), press(force), ())
+
+
+def test_verdicts():
+    assert verdict(holds=True, holds_for_other_values=True, figures=[1.0]) == "reproduced"
+    assert verdict(holds=False, holds_for_other_values=True, figures=[1.0]) == "not decidable"
+    assert verdict(holds=False, holds_for_other_values=False, figures=[1.0]) == "refuted"
+
+
+@pytest.mark.parametrize("figures", [[], [NAN], [1.0, NAN]])
+@pytest.mark.parametrize("holds", [True, False])
+def test_nothing_is_decided_without_data(holds, figures):
+    assert verdict(holds=holds, figures=figures) == "not decidable"
+
+
+def test_claims_without_data_are_not_decidable():
+    lost = press(np.full(12, NAN))
+    rows = [height_row(lost)]
+    none = States((lost,), lost, ())
+    answers = [
+        *(claims.at_each_depth(rows), claims.of_largest(rows, none), claims.voltage(rows, 2.0)),
+        *(claims.largest_forces(none), claims.shear_force([], 0.6), claims.tilt_as_cause([])),
+    ]
+    assert {answer.verdict for answer in answers} == {"not decidable"}
+
+
+@pytest.mark.parametrize(
+    ("force", "each", "largest", "voltage"),
+    [
+        (formula(DEPTH), "reproduced", "reproduced", "reproduced"),
+        (2 * formula(DEPTH), "not decidable", "not decidable", "not decidable"),
+        (5 * DEPTH**1.2, "refuted", "refuted", "refuted"),
+    ],
+    ids=["formula", "other modulus", "other law"],
+)
+def test_presses(force, each, largest, voltage):
+    rows = [height_row(press(force))]
+    assert claims.at_each_depth(rows).verdict == each
+    assert claims.of_largest(rows, states(force)).verdict == largest
+    assert claims.voltage(rows, 2.0).verdict == voltage
+
+
+def test_the_band_of_moduli_is_in_the_sentence():
+    figures = (0.58, 0.61, 0.6, 3.0, 42.0, -70.0, 0.25, 1.0, 60.0, 25.0, 7.0, 9.0, 6.0)
+    row = {"magnet_height_mm": 2.0, "l0_mm": 7.2, "reached_mm": 3.0} | dict(zip(HEIGHT_FIGURES, figures, strict=True))
+    text = claims.of_largest([row], states(formula(DEPTH))).text
+    assert "E from 0.58 to 0.61 MPa with a magnet 2 mm high" in text
+    taller = row | {"magnet_height_mm": 2.5, "E_from_MPa": NAN, "E_to_MPa": NAN}
+    text = claims.of_largest([row, taller], states(formula(DEPTH))).text
+    assert "no modulus makes it true with a magnet of 2.5 mm or more" in text
+    none = row | {"E_from_MPa": NAN, "E_to_MPa": NAN}
+    assert "for no modulus" in claims.of_largest([none], states(formula(DEPTH))).text
+
+
+def test_forces_at_the_same_depth_are_proportional_to_E():
+    answer = claims.largest_forces(states(formula(DEPTH)))
+    assert answer.verdict == "refuted"
+    assert answer.figures["depth_mm_at_9_N"] == answer.figures["depth_mm_at_18_N"]
+    assert answer.figures["error_percent_at_3_N"] == pytest.approx(0)
+
+
+def test_forces_in_proportion_to_E_would_reproduce_the_largest_ones(monkeypatch):
+    monkeypatch.setattr(claims, "CLAIMED", ((1.0, 3.0), (5.0, 15.0)))
+    reach = DEPTH[np.searchsorted(formula(DEPTH), 3.0)]
+    force = np.where(reach >= DEPTH, formula(DEPTH), 2 * formula(DEPTH))
+    scale = 3.0 / float(np.interp(reach, DEPTH, force))
+    assert claims.largest_forces(states(force)).verdict == "refuted"
+    monkeypatch.setattr(claims, "CLAIMED", ((1.0, 3.0 / scale), (5.0, 15.0 / scale)))
+    assert claims.largest_forces(states(force)).verdict == "reproduced"
+
+
+@pytest.mark.parametrize(
+    ("accurate", "readings", "bending", "expected"),
+    [
+        (900.0, (1.0, 1.0), 3000.0, "reproduced"),
+        (2.0, (0.8, 3.5), 340.0, "not decidable"),
+        (2.0, (0.8, 0.5), 340.0, "refuted"),
+        (2.0, (NAN, 3.5), 340.0, "not decidable"),
+    ],
+)
+def test_band(accurate, readings, bending, expected):
+    vibration = response(*readings, None, None, accurate)
+    assert claims.band(modes(bending), vibration).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("percent", "expected"), [(0.5, "reproduced"), (8.0, "not decidable"), (150.0, "refuted"), (NAN, "not decidable")]
+)
+def test_hysteresis(percent, expected):
+    assert claims.hysteresis({"loss_factor": 0.1} | dict.fromkeys(LOOPS, percent)).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("polarisation", "expected"), [(0.026, "refuted"), (1.2, "reproduced"), (NAN, "not decidable")]
+)
+def test_hall_factor(polarisation, expected):
+    assert claims.hall_factor(FACTOR | {"polarisation_T": polarisation}).verdict == expected
+
+
+@pytest.mark.parametrize(("l0", "expected"), [(7.2, "reproduced"), (2.0, "refuted"), (NAN, "not decidable")])
+def test_offset(l0, expected):
+    assert claims.offset(FACTOR | {"pairs": [(2.0, l0)]}).verdict == expected
+
+
+@pytest.mark.parametrize(("error", "expected"), [(50.0, "reproduced"), (4.0, "refuted")])
+def test_shear_force(error, expected):
+    tips = [
+        tip("stuck to a plate", 0.5, error, error, error, 1.5, 10.0, NAN, NAN),
+        tip("gripped", 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 0.96, 1.04),
+    ]
+    assert claims.shear_force(tips, 0.6).verdict == expected
+
+
+@pytest.mark.parametrize(("tilt", "expected"), [(0.9, "reproduced"), (0.1, "refuted")])
+def test_tilt_as_cause(tilt, expected):
+    row = {"shear_mm": 1.0, "fem_force_x_N": 1.0, "error_N": 1.0, "tilt_N": tilt}
+    rows = [row | dict.fromkeys(("geometry_N", "force_law_N"), (1 - tilt) / 2)]
+    assert claims.tilt_as_cause([("stuck", rows)]).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("shares", "expected"), [((0.0, 0.0), "reproduced"), ((0.0, 5.0), "not decidable"), ((1.0, 5.0), "refuted")]
+)
+def test_uniqueness(shares, expected):
+    place = {"magnet_height_mm": 2.0, "l0_mm": 7.2, "readings": "B.n", "apart_mm": 0.5}
+    rows = [place | {"c_mm": c, "ambiguous_percent": share} for c, share in zip((2.0, 5.0), shares, strict=True)]
+    assert claims.uniqueness(rows).verdict == expected
+
+
+def modes(bending):
+    frequencies = {"bending_Hz": bending, "axial_Hz": 1000.0}
+    return [
+        {"magnet": magnet, "depth_mm": depth} | frequencies for magnet in ("rigid", "ignored") for depth in (0.0, 1.0)
+    ]
+
+
+@pytest.mark.parametrize(("bending", "expected"), [(980.0, "reproduced"), (340.0, "refuted")])
+def test_frequency(bending, expected):
+    formulas = {"third_of_silicone": 1010.0, "with_magnet": 667.0}
+    assert claims.frequency(modes(bending), formulas).verdict == expected
+
+
+def test_band_says_where_the_bending_mode_lies():
+    vibration = response(0.8, 3.5, 560.0, 8.0, 2.0)
+    assert "lies inside the band" in claims.band(modes(340.0), vibration).text
+    assert "lies above the band" in claims.band(modes(980.0), vibration).text
+    elastic = response(0.8, 3.5, None, None, 2.0)
+    assert "resonates" not in claims.band(modes(980.0), elastic).text
+
+
+def test_response_figures_are_those_of_the_damping_that_they_name():
+    vibration = response_figures(QUICK)
+    # half-power width of a spring with this loss factor, which the contact and the mass of the silicone hardly change
+    assert vibration["Q"] == pytest.approx(1 / vibration["loss_factor"], rel=0.25)
+    assert vibration["along_z"] < 1 < vibration["along_x"]
+    assert 500 < vibration["resonance_Hz"] < 600
+
+
+@pytest.mark.parametrize(("seconds", "expected"), [(1e-6, "reproduced"), (1.0, "refuted")])
+def test_cost(seconds, expected):
+    rows = [
+        {"model": "formulas, level paper", "seconds": seconds, "worst_error_percent": -50.0},
+        {"model": "formulas, level finite", "seconds": 1e-4, "worst_error_percent": 5.0},
+        {"model": "finite elements, level quick", "seconds": 0.04, "worst_error_percent": 0.3},
+    ]
+    assert claims.cost(rows).verdict == expected
