@@ -186,6 +186,7 @@ class Settings:
     fillet: float
     magnet: Literal["hole", "meshed", "none"]
     glued: bool
+    growth: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +241,7 @@ def pairs(x: Points) -> Array:
 
 def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
     """Return the grading of a section: its sources are the features that require edges shorter than the size."""
-    from_tip, from_others = TIP_GROWTH * min(1, s.size / FULL_TIP_GROWTH), GROWTH * min(1, s.size / FULL_GROWTH)
+    from_tip, from_others = TIP_GROWTH * min(1, s.size / FULL_TIP_GROWTH), s.growth * min(1, s.size / FULL_GROWTH)
     corner = min(s.size, max(LEAST_CLAMP, CLAMP * s.size))
     along_dome = np.minimum(s.tip_size + TIP_GROWTH * shape.R * DOME_POINTS.real, DOME * s.size)
     # points, edge lengths there, and growth away from them
@@ -319,6 +320,7 @@ def section(
     fillet: float = FILLET,
     magnet: Literal["hole", "meshed", "none"] = "hole",
     glued: bool = False,
+    growth: float = GROWTH,
 ) -> Any:
     """Mesh the section of the beam, finer at the tip, the clamped corner, the magnet's edges and in thin layers.
 
@@ -332,6 +334,7 @@ def section(
     fillet : largest edge length at a fillet of the magnet, as a fraction of its radius.
     magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
     glued : whether the area inside the ring will be glued; triangles at the ring are then graded towards it.
+    growth : growth of the edge length per unit of distance from edges of the magnet, the clamp and thin layers.
 
     Returns
     -------
@@ -354,7 +357,7 @@ def section(
     *lengths, size_D, tip_D = (float(f"{v / shape.D:.11e}") for v in (*dataclasses.astuple(shape), size, tip_size))
     unit = Shape(*lengths)
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
-    settings = Settings(size_D, tip_D, ring, fillet, magnet, glued)
+    settings = Settings(size_D, tip_D, ring, fillet, magnet, glued, growth)
     cuts, inner, silicone, core = _triangulated(unit, settings)
     curves = outline(shape, magnet, ring and ring[0] * shape.D)
     mesh = _second_order(_border(curves, cuts), inner * shape.D, silicone, core)

@@ -7,7 +7,7 @@ import pytest
 from skfem import MeshTet1, MeshTet2
 
 from geometry.design import BadInput, Shape
-from geometry.mesh import tetrahedra
+from geometry.mesh import SOLID_GROWTH, tetrahedra
 from geometry.meshing.mesh_quality import determinants, quality
 from geometry.section import section
 
@@ -51,7 +51,8 @@ def check_quality(mesh, shape, least_jacobian=0.05):
     assert max(map(abs, found.volume_errors.values())) < 1e-5
     assert abs(found.base_error) < 1e-4
     assert found.least_jacobian > least_jacobian
-    assert found.least_shape > 0.02
+    # cells at the least edge radius of the magnet are 50 times as long around the axis as across it
+    assert found.least_shape > 0.015
     return found
 
 
@@ -142,9 +143,9 @@ def test_equal_requests_get_equal_meshes_and_similar_shapes_similar_ones():
     np.testing.assert_allclose(small.doflocs, 0.3 * one.doflocs, rtol=0, atol=1e-13)
 
 
-def test_all_cells_are_positive_and_the_section_is_that_of_the_axisymmetric_model(half):
+def test_all_cells_are_positive_and_their_section_is_that_of_the_section_mesher(half):
     assert determinants(half).min() > 0
-    plane = section(PAPER, 1.2, tip_size=0.6, magnet="meshed")
+    plane = section(PAPER, 1.2, tip_size=0.6, magnet="meshed", growth=SOLID_GROWTH)
     on = half.doflocs[1, : half.nvertices] == 0
     front = half.doflocs[:, : half.nvertices][:, on & (half.doflocs[0, : half.nvertices] > -TOUCH)]
     assert sorted(map(tuple, np.round(front[[0, 2]].T, 9))) == sorted(
@@ -188,8 +189,8 @@ def test_edges_follow_the_rim(half):
     assert np.count_nonzero(degree == 1) == (2 if half else 0)
     middle = mesh.doflocs[:, mesh.nvertices + np.array(chain)]
     assert np.hypot(middle[0], middle[1]) == pytest.approx(radius, abs=1e-4 * PAPER.R)
-    # as many edges as there are sectors, of the bulk's edge length on the skin
-    assert len(chain) == (1 if half else 2) * 8
+    # as many edges as there are sectors
+    assert len(chain) == (1 if half else 2) * 6
 
 
 @pytest.mark.parametrize("rim", [(0.1, 0.2), (4.0, 0.2), (math.nan, 0.2), (1.0, -1.0), (1.0, math.nan)])
