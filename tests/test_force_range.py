@@ -47,66 +47,70 @@ def test_readings_of_the_loads_decode_to_the_loads(coder):
 
 def test_the_worst_load_is_a_row_of_the_table(coder):
     answer = evaluated(coder)
-    rows = [row.row() for row in force_range.table(force_range.loads(coder, 4.0, 1.0))]
-    assert len(rows) == answer.loads == 4 * (1 + 2 * 4)
+    rows = list(force_range.table(force_range.loads(coder, 4.0, 1.0)))
+    assert len(rows) == answer["loads"] == 4 * (1 + 2 * 4)
     for k, axis in enumerate("xyz"):
         column = [row[f"resolution_{axis}_N"] for row in rows if row["usable"]]
-        assert answer.worst_N[k] == max(column)
-        (at,) = [row for row in rows if row[f"resolution_{axis}_N"] == answer.worst_N[k]][:1]
-        assert [at[f"force_{name}_N"] for name in "xyz"] == answer.worst_at_N[k]
-        assert_allclose(at[f"resolution_{axis}_N_per_N"], answer.worst_N[k] / np.linalg.norm(answer.worst_at_N[k]))
-    assert answer.worst_N_per_N == [answer.worst_N[0] / 1, answer.worst_N[1] / 1, answer.worst_N[2] / 4]
+        assert answer["worst_N"][k] == max(column)
+        (at,) = [row for row in rows if row[f"resolution_{axis}_N"] == answer["worst_N"][k]][:1]
+        assert [at[f"force_{name}_N"] for name in "xyz"] == answer["worst_at_N"][k]
+        assert_allclose(
+            at[f"resolution_{axis}_N_per_N"], answer["worst_N"][k] / np.linalg.norm(answer["worst_at_N"][k])
+        )
+    assert answer["worst_N_per_N"] == [answer["worst_N"][0] / 1, answer["worst_N"][1] / 1, answer["worst_N"][2] / 4]
 
 
 def test_full_load_and_rest_are_those_of_single_loads(coder):
     answer, grid = evaluated(coder), force_range.loads(coder, 4.0, 1.0)
     full = (grid.force[2] == 4) & np.isclose(np.hypot(*grid.force[:2]), 1)
     assert full.sum() == 4
-    assert answer.full_load_N == grid.poses.axis_noise_N[:, full].max(axis=1).tolist()
-    assert_allclose(answer.full_load_N_per_N, np.array(answer.full_load_N) / 17**0.5)
-    assert_allclose(answer.rest_N, grid.poses.axis_noise_N[:, 0])
+    assert answer["full_load_N"] == grid.poses.axis_noise_N[:, full].max(axis=1).tolist()
+    assert_allclose(answer["full_load_N_per_N"], np.array(answer["full_load_N"]) / 17**0.5)
+    assert_allclose(answer["rest_N"], grid.poses.axis_noise_N[:, 0])
 
 
 def test_axes_x_and_y_are_alike_in_the_papers_layout(coder):
-    x, y, _ = evaluated(coder).worst_N
+    x, y, _ = evaluated(coder)["worst_N"]
     assert_allclose(x, y, rtol=1e-6)
 
 
 def test_averaging_divides_the_resolution():
     one, many = (evaluated(coder_of(Design(hall_noise=1e-3, hall_average=n))) for n in (1, 16))
-    assert_allclose(many.worst_N, np.array(one.worst_N) / 4, rtol=1e-9)
-    assert many.message != one.message
+    assert_allclose(many["worst_N"], np.array(one["worst_N"]) / 4, rtol=1e-9)
+    assert many["message"] != one["message"]
 
 
 def test_a_reversed_magnet_has_the_same_resolution(coder):
-    assert_allclose(evaluated(coder_of(Design(hall_noise=1e-3, magnet_north="up"))).worst_N, evaluated(coder).worst_N)
+    assert_allclose(
+        evaluated(coder_of(Design(hall_noise=1e-3, magnet_north="up")))["worst_N"], evaluated(coder)["worst_N"]
+    )
 
 
 def test_a_saturated_element_is_named():
     answer = evaluated(coder_of(Design(hall_noise=1e-3, hall_high=2.9)))
-    assert answer.saturated_elements == ["S1"]
-    assert 0 < answer.saturated_percent < 100
-    assert "S1 saturates" in answer.message
-    assert answer.full_load_N is None
+    assert answer["saturated_elements"] == ["S1"]
+    assert 0 < answer["saturated_percent"] < 100
+    assert "S1 saturates" in answer["message"]
+    assert answer["full_load_N"] is None
 
 
 def test_loads_beyond_the_formulas_are_counted(coder):
     answer = evaluated(coder, 90.0, 1.0)
-    assert 0 < answer.reached_percent < 50
-    assert "of the loads are within the formulas or states" in answer.message
-    assert answer.full_load_N is None
+    assert 0 < answer["reached_percent"] < 50
+    assert "of the loads are within the formulas or states" in answer["message"]
+    assert answer["full_load_N"] is None
 
 
 def test_a_range_without_tangential_forces_has_one_direction(coder):
     answer = evaluated(coder, 4.0, 0.0)
-    assert answer.loads == 4
-    assert answer.worst_N_per_N[:2] == [None, None]
-    assert answer.worst_N[2] > 0
+    assert answer["loads"] == 4
+    assert answer["worst_N_per_N"][:2] == [None, None]
+    assert answer["worst_N"][2] > 0
 
 
 def test_loads_outside_the_range_of_level_finite_are_a_warning(coder):
-    assert evaluated(coder, 4.0, 0.5).warnings == []
-    (warning,) = evaluated(coder, 4.0, 2.0).warnings
+    assert evaluated(coder, 4.0, 0.5)["warnings"] == []
+    (warning,) = evaluated(coder, 4.0, 2.0)["warnings"]
     assert "shear is above 0.3 D" in warning
 
 

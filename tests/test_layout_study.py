@@ -175,8 +175,8 @@ def test_a_design_without_a_clear_pose_is_judged(tmp_path):
     coder, noise = layout_metrics.prepare(design, decode_readings.of_level(design, "paper"), Basis())
     seen = survey.survey(coder, (5, 5, 4), clearance=50.0)
     row = layout_metrics.layout_row(coder, seen, noise, "paper")
-    assert row.message.startswith("no pose")
-    assert row.figures.noise_worst_um is None
+    assert row["message"].startswith("no pose")
+    assert row["noise_worst_um"] is None
     assert "no pose" in layout_report.text(row, None, None, None).lower()
     for figure in layout_figures.maps(coder, seen, 50.0):
         figure.chart.to_dict()

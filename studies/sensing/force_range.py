@@ -7,14 +7,13 @@ mechanics give the magnet's shift under each load, and a survey of that pose giv
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from geometry.design import BadInput
 from geometry.loads import Load
 from studies.inputs import user_input
-from studies.output import records
 from studies.output.records import FlatRow
 from studies.sensing import decode_readings
 from studies.sensing.layout_metrics import percent_text
@@ -31,98 +30,6 @@ COUNTS = (11, 9, 16)
 """Numbers of normal forces, of tangential forces and of directions."""
 MOST_FORCE = 1e6
 """N."""
-
-ABOUT = """\
-The range has {} normal and {} tangential forces, from 0 to their limits, in {} directions. The resolution is the
-standard deviation of the decoded force along x, y and z that the noise of the readings causes, at the loads that the
-formulas or states reach and that are neither blocked nor saturated. A tangential force above the normal force times
-the friction coefficient needs a plate that is glued to the tip. The noise does not include the errors of the formulas
-or of a calibration, nor hysteresis.
-"""
-
-
-def about() -> str:
-    """Return the explanation that LAYOUT.md prints."""
-    return ABOUT.format(*COUNTS)
-
-
-@dataclass(frozen=True, slots=True)
-class ForceRange:
-    """Resolution over a range of loads; lists of three are along x, y and z, and None without a usable load.
-
-    Attributes
-    ----------
-    loads : number of loads of the grid.
-    reached_percent : share of the loads that the formulas or states reach.
-    unique_percent, ambiguous_percent, saturated_percent, blocked_percent : shares of the reached loads, see
-        `layout_metrics`.
-    saturated_elements : elements that saturate at any reached load.
-    folded : whether det J changes its sign between usable loads; the worst resolution is then infinite.
-    depth_mm, shear_mm : largest depth and shear of the reached loads.
-    rest_N : resolution at rest.
-    median_N, worst_N : median and largest value over the usable loads.
-    worst_N_per_N : largest resolution over the largest force of the range along its axis.
-    worst_at_N, worst_at_mm : force (F_x, F_y, F_n) and shift at which the resolution of each axis is worst.
-    full_load_N : largest resolution over all directions of the full load, None unless all of these are usable.
-    full_load_N_per_N : the same over the size of the full load.
-    """
-
-    message: str
-    normal_N: float
-    tangential_N: float
-    loads: int
-    reached_percent: float
-    unique_percent: float | None
-    ambiguous_percent: float | None
-    saturated_percent: float | None
-    blocked_percent: float | None
-    saturated_elements: list[str]
-    folded: bool
-    depth_mm: float | None
-    shear_mm: float | None
-    rest_N: list[float] | None
-    median_N: list[float] | None
-    worst_N: list[float] | None
-    worst_N_per_N: list[float | None] | None
-    worst_at_N: list[list[float]] | None
-    worst_at_mm: list[list[float]] | None
-    full_load_N: list[float] | None
-    full_load_N_per_N: list[float] | None
-    warnings: list[str]
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
-
-
-def _columns(name: str, unit: str) -> Callable[[Sequence[float | None]], FlatRow]:
-    """Return the function that gives the values of the axes x, y and z a column each."""
-    return lambda values: {f"{name}_{axis}_{unit}": value for axis, value in zip("xyz", values, strict=True)}
-
-
-@dataclass(frozen=True, slots=True)
-class LoadRow:
-    """A load of the range; lists are along x, y and z, with None where the load is not reached.
-
-    Attributes
-    ----------
-    reached, usable : 0 or 1; a usable load is reached, and neither blocked nor saturated.
-    multiplicity : number of poses with the same readings; None where it was not computed.
-    resolution_N_per_N : over the size of the force; None without a force.
-    """
-
-    force_N: list[float] = field(metadata={"columns": _columns("force", "N")})
-    shift_mm: list[float | None] = field(metadata={"columns": _columns("shift", "mm")})
-    reached: int
-    usable: int
-    saturated: int
-    multiplicity: int | None
-    resolution_N: list[float | None] = field(metadata={"columns": _columns("resolution", "N")})
-    resolution_N_per_N: list[float | None] = field(metadata={"columns": _columns("resolution", "N_per_N")})
-
-    def row(self) -> FlatRow:
-        """Return the flat row for force_range.csv."""
-        return records.flat(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,8 +113,22 @@ def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0
     return Loads(np.stack([F_t * e[0], F_t * e[1], F_n]), ~pressed | (angle == 0), poses, plate)
 
 
-def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, level: str) -> ForceRange:
-    """Return the resolution over a range of loads; `level` is the name of the source of the mechanics."""
+def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, level: str) -> FlatRow:
+    """Return the resolution over a range of loads; `level` is the name of the source of the mechanics.
+
+    Lists of three are along x, y and z, and None without a usable load.
+
+    loads : number of loads of the grid; reached_percent : share of them that the formulas or states reach.
+    unique_percent, ambiguous_percent, saturated_percent, blocked_percent : shares of the reached loads, see
+        `layout_metrics`; saturated_elements : those that saturate at any reached load.
+    folded : whether det J changes its sign between usable loads; the worst resolution is then infinite.
+    depth_mm, shear_mm : largest depth and shear of the reached loads.
+    rest_N : resolution at rest; median_N, worst_N : median and largest value over the usable loads; worst_N_per_N :
+        the largest over the largest force of the range along its axis.
+    worst_at_N, worst_at_mm : force (F_x, F_y, F_n) and shift at which the resolution of each axis is worst.
+    full_load_N : largest resolution over all directions of the full load, None unless all of these are usable;
+        full_load_N_per_N : the same over the size of the full load.
+    """
     import numpy as np
 
     poses, sigma = grid.poses, grid.poses.axis_noise_N
@@ -228,38 +149,38 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
         for element, flags in zip(coder.forward.elements, poses.by_element, strict=True)
         if (flags & reached).any()
     ]
-    return ForceRange(
-        message="; ".join(
+    return {
+        "message": "; ".join(
             [
                 _summary(normal, tangential, largest),
                 f"{' and '.join(names)} saturate{'s' * (len(names) == 1)}" if names else "no element saturates",
                 *_limits(share, ambiguous, blocked, folded=poses.folded),
             ]
         ),
-        normal_N=normal,
-        tangential_N=tangential,
-        loads=int(grid.distinct.sum()),
-        reached_percent=share,
-        unique_percent=unique,
-        ambiguous_percent=ambiguous,
-        saturated_percent=saturated,
-        blocked_percent=blocked,
-        saturated_elements=names,
-        folded=poses.folded,
-        depth_mm=float(grid.plate[0, reached].max()),
-        shear_mm=float(np.hypot(*grid.plate[1:, reached]).max()),
-        rest_N=_largest(sigma[:, at_rest]),
-        median_N=np.median(sigma[:, usable & grid.distinct], axis=1).tolist() if usable.any() else None,
-        worst_N=largest,
-        worst_N_per_N=None
+        "normal_N": normal,
+        "tangential_N": tangential,
+        "loads": int(grid.distinct.sum()),
+        "reached_percent": share,
+        "unique_percent": unique,
+        "ambiguous_percent": ambiguous,
+        "saturated_percent": saturated,
+        "blocked_percent": blocked,
+        "saturated_elements": names,
+        "folded": poses.folded,
+        "depth_mm": float(grid.plate[0, reached].max()),
+        "shear_mm": float(np.hypot(*grid.plate[1:, reached]).max()),
+        "rest_N": _largest(sigma[:, at_rest]),
+        "median_N": np.median(sigma[:, usable & grid.distinct], axis=1).tolist() if usable.any() else None,
+        "worst_N": largest,
+        "worst_N_per_N": None
         if largest is None
         else [s / most if most else None for s, most in zip(largest, limits, strict=True)],
-        worst_at_N=[grid.force[:, at].tolist() for at in worst] or None,
-        worst_at_mm=[poses.shift[:, at].tolist() for at in worst] or None,
-        full_load_N=full_load,
-        full_load_N_per_N=None if full_load is None else [s / size for s in full_load],
-        warnings=_force_warnings(coder, grid, level),
-    )
+        "worst_at_N": [grid.force[:, at].tolist() for at in worst] or None,
+        "worst_at_mm": [poses.shift[:, at].tolist() for at in worst] or None,
+        "full_load_N": full_load,
+        "full_load_N_per_N": None if full_load is None else [s / size for s in full_load],
+        "warnings": _force_warnings(coder, grid, level),
+    }
 
 
 def _largest(sigma: Array) -> list[float] | None:
@@ -318,22 +239,31 @@ def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
     return force_level_check.warnings(level, force_level_check.gap(coder.forward.design, law, shift, force))
 
 
-def table(grid: Loads) -> Iterator[LoadRow]:
-    """Yield the row of each distinct load of a range."""
+def table(grid: Loads) -> Iterator[FlatRow]:
+    """Yield the row of each distinct load of a range; None where the load is not reached.
+
+    reached, usable, saturated : 0 or 1; a usable load is reached, and neither blocked nor saturated.
+    multiplicity : number of poses with the same readings; None where it was not computed.
+    resolution_*_N_per_N : over the size of the force; None without a force.
+    """
     import numpy as np
 
     poses = grid.poses
     sizes = np.linalg.norm(grid.force, axis=0)
     for k in np.flatnonzero(grid.distinct).tolist():
         size, reached = float(sizes[k]), bool(grid.reached[k])
-        sigma: list[float] = poses.axis_noise_N[:, k].tolist()
-        yield LoadRow(
-            force_N=grid.force[:, k].tolist(),
-            shift_mm=poses.shift[:, k].tolist() if reached else [None] * 3,
-            reached=int(reached),
-            usable=int(poses.usable[k]),
-            saturated=int(reached and poses.saturated[k]),
-            multiplicity=int(poses.multiplicity[k]) or None,
-            resolution_N=[*sigma] if reached else [None] * 3,
-            resolution_N_per_N=[value / size for value in sigma] if reached and size else [None] * 3,
-        )
+        none, sigma = [None] * 3, poses.axis_noise_N[:, k].tolist()
+        yield {
+            **_by_axis("force", "N", grid.force[:, k].tolist()),
+            **_by_axis("shift", "mm", poses.shift[:, k].tolist() if reached else none),
+            "reached": int(reached),
+            "usable": int(poses.usable[k]),
+            "saturated": int(reached and poses.saturated[k]),
+            "multiplicity": int(poses.multiplicity[k]) or None,
+            **_by_axis("resolution", "N", sigma if reached else none),
+            **_by_axis("resolution", "N_per_N", [value / size for value in sigma] if reached and size else none),
+        }
+
+
+def _by_axis(name: str, unit: str, values: Sequence[float | None]) -> FlatRow:
+    return {f"{name}_{axis}_{unit}": value for axis, value in zip("xyz", values, strict=True)}

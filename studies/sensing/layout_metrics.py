@@ -1,17 +1,12 @@
-"""Figures of a layout from its map: shares of the workspace, condition number, noise, and a summary sentence.
-
-`ABOUT` is the explanation that LAYOUT.md prints.
-"""
+"""Figures of a layout from its map: shares of the workspace, condition number, noise, and a summary sentence."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
 from studies.inputs.option_groups import Basis
-from studies.output import records
 from studies.output.records import FlatRow
 from studies.sensing import decode_readings
 
@@ -20,14 +15,6 @@ if TYPE_CHECKING:
     from analytic.inverse.response_surface import Mechanics
     from analytic.survey import Survey
     from geometry.arrays import Array
-
-ABOUT = """\
-Shares refer to the poses of the decoder's workspace whose tilt is known, and add up to 100 %. A pose is blocked (the
-magnet or the beam's estimated wall meets an element, or the magnet meets the base), else saturated, else ambiguous,
-else unique. It is ambiguous if the decoder finds other poses with the same readings, blocked ones included.
-Condition number and noise are those of the poses that are neither blocked nor saturated. Noise is the standard
-deviation along the worst direction.
-"""
 
 COUNTS = (25, 25, 13)
 """Numbers of poses of the map along x, y and z."""
@@ -73,70 +60,8 @@ def prepare(
     return coder, source
 
 
-@dataclass(frozen=True, slots=True)
-class Figures:
-    """Figures of a map: condition number and noise are infinite on a fold, and None if no pose is usable.
-
-    Attributes
-    ----------
-    folded : True if det J changes its sign.
-    most_alike : largest number of poses with the same readings.
-    alike_apart_mm : largest distance between such poses.
-    worst_at_mm : shift of the pose with the largest noise.
-    noise_median_axes_N, noise_worst_axes_N : noise of the force along x, y and z.
-    """
-
-    unique_percent: float
-    ambiguous_percent: float
-    saturated_percent: float
-    blocked_percent: float
-    det_positive_percent: float
-    det_negative_percent: float
-    folded: bool
-    most_alike: int
-    alike_apart_mm: float
-    condition_median: float | None
-    condition_worst: float | None
-    noise_median_um: float | None
-    noise_worst_um: float | None
-    noise_median_N: float | None
-    noise_worst_N: float | None
-    worst_at_mm: list[float] | None
-    noise_median_axes_N: list[float] | None
-    noise_worst_axes_N: list[float] | None
-
-
-@dataclass(frozen=True, slots=True)
-class LayoutRow:
-    """All figures of a layout, with its elements and the settings of the evaluation."""
-
-    status: str
-    message: str
-    layout: str
-    elements: list[str]
-    f_mm: float | None
-    l0_mm: float
-    c_mm: float | None
-    chip_x_mm: float | None
-    mechanics: str
-    tilt: str
-    mode: str
-    workspace_mm: list[list[float]]
-    poses: int
-    known_percent: float
-    figures: Figures = field(metadata={"prefix": ""})
-    noise_of_readings_T: list[float]
-    noise_source: str
-    hits: list[str]
-    warnings: list[str]
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
-
-
-def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> LayoutRow:
-    """Return the row of a layout from its survey.
+def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> FlatRow:
+    """Return all figures of a layout from its survey, with its elements and the settings of the evaluation.
 
     Parameters
     ----------
@@ -147,31 +72,37 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Lay
     three = design.hall_layout == "three"
     measured = figures(poses)
     known = 100 * float((poses.weight > 0).mean())
-    return LayoutRow(
-        status="ok",
-        message=sentence(measured, known),
-        layout=design.hall_layout,
-        elements=[element.name for element in elements],
-        f_mm=design.f if three else None,
-        l0_mm=design.l0,
-        c_mm=design.c if three else None,
-        chip_x_mm=None if three else design.chip_x,
-        mechanics=mechanics,
-        tilt="followed" if coder.forward.tau.any() else "none",
-        mode=coder.forward.mode,
-        workspace_mm=[coder.low.tolist(), coder.high.tolist()],
-        poses=len(poses.weight),
-        known_percent=known,
-        figures=measured,
-        noise_of_readings_T=coder.sigma.tolist(),
-        noise_source=noise,
-        hits=_hits(coder, poses),
-        warnings=design.warnings(),
-    )
+    return {
+        "status": "ok",
+        "message": sentence(measured, known),
+        "layout": design.hall_layout,
+        "elements": [element.name for element in elements],
+        "f_mm": design.f if three else None,
+        "l0_mm": design.l0,
+        "c_mm": design.c if three else None,
+        "chip_x_mm": None if three else design.chip_x,
+        "mechanics": mechanics,
+        "tilt": "followed" if coder.forward.tau.any() else "none",
+        "mode": coder.forward.mode,
+        "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
+        "poses": len(poses.weight),
+        "known_percent": known,
+        **measured,
+        "noise_of_readings_T": coder.sigma.tolist(),
+        "noise_source": noise,
+        "hits": _hits(coder, poses),
+        "warnings": design.warnings(),
+    }
 
 
-def figures(poses: Survey) -> Figures:
-    """Return shares, sign of det J, condition number and noise of the poses of a survey."""
+def figures(poses: Survey) -> FlatRow:
+    """Return shares, sign of det J, condition number and noise of the poses of a survey.
+
+    Condition number and noise are infinite on a fold, and None if no pose is usable. folded : whether det J changes
+    its sign. most_alike : largest number of poses with the same readings, and alike_apart_mm : the largest distance
+    between such poses. worst_at_mm : shift of the pose with the largest noise. noise_median_axes_N,
+    noise_worst_axes_N : noise of the force along x, y and z.
+    """
     many, usable = poses.multiplicity > 1, poses.usable
     known = poses.weight > 0
     condition, micrometres, newtons = (
@@ -181,26 +112,26 @@ def figures(poses: Survey) -> Figures:
         None if any(value is None for value in values) else list(values)
         for values in zip(*(_median_and_worst(poses, values) for values in poses.axis_noise_N), strict=True)
     ]
-    return Figures(
-        unique_percent=100 * poses.share(usable & ~many),
-        ambiguous_percent=100 * poses.share(usable & many),
-        saturated_percent=100 * poses.share(poses.saturated & ~poses.blocked),
-        blocked_percent=100 * poses.share(poses.blocked),
-        det_positive_percent=100 * poses.share(poses.sign > 0),
-        det_negative_percent=100 * poses.share(poses.sign < 0),
-        folded=poses.folded,
-        most_alike=int(poses.multiplicity[known].max()),
-        alike_apart_mm=float(poses.alike_mm[usable & many].max(initial=0.0)),
-        condition_median=condition[0],
-        condition_worst=condition[1],
-        noise_median_um=micrometres[0],
-        noise_worst_um=micrometres[1],
-        noise_median_N=newtons[0],
-        noise_worst_N=newtons[1],
-        worst_at_mm=_worst_place(poses),
-        noise_median_axes_N=axes[0],
-        noise_worst_axes_N=axes[1],
-    )
+    return {
+        "unique_percent": 100 * poses.share(usable & ~many),
+        "ambiguous_percent": 100 * poses.share(usable & many),
+        "saturated_percent": 100 * poses.share(poses.saturated & ~poses.blocked),
+        "blocked_percent": 100 * poses.share(poses.blocked),
+        "det_positive_percent": 100 * poses.share(poses.sign > 0),
+        "det_negative_percent": 100 * poses.share(poses.sign < 0),
+        "folded": poses.folded,
+        "most_alike": int(poses.multiplicity[known].max()),
+        "alike_apart_mm": float(poses.alike_mm[usable & many].max(initial=0.0)),
+        "condition_median": condition[0],
+        "condition_worst": condition[1],
+        "noise_median_um": micrometres[0],
+        "noise_worst_um": micrometres[1],
+        "noise_median_N": newtons[0],
+        "noise_worst_N": newtons[1],
+        "worst_at_mm": _worst_place(poses),
+        "noise_median_axes_N": axes[0],
+        "noise_worst_axes_N": axes[1],
+    }
 
 
 def _median_and_worst(poses: Survey, values: Array) -> tuple[float | None, float | None]:
@@ -237,13 +168,13 @@ def _hits(coder: Decoder, poses: Survey) -> list[str]:
     return sentences
 
 
-def sentence(figures: Figures, known: float = 100.0) -> str:
+def sentence(figures: FlatRow, known: float = 100.0) -> str:
     """Return the summary sentence of a layout; `known` percent of its poses have a known tilt and were examined."""
-    clear = figures.unique_percent + figures.ambiguous_percent
+    clear = figures["unique_percent"] + figures["ambiguous_percent"]
     if not clear > 0:
         return "no pose in the workspace is usable: each is blocked by an element or saturated"
     parts = []
-    if not figures.ambiguous_percent > 0:
+    if not figures["ambiguous_percent"] > 0:
         parts.append(
             "the readings are unique: no two poses in the workspace give the same readings"
             if clear > 100 - 1e-6
@@ -251,14 +182,14 @@ def sentence(figures: Figures, known: float = 100.0) -> str:
         )
     else:
         parts.append(
-            f"{percent_text(figures.ambiguous_percent)} of the workspace is ambiguous: poses up to "
-            f"{figures.alike_apart_mm:.2g} mm apart give the same readings"
+            f"{percent_text(figures['ambiguous_percent'])} of the workspace is ambiguous: poses up to "
+            f"{figures['alike_apart_mm']:.2g} mm apart give the same readings"
         )
     if known < 100:
         parts.append(
             f"this holds for the {percent_text(known)} of the poses whose tilt is known: the others were not examined"
         )
-    if figures.folded:
+    if figures["folded"]:
         parts.append(
             "det J changes sign on a surface in the workspace: condition number and noise are infinite there"
         )

@@ -12,6 +12,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
 from geometry.messages import Progress
 from studies.inputs.option_groups import Basis
+from studies.output import page_templates
 from studies.output.figures import picture, save
 from studies.output.result import Result, Table, Writer
 from studies.sensing import (
@@ -27,9 +28,7 @@ if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.survey import Survey
     from studies.output.records import FlatRow
-    from studies.sensing.claim_rows import Claim, HeightRow, LimitRow
-    from studies.sensing.force_range import ForceRange
-    from studies.sensing.layout_metrics import LayoutRow
+    from studies.sensing.layout_uniqueness import Claim
 
 FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "force_range.csv", "LAYOUT.md")
 """Files of the study; those of search, claim and range of loads only if these were requested."""
@@ -90,20 +89,18 @@ def run(job: Job, progress: Progress) -> Result:
         "layout.csv": lambda path: _write_map(path, coder, poses),
         "layout.png": lambda path: save(path, layout_figures.maps(coder, poses, basis.clearance)),
     }
-    record, shown, tables = layout.row(), [Table(title="Layout", rows=[_shown(layout)])], {}
+    record, shown, tables = dict(layout), [Table(title="Layout", rows=[_shown(layout)])], {}
     if search is not None:
         record["search"] = tables["search"] = search
         shown.append(Table(title="Layouts, best first", rows=_shown_search(search)))
     if claim is not None:
-        record["claim"] = claim.row()
-        tables["claim"] = [row.row() for row in claim.heights]
+        record["claim"], tables["claim"] = claim, claim["heights"]
         files["claim.png"] = partial(picture, rows=tables["claim"], draw=partial(layout_figures.claim, c=design.c))
         shown.append(Table(title="Claim", rows=_shown_claim(claim)))
     if loads is not None and forces is not None:
-        record["force_range"] = forces.row()
-        tables["force_range"] = [row.row() for row in force_range.table(loads)]
+        record["force_range"], tables["force_range"] = forces, list(force_range.table(loads))
         shown.append(Table(title="Range of loads", rows=[_shown_forces(forces)]))
-    warnings = [*layout.hits, *layout.warnings, *(forces.warnings if forces else ())]
+    warnings = [*layout["hits"], *layout["warnings"], *(forces["warnings"] if forces else ())]
     said = design.value_warnings()  # by the reader of the design
     return Result(
         title="Layout",
@@ -156,59 +153,24 @@ def map_rows(coder: Decoder, poses: Survey) -> Iterator[FlatRow]:
         }
 
 
-def text(layout: LayoutRow, search: list[FlatRow] | None, claim: Claim | None, forces: ForceRange | None) -> str:
+def text(layout: FlatRow, search: list[FlatRow] | None, claim: Claim | None, forces: FlatRow | None) -> str:
     """Return the text of LAYOUT.md without its origin."""
-    lines = ["# The layout of the Hall elements", ""]
-    verdict = layout.message
-    lines += [f"{verdict[0].upper()}{verdict[1:]}.", "", *_figures(layout), ""]
-    remarks = [f"- {sentence}" for sentence in (*layout.hits, *layout.warnings)]
-    lines += [*remarks, ""] if remarks else []
-    lines += ["![Condition, sign of det J, multiplicity and noise over x and z](layout.png)", ""]
-    lines += ["Left: the plane y = 0. Right: the worst over all y. The table behind it is layout.csv.", ""]
-    if forces is not None:
-        lines += _forces(forces)
-    if claim is not None:
-        lines += _claim(claim)
-    if search is not None:
-        lines += ["## Other layouts, best first", "", *_search(search), ""]
-    lines += ["## How it was made", "", *layout_metrics.ABOUT.splitlines()]
-    if search is not None:
-        lines += ["", *layout_search.ABOUT.splitlines()]
-    return "\n".join(lines)
-
-
-def _figures(layout: LayoutRow) -> list[str]:
-    figures, (low, high) = layout.figures, layout.workspace_mm
-    box = ", ".join(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True))
-    noise = ", ".join(f"{1e6 * value:.3g}" for value in layout.noise_of_readings_T)
-    places = {"f": layout.f_mm, "c": layout.c_mm, "chip_x": layout.chip_x_mm}
-    place = "".join(f"{name} = {value:g} mm, " for name, value in places.items() if value is not None)
-    rows: list[Sequence[str]] = [
-        ("layout", f"{layout.layout}, {place}l0 = {layout.l0_mm:g} mm"),
-        ("formulas or states, tilt, reading", f"{layout.mechanics}, {layout.tilt}, {layout.mode}"),
-        ("workspace: shift of the magnet along x, y, z", f"{box} mm"),
-        ("poses of the map; share with known tilt", f"{layout.poses}; {layout.known_percent:.3g} %"),
-        ("unique", f"{figures.unique_percent:.4g} %"),
-        ("ambiguous", f"{figures.ambiguous_percent:.4g} %"),
-        ("saturated", f"{figures.saturated_percent:.4g} %"),
-        ("blocked", f"{figures.blocked_percent:.4g} %"),
-        ("det J > 0, < 0", f"{figures.det_positive_percent:.4g} %, {figures.det_negative_percent:.4g} %"),
-        ("condition number, median and worst", _pair(figures.condition_median, figures.condition_worst)),
-        ("noise of the pose, median and worst", _pair(figures.noise_median_um, figures.noise_worst_um, " µm")),
-        ("noise of the force, median and worst", _pair(figures.noise_median_N, figures.noise_worst_N, " N")),
-        ("along x, y, z, median", _axes(figures.noise_median_axes_N)),
-        ("along x, y, z, worst", _axes(figures.noise_worst_axes_N)),
-        ("noise of the readings", f"{noise} µT ({layout.noise_source})"),
-    ]
-    return _markdown(("", ""), rows)
-
-
-def _pair(median: float | None, worst: float | None, unit: str = "") -> str:
-    return f"{_text(median, unit)}, {_text(worst, unit)}"
-
-
-def _axes(values: Sequence[float] | None) -> str:
-    return "-" if values is None else ", ".join(_text(value) for value in values) + " N"
+    low, high = layout["workspace_mm"]
+    values = {} if claim is None else {"answers": layout_uniqueness.answer(claim)}
+    return page_templates.rendered(
+        Path(__file__).with_name("LAYOUT.md.j2"),
+        layout=layout,
+        search=search,
+        claim=claim,
+        forces=forces,
+        box=", ".join(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)),
+        counts=force_range.COUNTS,
+        differences=layout_uniqueness.differences,
+        failure=_failure,
+        text=_text,
+        vector=_vector,
+        **values,
+    )
 
 
 def _text(value: float | None, unit: str = "") -> str:
@@ -222,94 +184,18 @@ def _text(value: float | None, unit: str = "") -> str:
     return "infinite" if abs(value) == float("inf") else f"{value:.3g}{unit}"
 
 
-def _markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    lines = [[cell.replace("|", "\\|") for cell in line] for line in (heads, ["---"] * len(heads), *rows)]
-    return [f"| {' | '.join(line)} |" for line in lines]
+def _vector(values: Iterable[float]) -> str:
+    return ", ".join(f"{value + 0.0:.3g}" for value in values)
 
 
-def _forces(forces: ForceRange) -> list[str]:
-    """Return the section on the resolution over a range of loads."""
-    lines = ["## Resolution over the range of loads", "", f"{forces.message}.", ""]
-    values = [
-        ("at rest", forces.rest_N),
-        ("median", forces.median_N),
-        ("worst", forces.worst_N),
-        ("full load, worst direction", forces.full_load_N),
-    ]
-    rows = [(name, *(_text(1e3 * v, " mN") for v in each)) for name, each in values if each is not None]
-    if forces.worst_N_per_N is not None:
-        rows.append(
-            (
-                "worst over the range's limit",
-                *(_text(None if v is None else 100 * v, " %") for v in forces.worst_N_per_N),
-            )
-        )
-    for name, places in (("load at the worst, N", forces.worst_at_N), ("shift at the worst, mm", forces.worst_at_mm)):
-        if places is not None:
-            rows.append((name, *(", ".join(f"{v + 0.0:.3g}" for v in place) for place in places)))
-    lines += [*_markdown(("resolution", "x", "y", "z"), rows), ""]
-    lines += [f"- {sentence}" for sentence in forces.warnings]
-    return [*lines, "", *force_range.about().splitlines(), "", "The table behind it is force_range.csv.", ""]
-
-
-def _search(rows: Sequence[FlatRow]) -> list[str]:
-    heads = ["rank", "layout", "unique %", "saturated %", "blocked %", "worst condition"]
-    heads += ["worst noise, µm", "median noise, µm", "worst noise, N"]
-    cells = []
-    for row in rows:
-        keys = ("unique_percent", "saturated_percent", "blocked_percent", "condition_worst", *NOISE)
-        cells.append([str(row["rank"] or "given"), f"`{row['settings']}`", *(_text(row[key]) for key in keys)])
-    return _markdown(heads, cells)
-
-
-def _claim(claim: Claim) -> list[str]:
-    """Return the section on the claim: the answer for the design's layout, where it fails, and the method."""
-    lines = ["## Are the readings unique to each position of the magnet?", ""]
-    heads = ["readings", "workspace, mm", "unique", "poses with equal readings", "worst condition"]
-    heads += [f"least difference, {each.apart:.2g} mm apart" for each in claim.forms[0].differences]
-    cells = []
-    for row in claim.forms:
-        (low, high), figures = row.workspace_mm, row.figures
-        box = f"±{high[0]:.2g}, ±{high[1]:.2g}, {low[2]:.2g} to {high[2]:.2g}"
-        share, far = figures.alike_percent, figures.alike_apart_mm
-        alike = f"{share:.3g} %, up to {far:.2g} mm apart" if share else "none"
-        differences = [f"{each.over_noise:.3g} x noise" for each in row.differences]
-        unique, condition = f"{figures.unique_percent:.4g} %", _text(figures.condition_worst)
-        cells.append([row.readings, box, unique, alike, condition, *differences])
-    lines += [f"- {sentence}" for sentence in layout_uniqueness.answer(claim)]
-    lines += ["", "For the given layout:", "", *_markdown(heads, cells), ""]
-    lines += ["For which c, and where it fails first:", "", *_limits(claim.limits), ""]
-    lines += ["![Share of poses whose readings another pose gives too, over c](claim.png)", ""]
-    return [*lines, *layout_uniqueness.ABOUT.splitlines(), "", "The table behind it is claim.csv.", ""]
-
-
-def _limits(rows: Sequence[LimitRow]) -> list[str]:
-    heads = ["magnet height, mm", "l0, mm", "readings", "unique for c, mm", "there, or just below", "just above"]
-    cells = []
-    for row in rows:
-        low, high = row.unique_from_c_mm, row.unique_to_c_mm
-        span = f"{'any' if low is None else f'{low:.3g}'} to {'any' if high is None else f'{high:.3g}'}"
-        cells.append(
-            [
-                f"{row.magnet_height_mm:g}",
-                f"{row.l0_mm:g}",
-                row.readings,
-                span if row.unique else "not at c next to the given",
-                _failure(row.below),
-                _failure(row.above),
-            ]
-        )
-    return _markdown(heads, cells)
-
-
-def _failure(row: HeightRow | None) -> str:
+def _failure(row: FlatRow | None) -> str:
     """Return the ambiguous share and the range of shifts in which it lies."""
     if row is None:
         return ""
-    figures = row.figures
-    spans = {"x": figures.alike_x_mm, "y": figures.alike_y_mm, "z": figures.alike_z_mm}
+    spans = {name: row[f"alike_{name}_mm"] for name in "xyz"}
     box = ", ".join(f"{name} {_span(ends)}" for name, ends in spans.items() if ends is not None)
-    return f"c = {row.c_mm:.3g}: {figures.alike_percent:.2g} %, up to {figures.alike_apart_mm:.2g} mm apart, at {box}"
+    share, apart = row["alike_percent"], row["alike_apart_mm"]
+    return f"c = {row['c_mm']:.3g}: {share:.2g} %, up to {apart:.2g} mm apart, at {box}"
 
 
 def _span(ends: Sequence[float]) -> str:
@@ -323,20 +209,20 @@ PLACES = ("worst_at_N", "worst_at_mm")
 """Keys of a range of loads with a vector for each axis."""
 
 
-def _shown(layout: LayoutRow) -> FlatRow:
+def _shown(layout: FlatRow) -> FlatRow:
     """Return the row of a layout for the terminal."""
     hidden = ["status", "elements", "hits", "warnings", "poses"]
-    hidden += ["known_percent"] if layout.known_percent == 100 else []
-    hidden += ["most_alike", "alike_apart_mm"] if layout.figures.most_alike == 1 else []
-    short = {name: value for name, value in layout.row().items() if name not in hidden and value is not None}
+    hidden += ["known_percent"] if layout["known_percent"] == 100 else []
+    hidden += ["most_alike", "alike_apart_mm"] if layout["most_alike"] == 1 else []
+    short = {name: value for name, value in layout.items() if name not in hidden and value is not None}
     low, high = short.pop("workspace_mm")
     short["workspace_mm"] = [f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)]
     return short
 
 
-def _shown_forces(forces: ForceRange) -> FlatRow:
+def _shown_forces(forces: FlatRow) -> FlatRow:
     """Return the row of a range of loads for the terminal."""
-    row = {name: value for name, value in forces.row().items() if value not in (None, []) and name != "warnings"}
+    row = {name: value for name, value in forces.items() if value not in (None, []) and name != "warnings"}
     places = {name: ["; ".join(f"{v + 0.0:.3g}" for v in one) for one in row[name]] for name in PLACES if name in row}
     return row | places
 
@@ -349,10 +235,10 @@ def _shown_search(rows: Sequence[FlatRow]) -> list[FlatRow]:
 
 def _shown_claim(claim: Claim) -> list[FlatRow]:
     """Return the rows of the claim for the terminal: the design's layout form by form, and the range of c."""
+    keys = ("readings", "unique_percent", "alike_percent", "alike_apart_mm")
     rows = []
-    for form in claim.forms:
-        limit = next(row for row in claim.limits if row.readings == form.readings)
-        shares = ("readings", "unique_percent", "alike_percent", "alike_apart_mm")
-        row = {name: value for name, value in form.row().items() if name in shares or name.startswith("difference")}
-        rows.append(row | {"unique_from_c_mm": limit.unique_from_c_mm, "unique_to_c_mm": limit.unique_to_c_mm})
+    for form in claim["forms"]:
+        limit = next(row for row in claim["limits"] if row["readings"] == form["readings"])
+        row = {name: value for name, value in form.items() if name in keys or name.startswith("difference")}
+        rows.append(row | {key: limit[key] for key in ("unique_from_c_mm", "unique_to_c_mm")})
     return rows

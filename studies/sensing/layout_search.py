@@ -1,7 +1,4 @@
-"""Search for better layouts: f, l0 and c of three elements, or l0 and chip_x of a 3-axis chip.
-
-`ABOUT` is the explanation that LAYOUT.md prints.
-"""
+"""Search for better layouts: f, l0 and c of three elements, or l0 and chip_x of a 3-axis chip."""
 
 from __future__ import annotations
 
@@ -20,19 +17,6 @@ from studies.sensing import layout_metrics
 
 if TYPE_CHECKING:
     from analytic.inverse.response_surface import Mechanics
-
-ABOUT = """\
-A grid over the ranges comes first, then compass searches from its best layouts and from the given one: they step
-along one parameter at a time and halve the step where no step improves. A layout is better if a smaller share of its
-workspace has no unique pose (blocked, saturated or ambiguous; to 0.1 %), then if its worst noise of the pose is
-smaller. The search uses a coarse grid of poses and estimates the ambiguous share by the share in which det J has the
-rarer sign; the best layouts are then surveyed and ranked like the given design. The search uses no random numbers:
-the same ranges give the same table.
-
-By default S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis (on one
-side, because the sensor is a body of revolution), S2 and S3 between D/2 and 2 D from the axis and from D/4 below S1
-to H + D above it. Layouts with an element inside the beam are left out.
-"""
 
 MOST_FOUND, USUAL = 16, 10
 """Largest and default number of layouts that a search returns."""
@@ -236,14 +220,14 @@ def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis:
     return {
         "rank": rank,
         **{f"{name}_mm": getattr(design, name) for name in names},
-        "unique_percent": figures.unique_percent,
-        "ambiguous_percent": figures.ambiguous_percent,
-        "saturated_percent": figures.saturated_percent,
-        "blocked_percent": figures.blocked_percent,
-        "condition_worst": figures.condition_worst,
-        "noise_worst_um": figures.noise_worst_um,
-        "noise_median_um": figures.noise_median_um,
-        "noise_worst_N": figures.noise_worst_N,
+        "unique_percent": figures["unique_percent"],
+        "ambiguous_percent": figures["ambiguous_percent"],
+        "saturated_percent": figures["saturated_percent"],
+        "blocked_percent": figures["blocked_percent"],
+        "condition_worst": figures["condition_worst"],
+        "noise_worst_um": figures["noise_worst_um"],
+        "noise_median_um": figures["noise_median_um"],
+        "noise_worst_N": figures["noise_worst_N"],
         "settings": settings(design, names),
     }
 

@@ -1,42 +1,23 @@
-"""The paper's claim that readings are unique to each position of the magnet, tested numerically.
-
-`ABOUT` is the explanation that LAYOUT.md prints.
-"""
+"""The paper's claim that readings are unique to each position of the magnet, tested numerically."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.sensing import layout_metrics
-from studies.sensing.claim_rows import AlikeFigures, Claim, Difference, FormRow, HeightRow, LimitRow
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.hall import Mode
     from analytic.inverse.response_surface import Mechanics
     from analytic.survey import Survey
-
-
-ABOUT = """\
-The paper fills a table of readings over its workspace, concludes from a plot for one depth that they are unique to
-each location, and reads the location of the magnet from the table. This study tests three forms of the readings: |B|
-of the elements with an upright magnet, as in the paper; B.n, as an element reads it; and B.n of a magnet that tilts
-by the formulas of level `finite`, where these are valid. The field is exact; the paper's equation (3), without its
-misprint, is the same field by quadrature. Elements have no rails here, so that only the field causes ambiguity, and
-blocked poses are included. The study varies the height c of S2 and S3 and the height of the magnet, which the paper
-does not give; S1 keeps its reading at rest. Where c > l0 - H, S2 and S3 stand beside the beam, and its wall meets
-them in part of the workspace. Unique means that each of 13 x 13 x 7 poses shares its readings with no other pose of
-the workspace.
-
-Two poses are ambiguous if all three readings are equal. The least difference is that between the readings of two
-poses that are at least so far apart, over the noise of the readings (root of the sum of squares). The paper's
-displacements of the tip, up to 3 mm along each axis, move the magnet by H/L of that: its workspace is part of the one
-used here.
-"""
+    from studies.output.records import FlatRow
 
 FORMS: dict[str, tuple[Mode, str, bool]] = {
     "|B|, no tilt (the paper's)": ("magnitude", "paper", True),
@@ -55,6 +36,17 @@ WIDE = 1e6
 """Rails of the elements' outputs that no field reaches, so that no pose is saturated."""
 
 
+Claim = Mapping[str, list["FlatRow"]]
+"""Rows of the answer: `forms`, one for each form of the readings, for the design's own layout; `limits`, the range of
+c in which each form is unique; `heights`, one for each c.
+
+A form and a height have the figures of `alike_figures`, a form also the least differences of the readings. A limit
+has the ends of the range of c about the design's own, None where the scan ends before, and the rows just outside,
+below and above; if the readings are not unique at the c nearest the design's, what happens there is `below`."""
+DIFFERENCE = re.compile(r"difference_at_(\S+)_mm_over_noise")
+"""Columns of the least difference in the readings, over their noise, of two poses that are at least so far apart."""
+
+
 def run(design: Design, progress: Progress) -> Claim:
     """Test the claim for the design's own layout, and for other heights of the magnet and of S2 and S3.
 
@@ -64,19 +56,17 @@ def run(design: Design, progress: Progress) -> Claim:
         The layout is a chip, or the design's elements cannot be decoded.
     """
     check(design)
-    magnets = list(_magnets(design))
-    work = [(magnet, form) for magnet in magnets for form in FORMS]
-    forms = []
+    claim: dict[str, list[FlatRow]] = {"forms": [], "limits": [], "heights": []}
     for k, form in enumerate(FORMS):
         progress(0.2 * k / len(FORMS), "the claim: the given layout")
-        forms.append(_own(design, form))
-    claim = Claim(forms, [], [])
+        claim["forms"].append(_own(design, form))
+    work = [(magnet, form) for magnet in _magnets(design) for form in FORMS]
     for k, (magnet, form) in enumerate(work):
         progress(0.2 + 0.8 * k / len(work), f"the claim: magnet {magnet.magnet_height:g} mm high")
         law = law_of(magnet, form)
         rows = _scan(magnet, form, law)
-        claim.heights.extend(rows)
-        claim.limits.append(_limit(magnet, form, law, rows))
+        claim["heights"] += rows
+        claim["limits"].append(_limit(magnet, form, law, rows))
     progress(1.0, "the claim")
     return claim
 
@@ -89,51 +79,54 @@ def check(design: Design) -> None:
 
 def answer(claim: Claim) -> list[str]:
     """Return the answer to the claim in sentences: for the design's layout, and over c."""
-    lines = _answer_for_the_layout(claim.forms)
-    own = claim.limits[0].magnet_height_mm
-    for limit in (row for row in claim.limits if row.magnet_height_mm == own):
-        scan = [r for r in claim.heights if (r.magnet_height_mm, r.readings) == (own, limit.readings)]
-        worst = max(scan, key=lambda row: row.figures.alike_percent)
-        if worst.figures.alike_percent:
-            low, high = limit.unique_from_c_mm, limit.unique_to_c_mm
-            ends = " and".join(
-                f" {name} c = {end:.2g} mm" for name, end in (("below", low), ("above", high)) if end is not None
-            )
+    lines = _answer_for_the_layout(claim["forms"])
+    own = claim["limits"][0]["magnet_height_mm"]
+    for limit in (row for row in claim["limits"] if row["magnet_height_mm"] == own):
+        same = [(r["magnet_height_mm"], r["readings"]) == (own, limit["readings"]) for r in claim["heights"]]
+        worst = max(itertools.compress(claim["heights"], same), key=lambda row: row["alike_percent"])
+        if worst["alike_percent"]:
+            limits = (("below", limit["unique_from_c_mm"]), ("above", limit["unique_to_c_mm"]))
+            ends = " and".join(f" {name} c = {end:.2g} mm" for name, end in limits if end is not None)
             lines.append(
-                f"{limit.readings}, over c: fails{ends or ' at the given c'}; at c = {worst.c_mm:.2g} mm"
-                f" {worst.figures.alike_percent:.2g} % of the poses share their readings with others, up to"
-                f" {worst.figures.alike_apart_mm:.2g} mm away."
+                f"{limit['readings']}, over c: fails{ends or ' at the given c'}; at c = {worst['c_mm']:.2g} mm"
+                f" {_shared(worst)}"
             )
-    for limit in claim.limits:
-        if limit.magnet_height_mm != own and limit.below and not limit.unique:
+    for limit in claim["limits"]:
+        if limit["magnet_height_mm"] != own and limit["below"] and not limit["unique"]:
             lines.append(
-                f"{limit.readings}, with a magnet {limit.magnet_height_mm:g} mm high that gives S1 the same"
-                f" reading at rest (l0 = {limit.l0_mm:g} mm): fails at c = {limit.below.c_mm:g} mm, for"
-                f" {limit.below.figures.alike_percent:.2g} % of the poses."
+                f"{limit['readings']}, with a magnet {limit['magnet_height_mm']:g} mm high that gives S1 the same"
+                f" reading at rest (l0 = {limit['l0_mm']:g} mm): fails at c = {limit['below']['c_mm']:g} mm, for"
+                f" {limit['below']['alike_percent']:.2g} % of the poses."
             )
     return lines
 
 
-def _answer_for_the_layout(forms: Sequence[FormRow]) -> list[str]:
+def _shared(row: FlatRow) -> str:
+    return (
+        f"{row['alike_percent']:.2g} % of the poses share their readings with others, up to"
+        f" {row['alike_apart_mm']:.2g} mm away."
+    )
+
+
+def _answer_for_the_layout(forms: Sequence[FlatRow]) -> list[str]:
     """Return which forms of the readings fail, and the least difference of readings of the others."""
-    failing = [row for row in forms if row.figures.alike_percent]
-    lines = []
+    failing = [row for row in forms if row["alike_percent"]]
+    lines = [f"{row['readings']}: the claim fails for the given layout; {_shared(row)}" for row in failing]
     if not failing:
         lines.append("For the given layout the claim holds in every form: no two poses give the same readings.")
-    for row in failing:
-        lines.append(
-            f"{row.readings}: the claim fails for the given layout; {row.figures.alike_percent:.2g} % of the poses"
-            f" share their readings with others, up to {row.figures.alike_apart_mm:.2g} mm away."
-        )
     for row in forms:
-        near, far = row.differences[:2]
-        if not row.figures.alike_percent:
+        if not row["alike_percent"]:
+            (near, at_near), (far, at_far) = list(differences(row).items())[:2]
             lines.append(
-                f"{row.readings}: two poses {near.apart:.2g} mm apart differ in their readings by"
-                f" {near.over_noise:.2g} times the noise at least, {far.apart:.2g} mm apart by {far.over_noise:.2g}"
-                " times."
+                f"{row['readings']}: two poses {near} mm apart differ in their readings by {at_near:.2g} times the"
+                f" noise at least, {far} mm apart by {at_far:.2g} times."
             )
     return lines
+
+
+def differences(row: FlatRow) -> dict[str, float]:
+    """Return the least differences in the readings, over their noise, by the distance of the poses, mm."""
+    return {match[1]: value for name, value in row.items() if (match := DIFFERENCE.fullmatch(name))}
 
 
 def law_of(design: Design, form: str) -> Mechanics:
@@ -151,8 +144,8 @@ def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:
     return decode.decoder(design, law, ignore_tilt=ignored, elements=open_, mode=mode)
 
 
-def alike_figures(design: Design, form: str) -> AlikeFigures:
-    """Return the share of poses whose readings another pose gives too, for one form of the readings."""
+def alike_figures(design: Design, form: str) -> FlatRow:
+    """Return which share of the poses reads alike, and where: least and largest shift along each axis, mm."""
     from analytic import survey
 
     return _figures(survey.survey(coder_of(design, form, law_of(design, form)), POSES))
@@ -181,22 +174,20 @@ def _magnets(design: Design) -> Iterator[Design]:
             continue
 
 
-def _own(design: Design, form: str) -> FormRow:
+def _own(design: Design, form: str) -> FlatRow:
     """Return the figures of the design's own layout, with the least differences of readings."""
     from analytic import survey
 
     coder = coder_of(design, form, law_of(design, form))
     poses = survey.survey(coder, POSES)
-    figures = _figures(poses)
-    differences = []
-    for share in APART:
-        apart = share * design.D
-        least = survey.least_difference(coder, poses, apart) if not figures.alike_percent else 0.0
-        differences.append(Difference(apart, least))
-    return FormRow(form, figures, [coder.low.tolist(), coder.high.tolist()], tuple(differences))
+    row = {"readings": form, **_figures(poses), "workspace_mm": [coder.low.tolist(), coder.high.tolist()]}
+    for apart in (share * design.D for share in APART):
+        least = 0.0 if row["alike_percent"] else survey.least_difference(coder, poses, apart)
+        row[f"difference_at_{apart:.2g}_mm_over_noise"] = least
+    return row
 
 
-def _figures(poses: Survey) -> AlikeFigures:
+def _figures(poses: Survey) -> FlatRow:
     """Return the ambiguous share and the range of shifts in which it lies."""
     import numpy as np
 
@@ -204,27 +195,27 @@ def _figures(poses: Survey) -> AlikeFigures:
     known = poses.weight > 0
     box = [[float(v[many].min()), float(v[many].max())] for v in poses.shift] if many.any() else [None] * 3
     folds = min(poses.share(poses.sign > 0), poses.share(poses.sign < 0))
-    return AlikeFigures(
-        unique_percent=100 * poses.share(poses.multiplicity == 1),
-        alike_percent=100 * poses.share(many),
-        rarer_det_percent=100 * folds,
-        alike_apart_mm=float(poses.alike_mm[many].max(initial=0.0)),
-        alike_x_mm=box[0],
-        alike_y_mm=box[1],
-        alike_z_mm=box[2],
-        blocked_percent=100 * poses.share(poses.blocked),
-        condition_worst=float(np.max(poses.condition[known])) if not folds else np.inf,
-    )
+    return {
+        "unique_percent": 100 * poses.share(poses.multiplicity == 1),
+        "alike_percent": 100 * poses.share(many),
+        "rarer_det_percent": 100 * folds,
+        "alike_apart_mm": float(poses.alike_mm[many].max(initial=0.0)),
+        "alike_x_mm": box[0],
+        "alike_y_mm": box[1],
+        "alike_z_mm": box[2],
+        "blocked_percent": 100 * poses.share(poses.blocked),
+        "condition_worst": float(np.max(poses.condition[known])) if not folds else np.inf,
+    }
 
 
-def _scan(design: Design, form: str, law: Mechanics) -> list[HeightRow]:
+def _scan(design: Design, form: str, law: Mechanics) -> list[FlatRow]:
     """Return the row of each c, from 0 to the height of the magnet's centre at rest."""
     step = STEP * design.D
     rows = (_at(design, form, law, k * step) for k in range(round(design.l0 / step)))
     return [row for row in rows if row is not None]
 
 
-def _at(design: Design, form: str, law: Mechanics, c: float) -> HeightRow | None:
+def _at(design: Design, form: str, law: Mechanics, c: float) -> FlatRow | None:
     from analytic import survey
 
     changed = dataclasses.replace(design, c=c)
@@ -232,30 +223,40 @@ def _at(design: Design, form: str, law: Mechanics, c: float) -> HeightRow | None
         figures = _figures(survey.survey(coder_of(changed, form, law), POSES))
     except BadInput:
         return None
-    return HeightRow(design.magnet_height, design.l0, c, form, figures)
+    place = {"magnet_height_mm": design.magnet_height, "l0_mm": design.l0, "c_mm": c, "readings": form}
+    return place | figures
 
 
-def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[HeightRow]) -> LimitRow:
-    """Return the range of c in which the readings of a form are unique."""
-    about = design.magnet_height, design.l0, form
-    own = min(range(len(rows)), key=lambda k: abs(rows[k].c_mm - design.c), default=None)
-    if own is None or rows[own].figures.alike_percent:
-        return LimitRow(*about, False, None, None if own is None else rows[own], None, None)
-    ends: list[tuple[float | None, HeightRow | None]] = []
-    for step in (-1, 1):
-        k = own
-        while 0 <= k < len(rows) and not rows[k].figures.alike_percent:
-            k += step
-        ends.append(_bisected(design, form, law, rows[k - step], rows[k]) if 0 <= k < len(rows) else (None, None))
+def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[FlatRow]) -> FlatRow:
+    """Return the range of c in which the readings of a form are unique, and the rows just outside."""
+    own = min(range(len(rows)), key=lambda k: abs(rows[k]["c_mm"] - design.c), default=None)
+    unique = own is not None and not rows[own]["alike_percent"]
+    ends: list[tuple[float | None, FlatRow | None]] = [(None, None if own is None else rows[own]), (None, None)]
+    if own is not None and unique:
+        ends = []
+        for step in (-1, 1):
+            k = own
+            while 0 <= k < len(rows) and not rows[k]["alike_percent"]:
+                k += step
+            ends.append(_bisected(design, form, law, rows[k - step], rows[k]) if 0 <= k < len(rows) else (None, None))
     (low, below), (high, above) = ends
-    return LimitRow(*about, True, low, below, high, above)
+    return {
+        "magnet_height_mm": design.magnet_height,
+        "l0_mm": design.l0,
+        "readings": form,
+        "unique": unique,
+        "unique_from_c_mm": low,
+        "below": below,
+        "unique_to_c_mm": high,
+        "above": above,
+    }
 
 
-def _bisected(design: Design, form: str, law: Mechanics, good: HeightRow, bad: HeightRow) -> tuple[float, HeightRow]:
+def _bisected(design: Design, form: str, law: Mechanics, good: FlatRow, bad: FlatRow) -> tuple[float, FlatRow]:
     """Bisect between a c with unique readings and one without; return the last c with, and the row without."""
     for _ in range(BISECTIONS):
-        middle = _at(design, form, law, (good.c_mm + bad.c_mm) / 2)
+        middle = _at(design, form, law, (good["c_mm"] + bad["c_mm"]) / 2)
         if middle is None:
             break
-        good, bad = (good, middle) if middle.figures.alike_percent else (middle, bad)
-    return good.c_mm, bad
+        good, bad = (good, middle) if middle["alike_percent"] else (middle, bad)
+    return good["c_mm"], bad

@@ -50,7 +50,7 @@ def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> l
         design = dataclasses.replace(with_magnet(height), c=c)
         figures = layout_uniqueness.alike_figures(design, form)
         place = {"magnet_height_mm": height, "l0_mm": design.l0, "c_mm": c, "readings": form}
-        rows.append(place | {"ambiguous_percent": figures.alike_percent, "apart_mm": figures.alike_apart_mm})
+        rows.append(place | {"ambiguous_percent": figures["alike_percent"], "apart_mm": figures["alike_apart_mm"]})
     return rows
 
 
