@@ -30,7 +30,7 @@ def test_a_rigid_motion_and_a_uniform_pressure_are_exact(systems):
     u[:, names.index(("a", -1))] = 0.01 + s * above
     u[:, names.index(("a", 0))] = u[:, names.index(("a", -2))] = c * r / 2
     u[:, names.index(("z", 0))], u[:, names.index(("z", 1))], p[:, 0] = 0.02 + c * above, -s * r, 0.7
-    state = solid.state(interpolate_section(section, solid)(section.unknowns(u, p, np.array([0.01, 0.02, angle]))))
+    state = solid.state(interpolate_section(section, solid, section.unknowns(u, p, np.array([0.01, 0.02, angle]))))
     x, y, z = solid.elements.nodes.T
     expected = np.stack([0.01 + s * (z - SHAPE.H) + c * x, 0 * y, 0.02 + c * (z - SHAPE.H) - s * x], axis=1)
     # triangles at the clamp hold nodes that do not move
@@ -46,7 +46,7 @@ def test_a_press_is_the_same_in_every_plane_through_the_axis(systems):
     u = np.zeros(section.fixed.shape)
     u[:, names.index(("a", 0))], u[:, names.index(("z", 0))] = r * z, z**2
     q = section.unknowns(u, np.zeros((len(section.corner_nodes), 3)), np.zeros(3))
-    state = solid.state(interpolate_section(section, solid)(q))
+    state = solid.state(interpolate_section(section, solid, q))
     x, y, z = solid.elements.nodes.T
     # away from the magnet, whose surface does not move here
     inside = (z > 0.3) & (z < 0.6) & solid.free.all(axis=1) & (np.hypot(x, y) > 0.42)

@@ -7,8 +7,6 @@ from those in the straight triangle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -24,50 +22,22 @@ STRAIGHT = 1e-9
 """Largest distance of middle nodes from the middles of the sides of a straight triangle, over its size."""
 
 
-@dataclass(frozen=True, slots=True)
-class SectionInterpolation:
-    """Interpolation from a section to another one with the same fields, or to tetrahedra of the half y >= 0.
-
-    Attributes
-    ----------
-    section, other : the two systems.
-    cells : (n,) triangle of each node of the other mesh.
-    shape, pressure_shape : (n, 6) and (n, 3) shape functions of its nodes and corners there.
-    E, C : in tetrahedra, (n, 3, f) displacement x, y, z of each field, and (n, k) pressure of each pressure field.
-    """
-
-    section: System
-    other: System
-    cells: Ints
-    shape: Array
-    pressure_shape: Array
-    E: Array | None = None
-    C: Array | None = None
-
-    def __call__(self, q: Array) -> Array:
-        """Return the unknowns on the other mesh for unknowns q of the section."""
-        state, e = self.section.state(q), self.section.elements
-        u = np.einsum("na,naf->nf", self.shape, state.u[e.cells[self.cells]])
-        rows = np.zeros(len(e.nodes), dtype=np.int64)
-        rows[self.section.corner_nodes] = np.arange(len(self.section.corner_nodes))
-        p = np.einsum("nc,nck->nk", self.pressure_shape, state.p[rows[e.corners[self.cells]]])
-        if self.E is not None and self.C is not None:
-            u, p = np.einsum("nif,nf->ni", self.E, u), np.sum(self.C * p, axis=1, keepdims=True)
-        return self.other.unknowns(u, p[self.other.corner_nodes], self.section.motion(q))
-
-
-def interpolate_section(section: System, other: System) -> SectionInterpolation:
-    """Return the interpolation from a section to another one with the same fields, or to tetrahedra of the half."""
-    if other.elements.dim == 2:
-        cells, local = _locate(section.elements, other.elements.nodes)
-        return SectionInterpolation(section, other, cells, _shape_functions(local)[0], _barycentric(local))
-    x, y, z = other.elements.nodes.T
-    cells, local = _locate(section.elements, np.stack([np.hypot(x, y), z], axis=1))
-    angles = section.elements.angles
-    series = angular_fields.fields_at(np.arctan2(y, x), angles.harmonics, sines=angles.sines)
-    E = np.einsum("ijn,njf->nif", angular_fields.rotations(series.theta), series.E)
-    shape, _ = _shape_functions(local)
-    return SectionInterpolation(section, other, cells, shape, _barycentric(local), E, series.C)
+def interpolate_section(section: System, other: System, q: Array) -> Array:
+    """Return the unknowns of another section with the same fields, or of tetrahedra of the half y >= 0, for those of
+    a section."""
+    state, e, places = section.state(q), section.elements, other.elements.nodes
+    solid = other.elements.dim == 3
+    if solid:
+        x, y, z = places.T
+        places = np.stack([np.hypot(x, y), z], axis=1)
+    cells, local = _locate(e, places)
+    u = np.einsum("na,naf->nf", _shape_functions(local)[0], state.u[e.cells[cells]])
+    p = np.einsum("nc,nck->nk", _barycentric(local), state.p[np.searchsorted(section.corner_nodes, e.corners[cells])])
+    if solid:
+        series = angular_fields.fields_at(np.arctan2(y, x), e.angles.harmonics, sines=e.angles.sines)
+        u = np.einsum("ijn,njf,nf->ni", angular_fields.rotations(series.theta), series.E, u, optimize=True)
+        p = np.sum(series.C * p, axis=1, keepdims=True)
+    return other.unknowns(u, p[other.corner_nodes], section.motion(q))
 
 
 def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:

@@ -193,7 +193,7 @@ def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Arra
     """
     if state.position.any() or not np.array_equal(rough.position, goal) or not rough.stability.is_stable:
         return state, 0
-    guess = interpolate_section(rough.d.system, state.d.system)(rough.q)
+    guess = interpolate_section(rough.d.system, state.d.system, rough.q)
     after = _correct(solver, state, guess, goal)
     return after.state, after.iterations
 

@@ -196,11 +196,8 @@ def with_predictor(state: PathState, d: Discretisation, low: PathState | None = 
     q = np.zeros(d.system.size) if low is None else raise_harmonics(low.d.system, d.system, low.q)
     # its energy and stability follow with its first increment
     reduced = PathState(d, state.grip, state.tilt, state.kappa, state.position, q)
-    if state.d.revolved:
-        return replace(
-            state, reduced=reduced, raise_unknowns=functools.partial(raise_harmonics, d.system, state.d.system)
-        )
-    return replace(state, reduced=reduced, raise_unknowns=interpolate_section(d.system, state.d.system))
+    raised = raise_harmonics if state.d.revolved else interpolate_section
+    return replace(state, reduced=reduced, raise_unknowns=functools.partial(raised, d.system, state.d.system))
 
 
 def glue(state: PathState, radius: float | None) -> PathState:
