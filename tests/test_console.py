@@ -10,6 +10,7 @@ import pytest
 
 from studies.exploration import sweep_request
 from studies.output import console, text_tables
+from studies.output.result import Destination, Result, show
 from studies.simulation import load_cases
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -149,11 +150,12 @@ def test_a_sweep_shows_what_varies(capsys, monkeypatch):
     answers = {"fem_force_N": 1.0, "analytic_force_N": 2.0, "fem_shift_z_mm": 3.0, "force_error_percent": 4.0}
     for row in rows:
         row |= answers | {"fem_contact_radius_mm": 5.0, "status": "ok", "message": ""}
-    sweep_request.show(rows, "Sweep", wide=False)
+    found = Result(title="Sweep", records=[], shown=[sweep_request.table(rows, "Sweep")])
+    show(found, Destination())
     head = capsys.readouterr().out.split("─")[0]
     assert "(MPa)" in head
     assert "contact" not in head
-    sweep_request.show(rows, "Sweep", wide=True)
+    show(found, Destination(wide=True))
     assert "contact" in capsys.readouterr().out.split("─")[0]
 
 
