@@ -13,7 +13,7 @@ from fem.solution import Facts
 from fem.solve.direct_solver import Stability
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
-from studies.output.result import FAILED, GOOD
+from studies.output.result import FAILED, GOOD, Interrupted
 from studies.validation import extreme_checks, extremes
 from studies.validation.extreme_checks import Case, press
 
@@ -269,3 +269,13 @@ def test_the_case_of_the_largest_magnet_is_named_by_its_height():
         case for case in extremes.cases() if case.name.endswith("the largest") and case.name.startswith("magnet 6")
     ]
     assert f"{extreme_checks.largest_height({}):.4g} mm" in case.name
+
+
+def test_an_interruption_has_the_cases_that_are_complete(monkeypatch):
+    def stop(case, states):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(extremes, "cases", lambda quick: [SMALL, replace(SMALL, name="long", measure=stop)])
+    with pytest.raises(Interrupted, match="1 rows are complete") as stopped:
+        extremes.run(lambda share, text: None)
+    assert [row["scene"] for row in stopped.value.result.records] == ["small"]

@@ -11,7 +11,7 @@ import os
 import platform
 import shutil
 import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -171,17 +171,26 @@ def run(progress: Progress, bench: Bench, cases: Sequence[str] = ()) -> Result:
     """
     if unknown := [name for name in cases if name not in names()]:
         raise BadInput(f"--cases takes {', '.join(names())}; got {unknown[0]}")
-    about, rows = machine(), bench.rows
     chosen = [part for name, part in PARTS if name in cases or not cases]
+    return pages.collected(_measured(progress, bench, chosen), functools.partial(result, bench, machine()))
+
+
+def _measured(progress: Progress, bench: Bench, chosen: Sequence[Callable[[Bench], None]]) -> Iterator[Row]:
     for k, part in enumerate(chosen):
+        known = len(bench.rows)
         bench.say = functools.partial(progress, k / len(chosen))
         part(bench)
+        yield from bench.rows[known:]
+
+
+def result(bench: Bench, about: Mapping[str, str], rows: Sequence[Row]) -> Result:
+    """Return the result of measured rows; `about` says on which machine."""
     tables = {}
     for case in dict.fromkeys(row["case"] for row in rows):
         own = [row for row in rows if row["case"] == case]
         filled = [name for name in COLUMNS if name in HEADS and any(row[name] not in (None, "") for row in own)]
         tables[case.capitalize()] = own, {name: HEADS[name] for name in filled}
-    about |= bench.versions
+    about = {**about, **bench.versions}
     page = pages.rendered("bench.md.j2", verdict=page_lines(goals(rows)), tables=tables, about=about)
     return Result(
         title="Speed",

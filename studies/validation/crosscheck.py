@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -52,12 +52,14 @@ def run(progress: Progress, level: str, count: int, *, tilted: bool = False) -> 
         for number in range(count)
     ]
     cases += [(case[0], tilted_load(*case)) for case in TILTED if tilted and case[0] < count]
-    rows = []
+    return pages.collected(_compared(progress, cases, LEVELS[level]), result)
+
+
+def _compared(progress: Progress, cases: Sequence[tuple[int, Load]], accuracy: Accuracy) -> Iterator[Row]:
     for done, (number, load) in enumerate(cases):
         tilt = f", tilt {math.degrees(load.plate_tilt):.3g} degrees" if load.plate_tilt else ""
         progress(done / len(cases), f"design {number}, magnet {magnet_of(number)}{tilt}")
-        rows.append(compare(number, magnet_of(number), LEVELS[level], load))
-    return result(rows)
+        yield compare(number, magnet_of(number), accuracy, load)
 
 
 def magnet_of(number: int) -> Magnet:

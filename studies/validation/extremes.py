@@ -6,7 +6,7 @@ import csv
 import functools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -124,10 +124,17 @@ def _rounded(value: float) -> float:
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
     """Solve and judge all cases."""
-    chosen, rows = cases(quick=quick), list[Row]()
+    return pages.collected(_examined(progress, cases(quick=quick)), result)
+
+
+def _examined(progress: Progress, chosen: Sequence[Case]) -> Iterator[Row]:
     for i, case in enumerate(chosen):
         progress(i / len(chosen), case.name)
-        rows.append(examine(case))
+        yield examine(case)
+
+
+def result(rows: Sequence[Row]) -> Result:
+    """Return the result of judged cases."""
     heads = {"scene": "case", "status": "status", "seconds": "s", "check": "check", "measured": "measured"}
     heads |= {"bound": "bound", "inside_out_share": "inverted", "verdict": "verdict", "message": "message"}
     marked = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in rows]

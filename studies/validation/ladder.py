@@ -58,12 +58,14 @@ def run(progress: Progress, accuracy: str, count: int) -> Result:
     most = len(designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
-    rows = []
+    return pages.collected(_compared(progress, accuracy, count), result)
+
+
+def _compared(progress: Progress, accuracy: str, count: int) -> Iterator[Row]:
     for number, design in enumerate(designs()[:count]):
         progress(number / count, f"design {number}: L/D = {design.L / design.D:.3g}")
-        states = list(_states(design, accuracy))
-        rows += [compare(number, design, load, state, level) for load, state in states for level in beam.LEVELS]
-    return result(rows)
+        for load, state in _states(design, accuracy):
+            yield from (compare(number, design, load, state, level) for level in beam.LEVELS)
 
 
 def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | None]]:
