@@ -76,18 +76,18 @@ def readings(
         File of states printed by `magtip solve --json` (or `analytic --json`), one per line, in place of --shift
         and --tilt; each state gives a row of readings.
     """
-    from studies.sensing import field_readings, state_readings
+    from studies.sensing import field_readings
 
     here = Destination(as_json=as_json, wide=wide)
     design = design_of(source, sets)
     sensing = field_readings.sensing_of(design, level, mode, ambient, seed)
     if responses is None:
         shift, tilt = field_readings.pose_of(pose)
-        row = field_readings.read_pose(design, shift, tilt, sensing).row()
+        row = field_readings.read_pose(design, shift, tilt, sensing)
         return show(of_record("Readings", row), here)
     if pose != Pose():
         raise BadInput("--responses gives shift and tilt of every state: leave --shift and --tilt out")
-    return show(state_readings.study(design, responses, sensing, wide=wide), here)
+    return show(field_readings.study(design, responses, sensing, wide=wide), here)
 
 
 def decode(
@@ -132,7 +132,7 @@ def decode(
     out
         CSV file for the rows of --file with the results added; default: standard output.
     """
-    from studies.sensing import decode_readings, decode_tables
+    from studies.sensing import decode_readings
     from studies.sensitivity import decode_tolerances
     from studies.sensitivity.made_sensors import parse_tolerances
 
@@ -147,7 +147,7 @@ def decode(
     if readings is not None:
         answer, field, found = decode_readings.decode_text(coder, readings, units, name)
         checked = decode_tolerances.check(coder, field, found, made)
-        return show(decode_readings.result(checked.of_one(answer.row(), found.force)), Destination(as_json=as_json))
+        return show(decode_readings.result(checked.of_one(answer, found.force)), Destination(as_json=as_json))
     assert file is not None
 
     def check(field: Array, found: Decoded) -> tuple[list[Status], list[str]]:
@@ -155,7 +155,7 @@ def decode(
         return checked.status, checked.warnings(found.force)
 
     with atomic_files.sole_writer(out):
-        counted = decode_tables.decode_file(coder, file, units, out, name, check, as_json=as_json)
+        counted = decode_readings.decode_file(coder, file, units, out, name, check, as_json=as_json)
     return show(counted, Destination(as_json=as_json))
 
 

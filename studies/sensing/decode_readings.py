@@ -1,29 +1,31 @@
-"""Decode readings: the decoder of a design with its mechanics, and the record of `magtip decode --readings`."""
+"""Decode readings: a design's decoder with its mechanics, one set of readings, and a table of them row by row."""
 
 from __future__ import annotations
 
 import contextlib
+import csv
 import dataclasses
+import io
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, tilts_of
 from studies.inputs import state_files, user_input
-from studies.output import records
+from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 from studies.output.result import Result, failure_of, of_record
+from studies.sensing.field_tables import read_rows
 
 if TYPE_CHECKING:
-    from analytic.decode import Decoded, Decoder, Limit
+    from analytic.decode import Decoded, Decoder, Limit, Status
     from analytic.inverse.response_surface import Mechanics
     from analytic.parts import Element
     from geometry.arrays import Array
     from studies.sensing.force_level_check import Gap
-
 
 RESPONSES, NO_LEVEL = "responses", "none"
 """Names in place of a level: states give the mechanics, and there are no mechanics."""
@@ -154,64 +156,18 @@ def of_file(path: Path, design: Design) -> Mechanics:
         raise BadInput(f"{path}: {error}") from None
 
 
-@dataclass(frozen=True, slots=True)
-class DecodedReadings:
-    """Pose and load decoded from one set of readings.
-
-    Attributes
-    ----------
-    level : source of tilt and load, as `level_name` names it.
-    shift_mm, tilt_rad, tilt_y_rad, rotation_rad : pose of the magnet; the rotation is the vector about x and y.
-    finite_force_N : force by level finite at this pose; None if it is not compared.
-    contact : whether the plate touches the tip; None if the load is unknown.
-    condition : condition number of the readings with respect to the shift.
-    multiplicity : number of poses that have these readings; `poses_mm` lists their shifts.
-    noise_um, noise_N : standard deviations of shift and force that the elements' noise causes.
-    noise_N_per_N : noise_N over the size of the force; NaN without a force.
-    beyond : limit of the workspace that the pose exceeds; None inside it, or if there is no pose outside either.
-    outside_mm : shift of the pose outside the workspace, NaN without one; None if the pose is inside.
-    workspace_mm : lowest and highest shift of the workspace.
-    fit_error_rad, fit_error_N : errors of the polynomials for tilt and force; None without mechanics.
-    """
-
-    status: str
-    message: str
-    level: str
-    readings_T: list[float]
-    shift_mm: list[float]
-    tilt_rad: float
-    tilt_y_rad: float
-    rotation_rad: list[float]
-    force_N: list[float]
-    finite_force_N: list[float] | None
-    contact: bool | None
-    depth_mm: float
-    shear_mm: float
-    shear_y_mm: float
-    condition: float
-    multiplicity: int
-    poses_mm: list[list[float]]
-    noise_um: list[float]
-    noise_N: list[float]
-    noise_N_per_N: list[float]
-    beyond: Limit | None
-    outside_mm: list[float] | None
-    workspace_mm: list[list[float]]
-    fit_error_rad: float | None
-    fit_error_N: float | None
-    warnings: list[str]
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
-
-
-def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tuple[DecodedReadings, Array, Decoded]:
+def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tuple[FlatRow, Array, Decoded]:
     """Decode one set of readings a,b,c; `level` is the name from `level_name`.
 
     Returns
     -------
-    record : for the user.
+    record : for the user. contact : whether the plate touches the tip; None if the load is unknown. condition :
+        condition number of the readings with respect to the shift. multiplicity : number of poses that have these
+        readings; poses_mm lists their shifts. noise_um, noise_N : standard deviations of shift and force that the
+        elements' noise causes; noise_N_per_N : over the size of the force, NaN without one. finite_force_N : force
+        by level finite at this pose; None if it is not compared. beyond : limit of the workspace that the pose
+        exceeds; outside_mm : shift of the pose outside the workspace, NaN without one. fit_error_rad, fit_error_N :
+        errors of the polynomials for tilt and force; None without mechanics.
     field, decoded : the readings, shape (1, k), T, and what was decoded from them.
     """
     from analytic.decode import decode
@@ -235,34 +191,34 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
     if contact is False:
         message = "; ".join(filter(None, [message, NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))]))
     gap, size = force_gap(coder, level, decoded), math.hypot(*decoded.force[0].tolist())
-    record = DecodedReadings(
-        status=status,
-        message=message,
-        level=level,
-        readings_T=field[0].tolist(),
-        shift_mm=decoded.shift[0].tolist(),
-        tilt_rad=tilt,
-        tilt_y_rad=tilt_y,
-        rotation_rad=decoded.tilt[0].tolist(),
-        force_N=decoded.force[0].tolist(),
-        finite_force_N=None if gap is None or level == force_level_check.BEST else gap.finite[0].tolist(),
-        contact=contact,
-        depth_mm=depth,
-        shear_mm=shear,
-        shear_y_mm=shear_y,
-        condition=float(decoded.condition[0]),
-        multiplicity=int(decoded.multiplicity[0]),
-        poses_mm=decoded.poses.tolist(),
-        noise_um=(1e3 * decoded.noise_mm[0]).tolist(),
-        noise_N=decoded.noise_N[0].tolist(),
-        noise_N_per_N=[noise / size if size else math.nan for noise in decoded.noise_N[0].tolist()],
-        beyond=limit,
-        outside_mm=outside,
-        workspace_mm=[coder.low.tolist(), coder.high.tolist()],
-        fit_error_rad=coder.mechanics.errors[0] if coder.mechanics else None,
-        fit_error_N=max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
-        warnings=[] if gap is None else force_level_check.warnings(level, gap),
-    )
+    record = {
+        "status": status,
+        "message": message,
+        "level": level,
+        "readings_T": field[0].tolist(),
+        "shift_mm": decoded.shift[0].tolist(),
+        "tilt_rad": tilt,
+        "tilt_y_rad": tilt_y,
+        "rotation_rad": decoded.tilt[0].tolist(),
+        "force_N": decoded.force[0].tolist(),
+        "finite_force_N": None if gap is None or level == force_level_check.BEST else gap.finite[0].tolist(),
+        "contact": contact,
+        "depth_mm": depth,
+        "shear_mm": shear,
+        "shear_y_mm": shear_y,
+        "condition": float(decoded.condition[0]),
+        "multiplicity": int(decoded.multiplicity[0]),
+        "poses_mm": decoded.poses.tolist(),
+        "noise_um": (1e3 * decoded.noise_mm[0]).tolist(),
+        "noise_N": decoded.noise_N[0].tolist(),
+        "noise_N_per_N": [noise / size if size else math.nan for noise in decoded.noise_N[0].tolist()],
+        "beyond": limit,
+        "outside_mm": outside,
+        "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
+        "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
+        "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
+        "warnings": [] if gap is None else force_level_check.warnings(level, gap),
+    }
     return record, field, decoded
 
 
@@ -288,3 +244,127 @@ def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Arr
             "the output of these elements is a flux density: leave --units V out and give the readings in T"
         )
     return np.asarray(values, dtype=np.float64)
+
+
+POSE_COLUMNS = ["status", "shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad"]
+LOAD_COLUMNS = ["force_x_N", "force_y_N", "force_z_N", "depth_mm", "shear_mm", "shear_y_mm"]
+COLUMNS = [*POSE_COLUMNS, *LOAD_COLUMNS, "condition", "multiplicity", "level"]
+"""Columns that decoding adds to a table of readings."""
+MOST_SEARCHED = 2000
+"""Number of rows out of the workspace whose poses are searched outside it: a limit of the time, not of the result."""
+MANY = 500
+"""Number of rows from which a terminal shows the progress."""
+
+
+def decode_file(
+    coder: Decoder,
+    path: Path,
+    units: str | None,
+    out: Path | None,
+    level: str,
+    check: Callable[[Array, Decoded], tuple[list[Status], list[str]]],
+    *,
+    as_json: bool = False,
+) -> Result:
+    """Decode a table of readings as a stream, add the columns `COLUMNS` and count the rows of each status.
+
+    Without `out` the table is printed; as JSON, one object for each row with its number and its readings.
+
+    The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities).
+    Further columns are copied. A row with an empty or NaN reading gets the status not_finite. `check` returns the
+    status of each row, which may differ from the decoder's, and warnings. The result has failed if no row has a pose.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be read or written, or is not a table of readings.
+    """
+    import numpy as np
+
+    from analytic.decode import decode
+    from analytic.parts import columns
+
+    elements = coder.forward.elements
+    unit = units or elements[0].unit
+    target = None if out is None else atomic_files.check_output_file(out, ".csv")
+    heads = {kind: [f"{name}_{kind}" for name in columns(elements)] for kind in ("V", "T")}
+    other = "T" if unit == "V" else "V"
+    head, rows, values = read_rows(
+        path,
+        heads[unit],
+        COLUMNS,
+        holes=True,
+        instead={f"--units {other}": heads[other]} if elements[0].unit == "V" else {},
+    )
+    field = in_tesla(elements, values, unit)
+    with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
+        if progress is not None:
+            progress(0.0, f"poses of {len(rows)} rows")
+        decoded = decode(coder, field, follow=True)
+    statuses, said = check(field, decoded)
+    tilt, tilt_y = tilts_of(*decoded.tilt.T)
+    numbers = np.column_stack([decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition])
+    if as_json and target is None:
+        lines = zip(field.tolist(), statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True)
+        console.report(
+            [
+                {"row": k, "readings_T": b} | dict(zip(COLUMNS, (status, *line, many, level), strict=True))
+                for k, (b, status, line, many) in enumerate(lines, 1)
+            ],
+            as_json=True,
+        )
+        return _result(coder, decoded, field, level, statuses, said, printed=True)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*head, *COLUMNS])
+    for row, status, line, many in zip(rows, statuses, numbers.tolist(), decoded.multiplicity, strict=True):
+        writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many, level])
+    if target is None:
+        print(text.getvalue(), end="", flush=True)
+    else:
+        atomic_files.write_text(target, text.getvalue())
+    return _result(coder, decoded, field, level, statuses, said, printed=target is None)
+
+
+def _result(
+    coder: Decoder,
+    decoded: Decoded,
+    field: Array,
+    level: str,
+    statuses: list[Status],
+    said: list[str],
+    *,
+    printed: bool,
+) -> Result:
+    """Return the counts of each status with their reasons; `printed`: whether the rows were printed, not written."""
+    from studies.sensing import force_level_check
+
+    gap = force_gap(coder, level, decoded)
+    counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
+    sentences = []
+    for status, count in counts.items():
+        why = [WHY[status]]
+        if status == "out_of_workspace":
+            limits = _count_limits(coder, decoded, field)
+            texts = {limit: limit_sentence(coder, limit, solved=level == RESPONSES) for limit in limits}
+            why = [texts[limit] + (f" ({n} of {count})" if len(texts) > 1 else "") for limit, n in limits.items()]
+        if status != "ok":
+            sentences.append(f"{count} of {len(statuses)} rows {status}: {'; '.join(why)}")
+    lost = bool(counts) and not WITH_POSE & set(counts)
+    return Result(
+        title="Decoded",
+        records=[] if printed else [counts],
+        shown=[],
+        warnings=([] if gap is None else force_level_check.warnings(level, gap)) + said,
+        remarks=[] if lost else sentences,
+        failures=sentences if lost else [],
+    )
+
+
+def _count_limits(coder: Decoder, decoded: Decoded, field: Array) -> dict[Limit | None, int]:
+    """Count the rows that exceed each limit of the workspace."""
+    from analytic.decode import exceeded_limit, poses_outside
+
+    rows = [k for k, status in enumerate(decoded.status) if status == "out_of_workspace"][:MOST_SEARCHED]
+    limits = [exceeded_limit(coder, pose) for pose in poses_outside(coder, field[rows])]
+    return dict(Counter(limits))

@@ -1,22 +1,26 @@
-"""Readings of the Hall elements at one pose of the magnet: the record of `magtip readings`."""
+"""Readings of the Hall elements: at one pose of the magnet, and in each state of a file (`magtip readings`)."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from geometry.loads import tilts_of
-from studies.inputs import user_input
+from geometry.loads import ANSWERED, tilts_of
+from studies.inputs import state_files, user_input
 from studies.inputs.option_groups import FieldLevel, Pose
-from studies.output import records
+from studies.inputs.state_files import State
+from studies.output import console
 from studies.output.records import FlatRow
+from studies.output.result import Result, Table
 
 if TYPE_CHECKING:
     import numpy as np
 
     from analytic.hall import Mode, Readings
-
 
 Vector = tuple[float, float, float]
 
@@ -72,15 +76,11 @@ def sensing_of(design: Design, level: FieldLevel, mode: Mode, ambient: str, seed
     return Sensing(level, mode, (bx, by, bz), noise)
 
 
-@dataclass(frozen=True, slots=True)
-class PoseReadings:
-    """Readings of the elements at one pose of the magnet.
+def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing: Sensing) -> FlatRow:
+    """Return the readings at a pose: shift (x, y, z), mm, and rotation about x and y, rad.
 
     Lists hold one value for each element, except for shift, rotation and ambient field.
 
-    Attributes
-    ----------
-    shift_mm, rotation_rad : pose of the magnet; the rotation is the vector about x and y.
     tilt_rad, tilt_y_rad : lean of the magnet's axis towards x and y.
     readings_T : B.n, or |B| in mode "magnitude".
     readings_V : outputs in V; None if the outputs of the elements are flux densities, which are in `output_T`.
@@ -88,36 +88,6 @@ class PoseReadings:
     noise_of_readings_T : standard deviation of a reading, from noise, converter and average.
     magnet_gap_mm, wall_gap_mm : distance of the magnet and of the beam's wall from each element.
     """
-
-    status: str
-    level: FieldLevel
-    mode: Mode
-    layout: str
-    shift_mm: list[float]
-    tilt_rad: float
-    tilt_y_rad: float
-    rotation_rad: list[float]
-    ambient_T: list[float]
-    elements: list[str]
-    readings_T: list[float]
-    readings_V: list[float] | None
-    output_T: list[float] | None
-    noise_V: list[float] | None
-    noise_T: list[float]
-    step_T: list[float]
-    noise_of_readings_T: list[float]
-    saturated: list[bool]
-    magnet_gap_mm: list[float]
-    wall_gap_mm: list[float]
-    warnings: list[str]
-
-    def row(self) -> FlatRow:
-        """Return the flat row for JSON and for the terminal."""
-        return records.flat(self)
-
-
-def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing: Sensing) -> PoseReadings:
-    """Return the readings at a pose: shift (x, y, z), mm, and rotation about x and y, rad."""
     from analytic import clearance, hall
     from analytic.parts import of_design
 
@@ -133,29 +103,29 @@ def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing:
     )
     volts = all(unit == "V" for unit in measured.units)
     tilt_x, tilt_y = tilts_of(*tilt)
-    return PoseReadings(
-        status="ok",
-        level=sensing.level,
-        mode=sensing.mode,
-        layout=design.hall_layout,
-        shift_mm=list(shift),
-        tilt_rad=tilt_x,
-        tilt_y_rad=tilt_y,
-        rotation_rad=list(tilt),
-        ambient_T=list(sensing.ambient),
-        elements=[element.name for element in elements],
-        readings_T=list(measured.B_T),
-        readings_V=list(measured.V) if volts else None,
-        output_T=None if volts else list(measured.output),
-        noise_V=[element.noise for element in elements] if volts else None,
-        noise_T=[element.noise / element.gain for element in elements],
-        step_T=[element.step / element.gain for element in elements],
-        noise_of_readings_T=[element.noise_T for element in elements],
-        saturated=list(measured.saturated),
-        magnet_gap_mm=[clearance.magnet_gap(design, element.position, shift, tilt) for element in elements],
-        wall_gap_mm=[clearance.wall_gap(design, element.position, shift) for element in elements],
-        warnings=warnings(design, measured, shift, tilt),
-    )
+    return {
+        "status": "ok",
+        "level": sensing.level,
+        "mode": sensing.mode,
+        "layout": design.hall_layout,
+        "shift_mm": list(shift),
+        "tilt_rad": tilt_x,
+        "tilt_y_rad": tilt_y,
+        "rotation_rad": list(tilt),
+        "ambient_T": list(sensing.ambient),
+        "elements": [element.name for element in elements],
+        "readings_T": list(measured.B_T),
+        "readings_V": list(measured.V) if volts else None,
+        "output_T": None if volts else list(measured.output),
+        "noise_V": [element.noise for element in elements] if volts else None,
+        "noise_T": [element.noise / element.gain for element in elements],
+        "step_T": [element.step / element.gain for element in elements],
+        "noise_of_readings_T": [element.noise_T for element in elements],
+        "saturated": list(measured.saturated),
+        "magnet_gap_mm": [clearance.magnet_gap(design, element.position, shift, tilt) for element in elements],
+        "wall_gap_mm": [clearance.wall_gap(design, element.position, shift) for element in elements],
+        "warnings": warnings(design, measured, shift, tilt),
+    }
 
 
 def warnings(design: Design, readings: Readings, shift: Vector, tilt: tuple[float, float]) -> list[str]:
@@ -215,3 +185,103 @@ def to_magpylib(design: Design, shift: Vector = (0.0, 0.0, 0.0), tilt: tuple[flo
         position = [1e-3 * v for v in element.position]
         sensors.append(magpylib.Sensor(position=position, orientation=orientation, style_label=element.name))
     return magpylib.Collection(magnet, *sensors)
+
+
+MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
+"""Columns that distinguish the states of a path."""
+SHOWN = ("status", *MOVED, "shift_mm", "rotation_rad", "readings_T", "readings_V", "output_T", "saturated")
+"""Columns of a table that is not wide."""
+
+
+def of_states(design: Design, file: Path, sensing: Sensing) -> list[FlatRow]:
+    """Return the readings of each state, in the order of the file, with its own status, message and load.
+
+    resolution_N : standard deviations of the force along x, y and z that the noise of the readings causes; None if
+        the elements have no noise, or if the states do not determine the mechanics (see `resolutions`).
+    resolution_N_per_N : the same over the size of the force; None without a force.
+
+    Raises
+    ------
+    BadInput
+        `state_files.read` refuses the file, the file contains no states, or the field at a pose is unknown.
+    """
+    states = state_files.read(file, design)
+    if not states:
+        raise BadInput(f"{file} contains no states: give the output of `magtip solve --json`")
+    rows = [_read_state(design, state, sensing, f"{file}, line {state.line}") for state in states]
+    for k, (resolution, share) in resolutions(design, states, sensing).items():
+        rows[k] |= {"resolution_N": resolution, "resolution_N_per_N": share}
+    return rows
+
+
+def resolutions(
+    design: Design, states: Sequence[State], sensing: Sensing
+) -> dict[int, tuple[list[float], list[float] | None]]:
+    """Return the force resolution of states by their index: along x, y and z, N, and over the size of the force.
+
+    The force between the states follows from polynomials that are fitted to all converged states. The result is empty
+    if these contain no presses or no shears, if an element has no noise or lies inside the beam, or if the field is
+    not the exact one.
+    """
+    import numpy as np
+
+    from analytic import force_resolution, parts
+    from analytic.inverse import forward_model, response_surface
+
+    if sensing.level != "exact" or not all(element.noise_T for element in parts.of_design(design)):
+        return {}
+    samples = {
+        k: (state.load, state.response)
+        for k, state in enumerate(states)
+        if state.status in ANSWERED and state.load is not None and state.response is not None
+    }
+    try:
+        law = response_surface.of_samples(samples.values())
+        forward = forward_model.model(design, law.tau, mode=sensing.mode)
+    except BadInput:
+        return {}
+    responses = [response for _, response in samples.values()]
+    sigma = force_resolution.at_shifts(forward, law, np.array([response.shift for response in responses]))
+    sizes = [math.hypot(*response.force) for response in responses]
+    return {
+        k: (line.tolist(), (line / size).tolist() if size else None)
+        for k, line, size in zip(samples, sigma, sizes, strict=True)
+    }
+
+
+def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> FlatRow:
+    """Return the readings of one state; `where` names its line in messages."""
+    resolution = dict.fromkeys(("resolution_N", "resolution_N_per_N"))
+    own = {"status": state.status, "message": state.message}
+    if state.load is None or state.response is None:
+        missing = dict.fromkeys((*SHOWN[1:], "tilt_rad", "tilt_y_rad"))
+        return own | missing | resolution | {"warnings": []}
+    load, response = state.load, state.response
+    try:
+        readings = read_pose(design, response.shift, response.rotation, sensing)
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
+    moved = dict(zip(MOVED, (load.depth, load.shear_x, load.shear_y), strict=True))
+    return readings | own | moved | resolution
+
+
+def study(design: Design, file: Path, sensing: Sensing, *, wide: bool) -> Result:
+    """Return the result of `of_states`; it has failed if no state was reached."""
+    rows = of_states(design, file, sensing)
+    extra = ["resolution_N"] if any(row["resolution_N"] for row in rows) else []
+    keys = list(dict.fromkeys([*SHOWN, *extra, *(key for row in rows for key in row if wide)]))
+    shown = [{key: row.get(key) for key in keys} for row in rows]
+    messages = [
+        {key: row[key] for key in MOVED} | {"message": warning} for row in rows for warning in row["warnings"]
+    ]
+    failed = [row["status"] for row in rows if row["status"] not in ANSWERED]
+    said = [f"{len(failed)} of {len(rows)} states failed; the last status is {failed[-1]}"] if failed else []
+    lost = len(failed) == len(rows)
+    return Result(
+        title="Readings",
+        records=rows,
+        shown=[Table(title="Readings", rows=shown, first=SHOWN[:4])],
+        warnings=console.remarks(messages, MOVED, rows),
+        remarks=[] if lost else said,
+        failures=said if lost else [],
+    )
