@@ -7,8 +7,7 @@ import pytest
 
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies.explorer.explorer_fields import explorer_fields
-from studies.explorer.explorer_state import RATES
+from studies.explorer.explorer_state import RATES, explorer_fields
 
 FIELDS = explorer_fields(paper())
 NUMBERS = [field for field in FIELDS if field["kind"] in ("number", "logarithmic")]

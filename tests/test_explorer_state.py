@@ -12,7 +12,7 @@ from fem.equilibrium import solve
 from geometry.design import BadInput
 from studies.cli import commands
 from studies.explorer.explorer_state import components, request_of, state_of, wrong_field
-from studies.explorer.state_commands import address_fields, changed_fields, python, shell
+from studies.explorer.state_exports import address_fields, changed_fields, python, shell
 
 STATES = [
     {"load": {"depth": 1}, "level": "quick"},

@@ -11,8 +11,8 @@ from fem.scene import Scene
 from fem.solve.load_increments import watched
 from geometry.design import Design
 from geometry.loads import Load
-from studies.explorer import kept_paths
-from studies.explorer.kept_paths import KeptPaths
+from studies.explorer import explorer_answers
+from studies.explorer.explorer_answers import KeptPaths
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_a_shear_reuses_its_press(paths):
 
 
 def test_few_paths_are_kept(paths, monkeypatch):
-    monkeypatch.setattr(kept_paths, "MOST", 2)
+    monkeypatch.setattr(explorer_answers, "MOST_PATHS", 2)
     followed = []
     for D in (7.0, 8.0, 9.0):
         paths.solve(Scene(Design(D=D), (Load(depth=0.5),), QUICK))

@@ -368,7 +368,7 @@ def explore(
     if export is not None:
         _export(design, export)
         return GOOD
-    from studies.explorer import explorer_server, state_commands
+    from studies.explorer import explorer_server, state_exports
 
     with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
 
@@ -378,7 +378,7 @@ def explore(
             if not no_browser:
                 _open(address, Path(folder, "explorer.html"))
 
-        explorer_server.serve(state_commands.address_fields(design), port, ready)
+        explorer_server.serve(state_exports.address_fields(design), port, ready)
     return GOOD
 
 

@@ -1,33 +1,56 @@
-"""The answers to a request of the page, part by part, in the order in which they are ready.
+"""The answers to a request of the page, part by part, in the order in which they are ready, and what they keep.
 
 The picture comes first, and everything else when no newer request has come for a moment: the sensor in 3D, error
-estimates, the decoded load, the curve, stability, vibration and loop. What depends on the
-design alone is kept while only the load changes.
+estimates, the decoded load, the curve, stability, vibration and loop. What depends on the design alone is kept while
+only the load changes, and paths of loads are, so that a small change of a state costs little.
+
+A path belongs to a mesh and a kind of load (`_key`). A press starts at rest, and a shear at the kept press below it,
+as in `fem.equilibrium.solve`: the answers are the same. Changes that no finite element sees, such as E, the magnet's
+remanence or the Hall elements, find the state that is there already.
+
+While a hand moves, the picture may start at the last state instead, which takes half the time. Without Coulomb
+friction equilibrium depends on the load alone, so both ways differ by the tolerance of Newton's method only. The
+answer with error estimates, which follows when the hand rests, always takes the first way.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
+import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from fem.accuracy import LEVELS, coarser
+from fem.equilibrium import sideways_model, start_path, with_estimates
+from fem.results.lateral_stiffness import SidewaysModel
+from fem.results.postprocess import read
+from fem.scene import Scene
+from fem.solution import Solution
+from fem.solve.load_case_models import graded_depth
+from fem.solve.load_stepping import Path
+from fem.solve.newton import Stop
+from fem.solve.path_state import FIRST_TOUCH, PathState
 from geometry.bad_input import SolveFailed
 from geometry.design import OF_TIME, BadInput, Design
 from studies.explorer import (
-    design_answers,
-    explorer_exports,
     state_answers,
+    state_exports,
     state_pictures,
     time_answers,
 )
 from studies.explorer.explorer_state import ExplorerState, Request
-from studies.explorer.kept_paths import KeptPaths
 
 Data = dict[str, Any]
 Answer = tuple[str, str, Data]
 """A part, its level and its data."""
-MOST = 12
+MOST_RESULTS = 12
 """Most results that depend on the design alone and are kept: decoder, curves and stability of two designs."""
+MOST_PATHS = 4
+"""Most paths that are kept: two designs side by side, each with its coarser mesh for the error estimates."""
 
 
 class Answers:
@@ -61,9 +84,9 @@ class Answers:
     def export(self, name: str, state: ExplorerState) -> bytes:
         """Return a file of a state at its own level."""
         if name == "curve.csv":
-            return explorer_exports.of_curve(self._curve(state, state.level))
-        solution = state_answers.solve_with_estimates(self.paths, state, state.level)
-        return explorer_exports.of_solution(name, state, solution)
+            return state_exports.of_curve(self._curve(state, state.level))
+        solution = solve_with_estimates(self.paths, state, state.level)
+        return state_exports.of_solution(name, state, solution)
 
     def forget(self) -> None:
         """Free everything that is kept."""
@@ -75,7 +98,7 @@ class Answers:
     def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer | None]:
         """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
         decoder = self._kept.get(("decoder", state.design))
-        solution = state_answers.solve(self.paths, state, level)
+        solution = solve(self.paths, state, level)
         if "state" in parts:
             yield "state", level, state_answers.answer(state, solution, decoder)
         yield None
@@ -84,7 +107,7 @@ class Answers:
         if "sensor3d" in parts:
             yield "sensor3d", level, state_pictures.surface(solution)
         if "state" in parts:
-            solution = state_answers.solve_with_estimates(self.paths, state, level)
+            solution = solve_with_estimates(self.paths, state, level)
             yield "state", level, state_answers.answer(state, solution, decoder)
             if decoder is None and state.design.shape.has_magnet:
                 yield None
@@ -94,19 +117,19 @@ class Answers:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""
         design, magnet, estimate = state.design, state.magnet, level == state.level
         key = ("curve", mechanics(design), magnet, level, estimate)
-        data = self._keep(key, lambda: design_answers.curve(design, magnet, level, estimate=estimate))
-        return design_answers.with_formulas(data, design, state.formula_level)
+        data = self._keep(key, lambda: state_answers.curve(design, magnet, level, estimate=estimate))
+        return state_answers.with_formulas(data, design, state.formula_level)
 
     def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
         """Yield the stability by the surrogate, and by finite elements at the level of the state."""
         design, magnet = state.design, state.magnet
         key = ("stability", mechanics(design), magnet, level)
         if key not in self._kept and level == "quick":
-            data = design_answers.by_surrogate(design, magnet)
+            data = state_answers.by_surrogate(design, magnet)
             if data is not None:
                 yield "stability", "surrogate", data
         if level == state.level:
-            compute = design_answers.by_finite_elements
+            compute = state_answers.by_finite_elements
             yield "stability", level, self._keep(key, lambda: compute(design, magnet, level))
 
     def _vibration(self, state: ExplorerState, level: str) -> Data:
@@ -145,7 +168,7 @@ class Answers:
     def _keep(self, key: tuple[Any, ...], compute: Callable[[], Any]) -> Any:
         """Return a kept result, or compute and keep it."""
         result = self._kept.pop(key) if key in self._kept else compute()
-        while len(self._kept) >= MOST:
+        while len(self._kept) >= MOST_RESULTS:
             self._kept.pop(next(iter(self._kept)))
         self._kept[key] = result
         return result
@@ -156,3 +179,146 @@ def mechanics(design: Design) -> tuple[Any, ...]:
     names = [spec.name for spec in dataclasses.fields(design) if not spec.name.startswith(("hall_", "chip_"))]
     idle = ("f", "c", "l0", "remanence", "magnet_north", *OF_TIME)
     return tuple(getattr(design, name) for name in names if name not in idle)
+
+
+def scene_of(state: ExplorerState, level: str) -> Scene:
+    """Return the scene of a state at an accuracy."""
+    return Scene(state.design, (state.load,), LEVELS[level], state.magnet)
+
+
+def solve(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
+    """Return the solution of a state without error estimates; at level quick it may start at the last state."""
+    return paths.solve(scene_of(state, level), moving=level == "quick")
+
+
+def solve_with_estimates(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
+    """Return the solution with error estimates and the check of its stability, as `fem.equilibrium.solve` does."""
+    scene = scene_of(state, level)
+    solution = paths.solve(scene, sideways=True)
+    if solution.status not in ("ok", "unstable"):
+        return solution
+    coarse = paths.solve(replace(scene, accuracy=coarser(LEVELS[level])))
+    return with_estimates(solution, coarse, scene)
+
+
+@dataclass(slots=True)
+class _Kept:
+    """A path with its states at rest, at the beginning of a shear, and the last one, of the scene named `name`.
+
+    `continued` says that the last state was reached from the one before it. `sideways` is the model in which the
+    stability of its presses is checked.
+    """
+
+    path: Path
+    rest: PathState
+    sideways: SidewaysModel | None
+    begun: PathState | None = None
+    name: str = ""
+    last: PathState | None = None
+    continued: bool = False
+    stop: Stop = ""
+    iterations: int = 0
+    seconds: float = 0.0
+
+
+class KeptPaths:
+    """The last paths, at most `MOST_PATHS`."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, _Kept] = {}
+
+    def solve(self, scene: Scene, *, sideways: bool = False, moving: bool = False) -> Solution:
+        """Return the solution of a scene with one load, without error estimates.
+
+        Parameters
+        ----------
+        sideways : check whether an axisymmetric press would be stable sideways, which takes longer than the press.
+        moving : start at the last state if it is nearer than the first one.
+        """
+        kept = self._followed(scene, moving)
+        assert kept.last is not None
+        return read(
+            kept.last,
+            scene,
+            scene.loads[0],
+            kept.stop,
+            iterations=kept.iterations,
+            seconds=kept.seconds,
+            sideways=kept.sideways if sideways else None,
+        )
+
+    def _followed(self, scene: Scene, moving: bool) -> _Kept:
+        """Return the path of a scene at its load."""
+        key, name = _key(scene), json.dumps(scene.dimensionless())
+        begin = time.perf_counter()
+        kept = self._kept.pop(key, None)
+        if kept is None:
+            path = start_path(scene)
+            kept = _Kept(path, path.state, sideways_model(scene, path))
+        # the newest path stands last
+        self._kept[key] = kept
+        while len(self._kept) > MOST_PATHS:
+            self._kept.pop(next(iter(self._kept)))
+        if kept.name != name or (kept.continued and not moving):
+            near = moving and bool(kept.name)
+            kept.name = ""
+            kept.continued = near and _continue(kept, scene)
+            if not kept.continued:
+                _follow(kept, scene)
+            kept.name, kept.seconds = name, time.perf_counter() - begin
+        return kept
+
+
+def _continue(kept: _Kept, scene: Scene) -> bool:
+    """Follow a path from its last state to the load of its scene; return whether this is a valid and shorter way."""
+    last, goal = kept.last, scene.position(scene.loads[0])
+    if last is None or kept.stop or last.friction is not None:
+        return False
+    if last.onset is not None or not last.stability.is_stable:
+        return False
+    start = kept.begun or kept.rest
+    if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
+        return False
+    # from one move of a hand to the next, extrapolation of the last states is a better first guess than the predictor
+    kept.path.restart(replace(last, reduced=None))
+    stop, state = kept.path.go(goal[0], goal[1:]), kept.path.state
+    # the limit of a path, and where it loses stability, are found from its beginning
+    if stop or not state.stability.is_stable or state.onset is not None:
+        return False
+    kept.last, kept.iterations = state, kept.path.iterations
+    return True
+
+
+def _follow(kept: _Kept, scene: Scene) -> None:
+    """Follow a path to the load of its scene: from rest, or from the press at which the shear begins."""
+    (load,), path, before = scene.loads, kept.path, 0
+    depth, *shear = scene.position(load)
+    if load.shears_tip:
+        if kept.begun is None:
+            path.restart(kept.rest)
+            kept.stop = path.go(depth, np.zeros(2))
+            before = path.iterations
+            if kept.stop:
+                kept.last, kept.iterations = path.state, before
+                return
+            path.begin_shear()
+            kept.begun = path.state
+        path.restart(kept.begun)
+    else:
+        path.restart(kept.rest)
+    kept.stop = path.go(depth, np.array(shear))
+    kept.last, kept.iterations = path.state, before + path.iterations
+
+
+def _key(scene: Scene) -> str:
+    """Return what scenes on one path have in common."""
+    content, (load,), D = scene.dimensionless(), scene.loads, scene.design.D
+    values = content["loads"][0]
+    if load.shears_tip:
+        # under a tilted plate the symmetry of the model depends on the direction of the shear
+        values["shear"] = list(load.direction) if load.plate_tilt else "any"
+    elif scene.model == "axisymmetric" and load.depth > FIRST_TOUCH * D:
+        # one mesh serves a range of depths; friction before first slip does not change that
+        values["depth"], values["shear"] = graded_depth(load.depth / D), "none"
+        values["friction"] = load.coulomb
+    return json.dumps(content)

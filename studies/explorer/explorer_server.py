@@ -26,9 +26,8 @@ import tornado.web
 import tornado.websocket
 
 from geometry.design import BadInput, paper
-from studies.explorer import explorer_exports, explorer_workers, state_commands
-from studies.explorer.explorer_fields import explorer_fields
-from studies.explorer.explorer_state import Request, request_of, wrong_field
+from studies.explorer import explorer_workers, state_exports
+from studies.explorer.explorer_state import Request, explorer_fields, request_of, wrong_field
 from studies.explorer.explorer_workers import encoded, fault
 
 PAGE = Path(__file__).parent / "page"
@@ -187,7 +186,7 @@ class Live(tornado.websocket.WebSocketHandler):
             content = parsed(message)
             request = request_of(content)
             if "commands" in request.parts:
-                data = state_commands.commands(request.state)
+                data = state_exports.commands(request.state)
                 self.send(encoded(request.number, request.side, part="commands", level="formula", data=data))
             if set(request.parts) - {"commands"}:
                 self.shared.workers.ask((id(self), request.side), request, self.send)
@@ -262,7 +261,7 @@ class Export(Guarded):
     making: asyncio.Task[bytes] | None = None
 
     async def post(self, name: str) -> None:
-        if name not in explorer_exports.TYPES:
+        if name not in state_exports.TYPES:
             raise tornado.web.HTTPError(404)
         try:
             self.making = asyncio.ensure_future(self._content(name, request_of(parsed(self.request.body))))
@@ -275,17 +274,17 @@ class Export(Guarded):
             self.set_header("Content-Type", "text/plain; charset=utf-8")
             self.finish(str(error) if is_refused else fault(error))
             return
-        self.set_header("Content-Type", explorer_exports.TYPES[name])
+        self.set_header("Content-Type", state_exports.TYPES[name])
         self.set_header("Content-Disposition", f'attachment; filename="magtip-{name}"')
         self.finish(content)
 
     async def _content(self, name: str, request: Request) -> bytes:
-        if name in explorer_exports.OF_WORKER:
+        if name in state_exports.OF_WORKER:
             return await self.shared.workers.export(name, request)
         if name != "mold.zip":
-            return explorer_exports.text_of(name, request.state)
+            return state_exports.text_of(name, request.state)
         async with self.shared.molding:
-            return await explorer_exports.mold(request.state)
+            return await state_exports.mold(request.state)
 
     def on_connection_close(self) -> None:
         """End the export of a client that has left."""

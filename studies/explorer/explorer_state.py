@@ -1,4 +1,6 @@
-"""The state of the explorer: design, load and the parts that the page asks for, checked as on the command line.
+"""The state of the explorer: design, load and the parts that the page asks for, and the controls that change it.
+
+It is checked as on the command line.
 
 A request is the JSON object that the page sends:
 
@@ -12,14 +14,16 @@ Values that cannot be used raise `BadInput` with the sentence that the command l
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from geometry.bad_input import nearest
-from geometry.design import PRESETS, BadInput, Design
+from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, PRESETS, BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
@@ -35,6 +39,11 @@ RATES = {"frequency": "Hz", "speed": "mm/s"}
 speed of loading cycles up to it; 0: none. The solved state is at rest."""
 LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt", *RATES)
 """Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees, and the rates."""
+CONTROLS = Path(__file__).with_name("controls.csv")
+"""The controls of the page, in their order."""
+
+Field = dict[str, Any]
+"""A control as the page takes it: group, name, label, unit, low, high, slider, step, kind, choices, help, value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,3 +226,79 @@ def _number(name: str, value: object) -> float:
     if name in ("direction", "plate_tilt") and not math.isfinite(number):
         raise BadInput(f"{name.replace('_', ' ')} must be a finite number of degrees; got {number:g}")
     return number
+
+
+def explorer_fields(design: Design) -> list[Field]:
+    """Return the controls of load and design, in the order of the page; `value` is that of the design.
+
+    Places, labels, sliders and steps are in `controls.csv`, with units, ranges and help of what is no field of a
+    design; those of a design's fields come from `Design`. A slider covers the part of a range that designers use, the
+    number field beside it takes the whole range.
+
+    >>> [(one["name"], one["unit"], one["value"]) for one in explorer_fields(Design())][:2]
+    [('depth', 'mm', 1.0), ('shear', 'mm', 0.0)]
+    """
+    specs = {spec.name: spec for spec in dataclasses.fields(Design)}
+    room, far = design.L - design.magnet_height, round(design.D / 2, 1)
+    # the load's sliders reach half a diameter
+    by_design: Field = {
+        "depth": {"low": 0.0, "high": room, "slider": [0, far]},
+        "shear": {"low": -2 * design.L, "high": 2 * design.L, "slider": [-far, far]},
+    }
+    fields = []
+    with CONTROLS.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            name = row["name"]
+            field: Field = {key: row[key] for key in ("group", "name", "label", "kind", "unit", "help")}
+            if row["slider_low"]:
+                field["slider"] = [float(row["slider_low"]), float(row["slider_high"])]
+            if row["step"]:
+                field["step"] = float(row["step"])
+            if row["choices"]:
+                field["choices"] = row["choices"].split()
+            if name in specs:
+                field |= {"scope": "design", "value": getattr(design, name)} | _of_design(specs[name])
+            elif name == "magnet":
+                field |= {"scope": "magnet", "value": row["value"], "needs": {}}
+            else:
+                low, high = (float(row[key]) if row[key] else None for key in ("low", "high"))
+                value = row["value"] if name == "friction" else float(row["value"])
+                field |= {"scope": "load", "value": value, "low": low, "high": high, "needs": {}}
+            fields.append(field | by_design.get(name, {}))
+    return fields
+
+
+def _of_design(spec: dataclasses.Field[Any]) -> Field:
+    """Return what `Design` says of a field."""
+    known = spec.metadata
+    unit = known["unit"] if "low" in known and known["unit"] != "1" else ""
+    field: Field = {"help": known["text"], "unit": unit, "needs": _needs(spec.name)}
+    if "choices" in known:
+        field["choices"] = list(known["choices"])
+    elif "low" in known:
+        field |= {"low": known["low"], "high": known["high"]}
+    return field | {"presets": _grades()} if spec.name == "remanence" else field
+
+
+def _needs(name: str) -> Field:
+    """Return the choices with which a field has an effect, by the name of the choice; empty: always."""
+    laws = [law for law, fields in LAWS.items() if name in fields]
+    layouts = [layout for layout, fields in OF_ONE_LAYOUT.items() if name in fields]
+    needs: Field = {"law": laws} if laws else {}
+    if layouts:
+        needs["hall_layout"] = layouts
+    if name in ("loss_factor", "loss_low", "loss_high"):
+        needs["prony"] = [""]
+    if name in OF_MAGNET or name == "magnet_edge_radius":
+        needs["magnet_diameter"] = "positive"
+    return needs
+
+
+def _grades() -> list[Field]:
+    """Return the grades of magnets in the catalogue, each with the middle of the range of its remanence, T."""
+    from studies import sizing
+    from studies.sizing.catalogue_files import read_catalogue
+
+    file = Path(str(sizing.__file__)).with_name("magnets.toml")
+    grades = read_catalogue(str(file)).grades
+    return [{"name": name, "value": round(sum(grade["remanence"]) / 2, 4)} for name, grade in grades.items()]

@@ -22,15 +22,12 @@ from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.explorer import (
-    design_answers,
-    explorer_exports,
     offline_tables,
     state_answers,
-    state_commands,
+    state_exports,
     state_grid,
 )
-from studies.explorer.explorer_fields import explorer_fields
-from studies.explorer.explorer_state import RATES, Level
+from studies.explorer.explorer_state import RATES, Level, explorer_fields
 from studies.explorer.explorer_workers import as_json
 from studies.explorer.state_grid import Grid
 from studies.output import atomic_files
@@ -101,8 +98,8 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
     response = offline_tables.response(grid, errors)
     formulas, remarks, remark_texts = offline_tables.formulas(design, response.axes)
     statuses, status_texts = offline_tables.statuses(grid, response.axes)
-    curve = design_answers.curve(design, magnet, LEVEL, estimate=True)
-    curves = {level: design_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
+    curve = state_answers.curve(design, magnet, LEVEL, estimate=True)
+    curves = {level: state_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
     sensor = _sensor(design)
     content: Data = {
         "fields": _fields(grid),
@@ -118,14 +115,14 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
         "readings": None,
         "elements": offline_tables.elements(design),
         "pictures": offline_tables.pictures(grid, magnet),
-        "stability": design_answers.by_finite_elements(design, magnet, LEVEL),
+        "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
         "curve": {
             **curves["paper"],
             "levels": {level: one["level"] for level, one in curves.items()},
-            "tables": {level: explorer_exports.of_curve(one).decode() for level, one in curves.items()},
+            "tables": {level: state_exports.of_curve(one).decode() for level, one in curves.items()},
         },
-        "commands": state_commands.without_load(design, magnet, LEVEL),
-        "files": {"design.toml": explorer_exports.design_text(design)},
+        "commands": state_exports.without_load(design, magnet, LEVEL),
+        "files": {"design.toml": state_exports.design_text(design)},
         "refusal": _refusal(grid),
     }
     volts = ""
@@ -159,7 +156,7 @@ def _fields(grid: Grid) -> list[Data]:
             low, high = ends[name]
             field |= {"low": low, "high": high, "slider": [low, high]}
         if name == "depth":
-            field["value"] = min(state_commands.first_depth(design), ends["depth"][1])
+            field["value"] = min(state_exports.first_depth(design), ends["depth"][1])
         if name == "magnet":
             field["value"] = magnet_of(design)
         fields.append(field | {"fixed": name not in MOVED})
@@ -173,7 +170,7 @@ def _rounded(depth: float) -> float:
 
 def _sensor(design: Design) -> str:
     """Return the name of the sensor: that of the paper, and what differs from it."""
-    changed = state_commands.address_fields(design)
+    changed = state_exports.address_fields(design)
     texts = [f"{name} {value}" for name, value in changed.items() if name not in ("preset", "depth")]
     return f"the paper's sensor{' with ' if texts else ''}{', '.join(texts)}"
 

@@ -1,9 +1,12 @@
-"""The part `state`: response, error estimates, readings, decoded load and formulas of one state."""
+"""The parts `state`, `curve` and `stability` of a page: numbers of one state, and what depends on the design alone.
+
+A state has its response, error estimates, readings, decoded load and formulas. The press of a curve has no friction,
+whatever the friction of the shear. The stability comes first from the surrogate and then from finite elements.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,17 +14,19 @@ import numpy as np
 from analytic import beam, hall
 from analytic.parts import of_design
 from analytic.relaxation_loops import loop
-from fem.accuracy import LEVELS, Accuracy, coarser
-from fem.equilibrium import with_estimates
-from fem.scene import Scene
+from fem.accuracy import LEVELS
+from fem.analyses import modes, stability
+from fem.equilibrium import trace
 from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Response
+from geometry.loads import Load, Magnet, Response
 from geometry.relaxation import range_sentence, relaxation_of
+from studies.exploration.solved_paths import frequency_unit
 from studies.explorer.explorer_state import ExplorerState
-from studies.explorer.kept_paths import KeptPaths
 from studies.explorer.state_pictures import section
+from studies.simulation.compare import default_loads
+from studies.surrogate import surrogate_range, surrogate_response
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -32,27 +37,6 @@ DECODER_LEVEL = "finite"
 """Level of the formulas that give the load of a decoded pose."""
 
 Data = dict[str, Any]
-
-
-def scene_of(state: ExplorerState, level: str) -> Scene:
-    """Return the scene of a state at an accuracy."""
-    return Scene(state.design, (state.load,), LEVELS[level], state.magnet)
-
-
-def solve(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
-    """Return the solution of a state without error estimates; at level quick it may start at the last state."""
-    return paths.solve(scene_of(state, level), moving=level == "quick")
-
-
-def solve_with_estimates(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
-    """Return the solution with error estimates and the check of its stability, as `fem.equilibrium.solve` does."""
-    scene = scene_of(state, level)
-    solution = paths.solve(scene, sideways=True)
-    if solution.status not in ("ok", "unstable"):
-        return solution
-    accuracy: Accuracy = coarser(LEVELS[level])
-    coarse = paths.solve(replace(scene, accuracy=accuracy))
-    return with_estimates(solution, coarse, scene)
 
 
 def answer(state: ExplorerState, solution: Solution, decoder: Decoder | None = None) -> Data:
@@ -133,8 +117,8 @@ def half_widths(solution: Solution) -> Data:
     }
 
 
-def _times(share: float | None, size: float) -> float | None:
-    return None if share is None else share * size
+def _times(share: float | None, value: float | None) -> float | None:
+    return None if share is None or value is None else share * abs(value)
 
 
 def readings(design: Design, response: Response, widths: Data) -> Data | None:
@@ -250,3 +234,108 @@ def formula(design: Design, load: Load, level: str) -> Data:
     except BadInput as error:
         return {"force": None, "shift": None, "message": str(error)}
     return response_data(response) | {"message": beam.outside(design, load, level)}
+
+
+def curve(design: Design, magnet: Magnet, level: str, *, estimate: bool) -> Data:
+    """Return the curve by finite elements; states beyond the first that fails are left out.
+
+    Parameters
+    ----------
+    estimate : with error estimates, as half widths.
+    """
+    loads, _ = default_loads(design)
+    states = trace(design, loads, LEVELS[level], magnet=magnet, estimate=estimate)
+    solved = [state for state in states if state.status in ("ok", "unstable")]
+    rows = [(state.response, state.estimates) for state in solved]
+    return {
+        "depth": [state.load.depth for state in solved],
+        "force": [response.force[2] for response, _ in rows],
+        "shift": [response.shift[2] for response, _ in rows],
+        "estimates": {
+            "force": [_times(share.force, math.hypot(*response.force)) for response, share in rows],
+            "shift": [_times(share.shift, math.hypot(*response.shift)) for response, share in rows],
+        },
+        "status": [state.status for state in solved],
+        "message": states[-1].message,
+    }
+
+
+def with_formulas(data: Data, design: Design, level: str) -> Data:
+    """Return a curve with the paper's formulas and those of a level at its depths; None beyond their range."""
+    return data | {
+        "paper": _formula(design, data["depth"], "paper"),
+        "level": {"name": level, **_formula(design, data["depth"], level)},
+    }
+
+
+def _formula(design: Design, depths: list[float], level: str) -> Data:
+    forces: list[float | None] = []
+    shifts: list[float | None] = []
+    for depth in depths:
+        try:
+            response = beam.solve(design, Load(depth=depth), level)
+        except BadInput:
+            forces.append(None)
+            shifts.append(None)
+            continue
+        forces.append(response.force[2])
+        shifts.append(response.shift[2])
+    return {"force": forces, "shift": shifts}
+
+
+def by_surrogate(design: Design, magnet: Magnet) -> Data | None:
+    """Return the surrogate's answers with half widths of 90 % intervals; None where it refuses the design."""
+    try:
+        if surrogate_response.refusal(design, Load(depth=surrogate_range.SHALLOWEST * design.D), magnet):
+            return None
+    except (BadInput, ArithmeticError):
+        return None
+    beams = surrogate_response.beams_of([design])
+    critical = beams.critical_depth()
+    mode = beams.first_mode(np.array([design.magnet_density / design.density]))
+    depth = float(critical.value[0]) * design.D
+    unit = frequency_unit(design.D, design.E, design.density)
+    found = math.isfinite(depth)
+    known = bool(np.isfinite(mode.value[0]))
+    return {
+        "source": "surrogate",
+        "critical_depth": depth if found else None,
+        "estimate": float(critical.half_width[0]) * design.D if found else None,
+        "stable_to": float(beams.stable_to()[0]) * design.D,
+        "first_mode_hz": unit * float(mode.value[0]) if known else None,
+        "first_mode_estimate_hz": unit * float(mode.half_width[0]) if known else None,
+        "rows": [],
+        "message": "by the surrogate, with 90 % intervals; finite elements follow",
+    }
+
+
+def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
+    """Return the answers of finite elements, with error estimates as half widths."""
+    critical = stability.critical(design, magnet, accuracy=LEVELS[level])
+    message, first = critical.message, modes.Modes((), ())
+    try:
+        first = modes.modes(design, magnet, 1, accuracy=LEVELS[level])
+    except BadInput as error:
+        message = "; ".join(text for text in (message, str(error)) if text)
+    frequency = first.frequency[0] if first.frequency else None
+    share = first.estimates[0] if first.estimates else None
+    estimates = critical.estimates
+    return {
+        "source": "finite elements",
+        "critical_depth": critical.depth,
+        "estimate": _times(estimates.depth, critical.depth),
+        "stable_to": critical.stable_to,
+        "first_mode_hz": frequency,
+        "first_mode_estimate_hz": _times(share, frequency),
+        "first_mode_shape": first.shape[0] if first.shape else None,
+        "rows": [
+            {
+                "name": "critical force",
+                "unit": "N",
+                "value": critical.force,
+                "half_width": _times(estimates.force, critical.force),
+            },
+            {"name": "stable to", "unit": "mm", "value": critical.stable_to, "half_width": None},
+        ],
+        "message": message,
+    }
