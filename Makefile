@@ -5,7 +5,7 @@ PLAIN := .venv/plain
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 OUT ?= out/demo
 
-.PHONY: demo test check compile plain setup format clean
+.PHONY: demo test check scripts compile plain setup format clean
 
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
@@ -16,10 +16,20 @@ test: setup
 	$(MAKE) --no-print-directory -j2 plain compile check
 	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
-check: setup
+check: setup scripts
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+# format and rules of the pages' scripts, by prettier and eslint; node is needed for this only
+scripts:
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory node_modules/.package-lock.json && npm run --silent check; \
+	elif [ -n "$$MAGTIP_NEEDS_NPM" ]; then echo "npm is missing, which checks the pages' scripts"; exit 1; \
+	else echo "npm is not installed: the pages' scripts are not checked (Debian: apt-get install npm)"; fi
+
+node_modules/.package-lock.json: package-lock.json
+	npm ci --silent --no-fund --no-audit --ignore-scripts
+	touch $@
 
 compile: setup
 	$(BIN)/python -c 'from analytic import decode; from fem.equilibrium import solve; from geometry.design import LAWS, Design, paper; \
@@ -49,6 +59,7 @@ setup: .venv/ready
 format: setup
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+	if command -v npm >/dev/null; then $(MAKE) node_modules/.package-lock.json && npm run --silent format; fi
 
 clean:
-	rm -rf .venv out
+	rm -rf .venv node_modules out

@@ -13,7 +13,8 @@ const Tools = {
   show(value, digits = 4) {
     if (value === null || value === undefined || !isFinite(value)) return "–";
     const size = Math.abs(value);
-    if (value === 0 || (size < 1e5 && size >= 1e-3)) return String(Number(value.toPrecision(digits))).replace(/^-/, "−");
+    if (value === 0 || (size < 1e5 && size >= 1e-3))
+      return String(Number(value.toPrecision(digits))).replace(/^-/, "−");
     const [mantissa, power] = value.toExponential(digits - 1).split("e");
     const raised = String(Number(power)).replace(/./g, (c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]));
     return `${Number(mantissa)} × 10${raised}`.replace(/^1 × /, "").replace(/^-/, "−");
@@ -26,24 +27,31 @@ const Figures = (() => {
 
   const unpacked = (column) => (Array.isArray(column) ? column : column.at.map((k) => column.texts[k]));
   const objects = (packed) => {
-    const columns = Object.entries(packed).map(([name, column]) => [name, unpacked(column)]), count = columns.length ? columns[0][1].length : 0;
-    return Array.from({ length: count }, (_, k) => Object.fromEntries(columns.map(([name, column]) => [name, column[k]])));
+    const columns = Object.entries(packed).map(([name, column]) => [name, unpacked(column)]);
+    const count = columns.length ? columns[0][1].length : 0;
+    return Array.from({ length: count }, (_, k) =>
+      Object.fromEntries(columns.map(([name, column]) => [name, column[k]])),
+    );
   };
 
   // As many panels side by side as there is room for; one panel alone is as wide as the text.
   function fitted(spec, width) {
     const one = JSON.parse(JSON.stringify(spec));
-    one.datasets = Object.fromEntries(Object.entries(one.datasets).map(([name, columns]) => [name, objects(columns)]));
+    one.datasets = Object.fromEntries(
+      Object.entries(one.datasets).map(([name, columns]) => [name, objects(columns)]),
+    );
     if (one.spec) one.columns = Math.max(1, Math.min(one.columns, Math.floor(width / (one.spec.width + 20))));
     else if (typeof one.width === "number") one.width = Math.max(180, Math.min(one.width, width - 90));
     return one;
   }
 
-  const lines = (value) => Object.entries(value).map(([name, text]) => (NAMES.includes(name) ? text : `${name}: ${text}`));
+  const lines = (value) =>
+    Object.entries(value).map(([name, text]) => (NAMES.includes(name) ? text : `${name}: ${text}`));
 
   async function draw(figure, box, theme) {
     box.replaceChildren();
-    const tooltip = (handler, event, item, value) => (value && typeof value === "object" ? Tip.show(lines(value), event.clientX, event.clientY) : Tip.hide());
+    const tooltip = (handler, event, item, value) =>
+      value && typeof value === "object" ? Tip.show(lines(value), event.clientX, event.clientY) : Tip.hide();
     const options = { mode: "vega-lite", renderer: "svg", ast: true, actions: false, config: theme, tooltip };
     await vegaEmbed(box, fitted(figure.spec, box.clientWidth), options);
     const svg = box.querySelector("svg");
@@ -57,7 +65,8 @@ const Figures = (() => {
     const marks = [...svg.querySelectorAll(MARKS)].filter((node) => node.__data__ && node.__data__.tooltip);
     const place = new Map(marks.map((node) => [node, node.getBBox ? node.getBoundingClientRect() : null]));
     const keyOf = (node) => {
-      const row = node.__data__.datum, cell = node.parentNode.classList.contains("mark-rect");
+      const row = node.__data__.datum;
+      const cell = node.parentNode.classList.contains("mark-rect");
       return JSON.stringify([row.panel, ...(cell ? [Math.round(place.get(node).y)] : [row.series, row.model])]);
     };
     const groups = new Map();
@@ -74,7 +83,9 @@ const Figures = (() => {
     }
     function next(key) {
       if (!current) return rows[0][0];
-      const r = rows.findIndex((row) => row.includes(current)), row = rows[r], at = row.indexOf(current);
+      const r = rows.findIndex((row) => row.includes(current));
+      const row = rows[r];
+      const at = row.indexOf(current);
       if (key === "Home") return row[0];
       if (key === "End") return row[row.length - 1];
       if (key === "ArrowLeft") return row[Math.max(at - 1, 0)];
@@ -86,7 +97,8 @@ const Figures = (() => {
     svg.addEventListener("blur", () => select(null));
     svg.addEventListener("keydown", (event) => {
       if (event.key === "Escape") return select(null);
-      if (!rows.length || !["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"].includes(event.key)) return undefined;
+      if (!rows.length || !["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"].includes(event.key))
+        return undefined;
       event.preventDefault();
       return select(next(event.key));
     });
@@ -94,7 +106,8 @@ const Figures = (() => {
 
   // All numbers of a figure as rows, the first one the header.
   function rows(figure) {
-    const columns = figure.columns, name = figure.spec.data.name;
+    const columns = figure.columns;
+    const name = figure.spec.data.name;
     return [columns, ...objects(figure.spec.datasets[name]).map((row) => columns.map((column) => row[column]))];
   }
 

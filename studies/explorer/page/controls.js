@@ -1,30 +1,51 @@
 "use strict";
-// Sliders, number fields and choices, from the list of fields; each with its unit, and with the sentence that refuses it.
+// Sliders, number fields and choices, from the list of fields; each with its unit, and with the sentence that
+// refuses it.
 
 const Controls = (() => {
-  const STEPS = 1000, OPEN = ["Load", "Beam", "Magnet"];
+  const STEPS = 1000;
+  const OPEN = ["Load", "Beam", "Magnet"];
 
   // The control of one field: show(value, all) writes into it, refuse(text) puts a sentence below it.
   function row(field, parent, change) {
-    const { make, plain } = Format, id = `field-${field.name}`, unit = field.unit ? `, ${field.unit}` : "";
+    const { make, plain } = Format;
+    const id = `field-${field.name}`;
+    const unit = field.unit ? `, ${field.unit}` : "";
     const box = make("div", { class: `control ${field.kind}`, "data-name": field.name }, parent);
     make("label", { for: id, title: field.help }, box, field.label);
-    const tell = make("p", { class: "refusal", id: `${id}-refusal`, hidden: true }), common = { id, "aria-describedby": tell.id };
+    const tell = make("p", { class: "refusal", id: `${id}-refusal`, hidden: true });
+    const common = { id, "aria-describedby": tell.id };
     const set = (value, done) => change(field, value, done);
-    const parts = { choice: () => choice(), friction: () => friction(), number: () => ranged(), logarithmic: () => ranged(), text: () => entry() }[field.kind]();
+    const parts = {
+      choice: () => choice(),
+      friction: () => friction(),
+      number: () => ranged(),
+      logarithmic: () => ranged(),
+      text: () => entry(),
+    }[field.kind]();
     box.appendChild(tell);
 
     function choice() {
       const select = make("select", common, box);
       for (const name of field.choices) make("option", { value: name }, select, name);
       select.addEventListener("change", () => set(select.value, true));
-      return { show: (value) => { select.value = value; }, nodes: [select] };
+      return {
+        show: (value) => {
+          select.value = value;
+        },
+        nodes: [select],
+      };
     }
 
     function entry() {
       const text = make("input", { ...common, type: "text", spellcheck: "false" }, box);
       text.addEventListener("change", () => set(text.value.trim(), true));
-      return { show: (value) => { if (document.activeElement !== text) text.value = value; }, nodes: [text] };
+      return {
+        show: (value) => {
+          if (document.activeElement !== text) text.value = value;
+        },
+        nodes: [text],
+      };
     }
 
     function ranged(read = (value) => value, allowed = () => true) {
@@ -32,9 +53,11 @@ const Controls = (() => {
       const text = make("input", { ...common, type: "text", inputmode: "decimal", spellcheck: "false" }, box);
       make("span", { class: "unit" }, box, field.unit);
       const log = field.kind === "logarithmic";
-      let [low, high] = field.slider, value = field.value;
+      let [low, high] = field.slider;
+      let value = field.value;
       const toSlider = (v) => (log ? (STEPS * Math.log(v / low)) / Math.log(high / low) : v);
-      const fromSlider = (v) => Number((log ? Number((low * (high / low) ** (v / STEPS)).toPrecision(3)) : v).toPrecision(9));
+      const fromSlider = (v) =>
+        Number((log ? Number((low * (high / low) ** (v / STEPS)).toPrecision(3)) : v).toPrecision(9));
       function limits() {
         Object.assign(slider, log ? { min: 0, max: STEPS, step: 1 } : { min: low, max: high, step: field.step });
       }
@@ -42,45 +65,68 @@ const Controls = (() => {
         value = read(next);
         if (!isFinite(value)) return;
         // a value beyond the slider's usual range makes the slider longer
-        [low, high] = [log && value <= 0 ? field.slider[0] : Math.min(field.slider[0], value), Math.max(field.slider[1], value)];
+        [low, high] = [
+          log && value <= 0 ? field.slider[0] : Math.min(field.slider[0], value),
+          Math.max(field.slider[1], value),
+        ];
         limits();
         slider.value = toSlider(value);
         slider.setAttribute("aria-valuetext", `${plain(value)} ${field.unit}`);
         if (document.activeElement !== text) text.value = plain(value);
       }
-      slider.addEventListener("input", () => { if (allowed()) set(fromSlider(Number(slider.value)), false); });
+      slider.addEventListener("input", () => {
+        if (allowed()) set(fromSlider(Number(slider.value)), false);
+      });
       slider.addEventListener("change", () => set(fromSlider(Number(slider.value)), true));
       function typed(done) {
-        const entry = text.value.trim().replace(",", ".").replace("−", "-"), next = Number(entry);
-        if (entry === "" || !isFinite(next)) { if (done) text.value = plain(value); return; }
+        const entry = text.value.trim().replace(",", ".").replace("−", "-");
+        const next = Number(entry);
+        if (entry === "" || !isFinite(next)) {
+          if (done) text.value = plain(value);
+          return;
+        }
         if (next !== value || done) set(next, done);
       }
       text.addEventListener("input", () => typed(false));
       text.addEventListener("change", () => typed(true));
-      text.addEventListener("blur", () => { text.value = plain(value); });
+      text.addEventListener("blur", () => {
+        text.value = plain(value);
+      });
       text.addEventListener("keydown", (event) => {
         const way = { ArrowUp: 1, ArrowDown: -1 }[event.key];
         if (!way) return;
         event.preventDefault();
         const next = Number((value + way * field.step * (event.shiftKey ? 10 : 1)).toPrecision(9));
-        set(next, true); text.value = plain(next);
+        set(next, true);
+        text.value = plain(next);
       });
       return { show, nodes: [slider, text] };
     }
 
     // none, stick, or a coefficient with its own slider
     function friction() {
-      const select = make("select", common, box), inner = make("div", { class: "control number coefficient", hidden: true });
+      const select = make("select", common, box);
+      const inner = make("div", { class: "control number coefficient", hidden: true });
       for (const name of field.choices) make("option", { value: name }, select, name);
       let last = 0.5;
-      const number = row({ ...field, kind: "number", name: "coefficient", label: "Coefficient", value: last }, inner, (_, value, done) => { last = value; set(value, done); });
+      const number = row(
+        { ...field, kind: "number", name: "coefficient", label: "Coefficient", value: last },
+        inner,
+        (_, value, done) => {
+          last = value;
+          set(value, done);
+        },
+      );
       select.addEventListener("change", () => set(select.value === "coefficient" ? last : select.value, true));
       parent.appendChild(inner);
       return {
         show(value) {
           select.value = typeof value === "number" ? "coefficient" : value;
           inner.hidden = typeof value !== "number";
-          if (typeof value === "number") { last = value; number.show(value); }
+          if (typeof value === "number") {
+            last = value;
+            number.show(value);
+          }
         },
         nodes: [select],
       };
@@ -90,25 +136,38 @@ const Controls = (() => {
       const select = make("select", { class: "presets", "aria-label": `${field.label}: grade` }, box);
       make("option", { value: "" }, select, "own value");
       for (const one of field.presets) make("option", { value: one.value }, select, one.name);
-      select.addEventListener("change", () => { if (select.value) set(Number(select.value), true); });
+      select.addEventListener("change", () => {
+        if (select.value) set(Number(select.value), true);
+      });
       const show = parts.show;
-      parts.show = (value) => { show(value); select.value = field.presets.find((one) => one.value === value)?.value ?? ""; };
+      parts.show = (value) => {
+        show(value);
+        select.value = field.presets.find((one) => one.value === value)?.value ?? "";
+      };
     }
     return {
-      field, box, show: parts.show,
+      field,
+      box,
+      show: parts.show,
       refuse(text) {
         if (tell.textContent === (text || "")) return;
-        tell.hidden = !text; Format.put(tell, text || "");
-        for (const node of parts.nodes) if (text) node.setAttribute("aria-invalid", "true"); else node.removeAttribute("aria-invalid");
+        tell.hidden = !text;
+        Format.put(tell, text || "");
+        for (const node of parts.nodes)
+          if (text) node.setAttribute("aria-invalid", "true");
+          else node.removeAttribute("aria-invalid");
       },
     };
   }
 
   // A field without effect in the present choices is not shown.
-  const matters = (field, value) => Object.entries(field.needs).every(([name, need]) => (need === "positive" ? true : need.includes(value(name))));
+  const matters = (field, value) =>
+    Object.entries(field.needs).every(([name, need]) => (need === "positive" ? true : need.includes(value(name))));
 
   function build(fields, parent, change) {
-    const rows = new Map(), groups = new Map(), shown = new Map();
+    const rows = new Map();
+    const groups = new Map();
+    const shown = new Map();
     for (const field of fields.filter((one) => !one.fixed)) {
       if (!groups.has(field.group)) {
         const group = Format.make("details", { class: "group", open: OPEN.includes(field.group) }, parent);
@@ -120,15 +179,25 @@ const Controls = (() => {
     return {
       show(value) {
         for (const [name, { field, box, show }] of rows) {
-          const hidden = !matters(field, value), next = value(name);
+          const hidden = !matters(field, value);
+          const next = value(name);
           if (box.hidden !== hidden) box.hidden = hidden;
           // what is unchanged is not written: that would cost a layout of the page at every move of the hand
-          if (shown.get(name) !== next) { shown.set(name, next); show(next); }
+          if (shown.get(name) !== next) {
+            shown.set(name, next);
+            show(next);
+          }
         }
       },
-      refuse(name, text) { for (const [own, one] of rows) one.refuse(own === name ? text : ""); if (rows.has(name) && text) reveal(name); return rows.has(name); },
+      refuse(name, text) {
+        for (const [own, one] of rows) one.refuse(own === name ? text : "");
+        if (rows.has(name) && text) reveal(name);
+        return rows.has(name);
+      },
     };
-    function reveal(name) { rows.get(name).box.closest("details").open = true; }
+    function reveal(name) {
+      rows.get(name).box.closest("details").open = true;
+    }
   }
 
   return { build };

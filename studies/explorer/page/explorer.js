@@ -2,18 +2,39 @@
 // The page: values of both sides, address and history, and which answer is drawn where.
 
 const Explorer = (() => {
-  const NEAR = 0.9, REST = 250, MOST_UNDO = 45;
+  const NEAR = 0.9;
+  const REST = 250;
+  const MOST_UNDO = 45;
   const VIEW = { field: "displacement", lines: "no", mesh: "no", formula: "finite", edit: "a", cut: "open" };
   const VIEWS = {
-    field: Object.keys(SectionDrawing.FIELDS), lines: ["no", "yes"], mesh: ["no", "yes"], edit: ["a", "b"], cut: ["open", "whole"],
+    field: Object.keys(SectionDrawing.FIELDS),
+    lines: ["no", "yes"],
+    mesh: ["no", "yes"],
+    edit: ["a", "b"],
+    cut: ["open", "whole"],
     formula: ["paper", "column", "tip", "magnet", "finite"],
   };
   const $ = (selector, root = document) => root.querySelector(selector);
   const engine = window.MAGTIP_OFFLINE ? OfflineEngine(window.MAGTIP_OFFLINE) : LiveEngine();
-  const sides = { a: null, b: null }, answers = { a: {}, b: {} }, refusals = { a: null, b: null }, view = { ...VIEW }, turn = { ...SensorView.START };
-  let fields = [], level = "standard", controls = null, views = null, requests = null, notice = "";
-  let index = 0, top = 0, oldest = 0, current = "", pending = 0, drawing = false;
-  const dirty = new Set(), shownSides = () => (sides.b ? ["a", "b"] : ["a"]);
+  const sides = { a: null, b: null };
+  const answers = { a: {}, b: {} };
+  const refusals = { a: null, b: null };
+  const view = { ...VIEW };
+  const turn = { ...SensorView.START };
+  let fields = [];
+  let level = "standard";
+  let controls = null;
+  let views = null;
+  let requests = null;
+  let notice = "";
+  let index = 0;
+  let top = 0;
+  let oldest = 0;
+  let current = "";
+  let pending = 0;
+  let drawing = false;
+  const dirty = new Set();
+  const shownSides = () => (sides.b ? ["a", "b"] : ["a"]);
   const value = (side) => (name) => sides[side][name];
   const defaults = () => Object.fromEntries(fields.map((field) => [field.name, field.value]));
 
@@ -21,18 +42,33 @@ const Explorer = (() => {
 
   function set(side, name, next, done = true) {
     if (!sides[side] || (sides[side][name] === next && !done)) return;
-    if (sides[side][name] !== next) { sides[side][name] = next; requests.change(side); }
+    if (sides[side][name] !== next) {
+      sides[side][name] = next;
+      requests.change(side);
+    }
     touch("controls", "wish");
     if (done) commitSoon();
   }
 
-  const parts = () => ["state", "curve", "sensor3d", ...(view.lines === "yes" ? ["field_lines"] : []), "stability", ...(engine.parts || []), "commands"];
-  const changes = (side) => fields.filter((field) => field.scope === "design" && sides[side][field.name] !== field.value);
+  const parts = () => [
+    "state",
+    "curve",
+    "sensor3d",
+    ...(view.lines === "yes" ? ["field_lines"] : []),
+    "stability",
+    ...(engine.parts || []),
+    "commands",
+  ];
+  const changes = (side) =>
+    fields.filter((field) => field.scope === "design" && sides[side][field.name] !== field.value);
 
   function message(side) {
     const values = sides[side];
     if (!values) return null;
-    const pick = (scope) => Object.fromEntries(fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]));
+    const pick = (scope) =>
+      Object.fromEntries(
+        fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]),
+      );
     const changed = Object.fromEntries(changes(side).map((field) => [field.name, values[field.name]]));
     const state = { preset: "paper", design: changed, load: pick("load"), magnet: values.magnet, level };
     return { state, formula_level: view.formula, parts: parts() };
@@ -46,7 +82,8 @@ const Explorer = (() => {
     for (const side of shownSides()) {
       const prefix = side === "b" ? "b." : "";
       add(`${prefix}preset`, "paper");
-      for (const field of fields) if (sides[side][field.name] !== field.value) add(prefix + field.name, sides[side][field.name]);
+      for (const field of fields)
+        if (sides[side][field.name] !== field.value) add(prefix + field.name, sides[side][field.name]);
     }
     if (level !== "standard") add("level", level);
     for (const [key, text] of Object.entries(view)) if (text !== VIEW[key]) add(`view.${key}`, text);
@@ -54,13 +91,18 @@ const Explorer = (() => {
   }
 
   function apply(hash) {
-    const unknown = [], read = { a: defaults(), b: null }, seen = { ...VIEW };
+    const unknown = [];
+    const read = { a: defaults(), b: null };
+    const seen = { ...VIEW };
     level = "standard";
     for (const [key, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
-      const side = key.startsWith("b.") ? "b" : "a", name = side === "b" ? key.slice(2) : key, field = fields.find((one) => one.name === name);
+      const side = key.startsWith("b.") ? "b" : "a";
+      const name = side === "b" ? key.slice(2) : key;
+      const field = fields.find((one) => one.name === name);
       if (side === "b") read.b ??= defaults();
-      if (name === "preset") { if (text !== "paper") unknown.push(`${key}=${text}`); }
-      else if (key === "level" && ["quick", "standard"].includes(text)) level = text;
+      if (name === "preset") {
+        if (text !== "paper") unknown.push(`${key}=${text}`);
+      } else if (key === "level" && ["quick", "standard"].includes(text)) level = text;
       else if (key.startsWith("view.") && VIEWS[key.slice(5)]?.includes(text)) seen[key.slice(5)] = text;
       else if (!field || field.fixed) unknown.push(key);
       else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
@@ -68,28 +110,58 @@ const Explorer = (() => {
       else if (field.kind !== "choice" && text !== "" && isFinite(text)) read[side][name] = Number(text);
       else unknown.push(`${key}=${text}`);
     }
-    Object.assign(sides, read); Object.assign(view, seen);
-    if (!sides.b) { view.edit = "a"; answers.b = {}; refusals.b = null; requests.forget("b"); }
+    Object.assign(sides, read);
+    Object.assign(view, seen);
+    if (!sides.b) {
+      view.edit = "a";
+      answers.b = {};
+      refusals.b = null;
+      requests.forget("b");
+    }
     for (const side of shownSides()) requests.change(side);
-    say(unknown.length ? `The address has parts that this page does not know, and leaves out: ${unknown.join(", ")}.` : "");
+    say(
+      unknown.length
+        ? `The address has parts that this page does not know, and leaves out: ${unknown.join(", ")}.`
+        : "",
+    );
     touch("layout", "controls", "state", "curve", "sensor3d", "stability", "vibration", "loop", "commands");
   }
 
-  const commitSoon = () => { clearTimeout(pending); pending = setTimeout(commit, REST); };
+  const commitSoon = () => {
+    clearTimeout(pending);
+    pending = setTimeout(commit, REST);
+  };
   function commit() {
     clearTimeout(pending);
     const hash = address();
     if (hash === current) return;
-    current = hash; index += 1; top = index; oldest = Math.max(oldest, top - MOST_UNDO);
+    current = hash;
+    index += 1;
+    top = index;
+    oldest = Math.max(oldest, top - MOST_UNDO);
     history.pushState({ index }, "", hash);
     buttons();
   }
-  function buttons() { $("#undo").disabled = index <= oldest; $("#redo").disabled = index >= top; }
-  function undo() { commit(); if (index > oldest) history.back(); }
-  function redo() { commit(); if (index < top) history.forward(); }
+  function buttons() {
+    $("#undo").disabled = index <= oldest;
+    $("#redo").disabled = index >= top;
+  }
+  function undo() {
+    commit();
+    if (index > oldest) history.back();
+  }
+  function redo() {
+    commit();
+    if (index < top) history.forward();
+  }
   window.addEventListener("popstate", (event) => {
     clearTimeout(pending);
-    if (event.state && isFinite(event.state.index)) index = event.state.index; else { index += 1; top = index; history.replaceState({ index }, ""); }
+    if (event.state && isFinite(event.state.index)) index = event.state.index;
+    else {
+      index += 1;
+      top = index;
+      history.replaceState({ index }, "");
+    }
     top = Math.max(top, index);
     apply(location.hash);
     // an address from elsewhere may have its parts in another order
@@ -104,9 +176,19 @@ const Explorer = (() => {
     if (part === "state") refusals[side] = null;
     touch(part === "field_lines" ? "state" : part, ...(part === "state" ? ["controls"] : []));
   }
-  function refuse(side, answer) { refusals[side] = answer; touch("state", "controls"); }
-  function progress(side, answer) { answers[side].progress = answer; touch("state"); }
-  function say(text) { notice = text; Format.put($("#notice"), text); $("#notice").hidden = !text; }
+  function refuse(side, answer) {
+    refusals[side] = answer;
+    touch("state", "controls");
+  }
+  function progress(side, answer) {
+    answers[side].progress = answer;
+    touch("state");
+  }
+  function say(text) {
+    notice = text;
+    Format.put($("#notice"), text);
+    $("#notice").hidden = !text;
+  }
 
   // ---- drawing, once in a frame
 
@@ -114,20 +196,29 @@ const Explorer = (() => {
     for (const one of what) dirty.add(one);
     if (drawing) return;
     drawing = true;
-    requestAnimationFrame(() => { drawing = false; const all = new Set(dirty); dirty.clear(); draw(all); });
+    requestAnimationFrame(() => {
+      drawing = false;
+      const all = new Set(dirty);
+      dirty.clear();
+      draw(all);
+    });
   }
 
   function draw(all) {
     if (all.has("layout")) layout();
     if (all.has("controls")) drawControls();
-    if (all.has("state")) drawState(); else if (all.has("wish")) drawWish();
-    if (all.has("sensor3d")) drawSensor(true); else if (all.has("turn")) drawSensor(false);
+    if (all.has("state")) drawState();
+    else if (all.has("wish")) drawWish();
+    if (all.has("sensor3d")) drawSensor(true);
+    else if (all.has("turn")) drawSensor(false);
     if (all.has("curve") || all.has("state")) drawCurves();
     if (all.has("stability") || all.has("state")) drawStability();
-    for (const part of engine.parts || []) if (all.has(part) || all.has("state") || all.has("stability")) drawInTime(part);
-    if (all.has("commands")) for (const node of document.querySelectorAll("[data-command]")) {
-      Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
-    }
+    for (const part of engine.parts || [])
+      if (all.has(part) || all.has("state") || all.has("stability")) drawInTime(part);
+    if (all.has("commands"))
+      for (const node of document.querySelectorAll("[data-command]")) {
+        Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
+      }
     for (const panel of document.querySelectorAll(".panel[data-part]")) {
       const waits = shownSides().some((side) => !refusals[side] && requests.behind(side, panel.dataset.part));
       Format.put($(".state", panel), waits ? "updating" : "");
@@ -141,15 +232,24 @@ const Explorer = (() => {
     $("#compare").setAttribute("aria-pressed", String(Boolean(sides.b)));
     $("#cut").setAttribute("aria-pressed", String(view.cut === "open"));
     for (const input of document.querySelectorAll("[name=edit]")) input.checked = input.value === view.edit;
-    $("#view-field").value = view.field; $("#view-formula").value = view.formula; $("#level").value = level;
-    $("#view-lines").checked = view.lines === "yes"; $("#view-mesh").checked = view.mesh === "yes";
+    $("#view-field").value = view.field;
+    $("#view-formula").value = view.formula;
+    $("#level").value = level;
+    $("#view-lines").checked = view.lines === "yes";
+    $("#view-mesh").checked = view.mesh === "yes";
   }
 
   function drawControls() {
-    const side = view.edit, refusal = refusals[side];
+    const side = view.edit;
+    const refusal = refusals[side];
     controls.show(value(side));
     controls.refuse(refusal?.field, refusal?.error);
-    const names = shownSides().map((one) => changes(one).map((field) => `${field.name} ${sides[one][field.name]} ${field.unit}`.trim()).join(", "))
+    const names = shownSides()
+      .map((one) =>
+        changes(one)
+          .map((field) => `${field.name} ${sides[one][field.name]} ${field.unit}`.trim())
+          .join(", "),
+      )
       .map((text) => engine.sensor || (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
     Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
   }
@@ -157,13 +257,16 @@ const Explorer = (() => {
   const state = (side) => answers[side].state?.data;
 
   function drawState() {
-    const list = shownSides(), spans = list.filter(state).map((side) => SectionDrawing.range(state(side).section, view.field));
+    const list = shownSides();
+    const spans = list.filter(state).map((side) => SectionDrawing.range(state(side).section, view.field));
     const span = spans.reduce((a, b) => SectionDrawing.wider(a, b), spans[0]);
     const frame = list.map((side) => SectionDrawing.frame(value(side))).reduce(SectionDrawing.union);
     for (const side of list) {
-      const one = views.sections[side], fieldLines = view.lines === "yes" ? answers[side].field_lines?.data.lines : null;
+      const one = views.sections[side];
+      const fieldLines = view.lines === "yes" ? answers[side].field_lines?.data.lines : null;
       one.draw({ state: state(side), field: view.field, span, view: frame, mesh: view.mesh === "yes", fieldLines });
-      one.grey(Boolean(refusals[side])); views.sensors[side].grey(Boolean(refusals[side]));
+      one.grey(Boolean(refusals[side]));
+      views.sensors[side].grey(Boolean(refusals[side]));
       one.say(caption(side));
       if (answers[side].state) requests.drawn(side, answers[side].state.number);
     }
@@ -171,26 +274,44 @@ const Explorer = (() => {
     views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
     const beyond = state(view.edit)?.formula_level?.message;
     Format.put($("#formula-note"), beyond ? `Formula ${view.formula}: ${beyond}` : "");
-    views.readings.show(list, rows("readings"), { none: state(view.edit)?.readings?.message || "This sensor has no magnet to read." });
+    views.readings.show(list, rows("readings"), {
+      none: state(view.edit)?.readings?.message || "This sensor has no magnet to read.",
+    });
     views.decoded.show(list, rows("decoded"));
     Format.put($("#decoded-note"), state(view.edit) ? Numbers.decoding(state(view.edit)) : "");
     const read = list.filter((side) => state(side)?.readings?.elements?.length);
     const highest = Math.max(...list.flatMap((side) => state(side)?.readings?.high || [sides[side].hall_high]));
-    views.bars.show(read.map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })), 1.05 * highest);
+    views.bars.show(
+      read.map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })),
+      1.05 * highest,
+    );
   }
 
   // Before the answer: where the plate is to go, and that the solve is on its way.
-  function drawWish() { for (const side of shownSides()) { views.sections[side].wish(); views.sections[side].say(caption(side)); } }
+  function drawWish() {
+    for (const side of shownSides()) {
+      views.sections[side].wish();
+      views.sections[side].say(caption(side));
+    }
+  }
 
   function caption(side) {
-    const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;
+    const refusal = refusals[side];
+    const answer = answers[side].state;
+    const share = answers[side].progress;
     const last = answer ? "The last picture is shown in grey" : "There is no picture";
     if (refusal) return { chip: "stopped", time: "", text: `${last}: ${refusal.error}` };
     if (!answer) return { chip: "", time: "", text: notice ? "" : first() };
-    const { status, message: text, seconds } = answer.data, waits = requests.behind(side, "state");
-    const own = share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== level);
+    const { status, message: text, seconds } = answer.data;
+    const waits = requests.behind(side, "state");
+    const own =
+      share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== level);
     const part = own ? `, ${Math.round(100 * share.progress.share)} %` : "";
-    const next = waits ? `; solving${part}` : answer.level === "quick" && level === "standard" ? `; refining to standard${part}` : "";
+    const next = waits
+      ? `; solving${part}`
+      : answer.level === "quick" && level === "standard"
+        ? `; refining to standard${part}`
+        : "";
     const state = status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `;
     return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${state}${text || ""}` };
   }
@@ -199,96 +320,218 @@ const Explorer = (() => {
 
   function drawSensor(changed) {
     const list = shownSides().filter((side) => answers[side].sensor3d);
-    const size = Math.max(...shownSides().map((side) => 0.5 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear)));
+    const size = Math.max(
+      ...shownSides().map(
+        (side) => 0.5 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear),
+      ),
+    );
     const largest = Format.round(Math.max(...list.map((side) => answers[side].sensor3d.data.largest)));
     for (const side of list) {
       if (changed) views.sensors[side].show(answers[side].sensor3d.data, largest, view.cut);
       views.sensors[side].draw(size, sides[side].L);
     }
-    if (list.length) Format.put($("#sensor-note"), `Coloured by displacement, 0 to ${Format.plain(largest)} mm. Drag, or use the arrow keys, to turn.`);
+    if (list.length)
+      Format.put(
+        $("#sensor-note"),
+        `Coloured by displacement, 0 to ${Format.plain(largest)} mm. Drag, or use the arrow keys, to turn.`,
+      );
   }
 
   function drawCurves() {
     const list = shownSides().filter((side) => answers[side].curve);
     if (!list.length) return;
-    for (const quantity of ["force", "shift"]) views.curves[quantity].show(list.map((side) => {
-      const { depth, estimates = {}, paper, level: chosen, ...data } = answers[side].curve.data;
-      return { side, depth, values: data[quantity], half: estimates[quantity], paper: paper?.[quantity], level: chosen?.[quantity], name: chosen?.name, now: sides[side].depth };
-    }));
+    for (const quantity of ["force", "shift"])
+      views.curves[quantity].show(
+        list.map((side) => {
+          const { depth, estimates = {}, paper, level: chosen, ...data } = answers[side].curve.data;
+          return {
+            side,
+            depth,
+            values: data[quantity],
+            half: estimates[quantity],
+            paper: paper?.[quantity],
+            level: chosen?.[quantity],
+            name: chosen?.name,
+            now: sides[side].depth,
+          };
+        }),
+      );
   }
 
   // What the silicone does in small vibrations at the frequency, "" where that is not known.
   function rateText(name, rate, mode) {
     if (!rate) return "";
-    const { number, plain } = Format, { loss_factor: loss, storage, gap } = rate;
-    const first = mode && loss ? ` With both the first mode is at ${number(mode * Math.sqrt(storage))} Hz with Q = ${number(1 / loss)}.` : "";
-    return `${name}At ${plain(rate.frequency)} Hz the loss factor is ${number(loss)}, the silicone is ${number(storage)} times as stiff as E, and a linear loop has a gap of ${number(gap)} % of full scale.${first}`;
+    const { number, plain } = Format;
+    const { loss_factor: loss, storage, gap } = rate;
+    const first =
+      mode && loss
+        ? ` With both the first mode is at ${number(mode * Math.sqrt(storage))} Hz with Q = ${number(1 / loss)}.`
+        : "";
+    return (
+      `${name}At ${plain(rate.frequency)} Hz the loss factor is ${number(loss)}, the silicone is ${number(storage)} ` +
+      `times as stiff as E, and a linear loop has a gap of ${number(gap)} % of full scale.${first}`
+    );
   }
 
   // Vibration about the state, or the loop up to it; what the silicone alone does stands in the note of the vibration.
   function drawInTime(part) {
-    const list = shownSides(), data = list.map((side) => answers[side][part]?.data);
+    const list = shownSides();
+    const data = list.map((side) => answers[side][part]?.data);
     const linear = list.some((side) => answers[side][part]?.level === "linear");
-    const name = (side) => (sides.b ? `${side.toUpperCase()}: ` : ""), mode = (side) => answers[side].stability?.data.first_mode_hz;
-    const rates = part === "vibration" ? list.map((side) => rateText(name(side), answers[side].state?.data.rate, mode(side))) : [];
+    const name = (side) => (sides.b ? `${side.toUpperCase()}: ` : "");
+    const mode = (side) => answers[side].stability?.data.first_mode_hz;
+    const rates =
+      part === "vibration"
+        ? list.map((side) => rateText(name(side), answers[side].state?.data.rate, mode(side)))
+        : [];
     const notes = Format.once(list.map((side, k) => [name(side), data[k]?.message || ""]));
     const empty = !data.some((one) => one?.rows?.length);
-    views[part].show(list, data.map(Numbers.listed), { none: (empty && notes) || " ", first: linear ? "linear spring" : engine.model });
+    views[part].show(list, data.map(Numbers.listed), {
+      none: (empty && notes) || " ",
+      first: linear ? "linear spring" : engine.model,
+    });
     Format.put($(`#${part}-note`), [empty ? "" : notes, ...rates].filter(Boolean).join(" "));
   }
 
   function drawStability() {
-    const list = shownSides(), stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
+    const list = shownSides();
+    const stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
     views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || engine.model });
-    Format.put($("#stability-note"), Format.once(stability.map((one, k) => [sides.b ? `${list[k].toUpperCase()}: ` : "", one.message || ""])));
-    const texts = list.filter((side, k) => stability[k].critical_depth && sides[side].depth > NEAR * stability[k].critical_depth).map((side) => {
-      const beyond = sides[side].depth > answers[side].stability.data.critical_depth, name = sides.b ? `${side.toUpperCase()}: the` : "The";
-      return `${name} depth of ${Format.plain(sides[side].depth)} mm is ${beyond ? "beyond" : "near"} the critical depth: the press may buckle sideways.`;
-    });
-    $("#near").hidden = !texts.length; Format.put($("#near"), texts.join(" "));
+    Format.put(
+      $("#stability-note"),
+      Format.once(stability.map((one, k) => [sides.b ? `${list[k].toUpperCase()}: ` : "", one.message || ""])),
+    );
+    const texts = list
+      .filter((side, k) => stability[k].critical_depth && sides[side].depth > NEAR * stability[k].critical_depth)
+      .map((side) => {
+        const beyond = sides[side].depth > answers[side].stability.data.critical_depth;
+        const name = sides.b ? `${side.toUpperCase()}: the` : "The";
+        const depth = Format.plain(sides[side].depth);
+        const where = beyond ? "beyond" : "near";
+        return `${name} depth of ${depth} mm is ${where} the critical depth: the press may buckle sideways.`;
+      });
+    $("#near").hidden = !texts.length;
+    Format.put($("#near"), texts.join(" "));
   }
 
   // Whether everything that is shown belongs to the newest requests, at the level where they rest.
-  const settled = (side) => parts().every((part) => !requests.behind(side, part)) && (answers[side].state?.level !== "quick" || level === "quick") && answers[side].loop?.level !== "linear";
-  const complete = () => requests.resting() && !drawing && shownSides().every((side) => refusals[side] || settled(side));
+  const settled = (side) =>
+    parts().every((part) => !requests.behind(side, part)) &&
+    (answers[side].state?.level !== "quick" || level === "quick") &&
+    answers[side].loop?.level !== "linear";
+  const complete = () =>
+    requests.resting() && !drawing && shownSides().every((side) => refusals[side] || settled(side));
 
   // ---- start
 
-  function look(key, next) { view[key] = next; touch("layout", "controls", "state", "sensor3d", "curve", "commands"); commitSoon(); }
+  function look(key, next) {
+    view[key] = next;
+    touch("layout", "controls", "state", "sensor3d", "curve", "commands");
+    commitSoon();
+  }
 
   function wire() {
-    $("#undo").addEventListener("click", undo); $("#redo").addEventListener("click", redo);
+    $("#undo").addEventListener("click", undo);
+    $("#redo").addEventListener("click", redo);
     document.addEventListener("keydown", (event) => {
       if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
-      const key = event.key.toLowerCase(), act = key === "z" ? (event.shiftKey ? redo : undo) : key === "y" ? redo : null;
-      if (act) { event.preventDefault(); act(); }
+      const key = event.key.toLowerCase();
+      const act = key === "z" ? (event.shiftKey ? redo : undo) : key === "y" ? redo : null;
+      if (act) {
+        event.preventDefault();
+        act();
+      }
     });
     $("#compare").addEventListener("click", () => {
-      if (sides.b) { sides.b = null; view.edit = "a"; answers.b = {}; refusals.b = null; requests.forget("b"); }
-      else { sides.b = { ...sides.a }; view.edit = "b"; requests.change("b"); }
-      touch("layout", "controls", "state", "curve", "sensor3d", "stability", "vibration", "loop", "commands"); commit();
+      if (sides.b) {
+        sides.b = null;
+        view.edit = "a";
+        answers.b = {};
+        refusals.b = null;
+        requests.forget("b");
+      } else {
+        sides.b = { ...sides.a };
+        view.edit = "b";
+        requests.change("b");
+      }
+      touch("layout", "controls", "state", "curve", "sensor3d", "stability", "vibration", "loop", "commands");
+      commit();
     });
-    for (const input of document.querySelectorAll("[name=edit]")) input.addEventListener("change", () => look("edit", input.value));
+    for (const input of document.querySelectorAll("[name=edit]"))
+      input.addEventListener("change", () => look("edit", input.value));
     $("#view-field").addEventListener("change", (event) => look("field", event.target.value));
-    $("#view-lines").addEventListener("change", (event) => { look("lines", event.target.checked ? "yes" : "no"); if (event.target.checked) shownSides().forEach((side) => requests.change(side)); });
+    $("#view-lines").addEventListener("change", (event) => {
+      look("lines", event.target.checked ? "yes" : "no");
+      if (event.target.checked) shownSides().forEach((side) => requests.change(side));
+    });
     $("#view-mesh").addEventListener("change", (event) => look("mesh", event.target.checked ? "yes" : "no"));
-    $("#view-formula").addEventListener("change", (event) => { look("formula", event.target.value); shownSides().forEach((side) => requests.change(side)); });
-    $("#level").addEventListener("change", (event) => { level = event.target.value; shownSides().forEach((side) => requests.change(side)); touch("state"); commitSoon(); });
+    $("#view-formula").addEventListener("change", (event) => {
+      look("formula", event.target.value);
+      shownSides().forEach((side) => requests.change(side));
+    });
+    $("#level").addEventListener("change", (event) => {
+      level = event.target.value;
+      shownSides().forEach((side) => requests.change(side));
+      touch("state");
+      commitSoon();
+    });
     $("#cut").addEventListener("click", () => look("cut", view.cut === "open" ? "whole" : "open"));
-    $("#turn-back").addEventListener("click", () => { Object.assign(turn, SensorView.START); touch("turn"); });
-    $("#reset").addEventListener("click", () => { sides[view.edit] = defaults(); requests.change(view.edit); touch("controls", "state"); commit(); });
+    $("#turn-back").addEventListener("click", () => {
+      Object.assign(turn, SensorView.START);
+      touch("turn");
+    });
+    $("#reset").addEventListener("click", () => {
+      sides[view.edit] = defaults();
+      requests.change(view.edit);
+      touch("controls", "state");
+      commit();
+    });
     $("#controls").addEventListener("submit", (event) => event.preventDefault());
-    const watch = new ResizeObserver(() => { for (const one of [views.curves.force, views.curves.shift, views.bars]) one.size(); touch("state", "turn"); });
+    const watch = new ResizeObserver(() => {
+      for (const one of [views.curves.force, views.curves.shift, views.bars]) one.size();
+      touch("state", "turn");
+    });
     for (const box of document.querySelectorAll(".canvas-box, .sensor canvas, .chart")) watch.observe(box);
   }
 
   return {
-    $, engine, sides, answers, view, refusals, turn, shownSides, set, message, commit, commitSoon, undo, redo, show, refuse, progress, say,
-    touch, draw, wire, address, look, complete, value, fields: () => fields, times: () => requests.times, requests: () => requests, notice: () => notice,
+    $,
+    engine,
+    sides,
+    answers,
+    view,
+    refusals,
+    turn,
+    shownSides,
+    set,
+    message,
+    commit,
+    commitSoon,
+    undo,
+    redo,
+    show,
+    refuse,
+    progress,
+    say,
+    touch,
+    draw,
+    wire,
+    address,
+    look,
+    complete,
+    value,
+    fields: () => fields,
+    times: () => requests.times,
+    requests: () => requests,
+    notice: () => notice,
     resting: () => requests.resting() && !drawing,
-    use(parts) { ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts }); },
+    use(parts) {
+      ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts });
+    },
     begin() {
-      index = history.state?.index ?? 0; top = index; oldest = index;
+      index = history.state?.index ?? 0;
+      top = index;
+      oldest = index;
       history.replaceState({ index }, "");
       apply(location.hash);
       current = address();

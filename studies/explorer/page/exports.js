@@ -2,19 +2,27 @@
 // Texts to the clipboard, files of the server, and the picture of the page's canvases.
 
 const Exports = (() => {
-  const GAP = 24, LINE = 22;
+  const GAP = 24;
+  const LINE = 22;
 
   function save(name, blob) {
     const link = Format.make("a", { href: URL.createObjectURL(blob), download: name }, document.body);
-    link.click(); link.remove();
+    link.click();
+    link.remove();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   }
 
   // The clipboard needs a secure page and the user's consent; a selection works without them.
   async function copy(text) {
-    try { await navigator.clipboard.writeText(text); return true; } catch { /* the older way follows */ }
+    try {
+      await navigator.clipboard.writeText(text);
+      return true;
+    } catch {
+      /* the older way follows */
+    }
     const area = Format.make("textarea", { class: "hidden", "aria-hidden": "true" }, document.body);
-    area.value = text; area.select();
+    area.value = text;
+    area.select();
     const done = document.execCommand("copy");
     area.remove();
     return done;
@@ -22,14 +30,28 @@ const Exports = (() => {
 
   // Rows of canvases under each other, on paper of their own, with lines of text above.
   function picture(texts, rows) {
-    const ratio = Format.pixels(), gap = GAP * ratio, line = LINE * ratio;
-    const shown = rows.map((row) => row.filter((canvas) => canvas && canvas.width && canvas.offsetParent !== null)).filter((row) => row.length);
-    const width = Math.max(...shown.map((row) => row.reduce((sum, canvas) => sum + canvas.width + gap, gap)), 400 * ratio);
-    const height = shown.reduce((sum, row) => sum + Math.max(...row.map((canvas) => canvas.height)) + gap, gap + texts.length * line + gap);
-    const sheet = document.createElement("canvas"), pen = sheet.getContext("2d");
-    sheet.width = width; sheet.height = height;
-    pen.fillStyle = Format.colour("--paper"); pen.fillRect(0, 0, width, height);
-    pen.fillStyle = Format.colour("--ink"); pen.textBaseline = "top";
+    const ratio = Format.pixels();
+    const gap = GAP * ratio;
+    const line = LINE * ratio;
+    const shown = rows
+      .map((row) => row.filter((canvas) => canvas && canvas.width && canvas.offsetParent !== null))
+      .filter((row) => row.length);
+    const width = Math.max(
+      ...shown.map((row) => row.reduce((sum, canvas) => sum + canvas.width + gap, gap)),
+      400 * ratio,
+    );
+    const height = shown.reduce(
+      (sum, row) => sum + Math.max(...row.map((canvas) => canvas.height)) + gap,
+      gap + texts.length * line + gap,
+    );
+    const sheet = document.createElement("canvas");
+    const pen = sheet.getContext("2d");
+    sheet.width = width;
+    sheet.height = height;
+    pen.fillStyle = Format.colour("--paper");
+    pen.fillRect(0, 0, width, height);
+    pen.fillStyle = Format.colour("--ink");
+    pen.textBaseline = "top";
     texts.forEach((text, k) => {
       pen.font = `${k ? "" : "600 "}${(k ? 13 : 16) * ratio}px system-ui, sans-serif`;
       pen.fillText(text, gap, gap + k * line, width - 2 * gap);
@@ -37,7 +59,10 @@ const Exports = (() => {
     let y = 2 * gap + texts.length * line;
     for (const row of shown) {
       let x = gap;
-      for (const canvas of row) { pen.drawImage(canvas, x, y); x += canvas.width + gap; }
+      for (const canvas of row) {
+        pen.drawImage(canvas, x, y);
+        x += canvas.width + gap;
+      }
       y += Math.max(...row.map((canvas) => canvas.height)) + gap;
     }
     return new Promise((done) => sheet.toBlob(done, "image/png"));

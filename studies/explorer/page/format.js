@@ -3,9 +3,29 @@
 
 const Format = (() => {
   // viridis at nine places: readable with any colour vision, and in grey
-  const VIRIDIS = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
+  const VIRIDIS = [
+    [68, 1, 84],
+    [71, 45, 123],
+    [59, 82, 139],
+    [44, 114, 142],
+    [33, 145, 140],
+    [39, 173, 129],
+    [92, 200, 99],
+    [170, 220, 50],
+    [253, 231, 37],
+  ];
   // signed values: blue below zero, orange above
-  const SIGNED = [[8, 69, 148], [66, 146, 198], [158, 202, 225], [222, 235, 247], [245, 243, 238], [254, 224, 194], [253, 174, 97], [224, 106, 27], [153, 52, 4]];
+  const SIGNED = [
+    [8, 69, 148],
+    [66, 146, 198],
+    [158, 202, 225],
+    [222, 235, 247],
+    [245, 243, 238],
+    [254, 224, 194],
+    [253, 174, 97],
+    [224, 106, 27],
+    [153, 52, 4],
+  ];
   const NICE = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
 
   // Four digits, a true minus sign, powers of ten where the value is very small or large.
@@ -13,12 +33,14 @@ const Format = (() => {
     if (value === null || value === undefined || !isFinite(value)) return "–";
     const size = Math.abs(value);
     if (size < 1e-9) return "0";
-    const text = size >= 1e5 || size < 1e-5 ? value.toExponential(Math.max(digits - 2, 0)) : value.toPrecision(digits);
+    const text =
+      size >= 1e5 || size < 1e-5 ? value.toExponential(Math.max(digits - 2, 0)) : value.toPrecision(digits);
     return (text.includes("e") && size < 1e5 && size >= 1e-5 ? String(Number(text)) : text).replace(/-/g, "−");
   }
 
   // A half width with two digits; NaN for one that is not known yet.
-  const width = (value) => (value === null || value === undefined ? "" : isFinite(value) ? `± ${number(value, 2)}` : "± …");
+  const width = (value) =>
+    value === null || value === undefined ? "" : isFinite(value) ? `± ${number(value, 2)}` : "± …";
 
   // A value in an input: as short as possible, with a decimal point in every locale.
   const plain = (value) => String(Number(Number(value).toPrecision(6)));
@@ -31,14 +53,17 @@ const Format = (() => {
   }
 
   function mix(map, share) {
-    const at = Math.max(0, Math.min(1, share)) * (map.length - 1), k = Math.min(Math.floor(at), map.length - 2), t = at - k;
+    const at = Math.max(0, Math.min(1, share)) * (map.length - 1);
+    const k = Math.min(Math.floor(at), map.length - 2);
+    const t = at - k;
     return map[k].map((v, i) => v + t * (map[k + 1][i] - v));
   }
 
   function make(name, attributes = {}, parent = null, text = undefined) {
     const node = document.createElement(name);
     for (const [key, value] of Object.entries(attributes)) {
-      if (value === true) node.setAttribute(key, ""); else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
+      if (value === true) node.setAttribute(key, "");
+      else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
     }
     if (text !== undefined) node.textContent = text;
     if (parent) parent.appendChild(node);
@@ -46,29 +71,42 @@ const Format = (() => {
   }
 
   // A text that is set only where it differs: a reader of the screen is not told the same twice.
-  function put(node, text) { if (node.textContent !== text) node.textContent = text; }
+  function put(node, text) {
+    if (node.textContent !== text) node.textContent = text;
+  }
 
   // Notes of several sides as one text, [name, note] each; a note that all of them share stands once, without a name.
   function once(notes) {
     const same = notes.every(([, note]) => note === notes[0][1]);
-    return same ? notes[0]?.[1] || "" : notes.filter(([, note]) => note).map(([name, note]) => name + note).join(" ");
+    return same
+      ? notes[0]?.[1] || ""
+      : notes
+          .filter(([, note]) => note)
+          .map(([name, note]) => name + note)
+          .join(" ");
   }
 
   // Colours of the style sheet, read once for each theme.
   let colours = new Map();
   function colour(name) {
-    if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+    if (!colours.has(name))
+      colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
     return colours.get(name);
   }
-  const recolour = () => { colours = new Map(); };
+  const recolour = () => {
+    colours = new Map();
+  };
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   const pixels = () => Math.min(window.devicePixelRatio || 1, 2);
 
   // Gives a canvas the pixels of its box; returns whether they changed.
   function fit(canvas) {
-    const ratio = pixels(), width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+    const ratio = pixels();
+    const width = Math.round(canvas.clientWidth * ratio);
+    const height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height || (canvas.width === width && canvas.height === height)) return false;
-    canvas.width = width; canvas.height = height;
+    canvas.width = width;
+    canvas.height = height;
     return true;
   }
 

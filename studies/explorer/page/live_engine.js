@@ -2,16 +2,28 @@
 // The engine of a page from the server: questions and answers over the WebSocket /live, which opens again after a loss.
 
 const LiveEngine = () => {
-  const FIRST_WAIT = 500, LONGEST_WAIT = 3000;
+  const FIRST_WAIT = 500;
+  const LONGEST_WAIT = 3000;
   const token = new URLSearchParams(location.search).get("token");
-  let socket = null, answer = () => {}, closed = () => {}, opened = () => {}, wait = FIRST_WAIT;
+  let socket = null;
+  let answer = () => {};
+  let closed = () => {};
+  let opened = () => {};
+  let wait = FIRST_WAIT;
 
   function connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     socket = new WebSocket(`${scheme}://${location.host}/live${token ? `?token=${encodeURIComponent(token)}` : ""}`);
-    socket.addEventListener("open", () => { wait = FIRST_WAIT; opened(); });
+    socket.addEventListener("open", () => {
+      wait = FIRST_WAIT;
+      opened();
+    });
     socket.addEventListener("message", (event) => answer(unpacked(JSON.parse(event.data))));
-    socket.addEventListener("close", () => { socket = null; closed("gone"); again(); });
+    socket.addEventListener("close", () => {
+      socket = null;
+      closed("gone");
+      again();
+    });
   }
 
   // A socket does not say why it fails; a plain request does: no server, or one with another token.
@@ -22,7 +34,9 @@ const LiveEngine = () => {
         const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
         if (reply.ok) return connect();
         closed(reply.status === 403 ? "token" : "gone");
-      } catch { closed("gone"); }
+      } catch {
+        closed("gone");
+      }
       again();
     }, wait);
   }
@@ -30,24 +44,41 @@ const LiveEngine = () => {
   // Arrays from their texts; points and triangles of a section as rows, as the drawing reads them.
   function unpacked(message) {
     if (!message.data) return message;
-    const data = OfflineData.decoded(message.data), { section } = data;
-    if (section) Object.assign(section, { points: rows(section.points, 2), rest: rows(section.rest, 2), triangles: rows(section.triangles, 3) });
+    const data = OfflineData.decoded(message.data);
+    const { section } = data;
+    if (section)
+      Object.assign(section, {
+        points: rows(section.points, 2),
+        rest: rows(section.rest, 2),
+        triangles: rows(section.triangles, 3),
+      });
     return { ...message, data };
   }
-  const rows = (list, width) => Array.from({ length: list.length / width }, (_, k) => list.subarray(k * width, (k + 1) * width));
+  const rows = (list, width) =>
+    Array.from({ length: list.length / width }, (_, k) => list.subarray(k * width, (k + 1) * width));
 
   const path = (name) => (token ? `${name}?token=${encodeURIComponent(token)}` : name);
   return {
     model: "finite elements",
     // what the page says before the first answer
-    wait: "Solving the first state. The first start after an installation compiles functions, which takes a minute or more.",
+    wait:
+      "Solving the first state. " +
+      "The first start after an installation compiles functions, which takes a minute or more.",
     // parts that an engine without finite elements does not have
     parts: ["vibration", "loop"],
     start: connect,
-    ask(request) { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request)); },
-    onAnswer(callback) { answer = callback; },
-    onClosed(callback) { closed = callback; },
-    onOpened(callback) { opened = callback; },
+    ask(request) {
+      if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
+    },
+    onAnswer(callback) {
+      answer = callback;
+    },
+    onClosed(callback) {
+      closed = callback;
+    },
+    onOpened(callback) {
+      opened = callback;
+    },
     async fields() {
       const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
       if (!reply.ok) throw new Error(reply.status === 403 ? "token" : "gone");
@@ -59,8 +90,11 @@ const LiveEngine = () => {
       let reply;
       try {
         reply = await fetch(path(`export/${name}`), { method: "POST", headers, body: JSON.stringify(request) });
-      } catch { throw new Error("The server does not answer: start it again, then export."); }
-      if (!reply.ok) throw new Error((await reply.text()).slice(0, 400) || `The server refused the export (${reply.status}).`);
+      } catch {
+        throw new Error("The server does not answer: start it again, then export.");
+      }
+      if (!reply.ok)
+        throw new Error((await reply.text()).slice(0, 400) || `The server refused the export (${reply.status}).`);
       return reply.blob();
     },
   };

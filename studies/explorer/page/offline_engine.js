@@ -1,29 +1,43 @@
 "use strict";
-// The engine of a page without a server: it answers the requests of the page from tables over depth, shear and direction
-// that studies/explorer/offline_tables.py has computed. Between nodes it interpolates linearly, and turns vectors.
+// The engine of a page without a server: it answers the requests of the page from tables over depth, shear and
+// direction that studies/explorer/offline_tables.py has computed. Between nodes it interpolates linearly, and turns
+// vectors.
 
 const OfflineEngine = (packed) => {
-  const page = OfflineData.decoded(packed), { response, formulas, readings, decoded, pictures, fixed } = page;
-  const LEVEL = page.level, DEGREES = 180 / Math.PI;
-  let answer = () => {}, opened = () => {};
+  const page = OfflineData.decoded(packed);
+  const { response, formulas, readings, decoded, pictures, fixed } = page;
+  const LEVEL = page.level;
+  const DEGREES = 180 / Math.PI;
+  let answer = () => {};
+  let opened = () => {};
 
   // The values of a table at a point, linear between its nodes; NaN beyond its axes and beside nodes without values.
   function at({ axes, channels, values }, point) {
     let corners = [[0, 1]];
     const result = new Float64Array(channels);
     axes.forEach(([low, high, count], k) => {
-      const place = ((point[k] - low) / (high - low)) * (count - 1), first = Math.max(0, Math.min(Math.floor(place + 1e-9), count - 2));
-      const share = Math.abs(place - first) < 1e-9 ? 0 : Math.abs(place - first - 1) < 1e-9 ? 1 : place - first, out = share < 0 || share > 1;
+      const place = ((point[k] - low) / (high - low)) * (count - 1);
+      const first = Math.max(0, Math.min(Math.floor(place + 1e-9), count - 2));
+      const share = Math.abs(place - first) < 1e-9 ? 0 : Math.abs(place - first - 1) < 1e-9 ? 1 : place - first;
+      const out = share < 0 || share > 1;
       const next = (index, step, weight) => [index * count + first + step, out ? NaN : weight];
-      corners = corners.flatMap(([index, weight]) => [next(index, 0, weight * (1 - share)), next(index, 1, weight * share)]);
+      corners = corners.flatMap(([index, weight]) => [
+        next(index, 0, weight * (1 - share)),
+        next(index, 1, weight * share),
+      ]);
     });
-    for (const [index, weight] of corners) if (weight !== 0) for (let c = 0; c < channels; c++) result[c] += weight * values[index * channels + c];
+    for (const [index, weight] of corners)
+      if (weight !== 0) for (let c = 0; c < channels; c++) result[c] += weight * values[index * channels + c];
     return result;
   }
 
   // The number at the node of a table's axes that is nearest to a point.
   function nearest({ axes }, numbers, point, width = 1, k = 0) {
-    const index = axes.reduce((sum, [low, high, count], i) => sum * count + Math.max(0, Math.min(count - 1, Math.round(((point[i] - low) / (high - low)) * (count - 1)))), 0);
+    const index = axes.reduce(
+      (sum, [low, high, count], i) =>
+        sum * count + Math.max(0, Math.min(count - 1, Math.round(((point[i] - low) / (high - low)) * (count - 1)))),
+      0,
+    );
     return numbers[index * width + k];
   }
 
@@ -32,10 +46,22 @@ const OfflineEngine = (packed) => {
 
   // The load of the page as a place in the tables: a shear below 0 is one in the other direction.
   function placed({ depth, shear, direction }) {
-    const turn = (((shear < 0 ? direction + 180 : direction) % 360) + 360) % 360, size = Math.abs(shear);
-    const quarter = turn / 90, exact = [[1, 0], [0, 1], [-1, 0], [0, -1]];
-    const [c, s] = !size ? [1, 0] : quarter === Math.round(quarter) ? exact[quarter % 4] : [Math.cos(turn / DEGREES), Math.sin(turn / DEGREES)];
-    const point = [Math.sqrt(depth / fixed.D), size, size ? turn : 0], plane = at(response, point);
+    const turn = (((shear < 0 ? direction + 180 : direction) % 360) + 360) % 360;
+    const size = Math.abs(shear);
+    const quarter = turn / 90;
+    const exact = [
+      [1, 0],
+      [0, 1],
+      [-1, 0],
+      [0, -1],
+    ];
+    const [c, s] = !size
+      ? [1, 0]
+      : quarter === Math.round(quarter)
+        ? exact[quarter % 4]
+        : [Math.cos(turn / DEGREES), Math.sin(turn / DEGREES)];
+    const point = [Math.sqrt(depth / fixed.D), size, size ? turn : 0];
+    const plane = at(response, point);
     if (!plane.every((value, k) => k > 5 || Number.isFinite(value))) throw new Error(page.refusal);
     return { depth, size, c, s, point, plane };
   }
@@ -45,78 +71,132 @@ const OfflineEngine = (packed) => {
   // Response of a row of QUANTITIES in the direction of a load.
   function inDirection([tangential, normal, shift, down, tilt, radius], load) {
     return {
-      force: turned(tangential, 0, normal, load), shift: turned(shift, 0, down, load), tilt: load.c * tilt, tilt_y: load.s * tilt, contact_radius: radius,
+      force: turned(tangential, 0, normal, load),
+      shift: turned(shift, 0, down, load),
+      tilt: load.c * tilt,
+      tilt_y: load.s * tilt,
+      contact_radius: radius,
     };
   }
 
   function statePart(load, level) {
-    const { plane, size, point } = load, [tangential, normal, shift, tilt] = plane.subarray(6);
+    const { plane, size, point } = load;
+    const [tangential, normal, shift, tilt] = plane.subarray(6);
     const [c, s] = size ? [Math.abs(load.c), Math.abs(load.s)] : [0, 0];
     const [status, message] = page.statuses.texts[nearest(response, page.statuses.numbers, point)];
-    const k = page.levels.indexOf(level), row = at(formulas, point).slice(6 * k, 6 * k + 6);
+    const k = page.levels.indexOf(level);
+    const row = at(formulas, point).slice(6 * k, 6 * k + 6);
     const remark = page.remarks.texts[nearest(formulas, page.remarks.numbers, point, page.levels.length, k)];
     const formula = list(row) ? inDirection(row, load) : { force: null, shift: null };
     return {
-      status, message, model: page.model, load: { depth: load.depth, shear: [load.c * size, load.s * size] }, response: inDirection(plane, load),
+      status,
+      message,
+      model: page.model,
+      load: { depth: load.depth, shear: [load.c * size, load.s * size] },
+      response: inDirection(plane, load),
       estimates: {
-        force: list([c * tangential, s * tangential, normal]), shift: list([c * shift, s * shift, shift]), tilt: known(tilt), contact_radius: null,
+        force: list([c * tangential, s * tangential, normal]),
+        shift: list([c * shift, s * shift, shift]),
+        tilt: known(tilt),
+        contact_radius: null,
       },
-      ...read(load), formula_level: { level, ...formula, message: remark },
+      ...read(load),
+      formula_level: { level, ...formula, message: remark },
     };
   }
 
   function read(load) {
     if (!readings) return { readings: page.elements, decoded: null };
-    const values = at(readings, load.point), more = at(decoded, load.point), three = (array, k) => Array.from(array.subarray(k, k + 3));
-    const force = list(three(more, 3)), lone = { ...page.elements, volts: three(values, 0).map(known), saturated: three(values, 3).map((share) => share > 0) };
+    const values = at(readings, load.point);
+    const more = at(decoded, load.point);
+    const three = (array, k) => Array.from(array.subarray(k, k + 3));
+    const force = list(three(more, 3));
+    const lone = {
+      ...page.elements,
+      volts: three(values, 0).map(known),
+      saturated: three(values, 3).map((share) => share > 0),
+    };
     return {
       readings: { ...lone, half_width: list(three(more, 0)) },
       decoded: {
-        status: page.decoding.names[nearest(decoded, page.decoding.numbers, load.point)], level: page.decoding.level,
-        force: force && turned(...force, load), half_width: list(three(more, 6)), noise: list(three(more, 9)),
+        status: page.decoding.names[nearest(decoded, page.decoding.numbers, load.point)],
+        level: page.decoding.level,
+        force: force && turned(...force, load),
+        half_width: list(three(more, 6)),
+        noise: list(three(more, 9)),
       },
     };
   }
 
   // Points (x, z), or (x, y, z), that the magnet carries, at its pose in the plane of the shear.
   function carried(points, width, { plane: [, , u, w, tilt] }) {
-    const c = Math.cos(tilt / DEGREES), s = Math.sin(tilt / DEGREES), moved = Array.from(points), up = width - 1;
+    const c = Math.cos(tilt / DEGREES);
+    const s = Math.sin(tilt / DEGREES);
+    const moved = Array.from(points);
+    const up = width - 1;
     for (let k = 0; k < moved.length; k += width) {
-      const x = points[k], z = points[k + up] - fixed.H;
-      moved[k] = c * x + s * z + u; moved[k + up] = c * z - s * x + w + fixed.H;
+      const x = points[k];
+      const z = points[k + up] - fixed.H;
+      moved[k] = c * x + s * z + u;
+      moved[k + up] = c * z - s * x + w + fixed.H;
     }
     return moved;
   }
 
-  const rows = (values, width) => Array.from({ length: values.length / width }, (_, k) => values.slice(width * k, width * (k + 1)));
-  const triangles = rows(Array.from(pictures.triangles), 3), rest = rows(Array.from(pictures.rest), 2);
+  const rows = (values, width) =>
+    Array.from({ length: values.length / width }, (_, k) => values.slice(width * k, width * (k + 1)));
+  const triangles = rows(Array.from(pictures.triangles), 3);
+  const rest = rows(Array.from(pictures.rest), 2);
 
   // Section and skin at a load, in the plane of the shear.
   function picture({ point }) {
-    const values = at(pictures.table, point.slice(0, 2)), n = rest.length;
-    return { along: values.subarray(0, n), up: values.subarray(n, 2 * n), pressure: values.subarray(2 * n, 3 * n), stretch: values.subarray(3 * n, 4 * n), skin: values.subarray(4 * n, -1), approximate: values[values.length - 1] > 0 };
+    const values = at(pictures.table, point.slice(0, 2));
+    const n = rest.length;
+    return {
+      along: values.subarray(0, n),
+      up: values.subarray(n, 2 * n),
+      pressure: values.subarray(2 * n, 3 * n),
+      stretch: values.subarray(3 * n, 4 * n),
+      skin: values.subarray(4 * n, -1),
+      approximate: values[values.length - 1] > 0,
+    };
   }
 
   // A section is drawn along the direction with x > 0, or along y: a shear to the other side is mirrored.
   const way = ({ c, s, size }) => (size && (c < 0 || (c === 0 && s < 0)) ? -1 : 1);
 
   function section(load, { along, up, pressure, stretch }) {
-    const side = way(load), mirrored = (points) => points.map(([x, z]) => [side * x, z]);
+    const side = way(load);
+    const mirrored = (points) => points.map(([x, z]) => [side * x, z]);
     return {
-      points: mirrored(rest.map(([x, z], k) => [x + along[k], z + up[k]])), rest: mirrored(rest), triangles,
+      points: mirrored(rest.map(([x, z], k) => [x + along[k], z + up[k]])),
+      rest: mirrored(rest),
+      triangles,
       fields: { displacement: along.map((u, k) => Math.hypot(u, up[k])), pressure, stretch },
       magnet: pictures.outline ? mirrored(rows(carried(pictures.outline, 2, load), 2)) : [],
-      plate: { z: fixed.L - load.depth, tilt: 0, x: side * load.size }, direction: [side * load.c, side * load.s],
+      plate: { z: fixed.L - load.depth, tilt: 0, x: side * load.size },
+      direction: [side * load.c, side * load.s],
     };
   }
 
   function surface(load, { along, up, skin }) {
-    const { c, s } = load, still = pictures.skin.points, place = (x, y, z) => [c * x - s * y, s * x + c * y, z];
+    const { c, s } = load;
+    const still = pictures.skin.points;
+    const place = (x, y, z) => [c * x - s * y, s * x + c * y, z];
     const half = (sign) => ({
-      points: rows(still, 3).flatMap(([x, y, z], k) => place(x + skin[3 * k], sign * (y + skin[3 * k + 1]), z + skin[3 * k + 2])),
-      value: Array.from({ length: still.length / 3 }, (_, k) => Math.hypot(skin[3 * k], skin[3 * k + 1], skin[3 * k + 2])), triangles: pictures.skin.triangles,
+      points: rows(still, 3).flatMap(([x, y, z], k) =>
+        place(x + skin[3 * k], sign * (y + skin[3 * k + 1]), z + skin[3 * k + 2]),
+      ),
+      value: Array.from({ length: still.length / 3 }, (_, k) =>
+        Math.hypot(skin[3 * k], skin[3 * k + 1], skin[3 * k + 2]),
+      ),
+      triangles: pictures.skin.triangles,
     });
-    const cut = { points: rest.flatMap(([x, z], k) => place(x + along[k], 0, z + up[k])), value: along.map((u, k) => Math.hypot(u, up[k])), triangles: pictures.triangles };
+    const cut = {
+      points: rest.flatMap(([x, z], k) => place(x + along[k], 0, z + up[k])),
+      value: along.map((u, k) => Math.hypot(u, up[k])),
+      triangles: pictures.triangles,
+    };
     const parts = { back: half(1), front: half(-1), cut };
     if (pictures.pocket) {
       const points = rows(carried(pictures.pocket.points, 3, load), 3).flatMap((point) => place(...point));
@@ -125,25 +205,42 @@ const OfflineEngine = (packed) => {
     return { parts, largest: [...parts.back.value, ...cut.value].reduce((a, b) => Math.max(a, b), 0) };
   }
 
-  function curve(level) { return { ...page.curve, level: { name: level, ...page.curve.levels[level] } }; }
+  function curve(level) {
+    return { ...page.curve, level: { name: level, ...page.curve.levels[level] } };
+  }
 
   function commands({ depth, size, c, s }) {
-    const [x, y] = [c * size, s * size].map((v) => Number(v.toPrecision(9))), sheared = size > 0;
+    const [x, y] = [c * size, s * size].map((v) => Number(v.toPrecision(9)));
+    const sheared = size > 0;
     const source = `Load(depth=${depth}${sheared ? `, shear_x=${x}, shear_y=${y}, friction="stick"` : ""})`;
-    const shell = `${page.commands.shell} --depth ${depth}${sheared ? ` --shear=${x} --shear-y=${y} --friction stick` : ""}`;
+    const shell =
+      `${page.commands.shell} --depth ${depth}` + (sheared ? ` --shear=${x} --shear-y=${y} --friction stick` : "");
     return { shell, python: page.commands.python.replace("Load()", source) };
   }
 
   function parts({ state, formula_level: level, parts: wanted }) {
-    const begin = performance.now(), load = placed(state.load), drawn = picture(load), lines = pictures.lines;
+    const begin = performance.now();
+    const load = placed(state.load);
+    const drawn = picture(load);
+    const lines = pictures.lines;
     const note = drawn.approximate ? "The picture lies beyond the stored ones: it is that of a smaller load." : "";
     const every = {
       state: () => {
         const data = statePart(load, level);
-        return { ...data, message: [data.message, note].filter(Boolean).join(" "), section: section(load, drawn), seconds: (performance.now() - begin) / 1000 };
+        return {
+          ...data,
+          message: [data.message, note].filter(Boolean).join(" "),
+          section: section(load, drawn),
+          seconds: (performance.now() - begin) / 1000,
+        };
       },
-      curve: () => curve(level), sensor3d: () => surface(load, drawn), stability: () => page.stability, commands: () => commands(load),
-      field_lines: () => ({ lines: lines.map((line) => rows(carried(line.flat(), 2, load), 2).map(([x, z]) => [way(load) * x, z])) }),
+      curve: () => curve(level),
+      sensor3d: () => surface(load, drawn),
+      stability: () => page.stability,
+      commands: () => commands(load),
+      field_lines: () => ({
+        lines: lines.map((line) => rows(carried(line.flat(), 2, load), 2).map(([x, z]) => [way(load) * x, z])),
+      }),
     };
     return wanted.filter((name) => every[name]).map((name) => [name, every[name]()]);
   }
@@ -154,7 +251,9 @@ const OfflineEngine = (packed) => {
     setTimeout(() => {
       try {
         for (const [part, data] of parts(request)) answer({ number, side, part, level: LEVEL, data });
-      } catch (error) { answer({ number, side, error: error.message, field: null }); }
+      } catch (error) {
+        answer({ number, side, error: error.message, field: null });
+      }
     }, 0);
   }
 
@@ -162,25 +261,42 @@ const OfflineEngine = (packed) => {
   async function file(name, { state, formula_level: level }) {
     if (name === "state.csv") return new Blob([numbers(statePart(placed(state.load), level))], { type: "text/csv" });
     const text = name === "curve.csv" ? page.curve.tables[level] : page.files[name];
-    if (text === undefined) throw new Error(`This page has no server, which ${name} needs: run magtip explore, or the command line below.`);
+    if (text === undefined)
+      throw new Error(`This page has no server, which ${name} needs: run magtip explore, or the command line below.`);
     return new Blob([text], { type: "text/plain" });
   }
 
   function numbers({ response: r, estimates: e, readings: read_ }) {
     const lines = [["quantity", "unit", "value", "half_width"]];
-    for (const [name, unit] of [["force", "N"], ["shift", "mm"]]) ["x", "y", "z"].forEach((axis, i) => lines.push([`${name}_${axis}`, unit, r[name][i], e[name]?.[i]]));
-    lines.push(["tilt", "deg", r.tilt, e.tilt], ["tilt_y", "deg", r.tilt_y, e.tilt], ["contact_radius", "mm", r.contact_radius, ""]);
-    read_?.elements?.forEach((name, i) => lines.push([name.replace(" ", "_"), read_.units[i], read_.volts[i], read_.half_width?.[i]]));
+    for (const [name, unit] of [
+      ["force", "N"],
+      ["shift", "mm"],
+    ])
+      ["x", "y", "z"].forEach((axis, i) => lines.push([`${name}_${axis}`, unit, r[name][i], e[name]?.[i]]));
+    lines.push(
+      ["tilt", "deg", r.tilt, e.tilt],
+      ["tilt_y", "deg", r.tilt_y, e.tilt],
+      ["contact_radius", "mm", r.contact_radius, ""],
+    );
+    read_?.elements?.forEach((name, i) =>
+      lines.push([name.replace(" ", "_"), read_.units[i], read_.volts[i], read_.half_width?.[i]]),
+    );
     return lines.map((line) => `${line.map((value) => value ?? "").join(",")}\r\n`).join("");
   }
 
   return {
-    model: page.model, sensor: page.sensor,
+    model: page.model,
+    sensor: page.sensor,
     start: () => setTimeout(() => opened(), 0),
-    ask, file,
+    ask,
+    file,
     fields: async () => page.fields,
-    onAnswer(callback) { answer = callback; },
+    onAnswer(callback) {
+      answer = callback;
+    },
     onClosed() {},
-    onOpened(callback) { opened = callback; },
+    onOpened(callback) {
+      opened = callback;
+    },
   };
 };

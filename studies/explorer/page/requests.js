@@ -7,8 +7,11 @@ const Requests = (engine, { message, show, refuse, progress }) => {
   const PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "commands"];
   const NEW = () => ({ number: 0, flying: 0, since: 0, dirty: false, inputs: [], drawn: {} });
   const sides = { a: NEW(), b: NEW() };
-  const times = [], sent = new Map();
-  let number = 0, asked = false, open = false;
+  const times = [];
+  const sent = new Map();
+  let number = 0;
+  let asked = false;
+  let open = false;
 
   // Changes of one event are one request.
   function change(side, input = performance.now()) {
@@ -20,7 +23,10 @@ const Requests = (engine, { message, show, refuse, progress }) => {
   function schedule() {
     if (asked) return;
     asked = true;
-    queueMicrotask(() => { asked = false; send(); });
+    queueMicrotask(() => {
+      asked = false;
+      send();
+    });
   }
 
   function send() {
@@ -28,7 +34,10 @@ const Requests = (engine, { message, show, refuse, progress }) => {
     for (const [name, side] of Object.entries(sides)) {
       if (!side.dirty) continue;
       const request = message(name);
-      if (!request) { side.dirty = false; continue; }
+      if (!request) {
+        side.dirty = false;
+        continue;
+      }
       number += 1;
       Object.assign(side, { number, flying: number, since: performance.now(), dirty: false });
       for (const input of side.inputs) if (input[0] === Infinity) input[0] = number;
@@ -58,34 +67,68 @@ const Requests = (engine, { message, show, refuse, progress }) => {
     if (last && (answer.number < last.number || (answer.number === last.number && coarser))) return;
     side.drawn[part] = { number: answer.number, level: answer.level };
     if (part === "state") side.answered = { times: answer.times, at: performance.now() };
-    if (answer.error !== undefined) { side.inputs = side.inputs.filter(([n]) => n > answer.number); refuse(answer.side, answer); }
-    else show(answer.side, part, answer);
+    if (answer.error !== undefined) {
+      side.inputs = side.inputs.filter(([n]) => n > answer.number);
+      refuse(answer.side, answer);
+    } else show(answer.side, part, answer);
   }
 
-  // Called after a picture is drawn: from each input to the first picture that contains it, ms, and what that time consists
-  // of: until the request of the picture was sent, its wait for the worker, the worker's time, transport, and drawing.
+  // Called after a picture is drawn: from each input to the first picture that contains it, ms, and what that time
+  // consists of: until the request of the picture was sent, its wait for the worker, the worker's time, transport, and
+  // drawing.
   function drawn(name, shown) {
-    const side = sides[name], now = performance.now(), { times: [queue, work] = [0, 0], at: received = now } = side.answered || {};
+    const side = sides[name];
+    const now = performance.now();
+    const { times: [queue, work] = [0, 0], at: received = now } = side.answered || {};
     const begin = sent.get(shown) ?? now;
-    for (const [n, at] of side.inputs) if (n <= shown) {
-      times.push({ total: now - at, before: begin - at, queue, work, transport: received - begin - queue - work, drawing: now - received });
-      if (times.length > MOST_TIMES) times.shift();
-    }
+    for (const [n, at] of side.inputs)
+      if (n <= shown) {
+        times.push({
+          total: now - at,
+          before: begin - at,
+          queue,
+          work,
+          transport: received - begin - queue - work,
+          drawing: now - received,
+        });
+        if (times.length > MOST_TIMES) times.shift();
+      }
     side.inputs = side.inputs.filter(([n]) => n > shown);
   }
 
   function opened() {
     open = true;
-    for (const [name, side] of Object.entries(sides)) { side.flying = 0; side.inputs = []; if (message(name)) side.dirty = true; }
+    for (const [name, side] of Object.entries(sides)) {
+      side.flying = 0;
+      side.inputs = [];
+      if (message(name)) side.dirty = true;
+    }
     schedule();
   }
 
-  function closed() { open = false; for (const side of Object.values(sides)) side.flying = 0; }
-  function forget(name) { sides[name] = { ...NEW(), drawn: Object.fromEntries(PARTS.map((part) => [part, { number: number + 0.5 }])) }; }
+  function closed() {
+    open = false;
+    for (const side of Object.values(sides)) side.flying = 0;
+  }
+  function forget(name) {
+    sides[name] = { ...NEW(), drawn: Object.fromEntries(PARTS.map((part) => [part, { number: number + 0.5 }])) };
+  }
   // Whether a part that the newest request asks for is older than this request.
   const behind = (name, part) => sides[name].dirty || (sides[name].drawn[part]?.number || 0) < sides[name].number;
   const resting = () => Object.values(sides).every((side) => !side.dirty && !side.flying);
 
   engine.onAnswer(receive);
-  return { change, receive, drawn, opened, closed, forget, behind, resting, times, newest: (name) => sides[name].number, parts: PARTS };
+  return {
+    change,
+    receive,
+    drawn,
+    opened,
+    closed,
+    forget,
+    behind,
+    resting,
+    times,
+    newest: (name) => sides[name].number,
+    parts: PARTS,
+  };
 };

@@ -2,35 +2,56 @@
 // Drawing of a deformed section on a canvas: colours, outlines, magnet, plate, Hall elements, field lines, colour bar.
 
 const SectionDrawing = (() => {
-  const TONES = 1024, BAR = 12, ROOM = 74;
+  const TONES = 1024;
+  const BAR = 12;
+  const ROOM = 74;
   const FIELDS = {
     displacement: { label: "displacement (mm)", map: Format.VIRIDIS, signed: false, from: 0 },
     pressure: { label: "pressure (MPa)", map: Format.SIGNED, signed: true, from: 0 },
     stretch: { label: "largest stretch", map: Format.VIRIDIS, signed: false, from: 1 },
   };
 
-  // The part of the plane that is shown, mm; it depends on the design, so that the picture stays while the load changes.
+  // The part of the plane that is shown, mm; it depends on the design, so that the picture stays while the load
+  // changes.
   function frame(value) {
-    const D = value("D"), L = value("L"), low = L - D / 2 - value("l0"), three = value("hall_layout") === "three";
+    const D = value("D");
+    const L = value("L");
+    const low = L - D / 2 - value("l0");
+    const three = value("hall_layout") === "three";
     const beside = three ? value("f") + 1.2 : Math.abs(value("chip_x")) + 1.2;
     // a shear beyond a quarter of the diameter makes the picture wider
-    return { half: Math.max(0.8 * D, beside, 0.55 * D + Math.abs(value("shear"))), low: Math.min(0, low, three ? low + value("c") : low) - 0.13 * D, high: L + 0.2 * D };
+    return {
+      half: Math.max(0.8 * D, beside, 0.55 * D + Math.abs(value("shear"))),
+      low: Math.min(0, low, three ? low + value("c") : low) - 0.13 * D,
+      high: L + 0.2 * D,
+    };
   }
 
-  const union = (a, b) => (b ? { half: Math.max(a.half, b.half), low: Math.min(a.low, b.low), high: Math.max(a.high, b.high) } : a);
+  const union = (a, b) =>
+    b ? { half: Math.max(a.half, b.half), low: Math.min(a.low, b.low), high: Math.max(a.high, b.high) } : a;
 
   // From mm to pixels of the canvas; the colour bar has its own room on the right.
   function transform(canvas, view) {
-    const ratio = Format.pixels(), width = canvas.width - ROOM * ratio, height = canvas.height;
+    const ratio = Format.pixels();
+    const width = canvas.width - ROOM * ratio;
+    const height = canvas.height;
     const scale = Math.min(width / (2 * view.half), (height - 16 * ratio) / (view.high - view.low));
-    return { ratio, scale, x: (v) => width / 2 + v * scale, z: (v) => height / 2 + ((view.high + view.low) / 2 - v) * scale, cx: width / 2 };
+    return {
+      ratio,
+      scale,
+      x: (v) => width / 2 + v * scale,
+      z: (v) => height / 2 + ((view.high + view.low) / 2 - v) * scale,
+      cx: width / 2,
+    };
   }
 
   // Ends of the colours: round numbers; single corner values beyond the 99th percentile do not stretch the scale.
   function range(section, name) {
-    const values = section.fields[name], { signed, from } = FIELDS[name];
+    const values = section.fields[name];
+    const { signed, from } = FIELDS[name];
     const sizes = Float64Array.from(values, (v) => (signed ? Math.abs(v) : v - from)).sort();
-    const most = Format.round(Math.max(sizes[Math.floor(0.99 * (sizes.length - 1))] || 0, 1e-2)), largest = sizes[sizes.length - 1];
+    const most = Format.round(Math.max(sizes[Math.floor(0.99 * (sizes.length - 1))] || 0, 1e-2));
+    const largest = sizes[sizes.length - 1];
     return { low: signed ? -most : from, high: from + most, beyond: largest > most * 1.001 };
   }
 
@@ -39,35 +60,70 @@ const SectionDrawing = (() => {
   // Colours of 1024 shares as pixels.
   const tables = new Map();
   function table(map) {
-    if (!tables.has(map)) tables.set(map, Uint32Array.from({ length: TONES }, (_, k) => {
-      const [r, g, b] = Format.mix(map, k / (TONES - 1)).map(Math.round);
-      return (255 << 24) | (b << 16) | (g << 8) | r;
-    }));
+    if (!tables.has(map))
+      tables.set(
+        map,
+        Uint32Array.from({ length: TONES }, (_, k) => {
+          const [r, g, b] = Format.mix(map, k / (TONES - 1)).map(Math.round);
+          return (255 << 24) | (b << 16) | (g << 8) | r;
+        }),
+      );
     return tables.get(map);
   }
 
   // The field, linear in each triangle, pixel by pixel: no seams between neighbours, whatever their size.
   function colours(pen, at, section, name, span) {
-    const { points, triangles: cells, fields } = section, value = fields[name], { width, height } = pen.canvas, lut = table(FIELDS[name].map);
-    const image = blank(pen), pixel = new Uint32Array(image.data.buffer), n = points.length;
-    const x = new Float64Array(n), y = new Float64Array(n), s = new Float64Array(n);
-    for (let k = 0; k < n; k++) { x[k] = at.x(points[k][0]) - 0.5; y[k] = at.z(points[k][1]) - 0.5; s[k] = ((value[k] - span.low) / (span.high - span.low)) * (TONES - 1); }
+    const { points, triangles: cells, fields } = section;
+    const value = fields[name];
+    const { width, height } = pen.canvas;
+    const lut = table(FIELDS[name].map);
+    const image = blank(pen);
+    const pixel = new Uint32Array(image.data.buffer);
+    const n = points.length;
+    const x = new Float64Array(n);
+    const y = new Float64Array(n);
+    const s = new Float64Array(n);
+    for (let k = 0; k < n; k++) {
+      x[k] = at.x(points[k][0]) - 0.5;
+      y[k] = at.z(points[k][1]) - 0.5;
+      s[k] = ((value[k] - span.low) / (span.high - span.low)) * (TONES - 1);
+    }
     // the part of the canvas that is coloured
-    let left = width, right = 0, top = height, bottom = 0;
-    for (let k = 0; k < n; k++) { left = Math.min(left, x[k]); right = Math.max(right, x[k]); top = Math.min(top, y[k]); bottom = Math.max(bottom, y[k]); }
+    let left = width;
+    let right = 0;
+    let top = height;
+    let bottom = 0;
+    for (let k = 0; k < n; k++) {
+      left = Math.min(left, x[k]);
+      right = Math.max(right, x[k]);
+      top = Math.min(top, y[k]);
+      bottom = Math.max(bottom, y[k]);
+    }
     for (const cell of cells) {
-      const i = cell[0], j = cell[1], k = cell[2], ux = x[j] - x[i], uy = y[j] - y[i], vx = x[k] - x[i], vy = y[k] - y[i], det = ux * vy - uy * vx;
+      const i = cell[0];
+      const j = cell[1];
+      const k = cell[2];
+      const ux = x[j] - x[i];
+      const uy = y[j] - y[i];
+      const vx = x[k] - x[i];
+      const vy = y[k] - y[i];
+      const det = ux * vy - uy * vx;
       if (!det) continue;
-      const sx = ((s[j] - s[i]) * vy - (s[k] - s[i]) * uy) / det, sy = ((s[k] - s[i]) * ux - (s[j] - s[i]) * vx) / det;
-      const first = Math.max(0, Math.ceil(Math.min(y[i], y[j], y[k]))), last = Math.min(height - 1, Math.floor(Math.max(y[i], y[j], y[k])));
+      const sx = ((s[j] - s[i]) * vy - (s[k] - s[i]) * uy) / det;
+      const sy = ((s[k] - s[i]) * ux - (s[j] - s[i]) * vx) / det;
+      const first = Math.max(0, Math.ceil(Math.min(y[i], y[j], y[k])));
+      const last = Math.min(height - 1, Math.floor(Math.max(y[i], y[j], y[k])));
       for (let row = first; row <= last; row++) {
         // where the row enters and leaves the triangle
-        let from = Infinity, to = -Infinity;
+        let from = Infinity;
+        let to = -Infinity;
         for (let corner = 0; corner < 3; corner++) {
-          const a = cell[corner], b = cell[corner === 2 ? 0 : corner + 1];
+          const a = cell[corner];
+          const b = cell[corner === 2 ? 0 : corner + 1];
           if ((row - y[a]) * (row - y[b]) > 0 || y[a] === y[b]) continue;
           const cross = x[a] + ((row - y[a]) * (x[b] - x[a])) / (y[b] - y[a]);
-          from = Math.min(from, cross); to = Math.max(to, cross);
+          from = Math.min(from, cross);
+          to = Math.max(to, cross);
         }
         const end = Math.min(width - 1, Math.floor(to));
         for (let column = Math.max(0, Math.ceil(from)); column <= end; column++) {
@@ -77,35 +133,52 @@ const SectionDrawing = (() => {
       }
     }
     pen.clearRect(0, 0, width, height);
-    left = Math.max(0, Math.floor(left)); top = Math.max(0, Math.floor(top));
-    if (right > left && bottom > top) pen.putImageData(image, 0, 0, left, top, Math.ceil(right) - left + 1, Math.ceil(bottom) - top + 1);
+    left = Math.max(0, Math.floor(left));
+    top = Math.max(0, Math.floor(top));
+    if (right > left && bottom > top)
+      pen.putImageData(image, 0, 0, left, top, Math.ceil(right) - left + 1, Math.ceil(bottom) - top + 1);
   }
 
   // Transparent pixels of a canvas' size; they are used again, since each picture would leave a megabyte to collect.
   const images = new WeakMap();
   function blank(pen) {
-    const { canvas } = pen, image = images.get(canvas);
-    if (image?.width === canvas.width && image.height === canvas.height) { new Uint32Array(image.data.buffer).fill(0); return image; }
+    const { canvas } = pen;
+    const image = images.get(canvas);
+    if (image?.width === canvas.width && image.height === canvas.height) {
+      new Uint32Array(image.data.buffer).fill(0);
+      return image;
+    }
     images.set(canvas, pen.createImageData(canvas.width, canvas.height));
     return images.get(canvas);
   }
 
   function meshLines(pen, at, { points, triangles: cells }) {
-    pen.strokeStyle = Format.colour("--paper"); pen.globalAlpha = 0.45; pen.lineWidth = 0.6 * at.ratio;
+    pen.strokeStyle = Format.colour("--paper");
+    pen.globalAlpha = 0.45;
+    pen.lineWidth = 0.6 * at.ratio;
     pen.beginPath();
-    for (const cell of cells) cell.forEach((i, k) => (k ? pen.lineTo(at.x(points[i][0]), at.z(points[i][1])) : pen.moveTo(at.x(points[i][0]), at.z(points[i][1]))));
-    pen.stroke(); pen.globalAlpha = 1;
+    for (const cell of cells)
+      cell.forEach((i, k) =>
+        k ? pen.lineTo(at.x(points[i][0]), at.z(points[i][1])) : pen.moveTo(at.x(points[i][0]), at.z(points[i][1])),
+      );
+    pen.stroke();
+    pen.globalAlpha = 1;
   }
 
   // Edges that belong to one triangle only, found once for each answer.
   const outlines = new WeakMap();
   function outline(section) {
     if (outlines.has(section)) return outlines.get(section);
-    const edges = new Map(), n = section.points.length;
-    for (const cell of section.triangles) for (let k = 0; k < 3; k++) {
-      const a = cell[k], b = cell[(k + 1) % 3], key = a < b ? a * n + b : b * n + a;
-      if (edges.has(key)) edges.set(key, null); else edges.set(key, [a, b]);
-    }
+    const edges = new Map();
+    const n = section.points.length;
+    for (const cell of section.triangles)
+      for (let k = 0; k < 3; k++) {
+        const a = cell[k];
+        const b = cell[(k + 1) % 3];
+        const key = a < b ? a * n + b : b * n + a;
+        if (edges.has(key)) edges.set(key, null);
+        else edges.set(key, [a, b]);
+      }
     // the halves of a revolved section meet on the axis, where both have points of their own
     const own = [...edges.values()].filter((edge) => edge && edge.some((k) => Math.abs(section.rest[k][0]) > 1e-6));
     outlines.set(section, own);
@@ -114,7 +187,10 @@ const SectionDrawing = (() => {
 
   function strokeEdges(pen, at, points, edges) {
     pen.beginPath();
-    for (const [a, b] of edges) { pen.moveTo(at.x(points[a][0]), at.z(points[a][1])); pen.lineTo(at.x(points[b][0]), at.z(points[b][1])); }
+    for (const [a, b] of edges) {
+      pen.moveTo(at.x(points[a][0]), at.z(points[a][1]));
+      pen.lineTo(at.x(points[b][0]), at.z(points[b][1]));
+    }
     pen.stroke();
   }
 
@@ -126,78 +202,142 @@ const SectionDrawing = (() => {
 
   // The plate: a slab above its lower face, which passes through (x, z) and falls towards +x at a positive tilt.
   function plate(pen, at, { x = 0, z, tilt = 0 }, half) {
-    const angle = (tilt * Math.PI) / 180, ratio = at.ratio;
+    const angle = (tilt * Math.PI) / 180;
+    const ratio = at.ratio;
     pen.save();
-    pen.translate(at.x(x), at.z(z)); pen.rotate(angle);
-    const w = half * at.scale, h = 13 * ratio;
-    pen.fillStyle = Format.colour("--plate"); pen.fillRect(-w, -h, 2 * w, h);
-    pen.strokeStyle = Format.colour("--ink"); pen.lineWidth = 1.5 * ratio; pen.beginPath(); pen.moveTo(-w, 0); pen.lineTo(w, 0); pen.stroke();
+    pen.translate(at.x(x), at.z(z));
+    pen.rotate(angle);
+    const w = half * at.scale;
+    const h = 13 * ratio;
+    pen.fillStyle = Format.colour("--plate");
+    pen.fillRect(-w, -h, 2 * w, h);
+    pen.strokeStyle = Format.colour("--ink");
+    pen.lineWidth = 1.5 * ratio;
+    pen.beginPath();
+    pen.moveTo(-w, 0);
+    pen.lineTo(w, 0);
+    pen.stroke();
     pen.restore();
   }
 
   function ground(pen, at, D) {
-    const z = at.z(0), w = 0.56 * D * at.scale, r = at.ratio;
-    pen.strokeStyle = Format.colour("--soft"); pen.lineWidth = 1.5 * r;
-    pen.beginPath(); pen.moveTo(at.cx - w, z); pen.lineTo(at.cx + w, z); pen.stroke();
+    const z = at.z(0);
+    const w = 0.56 * D * at.scale;
+    const r = at.ratio;
+    pen.strokeStyle = Format.colour("--soft");
+    pen.lineWidth = 1.5 * r;
+    pen.beginPath();
+    pen.moveTo(at.cx - w, z);
+    pen.lineTo(at.cx + w, z);
+    pen.stroke();
     pen.lineWidth = r;
     pen.beginPath();
-    for (let x = -w; x < w - 4 * r; x += 9 * r) { pen.moveTo(at.cx + x + 6 * r, z); pen.lineTo(at.cx + x, z + 6 * r); }
+    for (let x = -w; x < w - 4 * r; x += 9 * r) {
+      pen.moveTo(at.cx + x + 6 * r, z);
+      pen.lineTo(at.cx + x, z + 6 * r);
+    }
     pen.stroke();
   }
 
   // Hall elements, seen along the normal of the section; one outside of its plane is hollow.
   function elements(pen, at, value, [c, s]) {
-    const low = value("L") - value("D") / 2 - value("l0"), high = low + value("c"), f = value("f"), r = at.ratio;
-    const list = value("hall_layout") === "three" ? [["S1", 0, 0, low], ["S2", f, 0, high], ["S3", 0, f, high]] : [["chip", value("chip_x"), 0, low]];
-    pen.font = `${11 * r}px system-ui, sans-serif`; pen.textBaseline = "middle"; pen.textAlign = "left";
-    pen.fillStyle = pen.strokeStyle = Format.colour("--s3"); pen.lineWidth = 1.3 * r;
+    const low = value("L") - value("D") / 2 - value("l0");
+    const high = low + value("c");
+    const f = value("f");
+    const r = at.ratio;
+    const list =
+      value("hall_layout") === "three"
+        ? [
+            ["S1", 0, 0, low],
+            ["S2", f, 0, high],
+            ["S3", 0, f, high],
+          ]
+        : [["chip", value("chip_x"), 0, low]];
+    pen.font = `${11 * r}px system-ui, sans-serif`;
+    pen.textBaseline = "middle";
+    pen.textAlign = "left";
+    pen.fillStyle = pen.strokeStyle = Format.colour("--s3");
+    pen.lineWidth = 1.3 * r;
     for (const [name, x, y, z] of list) {
       const place = [at.x(c * x + s * y) - 4 * r, at.z(z) - 2.5 * r, 8 * r, 5 * r];
       pen.fillStyle = Format.colour("--s3");
-      if (Math.abs(c * y - s * x) < 0.01) pen.fillRect(...place); else pen.strokeRect(...place);
+      if (Math.abs(c * y - s * x) < 0.01) pen.fillRect(...place);
+      else pen.strokeRect(...place);
       pen.save();
-      pen.lineWidth = 3 * r; pen.strokeStyle = Format.colour("--paper"); pen.strokeText(name, place[0] + 11 * r, at.z(z));
-      pen.fillStyle = Format.colour("--ink"); pen.fillText(name, place[0] + 11 * r, at.z(z));
+      pen.lineWidth = 3 * r;
+      pen.strokeStyle = Format.colour("--paper");
+      pen.strokeText(name, place[0] + 11 * r, at.z(z));
+      pen.fillStyle = Format.colour("--ink");
+      pen.fillText(name, place[0] + 11 * r, at.z(z));
       pen.restore();
     }
   }
 
   function bar(pen, canvas, at, name, span) {
-    const r = at.ratio, { label, map } = FIELDS[name], x = canvas.width - (ROOM - 14) * r, top = 26 * r, height = Math.min(canvas.height - 52 * r, 220 * r);
+    const r = at.ratio;
+    const { label, map } = FIELDS[name];
+    const x = canvas.width - (ROOM - 14) * r;
+    const top = 26 * r;
+    const height = Math.min(canvas.height - 52 * r, 220 * r);
     const gradient = pen.createLinearGradient(0, top + height, 0, top);
     map.forEach((rgb, k) => gradient.addColorStop(k / (map.length - 1), `rgb(${rgb.join(",")})`));
-    pen.fillStyle = gradient; pen.fillRect(x, top, BAR * r, height);
-    pen.fillStyle = Format.colour("--ink"); pen.font = `${11 * r}px system-ui, sans-serif`; pen.textAlign = "left"; pen.textBaseline = "middle";
+    pen.fillStyle = gradient;
+    pen.fillRect(x, top, BAR * r, height);
+    pen.fillStyle = Format.colour("--ink");
+    pen.font = `${11 * r}px system-ui, sans-serif`;
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
     for (let k = 0; k <= 4; k++) {
-      const v = span.low + ((span.high - span.low) * k) / 4, text = String(Number(v.toPrecision(3))).replace("-", "−");
+      const v = span.low + ((span.high - span.low) * k) / 4;
+      const text = String(Number(v.toPrecision(3))).replace("-", "−");
       pen.fillText(k === 4 && span.beyond ? `≥ ${text}` : text, x + (BAR + 5) * r, top + height * (1 - k / 4));
     }
-    pen.textAlign = "right"; pen.textBaseline = "alphabetic";
+    pen.textAlign = "right";
+    pen.textBaseline = "alphabetic";
     pen.fillText(label, canvas.width - 4 * r, 12 * r);
   }
 
   function lines(pen, at, list, view) {
     pen.save();
-    pen.beginPath(); pen.rect(at.x(-view.half), at.z(view.high), 2 * view.half * at.scale, (view.high - view.low) * at.scale); pen.clip();
-    pen.strokeStyle = Format.colour("--lines"); pen.lineWidth = 1.1 * at.ratio;
-    for (const line of list) { pen.beginPath(); line.forEach(([x, z], k) => (k ? pen.lineTo(at.x(x), at.z(z)) : pen.moveTo(at.x(x), at.z(z)))); pen.stroke(); }
+    pen.beginPath();
+    pen.rect(at.x(-view.half), at.z(view.high), 2 * view.half * at.scale, (view.high - view.low) * at.scale);
+    pen.clip();
+    pen.strokeStyle = Format.colour("--lines");
+    pen.lineWidth = 1.1 * at.ratio;
+    for (const line of list) {
+      pen.beginPath();
+      line.forEach(([x, z], k) => (k ? pen.lineTo(at.x(x), at.z(z)) : pen.moveTo(at.x(x), at.z(z))));
+      pen.stroke();
+    }
     pen.restore();
   }
 
   // Draws all of one side; `value` returns fields of the design.
   function draw(canvas, { state, field, span, view, mesh, fieldLines, value }) {
-    const pen = canvas.getContext("2d", { willReadFrequently: true }), at = transform(canvas, view), r = at.ratio;
-    if (state) colours(pen, at, state.section, field, span); else pen.clearRect(0, 0, canvas.width, canvas.height);
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
+    const at = transform(canvas, view);
+    const r = at.ratio;
+    if (state) colours(pen, at, state.section, field, span);
+    else pen.clearRect(0, 0, canvas.width, canvas.height);
     ground(pen, at, value("D"));
     if (state) {
-      const { section } = state, edges = outline(section);
+      const { section } = state;
+      const edges = outline(section);
       if (mesh) meshLines(pen, at, section);
-      pen.lineWidth = r; pen.setLineDash([3 * r, 3 * r]); pen.strokeStyle = Format.colour("--soft");
+      pen.lineWidth = r;
+      pen.setLineDash([3 * r, 3 * r]);
+      pen.strokeStyle = Format.colour("--soft");
       strokeEdges(pen, at, section.rest, edges);
-      pen.setLineDash([]); pen.strokeStyle = Format.colour("--ink"); pen.lineWidth = 1.2 * r;
+      pen.setLineDash([]);
+      pen.strokeStyle = Format.colour("--ink");
+      pen.lineWidth = 1.2 * r;
       strokeEdges(pen, at, section.points, edges);
       if (section.magnet?.length) {
-        polygon(pen, at, section.magnet); pen.fillStyle = Format.colour("--magnet"); pen.fill(); pen.strokeStyle = Format.colour("--ink"); pen.stroke();
+        polygon(pen, at, section.magnet);
+        pen.fillStyle = Format.colour("--magnet");
+        pen.fill();
+        pen.strokeStyle = Format.colour("--ink");
+        pen.stroke();
       }
     }
     if (fieldLines) lines(pen, at, fieldLines, view);

@@ -2,29 +2,44 @@
 // The section of each side, and its plate: pointer and arrow keys move it, down and up the depth, sideways the shear.
 
 const SectionView = (() => {
-  const FINE = 0.01, STEP = 0.05, WIDE = 0.5;
+  const FINE = 0.01;
+  const STEP = 0.05;
+  const WIDE = 0.5;
 
   // `move(depth, shear, done)` sets the load; `load()` returns the present one.
   function start(figure, { load, move, value }) {
-    const canvas = figure.querySelector("canvas"), handle = figure.querySelector(".plate"), caption = (name) => figure.querySelector(`figcaption .${name}`);
+    const canvas = figure.querySelector("canvas");
+    const handle = figure.querySelector(".plate");
+    const caption = (name) => figure.querySelector(`figcaption .${name}`);
     const mark = Format.make("div", { class: "wish", hidden: true }, handle.parentNode);
-    let at = null, held = null, way = 1, shown = null;
+    let at = null;
+    let held = null;
+    let way = 1;
+    let shown = null;
 
     handle.addEventListener("pointerdown", (event) => {
       if (event.button) return;
       const { depth, shear } = load();
       held = { x: event.clientX, y: event.clientY, depth, shear };
-      handle.setPointerCapture(event.pointerId); handle.classList.add("held"); handle.focus({ preventScroll: true });
+      handle.setPointerCapture(event.pointerId);
+      handle.classList.add("held");
+      handle.focus({ preventScroll: true });
       event.preventDefault();
     });
     handle.addEventListener("pointermove", (event) => {
       if (!held || !at) return;
-      const perPixel = at.ratio / at.scale, step = (v) => Math.round(v / FINE) * FINE;
-      move(Math.max(0, step(held.depth + (event.clientY - held.y) * perPixel)), step(held.shear + way * (event.clientX - held.x) * perPixel), false);
+      const perPixel = at.ratio / at.scale;
+      const step = (v) => Math.round(v / FINE) * FINE;
+      move(
+        Math.max(0, step(held.depth + (event.clientY - held.y) * perPixel)),
+        step(held.shear + way * (event.clientX - held.x) * perPixel),
+        false,
+      );
     });
     const release = () => {
       if (!held) return;
-      held = null; handle.classList.remove("held");
+      held = null;
+      handle.classList.remove("held");
       const { depth, shear } = load();
       move(depth, shear, true);
     };
@@ -32,55 +47,100 @@ const SectionView = (() => {
     handle.addEventListener("pointercancel", release);
     handle.addEventListener("lostpointercapture", release);
     handle.addEventListener("keydown", (event) => {
-      const key = { ArrowDown: [1, 0], ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1], PageDown: [10, 0], PageUp: [-10, 0] }[event.key];
-      const { depth, shear } = load(), by = event.shiftKey ? WIDE : STEP, tidy = (v) => Number(v.toPrecision(9));
-      if (event.key === "Home") { event.preventDefault(); return move(0, 0, true); }
+      const key = {
+        ArrowDown: [1, 0],
+        ArrowUp: [-1, 0],
+        ArrowRight: [0, 1],
+        ArrowLeft: [0, -1],
+        PageDown: [10, 0],
+        PageUp: [-10, 0],
+      }[event.key];
+      const { depth, shear } = load();
+      const by = event.shiftKey ? WIDE : STEP;
+      const tidy = (v) => Number(v.toPrecision(9));
+      if (event.key === "Home") {
+        event.preventDefault();
+        return move(0, 0, true);
+      }
       if (!key || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
       move(Math.max(0, tidy(depth + key[0] * by)), tidy(shear + way * key[1] * by), true);
     });
 
-    // Where the present load puts the plate. The section lies along the line of the shear, which runs towards +x: a shear
-    // that points the other way moves the plate to the left.
+    // Where the present load puts the plate. The section lies along the line of the shear, which runs towards +x: a
+    // shear that points the other way moves the plate to the left.
     function wanted(present, [c, s]) {
-      const { depth, shear, direction, friction, plate_tilt: tilt } = load(), angle = (direction * Math.PI) / 180;
-      const along = Math.cos(angle) * c + Math.sin(angle) * s, rise = (value("D") / 2) * (1 / Math.cos((tilt * Math.PI) / 180) - 1);
+      const { depth, shear, direction, friction, plate_tilt: tilt } = load();
+      const angle = (direction * Math.PI) / 180;
+      const along = Math.cos(angle) * c + Math.sin(angle) * s;
+      const rise = (value("D") / 2) * (1 / Math.cos((tilt * Math.PI) / 180) - 1);
       way = along < -0.5 ? -1 : 1;
       return { z: value("L") - depth + rise, x: friction === "none" ? present.x : way * shear, tilt };
     }
 
     // The handle lies over the drawn plate and a little below it.
     function place(plate) {
-      if (!at || !plate) { handle.hidden = true; return; }
-      const half = 0.62 * value("D") * at.scale, x = (at.x(plate.x || 0) - half) / at.ratio, y = at.z(plate.z) / at.ratio;
+      if (!at || !plate) {
+        handle.hidden = true;
+        return;
+      }
+      const half = 0.62 * value("D") * at.scale;
+      const x = (at.x(plate.x || 0) - half) / at.ratio;
+      const y = at.z(plate.z) / at.ratio;
       handle.hidden = false;
-      Object.assign(handle.style, { left: `${x}px`, width: `${(2 * half) / at.ratio}px`, top: `${y - 26}px`, transform: `rotate(${plate.tilt || 0}deg)` });
-      const { depth, shear } = load(), text = `depth ${Format.plain(depth)} mm, shear ${Format.plain(shear)} mm`;
-      handle.setAttribute("aria-valuetext", text); handle.setAttribute("aria-valuemax", Format.plain(Math.max(value("L"), depth))); handle.setAttribute("aria-valuenow", Format.plain(depth));
+      Object.assign(handle.style, {
+        left: `${x}px`,
+        width: `${(2 * half) / at.ratio}px`,
+        top: `${y - 26}px`,
+        transform: `rotate(${plate.tilt || 0}deg)`,
+      });
+      const { depth, shear } = load();
+      const text = `depth ${Format.plain(depth)} mm, shear ${Format.plain(shear)} mm`;
+      handle.setAttribute("aria-valuetext", text);
+      handle.setAttribute("aria-valuemax", Format.plain(Math.max(value("L"), depth)));
+      handle.setAttribute("aria-valuenow", Format.plain(depth));
     }
 
     // A dashed line where the plate is to go, above the picture, which a move of the hand then leaves as it is.
     function wish() {
-      const { plate: present, direction = [1, 0] } = shown?.section || {}, target = present && wanted(present, direction);
-      const far = at && present && (Math.abs(target.z - present.z) > 0.004 || Math.abs(target.x - present.x) > 0.004 || target.tilt !== present.tilt);
+      const { plate: present, direction = [1, 0] } = shown?.section || {};
+      const target = present && wanted(present, direction);
+      const far =
+        at &&
+        present &&
+        (Math.abs(target.z - present.z) > 0.004 ||
+          Math.abs(target.x - present.x) > 0.004 ||
+          target.tilt !== present.tilt);
       mark.hidden = !far;
       if (far) {
-        const half = 0.62 * value("D") * at.scale / at.ratio, x = at.x(target.x || 0) / at.ratio, y = at.z(target.z) / at.ratio;
-        mark.style.width = `${2 * half}px`; mark.style.transform = `translate(${x - half}px, ${y}px) rotate(${target.tilt || 0}deg)`;
+        const half = (0.62 * value("D") * at.scale) / at.ratio;
+        const x = at.x(target.x || 0) / at.ratio;
+        const y = at.z(target.z) / at.ratio;
+        mark.style.width = `${2 * half}px`;
+        mark.style.transform = `translate(${x - half}px, ${y}px) rotate(${target.tilt || 0}deg)`;
       }
       place(present && (held ? target : present));
     }
 
     return {
-      canvas, wish,
+      canvas,
+      wish,
       draw(drawing) {
         Format.fit(canvas);
         if (!canvas.width) return;
-        at = SectionDrawing.draw(canvas, { ...drawing, value }); shown = drawing.state;
+        at = SectionDrawing.draw(canvas, { ...drawing, value });
+        shown = drawing.state;
         wish();
       },
-      say({ chip, time, text }) { Format.put(caption("chip"), chip); caption("chip").dataset.level = chip; Format.put(caption("time"), time); Format.put(caption("text"), text); },
-      grey(yes) { figure.classList.toggle("stale", yes); },
+      say({ chip, time, text }) {
+        Format.put(caption("chip"), chip);
+        caption("chip").dataset.level = chip;
+        Format.put(caption("time"), time);
+        Format.put(caption("text"), text);
+      },
+      grey(yes) {
+        figure.classList.toggle("stale", yes);
+      },
     };
   }
 

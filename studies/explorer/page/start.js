@@ -3,45 +3,84 @@
 
 (async () => {
   const { $, engine, sides, answers, view } = Explorer;
-  const GONE = "The server does not answer; the last pictures stay. If it was stopped, start it again with the same port: this page connects by itself and goes on from here.";
-  const OTHER = "A server answers here, but with another token: open the address that it printed. The state of this page is the part of its address after the sign #.";
-  const THEMES = ["auto", "light", "dark"], NAMES = { auto: "Theme: system", light: "Theme: light", dark: "Theme: dark" };
+  const GONE =
+    "The server does not answer; the last pictures stay. " +
+    "If it was stopped, start it again with the same port: this page connects by itself and goes on from here.";
+  const OTHER =
+    "A server answers here, but with another token: open the address that it printed. " +
+    "The state of this page is the part of its address after the sign #.";
+  const THEMES = ["auto", "light", "dark"];
+  const NAMES = { auto: "Theme: system", light: "Theme: light", dark: "Theme: dark" };
 
   function theme(name) {
-    if (name === "auto") delete document.documentElement.dataset.theme; else document.documentElement.dataset.theme = name;
-    $("#theme").textContent = NAMES[name]; $("#theme").dataset.now = name;
+    if (name === "auto") delete document.documentElement.dataset.theme;
+    else document.documentElement.dataset.theme = name;
+    $("#theme").textContent = NAMES[name];
+    $("#theme").dataset.now = name;
     Format.recolour();
   }
   let kept = "auto";
   // a page opened from a file may have no storage
-  try { kept = localStorage.getItem("magtip-theme") || "auto"; } catch { kept = "auto"; }
+  try {
+    kept = localStorage.getItem("magtip-theme") || "auto";
+  } catch {
+    kept = "auto";
+  }
   theme(THEMES.includes(kept) ? kept : "auto");
 
-  engine.onClosed((why) => { document.body.dataset.server = why; Explorer.requests()?.closed(); Explorer.say(why === "token" ? OTHER : GONE); });
+  engine.onClosed((why) => {
+    document.body.dataset.server = why;
+    Explorer.requests()?.closed();
+    Explorer.say(why === "token" ? OTHER : GONE);
+  });
   let fields = null;
-  try { fields = await engine.fields(); } catch (error) {
-    Explorer.say(error.message === "token" ? OTHER : "The server does not answer: start magtip explore and open the address that it prints.");
+  try {
+    fields = await engine.fields();
+  } catch (error) {
+    Explorer.say(
+      error.message === "token"
+        ? OTHER
+        : "The server does not answer: start magtip explore and open the address that it prints.",
+    );
     return;
   }
 
   const views = { sections: {}, sensors: {} };
   for (const side of ["a", "b"]) {
     views.sections[side] = SectionView.start($(`figure.section[data-side=${side}]`), {
-      load: () => sides[side], value: (name) => sides[side][name],
-      move(depth, shear, done) { Explorer.set(side, "shear", shear, false); Explorer.set(side, "depth", depth, done); if (done) Explorer.commitSoon(); },
+      load: () => sides[side],
+      value: (name) => sides[side][name],
+      move(depth, shear, done) {
+        Explorer.set(side, "shear", shear, false);
+        Explorer.set(side, "depth", depth, done);
+        if (done) Explorer.commitSoon();
+      },
     });
-    views.sensors[side] = SensorView.start($(`figure.sensor[data-side=${side}]`), Explorer.turn, () => Explorer.touch("turn"));
+    views.sensors[side] = SensorView.start($(`figure.sensor[data-side=${side}]`), Explorer.turn, () =>
+      Explorer.touch("turn"),
+    );
   }
-  views.curves = Object.fromEntries(["force", "shift"].map((name) => [name, Charts.curve($(`[data-chart=${name}]`), name, $(`#${name}-panel .readout`), engine.model)]));
+  views.curves = Object.fromEntries(
+    ["force", "shift"].map((name) => [
+      name,
+      Charts.curve($(`[data-chart=${name}]`), name, $(`#${name}-panel .readout`), engine.model),
+    ]),
+  );
   views.bars = Charts.readings($("[data-chart=readings]"));
   const columns = {
-    response: [engine.model, "formula"], readings: ["under this load", "change"], decoded: ["from the readings", "noise (rms)"], stability: [engine.model, null],
-    vibration: ["finite elements", null], loop: ["finite elements", null],
+    response: [engine.model, "formula"],
+    readings: ["under this load", "change"],
+    decoded: ["from the readings", "noise (rms)"],
+    stability: [engine.model, null],
+    vibration: ["finite elements", null],
+    loop: ["finite elements", null],
   };
   for (const [name, titles] of Object.entries(columns)) {
     views[name] = Numbers.table($(`[data-table=${name}]`), ...titles);
   }
-  const controls = Controls.build(fields, $("#groups"), (field, value, done) => Explorer.set(view.edit, field.name, value, done));
+  const controls = Controls.build(fields, $("#groups"), (field, value, done) =>
+    Explorer.set(view.edit, field.name, value, done),
+  );
   const requests = Requests(engine, Explorer);
   Explorer.use({ fields, controls, views, requests });
   Explorer.wire();
@@ -49,41 +88,80 @@
   $("#theme").addEventListener("click", () => {
     const next = THEMES[(THEMES.indexOf($("#theme").dataset.now) + 1) % THEMES.length];
     theme(next);
-    try { localStorage.setItem("magtip-theme", next); } catch { /* the choice lasts as long as the page */ }
+    try {
+      localStorage.setItem("magtip-theme", next);
+    } catch {
+      /* the choice lasts as long as the page */
+    }
     for (const one of [views.curves.force, views.curves.shift, views.bars]) one.redraw();
     Explorer.touch("state", "curve");
   });
 
-  const tell = (text) => { $("#live").textContent = text; Format.put($("#done"), text); clearTimeout(tell.timer); tell.timer = setTimeout(() => Format.put($("#done"), ""), 4000); };
-  const close = (button) => { const menu = button.closest("details"); menu.open = false; $("summary", menu).focus(); };
+  const tell = (text) => {
+    $("#live").textContent = text;
+    Format.put($("#done"), text);
+    clearTimeout(tell.timer);
+    tell.timer = setTimeout(() => Format.put($("#done"), ""), 4000);
+  };
+  const close = (button) => {
+    const menu = button.closest("details");
+    menu.open = false;
+    $("summary", menu).focus();
+  };
   for (const menu of document.querySelectorAll("details.menu")) {
-    menu.addEventListener("keydown", (event) => { if (event.key === "Escape") { menu.open = false; $("summary", menu).focus(); } });
-    document.addEventListener("pointerdown", (event) => { if (!menu.contains(event.target)) menu.open = false; });
+    menu.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") {
+        menu.open = false;
+        $("summary", menu).focus();
+      }
+    });
+    document.addEventListener("pointerdown", (event) => {
+      if (!menu.contains(event.target)) menu.open = false;
+    });
   }
-  for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", async () => {
-    Explorer.commit();
-    const address = location.href.replace(/([?&])token=[^&#]*/, "$1").replace(/[?&](?=#|$)/, "");
-    const text = button.dataset.copy === "address" ? address : answers[view.edit].commands?.data[button.dataset.copy];
-    close(button);
-    tell(text && (await Exports.copy(text)) ? "Copied." : "Not copied: the text stands at the end of the page.");
-  });
-  for (const button of document.querySelectorAll("[data-export]")) button.addEventListener("click", async () => {
-    const name = button.dataset.export;
-    close(button); tell("Exporting …");
-    try {
-      const request = { number: 0, side: view.edit, ...Explorer.message(view.edit) };
-      Exports.save(`magtip-${name}`, name === "picture.png" ? await picture() : await engine.file(name, request));
-      tell(`Exported ${name}.`);
-    } catch (error) { tell(""); Explorer.say(error.message); }
-  });
+  for (const button of document.querySelectorAll("[data-copy]"))
+    button.addEventListener("click", async () => {
+      Explorer.commit();
+      const address = location.href.replace(/([?&])token=[^&#]*/, "$1").replace(/[?&](?=#|$)/, "");
+      const text =
+        button.dataset.copy === "address" ? address : answers[view.edit].commands?.data[button.dataset.copy];
+      close(button);
+      tell(text && (await Exports.copy(text)) ? "Copied." : "Not copied: the text stands at the end of the page.");
+    });
+  for (const button of document.querySelectorAll("[data-export]"))
+    button.addEventListener("click", async () => {
+      const name = button.dataset.export;
+      close(button);
+      tell("Exporting …");
+      try {
+        const request = { number: 0, side: view.edit, ...Explorer.message(view.edit) };
+        Exports.save(`magtip-${name}`, name === "picture.png" ? await picture() : await engine.file(name, request));
+        tell(`Exported ${name}.`);
+      } catch (error) {
+        tell("");
+        Explorer.say(error.message);
+      }
+    });
 
   function picture() {
-    const list = Explorer.shownSides(), texts = ["magtip explore", $("#sensor-name").textContent, ...list.map((side) => $(`figure.section[data-side=${side}] figcaption`).textContent)];
+    const list = Explorer.shownSides();
+    const texts = [
+      "magtip explore",
+      $("#sensor-name").textContent,
+      ...list.map((side) => $(`figure.section[data-side=${side}] figcaption`).textContent),
+    ];
     const rows = ["sections", "sensors"].map((kind) => list.map((side) => views[kind][side].canvas));
-    return Exports.picture(texts, [...rows, [views.curves.force, views.curves.shift, views.bars].map((one) => one.canvas())]);
+    return Exports.picture(texts, [
+      ...rows,
+      [views.curves.force, views.curves.shift, views.bars].map((one) => one.canvas()),
+    ]);
   }
 
-  engine.onOpened(() => { delete document.body.dataset.server; if (/server/i.test(Explorer.notice())) Explorer.say(""); requests.opened(); });
+  engine.onOpened(() => {
+    delete document.body.dataset.server;
+    if (/server/i.test(Explorer.notice())) Explorer.say("");
+    requests.opened();
+  });
   Explorer.begin();
   engine.start();
   document.documentElement.dataset.ready = "yes";
