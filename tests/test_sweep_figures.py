@@ -64,7 +64,7 @@ def test_map_of_errors_has_each_error_in_its_cell():
     axes = {"L_mm": np.linspace(9, 12, 8), "depth_mm": np.linspace(0.5, 1.0, 7)}
     whole = table(axes, fem_force_N=lambda L, d: L * d, force_error_percent=lambda L, d: L + d - 2)
     value, error = sweep_figures.sweep(whole)
-    assert value.title == "Press force over L"
+    assert value.title == "Press force over depth"
     assert error.title == "Error of the press force, the formula"
     off = error.data["L (mm)"] + error.data["depth (mm)"] - 2 - error.data["error (%)"]
     np.testing.assert_allclose(off, 0, atol=1e-9)

@@ -260,10 +260,9 @@ def view(table: pd.DataFrame, axes: Sequence[str], columns: Sequence[str]) -> Vi
         [axis for axis in axes if effects[axis][1]] or [axis for axis in axes if count[axis] > 1] or list(axes[:1])
     )
     numbers = [axis for axis in names if table[axis].dtype.kind in "fiu"] or names
-    longest = max(numbers, key=lambda axis: count[axis])
+    long = [axis for axis in numbers if count[axis] > MOST_COLOURS]
     # the load's axes make curves that a reader knows; among equals the axis with the most values
-    ranked = sorted(numbers, key=lambda axis: (axis not in ("depth_mm", "shear_mm"), -count[axis]))
-    x = longest if count[longest] > MOST_COLOURS else ranked[0]
+    x = min(long or numbers, key=lambda axis: (axis not in ("depth_mm", "shear_mm"), -count[axis]))
     second, *rest = [*sorted((axis for axis in names if axis != x), key=lambda axis: -count[axis]), ""]
     panels, folded = [axis for axis in rest if axis], list[str]()
     while math.prod(count[axis] for axis in panels) > MOST_PANELS:
