@@ -7,6 +7,7 @@ import pytest
 from analytic import buckling
 from geometry.design import Design, paper
 from studies.cli import entry_point
+from studies.simulation import critical_depths
 from studies.simulation.critical_depths import COLUMNS, page
 
 
@@ -81,3 +82,19 @@ def test_bad_requests_are_a_sentence(given, said, capsys):
     assert shown.out == ""
     assert said in shown.err
     assert shown.err.count("\n") == 1
+
+
+def test_an_interruption_prints_the_lengths_that_are_complete(run, monkeypatch, strict, tmp_path):
+    solved = []
+
+    def solve(*_):
+        if solved:
+            raise KeyboardInterrupt
+        solved.append(1)
+        return {"status": "ok"}
+
+    monkeypatch.setattr(critical_depths, "_solve", solve)
+    status, out, err = run("stability", "paper", "--slenderness", "1,2", "--out", "o", "--json")
+    assert (status, [row["L_over_D"] for row in strict(out)]) == (130, [1.0])
+    assert "1 of 2 lengths are complete, and no file is written" in err
+    assert not (tmp_path / "o").exists()

@@ -18,7 +18,7 @@ from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.output.figures import Figure, Look, long, numbers, picture, plot
 from studies.output.records import FlatRow
-from studies.output.result import Result, Table, failure_of
+from studies.output.result import Interrupted, Result, Table, failure_of
 from studies.output.text_tables import markdown
 
 if TYPE_CHECKING:
@@ -171,21 +171,24 @@ def over_slenderness(
     """Find the critical depths of a free and of a guided tip at each L/D, one row each, beside the formulas.
 
     A row of a length that the design refuses has the status refused and no numbers.
+
+    Raises
+    ------
+    Interrupted
+        After Ctrl-C, with the rows that are complete.
     """
     if magnet == "ignored":
         design = replace(design, magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
-    rows = []
-    for i, ratio in enumerate(slenderness):
-        progress(i / len(slenderness), f"L/D = {ratio:g}")
-        length = ratio * design.D
-        columns: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
-        columns |= {**dict.fromkeys(COLUMNS), "message": ""}
-        try:
-            rows.append(columns | _solve(replace(design, L=length, l0=length), magnet, accuracy))
-        except BadInput as error:
-            rows.append(columns | {"message": str(error)})
+    rows: list[FlatRow] = []
     first = ("L_over_D", "status", "critical_depth_mm", "critical_force_N")
     table = Table(title="Stability over slenderness", rows=rows, first=first, places=("L_over_D",))
+    try:
+        for i, ratio in enumerate(slenderness):
+            progress(i / len(slenderness), f"L/D = {ratio:g}")
+            rows.append(_row(design, magnet, accuracy, ratio))
+    except KeyboardInterrupt:
+        text = f"{len(rows)} of {len(slenderness)} lengths are complete, and no file is written"
+        raise Interrupted(text, Result(title=table.title, records=rows, shown=[table])) from None
     return Result(
         title=table.title,
         records=rows,
@@ -195,6 +198,17 @@ def over_slenderness(
         pages={"STABILITY.md": page(rows)},
         failures=failure_of(rows),
     )
+
+
+def _row(design: Design, magnet: Magnet, accuracy: str, ratio: float) -> FlatRow:
+    """Return the row of one L/D."""
+    length = ratio * design.D
+    columns: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
+    columns |= {**dict.fromkeys(COLUMNS), "message": ""}
+    try:
+        return columns | _solve(replace(design, L=length, l0=length), magnet, accuracy)
+    except BadInput as error:
+        return columns | {"message": str(error)}
 
 
 def _solve(beam: Design, magnet: Magnet, accuracy: str) -> FlatRow:
