@@ -65,7 +65,7 @@ LONGEST = (
     "test_mesh_import",
     "test_cad",
     "test_symmetry_models",
-    "test_kept_paths",
+    "test_explorer_answers",
     "test_design_range",
 )
 """Files with the longest tests, the longest first."""

@@ -13,7 +13,7 @@ from analytic import hall
 from fem.equilibrium import solve
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies.explorer import offline_page, offline_tables, state_answers, state_grid
+from studies.explorer import offline_page, offline_tables, state_answers
 from studies.output import atomic_files
 
 MOST_BYTES = 6e6
@@ -24,7 +24,7 @@ FORMULA = "finite"
 @pytest.fixture(scope="module")
 def grid():
     """A coarse grid of the paper's sensor."""
-    return state_grid.solve(paper(), "rigid", size=SIZE)
+    return offline_tables.solve(paper(), "rigid", size=SIZE)
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +54,9 @@ def test_a_spline_is_exact_for_a_cubic_and_knows_where_nodes_are_missing():
     nodes = np.linspace(0, 1, 7)
     values = np.stack([nodes**3, 1 - nodes], axis=1)
     at = np.linspace(0, 1, 31)
-    assert state_grid.between(nodes, values, at, 3) == pytest.approx(np.stack([at**3, 1 - at], axis=1), abs=1e-12)
+    assert offline_tables.between(nodes, values, at, 3) == pytest.approx(np.stack([at**3, 1 - at], axis=1), abs=1e-12)
     values[3] = np.nan
-    known = np.isfinite(state_grid.between(nodes, values, at, 3)[:, 0])
+    known = np.isfinite(offline_tables.between(nodes, values, at, 3)[:, 0])
     assert known.tolist() == [not 1 / 3 + 1e-9 < place < 2 / 3 - 1e-9 for place in at.tolist()]
 
 
@@ -103,7 +103,7 @@ def test_an_interval_of_the_depth_with_a_failed_check_has_unknown_errors(grid):
 
 
 def test_the_errors_of_the_page_fall_with_its_grid(grid):
-    finer = state_grid.solve(paper(), "rigid", size=(8, 2))
+    finer = offline_tables.solve(paper(), "rigid", size=(8, 2))
     coarse, fine = (offline_tables.measured(one).share[:, 1].max() for one in (grid, finer))
     # what is left is the mesh at shallow depths, which differs from state to state
     assert 0 < fine < 0.7 * coarse
@@ -190,7 +190,7 @@ def test_commands_and_files_are_those_of_the_state(page):
 def test_a_sensor_without_a_magnet_and_of_another_law_has_a_page():
     design = Design(magnet_diameter=0.0, magnet_height=0.0, law="yeoh", yeoh_2=0.1)
     assert offline_page.magnet_of(design) == "ignored"
-    grid = state_grid.solve(design, "ignored", size=SIZE)
+    grid = offline_tables.solve(design, "ignored", size=SIZE)
     assert "the paper&#x27;s sensor with" in offline_page.page(grid, "ignored")
 
 

@@ -2,7 +2,7 @@
 
 The page is the server's: its scripts and styles are inlined as classic scripts, in their order, with
 `offline_engine.js` in place of `live_engine.js`. The design is fixed; depth, shear and direction move between states
-that are solved while the page is written (`state_grid`), and all numbers are computed then (`offline_tables`). A
+that are solved while the page is written (`offline_tables`), and all numbers are computed then. A
 Content-Security-Policy in the page forbids every request.
 """
 
@@ -25,11 +25,10 @@ from studies.explorer import (
     offline_tables,
     state_answers,
     state_exports,
-    state_grid,
 )
 from studies.explorer.explorer_state import RATES, Level, explorer_fields
 from studies.explorer.explorer_workers import as_json
-from studies.explorer.state_grid import Grid
+from studies.explorer.offline_tables import Grid
 from studies.output import atomic_files
 
 PAGE = Path(__file__).parent / "page"
@@ -67,7 +66,7 @@ def write(design: Design, path: Path, progress: Progress | None = None) -> Path:
             progress(SOLVING * share, text)
 
     magnet = magnet_of(design)
-    grid = state_grid.solve(design, magnet, LEVELS[LEVEL], solving)
+    grid = offline_tables.solve(design, magnet, LEVELS[LEVEL], solving)
     if progress is not None:
         progress(SOLVING, "readings, formulas, curve and stability")
     atomic_files.write_text(path, page(grid, magnet))
