@@ -129,7 +129,11 @@ def refusal(design: Design, load: Load, magnet: Magnet) -> str:
     reason = _refusal_of_kind(design, load, magnet)
     if reason:
         return reason
-    return load_refusal(beams_of([design]), 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
+    try:
+        beams = beams_of([design])
+    except BadInput as error:
+        return str(error)
+    return load_refusal(beams, 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
 
 
 def _refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
