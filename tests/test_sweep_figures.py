@@ -191,3 +191,17 @@ def test_quantities_of_time_are_drawn_over_the_axes_of_a_sweep():
     assert sweep_figures.axes_of(whole) == ["loss_factor"]
     (figure,) = sweep_figures.sweep(whole)
     assert figure.data["gap of the loop at mid-stroke (% of full scale)"].tolist() == pytest.approx([3.9, 7.8])
+
+
+def test_values_and_errors_have_the_same_colours_and_markers():
+    whole = table(
+        {"D_mm": [6.0, 8.0], "depth_mm": [0.5, 1.0]},
+        fem_force_N=lambda D, d: D * d,
+        analytic_force_N=lambda D, d: D * d**2,
+        force_error_percent=lambda D, d: 10 * D * (d - 1.5),
+    )
+    domains = []
+    for figure in sweep_figures.sweep(whole):
+        point = next(part for part in figure.chart.to_dict()["layer"] if part["mark"]["type"] == "point")
+        domains.append([point["encoding"][name]["scale"]["domain"] for name in ("color", "shape")])
+    assert domains[0] == domains[1] == [["D = 6 mm", "D = 8 mm"], ["finite elements", "the paper's formula"]]

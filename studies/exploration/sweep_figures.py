@@ -352,7 +352,7 @@ def _drawn(
         shown = shown.assign(low=data["low"], high=data["high"])
     if look.second:
         shown["series"] = [value_of(look.second, value) for value in data[look.second]]
-    if not look.second or len(names) > 1:
+    if not look.second or len(styles) > 1:
         shown["model" if look.second else "series"] = data["model"]
     numeric = table[look.x].dtype.kind in "fiu"
     log = "x" if numeric and log_spaced(np.unique(table[look.x])) else ""
