@@ -5,10 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from studies.sizing.candidate_performance import performance
+from studies.sizing.candidate_performance import LEAST, performance
 from studies.sizing.candidate_variables import variables, variant
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.requirement_margins import LEAST
 from studies.sizing.requirements import Requirements
 from studies.sizing.variant_search import Candidates, beams_of
 

@@ -1,8 +1,12 @@
-"""The parts in use: shipped, the user's, and those that the requirements name."""
+"""Catalogues: their files, the shipped parts with their sources, and the parts in use."""
+
+import math
 
 import pytest
 
-from studies.sizing.catalogues import catalogues_of, rows
+from analytic.parts import of_design
+from geometry.design import Design
+from studies.sizing.catalogues import catalogues_of, read_catalogue, rows
 from studies.sizing.requirements import CATALOGUES, Requirements
 
 OWN = """
@@ -116,3 +120,100 @@ def test_a_beam_in_which_no_magnet_fits_is_refused(refused, bound):
     with refused("no magnet in use fits into a beam of 4.1 mm: the smallest one, 4x2 N35, needs 4.2 mm"):
         parts_of(magnets=("5x2 N35", "4x2 N35"), **{bound: 4.1})
     assert parts_of(magnets=("4x2 N35",), **{bound: 4.2}).magnets
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return catalogues_of(Requirements(force_z=1.0))
+
+
+def test_shipped_parts_make_designs(parts):
+    for magnet in parts.magnets:
+        D = 3 * max(magnet.diameter, magnet.height)
+        assert Design(D=D, L=D, l0=D, **magnet.fields()).remanence == magnet.remanence
+    for part in parts.hall_parts:
+        assert Design(**part.fields()).hall_layout == part.layout
+    for silicone in parts.silicones:
+        assert Design(**silicone.fields()).E == silicone.E
+
+
+def test_the_papers_hall_part_has_the_values_of_the_preset(parts):
+    assert Design(**named(parts.hall_parts, "SS495A").fields()) == Design()
+
+
+def reading_noise(part, **choices):
+    """Standard deviation of a reading of a design with this part, T."""
+    return of_design(Design(**part.fields(), **part.noise_fields(**choices)))[0].noise_T
+
+
+def test_noise_grows_with_the_root_of_the_bandwidth(parts):
+    part = named(parts.hall_parts, "DRV5055A2")
+    assert reading_noise(part, bandwidth=400) == pytest.approx(2 * reading_noise(part, bandwidth=100))
+    assert reading_noise(part, bandwidth=100) == pytest.approx(130e-9 * math.sqrt(100 * math.pi / 2))
+    assert reading_noise(part, bandwidth=1e6) == reading_noise(part)
+
+
+def test_noise_of_a_chip_is_that_of_its_layout(parts):
+    part = named(parts.hall_parts, "TMAG5273A1")
+    assert part.noise_fields(100) == {}
+    assert reading_noise(part) == pytest.approx(math.hypot(part.noise, part.step / math.sqrt(12)))
+
+
+GRADE = '[[grade]]\nname = "N38"\nremanence = ["1220 mT", 1.26]\n'
+MAGNET = '[[magnet]]\ndiameter = 7\nheight = "2 mm"\ngrades = ["N38"]\n'
+HALL = '[[hall_part]]\nname = "H"\ngain = "10 mV/mT"\n'
+SILICONE = '[[silicone]]\nname = "S"\nE = ["700 kPa", 0.8, 1]\n'
+
+
+def test_a_file_with_all_kinds(toml):
+    file = read_catalogue(toml(GRADE + MAGNET + HALL + SILICONE))
+    assert file.grades["N38"]["remanence"] == (1.22, 1.26)
+    assert (file.magnets["7x2"]["diameter"], file.magnets["7x2"]["height"]) == (7.0, 2.0)
+    assert file.hall_parts["H"].gain == 10.0
+    assert (file.silicones["S"].E_low, file.silicones["S"].E, file.silicones["S"].E_high) == (0.7, 0.8, 1.0)
+
+
+def test_what_is_left_out_counts_as_assumed(toml):
+    text = SILICONE + "nu = [0.48, 0.49, 0.499]\ndensity = 1100\nassumed = ['density']\n"
+    assert read_catalogue(toml(text)).silicones["S"].assumed == ("density", "cure_temperature", "cure_hours", "mixed")
+
+
+def test_a_chip_has_the_values_of_its_data_sheet(toml):
+    part = read_catalogue(toml('[[hall_part]]\nname = "C"\nlayout = "tmag5273a1"')).hall_parts["C"]
+    assert (part.low, part.high, part.noise, part.noise_density) == (-0.08, 0.08, 1e-4, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["sensor.toml: the catalogue is empty: add a table"]),
+        ("magnet = []", ["the catalogue is empty"]),
+        ("[magnet]\ndiameter = 4", [r"magnet must be an array of tables: write \[\[magnet\]\]"]),
+        ("[[magnets]]\ndiameter = 4", ["there is no key 'magnets'", "did you mean magnet"]),
+        (
+            '[[magnet]]\ndiamter = 4\nname = "M"',
+            ["sensor.toml: M: there is no key 'diamter'", "did you mean diameter"],
+        ),
+        ("[[magnet]]\ndiameter = 4", [r"\[\[magnet\]\] number 1: height is missing"]),
+        (MAGNET.replace("7", '"7 N"'), ["diameter: 'N' is no unit for it"]),
+        (MAGNET.replace("7", "0"), ["diameter must lie between 0.1 and 200 mm; got 0 mm"]),
+        (MAGNET + "edge_radius = 1.5", ["edge_radius must not exceed half the magnet's smaller side = 1 mm"]),
+        (MAGNET.replace('["N38"]', "[]"), ["grades is empty"]),
+        (MAGNET.replace('["N38"]', '"N38"'), ["grades must be a list of names; got 'N38'"]),
+        (MAGNET + MAGNET, [r"two tables \[\[magnet\]\] have the name '7x2'"]),
+        (SILICONE + SILICONE, [r"two tables \[\[silicone\]\] have the name 'S'"]),
+        (GRADE.replace("1.26", "1.2"), ["N38: remanence must be", "none above the next; got 1.22, 1.2"]),
+        (SILICONE.replace("0.8", "0.6"), ["S: E must be", "none above the next; got 0.7, 0.6, 1"]),
+        (SILICONE.replace('["700 kPa", 0.8, 1]', "0.8"), [r"E must be \[low, typical, high\]; got 0.8"]),
+        (SILICONE + "nu = [0.4, 0.5, 0.6]", ["nu must lie between 0.3 and 0.5; got 0.6"]),
+        (SILICONE + "source = 3", ["source must be a text; got 3"]),
+        (SILICONE + 'assumed = ["nue"]', ["assumed: there is no key 'nue'", "did you mean nu"]),
+        ('[[hall_part]]\nname = "H"', ["H: gain is missing"]),
+        (HALL + "low = 3", ["null must lie between low = 3 V and high = 4.8 V; got 2.5 V"]),
+        (HALL + 'layout = "tmag5273"', ["there is no layout 'tmag5273'", "did you mean tmag5273a1"]),
+        (HALL + "body = [1, 2]", [r"body must be \[width, height, thickness\]"]),
+    ],
+)
+def test_refusal(text, parts, toml, refused):
+    with refused(*parts):
+        read_catalogue(toml(text))

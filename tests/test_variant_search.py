@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from studies.sizing import conflict_search
+from studies.sizing import conflicts
 from studies.sizing.candidate_performance import CHECKED, performance
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.conflict_search import conflict_of
+from studies.sizing.conflicts import conflict_of
 from studies.sizing.front_search import Effort
 from studies.sizing.requirements import Requirements
 from studies.sizing.variant_search import beams_of, islands, searched
@@ -46,7 +46,7 @@ def test_more_poses_are_not_easier():
 
 def test_range_and_strain_that_conflict_say_what_to_give(monkeypatch):
     # test_sizing_commands.py has the whole effort
-    monkeypatch.setattr(conflict_search, "EFFORT", Effort(16, 8))
+    monkeypatch.setattr(conflicts, "EFFORT", Effort(16, 8))
     needed = dataclasses.replace(NEEDED, force_z=200.0, force_x=None, largest_strain=0.4)
     groups = islands(needed, dataclasses.replace(PARTS, hall_parts=PARTS.hall_parts[:1]))
     lasts, variants = searched(groups, Effort(16, 2))

@@ -297,7 +297,7 @@ def _needs(name: str) -> Field:
 def _grades() -> list[Field]:
     """Return the grades of magnets in the catalogue, each with the middle of the range of its remanence, T."""
     from studies import sizing
-    from studies.sizing.catalogue_files import read_catalogue
+    from studies.sizing.catalogues import read_catalogue
 
     file = Path(str(sizing.__file__)).with_name("magnets.toml")
     grades = read_catalogue(str(file)).grades

@@ -13,8 +13,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.fabrication.hall_elements import CHIPS, SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
-from studies.sizing.catalogue_entries import FILTER, HallPartEntry, MagnetEntry, SiliconeEntry
-from studies.sizing.catalogues import Catalogues
+from studies.sizing.catalogues import FILTER, Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.front_search import Variable
 from studies.sizing.requirements import Requirements
 from studies.surrogate import surrogate_range

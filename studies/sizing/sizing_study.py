@@ -99,7 +99,7 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
     """
     from studies.exploration import store as stores
     from studies.exploration.needed_paths import Solver
-    from studies.sizing import conflict_search, front_solves, front_yield
+    from studies.sizing import conflicts, front_solves, front_yield
     from studies.sizing.catalogues import catalogues_of
     from studies.sizing.variant_search import check_rated, islands, searched
 
@@ -111,7 +111,7 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
         lasts, variants = searched(groups, settings.effort, first)
         if not variants:
             check_rated(groups)
-            conflict = conflict_search.conflict_of(groups, lasts, functools.partial(_part, progress, SEARCHED, 1.0))
+            conflict = conflicts.conflict_of(groups, lasts, functools.partial(_part, progress, SEARCHED, 1.0))
             return Sizing(requirements, catalogues, settings.effort, 0, [], None, conflict)
         solver = Solver(
             store, settings.processes, functools.partial(_part, progress, SEARCHED, SOLVED), settings.accuracy

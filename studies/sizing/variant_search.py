@@ -13,10 +13,9 @@ import numpy as np
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.sizing.candidate_performance import performance
+from studies.sizing.candidate_performance import Performance, performance
 from studies.sizing.candidate_variables import Variant, shortage, variables, variant
 from studies.sizing.front_search import Effort, Generation, search
-from studies.sizing.requirement_margins import Performance
 from studies.surrogate import prediction
 
 if TYPE_CHECKING:
