@@ -196,7 +196,8 @@ def test_bug_is_said_to_the_page_that_met_it_before_the_next_job_begins(loop, mo
         worker, said = explorer_workers.PageWorker(asyncio.get_running_loop()), asyncio.Queue()
         for number in range(1, 6):
             request = explorer_state.request_of({"number": number, "state": {"load": {"depth": number / 10}}})
-            worker.ask(number, explorer_workers.Asked(request, "quick", said.put_nowait))
+            job = explorer_workers.Job(request, "quick")
+            worker.ask(number, explorer_workers.Asked(job, said.put_nowait))
         found = [json.loads(await asyncio.wait_for(said.get(), PATIENCE)) for _ in range(6)]
         worker.close()
         return found
@@ -219,7 +220,7 @@ def test_a_bug_leaves_nothing_that_is_kept(monkeypatch):
     monkeypatch.setattr(explorer_workers, "_answers", lambda background: kept)
     monkeypatch.setattr(worker_process, "_senders", [worker_process.Sender(io.BytesIO())])
     with pytest.raises(ZeroDivisionError):
-        explorer_workers.do(explorer_workers.Job(1, explorer_state.request_of({}), "quick"))
+        explorer_workers.do(explorer_workers.Job(explorer_state.request_of({}), "quick"))
     assert kept._kept == {}
 
 
@@ -231,7 +232,8 @@ def test_processes_that_never_start_are_said_to_every_request(loop, monkeypatch,
         first, later = asyncio.Queue(), asyncio.Queue()
 
         def asked(message, queue):
-            return explorer_workers.Asked(explorer_state.request_of(message), "quick", queue.put_nowait)
+            job = explorer_workers.Job(explorer_state.request_of(message), "quick")
+            return explorer_workers.Asked(job, queue.put_nowait)
 
         process.ask("early", asked({"number": 1}, first))
         said = [await asyncio.wait_for(first.get(), PATIENCE)]

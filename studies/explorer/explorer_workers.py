@@ -19,7 +19,6 @@ import time
 import traceback
 from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -51,17 +50,17 @@ Send = Callable[[str], None]
 
 
 class Job(NamedTuple):
-    """One job: its number, the request, the level of its answers, and the name of an export or "".
+    """A request, the level of its answers, the name of an export or "", and the time of its receipt by the server.
 
-    `asked` is the time at which the server received the request, by the clock of the machine. A process whose jobs
-    are of the `background` leaves the processor to others.
+    The process gives it a number, and says whether its jobs are in the background, where they leave the processor to
+    others.
     """
 
-    number: int
     request: Request
     level: str
     export: str = ""
     asked: float = 0.0
+    number: int = 0
     background: bool = False
 
 
@@ -191,24 +190,12 @@ def _finite(value: Any) -> Any:
     return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Asked:
-    """A request that waits or runs.
+class Asked(NamedTuple):
+    """A job that waits or runs, what takes its answers for the page, and what takes the content of its export."""
 
-    Attributes
-    ----------
-    send : takes the answers for the page.
-    export : name of an export, or "".
-    file : receives the content of the export.
-    time : of its receipt.
-    """
-
-    request: Request
-    level: str
+    job: Job
     send: Send
-    export: str = ""
     file: asyncio.Future[bytes] | None = None
-    time: float = 0.0
 
     def finish(self, content: bytes | None, error: BaseException | None) -> None:
         """Take what the job returned or raised."""
@@ -222,7 +209,8 @@ class Asked:
     def refuse(self, sentence: str) -> None:
         """Answer that there is no answer, and why."""
         if self.file is None:
-            self.send(encoded(self.request.number, self.request.side, error=sentence, field=None))
+            request = self.job.request
+            self.send(encoded(request.number, request.side, error=sentence, field=None))
         elif not self.file.done():
             self.file.set_exception(BadInput(sentence))
 
@@ -327,7 +315,7 @@ class PageWorker:
         asked = self._waiting.pop(key)
         self._number += 1
         self._running = key, asked
-        self._call(do, Job(self._number, asked.request, asked.level, asked.export, asked.time, self._background))
+        self._call(do, asked.job._replace(number=self._number, background=self._background))
 
 
 class Workers:
@@ -341,7 +329,7 @@ class Workers:
     def ask(self, key: Key, request: Request, send: Send) -> None:
         """Answer a request: quick first, refined when no newer one has come for a while."""
         self.forget(key)
-        self.quick.ask(key, Asked(request, "quick", send, time=time.monotonic()))
+        self.quick.ask(key, Asked(Job(request, "quick", asked=time.monotonic()), send))
         if request.state.level == "standard":
             self._timers[key] = self._loop.call_later(REST, self._refine, key, request, send)
 
@@ -355,8 +343,8 @@ class Workers:
         """
         file: asyncio.Future[bytes] = self._loop.create_future()
         key = ("export", id(file))
-        level, now = request.state.level, time.monotonic()
-        self.refining.ask(key, Asked(request, level, lambda _: None, name, file, now))
+        job = Job(request, request.state.level, name, time.monotonic())
+        self.refining.ask(key, Asked(job, lambda _: None, file))
         try:
             return await file
         finally:
@@ -379,4 +367,4 @@ class Workers:
 
     def _refine(self, key: Key, request: Request, send: Send) -> None:
         self._timers.pop(key, None)
-        self.refining.ask(key, Asked(request, "standard", send, time=time.monotonic()))
+        self.refining.ask(key, Asked(Job(request, "standard", asked=time.monotonic()), send))
