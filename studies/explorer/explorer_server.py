@@ -76,11 +76,21 @@ class Shared:
     molding: asyncio.Lock
 
 
-class Guarded(tornado.web.RequestHandler):
-    """Refuses requests without the token or with another Host, and sets the headers of all answers."""
+class Ours(tornado.web.RequestHandler):
+    """A handler that knows what all share."""
 
     def initialize(self, shared: Shared) -> None:
         self.shared = shared
+
+    def log_exception(self, *error: Any) -> None:
+        """Log bugs only: a refused request and a closed tab are none."""
+        closed = (tornado.iostream.StreamClosedError, tornado.websocket.WebSocketClosedError)
+        if not isinstance(error[1], (tornado.web.HTTPError, *closed)):
+            super().log_exception(*error)
+
+
+class Guarded(Ours):
+    """Refuses requests without the token or with another Host, and sets the headers of all answers."""
 
     def set_default_headers(self) -> None:
         self.clear_header("Server")
@@ -99,16 +109,10 @@ class Guarded(tornado.web.RequestHandler):
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{status_code}: {self._reason}\n")
 
-    def log_exception(self, *error: Any) -> None:
-        """Log bugs only: a refused request and a closed tab are none."""
-        if not isinstance(error[1], (tornado.web.HTTPError, tornado.iostream.StreamClosedError)):
-            super().log_exception(*error)
 
-
-def is_allowed(handler: tornado.web.RequestHandler) -> bool:
+def is_allowed(handler: Ours) -> bool:
     """Return whether a request comes from the page of this server."""
-    shared: Shared = handler.shared  # type: ignore[attr-defined]
-    request = handler.request
+    shared, request = handler.shared, handler.request
     given = (
         request.headers.get("X-Token")
         or handler.get_query_argument("token", None)
@@ -160,11 +164,8 @@ class Controls(Guarded):
         self.finish(json.dumps(explorer_fields(paper())))
 
 
-class Live(tornado.websocket.WebSocketHandler):
+class Live(Ours, tornado.websocket.WebSocketHandler):
     """The connection of one page: requests in, answers out."""
-
-    def initialize(self, shared: Shared) -> None:
-        self.shared = shared
 
     def prepare(self) -> None:
         if not is_allowed(self) or len(self.shared.pages) >= MOST_PAGES:
@@ -206,11 +207,6 @@ class Live(tornado.websocket.WebSocketHandler):
         self.shared.pages.discard(self)
         for side in ("a", "b"):
             self.shared.workers.forget((id(self), side))
-
-    def log_exception(self, *error: Any) -> None:
-        """Log bugs only."""
-        if not isinstance(error[1], (tornado.web.HTTPError, tornado.websocket.WebSocketClosedError)):
-            super().log_exception(*error)
 
 
 def parsed(text: str | bytes) -> object:

@@ -39,6 +39,8 @@ RATES = {"frequency": "Hz", "speed": "mm/s"}
 speed of loading cycles up to it; 0: none. The solved state is at rest."""
 LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt", *RATES)
 """Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees, and the rates."""
+OPENING_DEPTH = 1.0
+"""Depth of the page's first state for a sensor of the paper's size, mm, and of a page whose address has no depth."""
 CONTROLS = Path(__file__).with_name("controls.csv")
 """The controls of the page, in their order."""
 
@@ -242,7 +244,7 @@ def explorer_fields(design: Design) -> list[Field]:
     room, far = design.L - design.magnet_height, round(design.D / 2, 1)
     # the load's sliders reach half a diameter
     by_design: Field = {
-        "depth": {"low": 0.0, "high": room, "slider": [0, far]},
+        "depth": {"low": 0.0, "high": room, "slider": [0, far], "value": OPENING_DEPTH},
         "shear": {"low": -2 * design.L, "high": 2 * design.L, "slider": [-far, far]},
     }
     fields = []
@@ -262,7 +264,7 @@ def explorer_fields(design: Design) -> list[Field]:
                 field |= {"scope": "magnet", "value": row["value"], "needs": {}}
             else:
                 low, high = (float(row[key]) if row[key] else None for key in ("low", "high"))
-                value = row["value"] if name == "friction" else float(row["value"])
+                value = row["value"] if name == "friction" else float(row["value"] or 0)
                 field |= {"scope": "load", "value": value, "low": low, "high": high, "needs": {}}
             fields.append(field | by_design.get(name, {}))
     return fields

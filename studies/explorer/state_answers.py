@@ -39,6 +39,11 @@ DECODER_LEVEL = "finite"
 Data = dict[str, Any]
 
 
+def number(name: str, unit: str, value: float | None, half_width: float | None = None) -> Data:
+    """Return a row of a table of the page; None where the value or its half width is unknown."""
+    return {"name": name, "unit": unit, "value": value, "half_width": half_width}
+
+
 def answer(state: ExplorerState, solution: Solution, decoder: Decoder | None = None) -> Data:
     """Return the data of the part `state`; without a decoder, `decoded` is None."""
     widths = half_widths(solution)
@@ -269,18 +274,8 @@ def with_formulas(data: Data, design: Design, level: str) -> Data:
 
 
 def _formula(design: Design, depths: list[float], level: str) -> Data:
-    forces: list[float | None] = []
-    shifts: list[float | None] = []
-    for depth in depths:
-        try:
-            response = beam.solve(design, Load(depth=depth), level)
-        except BadInput:
-            forces.append(None)
-            shifts.append(None)
-            continue
-        forces.append(response.force[2])
-        shifts.append(response.shift[2])
-    return {"force": forces, "shift": shifts}
+    answers = [formula(design, Load(depth=depth), level) for depth in depths]
+    return {name: [one[name] and one[name][2] for one in answers] for name in ("force", "shift")}
 
 
 def by_surrogate(design: Design, magnet: Magnet) -> Data | None:
@@ -329,13 +324,8 @@ def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
         "first_mode_estimate_hz": _times(share, frequency),
         "first_mode_shape": first.shape[0] if first.shape else None,
         "rows": [
-            {
-                "name": "critical force",
-                "unit": "N",
-                "value": critical.force,
-                "half_width": _times(estimates.force, critical.force),
-            },
-            {"name": "stable to", "unit": "mm", "value": critical.stable_to, "half_width": None},
+            number("critical force", "N", critical.force, _times(estimates.force, critical.force)),
+            number("stable to", "mm", critical.stable_to),
         ],
         "message": message,
     }

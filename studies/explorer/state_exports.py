@@ -23,14 +23,12 @@ from geometry import design_digest
 from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.exploration.worker_process import WorkerDied, processes
-from studies.explorer.explorer_state import ExplorerState, Level, plain
+from studies.explorer.explorer_state import OPENING_DEPTH, ExplorerState, Level, plain
 from studies.inputs.option_groups import Motion
 
 if TYPE_CHECKING:
     from fem.solution import Solution
 
-OPENING_DEPTH = 1.0
-"""Depth of the page's first state for a sensor of the paper's size, mm, and of a page whose address has no depth."""
 TYPES = {
     "design.toml": "application/toml",
     "commands.json": "application/json",
@@ -75,12 +73,12 @@ def _rate_lines(state: ExplorerState) -> list[str]:
     own: dict[str, Any] = {"--depth": load.depth, "--shear": load.shear_x or None}
     if state.frequency:
         band = ":".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
-        friction = friction_text(state.vibrating_load)
+        friction = plain(state.vibrating_load.friction)
         own_friction = None if friction == "stick" or not load.depth else friction
         more = {"--frequencies": band, "--friction": own_friction, "--plate-tilt": state.motion.plate_tilt or None}
         lines.append(line("response", state, own | {"--shear-y": load.shear_y or None} | more))
     if state.speed and not load.plate_tilt and not load.shear_y and load.depth:
-        contact = friction_text(load) if load.coulomb is not None else None
+        contact = plain(load.friction) if load.coulomb is not None else None
         lines.append(line("cycle", state, own | {"--speed": state.speed, "--friction": contact}))
     return lines
 
@@ -95,7 +93,7 @@ def _solve_line(state: ExplorerState) -> str:
     motion = state.motion
     options: dict[str, Any] = {"--depth": motion.depth, "--shear": motion.shear, "--shear-y": motion.shear_y}
     options["--plate-tilt"] = motion.plate_tilt or None
-    options["--friction"] = friction_text(state.load) if state.load.shear or state.load.coulomb else None
+    options["--friction"] = plain(state.load.friction) if state.load.shear or state.load.coulomb else None
     return line("solve", state, options)
 
 
@@ -112,11 +110,6 @@ def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
     for name, value in changed_fields(state).items():
         words += ["--set", f"{name}={plain(value)}"]
     return shlex.join(words)
-
-
-def friction_text(load: Load) -> str:
-    """Return the friction of a load as --friction takes it."""
-    return plain(load.friction)
 
 
 def changed_fields(state: ExplorerState) -> dict[str, float | str]:

@@ -25,6 +25,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.explorer.explorer_state import ExplorerState
+from studies.explorer.state_answers import number
 from studies.simulation import resonance_peaks, response_curves
 from studies.simulation.cycle_motion import Motion, frequency_of
 from studies.simulation.response_curves import At, Complex
@@ -111,7 +112,7 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
             values[f"{name}, over static", ""] = abs(ratio), abs(ratio)
         for (row, its_unit), (value, scale) in values.items():
             half_width = None if error is None else error * scale
-            rows.append({"name": row, "unit": its_unit, "value": value, "half_width": half_width})
+            rows.append(number(row, its_unit, value, half_width))
 
     if one.force is None:
         add("shift of the magnet", "mm/mm", "base", one.along, None if other is None else other.along)
@@ -143,12 +144,7 @@ def _resonance(vibrating: Vibrating, motion: str) -> Rows:
         )
     known = {("first resonance", "Hz"): frequency, ("its Q", ""): Q if vibrating.sensor.relaxation.times else None}
     return [
-        {
-            "name": name,
-            "unit": unit,
-            "value": value,
-            "half_width": None if error is None or value is None else error * value,
-        }
+        number(name, unit, value, None if error is None or value is None else error * value)
         for (name, unit), value in known.items()
     ]
 
@@ -232,14 +228,9 @@ def loop(state: ExplorerState, motion: Motion) -> Data:
     linear = linear_loop(state, motion)["rows"][0]["value"]
     largest = last.largest_N
     rows = [
-        {"name": "gap of a linear spring", "unit": "%", "value": linear, "half_width": None},
-        {"name": "dissipated", "unit": "mJ", "value": last.material_mJ + last.friction_mJ, "half_width": None},
-        {
-            "name": "largest force",
-            "unit": "N",
-            "value": largest,
-            "half_width": cycles.time_error * largest,
-        },
+        number("gap of a linear spring", "%", linear),
+        number("dissipated", "mJ", last.material_mJ + last.friction_mJ),
+        number("largest force", "N", largest, cycles.time_error * largest),
     ]
     # the gap is the difference of two forces, each with the error of the time steps
     spread = 100 * 2 * cycles.time_error
@@ -254,6 +245,9 @@ def _loop_data(
     state: ExplorerState, motion: Motion, gap: float, half_width: float | None, more: Rows, message: str
 ) -> Data:
     """Return the part `loop` with its gap at mid-stroke in percent of full scale."""
-    first = {"name": "gap at mid-stroke", "unit": "%", "value": gap, "half_width": half_width}
-    duration = {"name": "cycle lasts", "unit": "s", "value": 1 / motion.frequency, "half_width": None}
-    return {"speed": state.speed, "rows": [first, *more, duration], "message": message}
+    rows = [
+        number("gap at mid-stroke", "%", gap, half_width),
+        *more,
+        number("cycle lasts", "s", 1 / motion.frequency),
+    ]
+    return {"speed": state.speed, "rows": rows, "message": message}
