@@ -275,11 +275,11 @@ def size(
     from fem.accuracy import LEVELS
     from studies.exploration.needed_paths import Processes
     from studies.output.provenance import versions
-    from studies.sizing import sizing_export, sizing_report, sizing_study
+    from studies.sizing import sizing_export, sizing_study
     from studies.sizing.front_search import Effort
     from studies.sizing.requirements import read_requirements
 
-    here = destination(size, locals(), sizing_report.FILES)
+    here = destination(size, locals(), sizing_study.FILES)
     for name, value, least in (
         ("population", population, 8),
         ("generations", generations, 1),
@@ -302,7 +302,7 @@ def size(
         sizing = sizing_study.run(requirements, settings, progress)
         # parts of earlier requirements must not stand beside a new result
         sizing_export.remove(folder)
-        result = sizing_report.result_of(sizing, origin, here.command, wide=wide)
+        result = sizing_study.result_of(sizing, origin, here.command, wide=wide)
         progress(0.97, "SIZING.md, tables and front.png")
         write(result, folder, here.command)
         if export and sizing.winner is not None:

@@ -9,7 +9,7 @@ A source's values are uncertain too: those at the least E are of the softer end 
 E of the stiffer end.
 
 The poses of a force range are a grid over press force, sideways force and its direction (`PoseGrid`). They are the
-same for the surrogate and for finite elements, see `range_poses`.
+same for the surrogate and for finite elements, see `beam_curves`.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from geometry.design import BadInput
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold, sizes
 from studies.exploration.solved_paths import frequency_unit
+from studies.sizing.beam_curves import Beams, PressCurves, ShearCurves, press_curves, shear_curves
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.pose_readings import NominalReader, Reader, decoding
-from studies.sizing.range_poses import Beams, PressCurves, ShearCurves, press_curves, shear_curves
 from studies.sizing.requirements import Requirements
 from studies.surrogate import surrogate_range
 
@@ -71,7 +71,7 @@ class Performance:
         of them is not known, and where no range is required.
     depth, depth_stiff : depth under the required press range, over D, at the least and at the largest E.
     range_depth : depth under range_z at the least E, over D.
-    shears : shear at the end of the sideways range at the depths of `range_poses.shear_curves` and the least E, over
+    shears : shear at the end of the sideways range at the depths of `beam_curves.shear_curves` and the least E, over
         D, shape (n, SHEARED_DEPTHS).
     resolution_z, resolution_x : worst standard deviation of the decoded forces, N.
     strain : largest strain of the silicone at the ends of the ranges.

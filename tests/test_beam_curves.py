@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from studies.sizing.range_poses import press_curves, shear_curves
+from studies.sizing.beam_curves import press_curves, shear_curves
 
 DEEPEST = np.array([0.3, 0.2])
 STIFFNESS = np.array([1.0, 3.0])
