@@ -9,11 +9,11 @@ from studies.sizing.catalogues import catalogues_of
 from studies.sizing.published_sensors import REQUIRED, comparison, published_sensors, reached_in, remarks
 from studies.sizing.requirements import read_requirements
 
-SENSORS = {sensor.name: sensor for sensor in published_sensors()}
+SENSORS = {sensor["name"]: sensor for sensor in published_sensors()}
 
 
 def figure(name, quantity):
-    (one,) = [each for each in SENSORS[name].figures if each.quantity == quantity]
+    (one,) = [each for each in SENSORS[name]["figures"] if each["quantity"] == quantity]
     return one
 
 
@@ -30,27 +30,27 @@ def figure(name, quantity):
 )
 def test_figures_of_the_abstracts(name, quantity, value):
     one = figure(name, quantity)
-    assert (one.value, one.origin) == (pytest.approx(value), "abstract")
+    assert (one["value"], one["origin"]) == (pytest.approx(value), "abstract")
 
 
 def test_the_range_that_an_error_in_percent_implies():
-    assert figure("Dwivedi 2018", "range_z").value == pytest.approx(11.7e-3 / 0.022, rel=1e-3)
-    assert figure("Tomo 2016", "range_z").value == pytest.approx(1.45 * 9.80665, rel=2e-3)
+    assert figure("Dwivedi 2018", "range_z")["value"] == pytest.approx(11.7e-3 / 0.022, rel=1e-3)
+    assert figure("Tomo 2016", "range_z")["value"] == pytest.approx(1.45 * 9.80665, rel=2e-3)
 
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_requirements_have_the_same_box(name):
     sensor = SENSORS[name]
-    requirements = read_requirements(str(sensor.requirements))
-    for each in sensor.figures:
-        if each.quantity.startswith("resolution") and name != "Chathuranga 2016":
+    requirements = read_requirements(str(sensor["requirements"]))
+    for each in sensor["figures"]:
+        if each["quantity"].startswith("resolution") and name != "Chathuranga 2016":
             continue  # a result of the sizing, not a bound
-        assert getattr(requirements, REQUIRED.get(each.quantity, each.quantity)) == pytest.approx(each.value)
+        assert getattr(requirements, REQUIRED.get(each["quantity"], each["quantity"])) == pytest.approx(each["value"])
     assert catalogues_of(requirements).magnets
 
 
 def test_every_file_of_requirements_is_valid():
-    folder = SENSORS["MagOne"].requirements.parent
+    folder = SENSORS["MagOne"]["requirements"].parent
     files = sorted(file for file in folder.glob("*.toml") if "force_z" in file.read_text("utf-8"))
     assert len(files) == 9
     for file in files:
@@ -67,7 +67,7 @@ def test_what_is_not_comparable_is_stated():
 
 def test_a_variant_stands_beside_each_figure():
     rows = comparison({"MagOne": {"resolution_z": 2e-3}})
-    assert sum(len(sensor.figures) for sensor in SENSORS.values()) == len(rows)
+    assert sum(len(sensor["figures"]) for sensor in SENSORS.values()) == len(rows)
     values = {(row["sensor"], row["quantity"]): row["variant"] for row in rows}
     assert values["MagOne", "resolution_z"] == 2e-3
     assert values["MagOne", "range_z"] is None

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,63 +28,22 @@ ORIGINS = ("abstract", "paper", "recording", "derived", "assumed")
 """Where a figure was read; "derived" follows from figures that were read."""
 
 
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """A published figure: its value in the unit of `UNITS`, what it is statistically, and where it was read."""
+def published_sensors() -> list[dict[str, Any]]:
+    """Return the published sensors, as their tables state them: the figures in the unit of `UNITS`, and the path of
+    the file of requirements with the same box.
 
-    quantity: str
-    value: float
-    statistic: str
-    origin: str
-
-
-@dataclass(frozen=True, slots=True)
-class PublishedSensor:
-    """A published sensor.
-
-    Attributes
-    ----------
-    requirements : path of the file of requirements with the same box.
-    read_out, body : how its forces are found, and what it is.
-    differs : what is not comparable, in sentences without a capital letter.
-    """
-
-    name: str
-    source: str
-    requirements: Path
-    read_out: str
-    body: str
-    figures: tuple[Figure, ...]
-    differs: tuple[str, ...]
-
-
-def published_sensors() -> tuple[PublishedSensor, ...]:
-    """Return the published sensors.
-
-    >>> [sensor.name for sensor in published_sensors()][:2]
+    >>> [sensor["name"] for sensor in published_sensors()][:2]
     ['Chathuranga 2016', 'MagOne']
     """
-    return tuple(_sensor(**table) for table in toml_table(str(DATA), "file")["sensor"])
-
-
-def _sensor(requirements: str, figures: list[dict[str, Any]], differs: list[str], **texts: str) -> PublishedSensor:
-    """Return a sensor from its table."""
-    return PublishedSensor(
-        **texts,
-        requirements=FOLDER / requirements,
-        figures=tuple(_figure(texts["name"], **figure) for figure in figures),
-        differs=tuple(differs),
-    )
-
-
-def _figure(sensor: str, **table: str) -> Figure:
-    """Return a figure from its table."""
-    name = table["quantity"]
-    if name not in UNITS or table["origin"] not in ORIGINS:
-        raise BadInput(f"{DATA.name}: {sensor}: {name} or {table['origin']} is unknown")
-    return Figure(
-        name, quantity(f"{sensor}: {name}", table["value"], UNITS[name]), table["statistic"], table["origin"]
-    )
+    sensors = toml_table(str(DATA), "file")["sensor"]
+    for sensor in sensors:
+        sensor["requirements"] = FOLDER / sensor["requirements"]
+        for figure in sensor["figures"]:
+            name = figure["quantity"]
+            if name not in UNITS or figure["origin"] not in ORIGINS:
+                raise BadInput(f"{DATA.name}: {sensor['name']}: {name} or {figure['origin']} is unknown")
+            figure["value"] = quantity(f"{sensor['name']}: {name}", figure["value"], UNITS[name])
+    return list(sensors)
 
 
 def comparison(reached: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
@@ -98,17 +56,17 @@ def comparison(reached: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any
     """
     rows = []
     for sensor in published_sensors():
-        variant = reached.get(sensor.name, {})
-        for figure in sensor.figures:
-            value = variant.get(figure.quantity, math.nan)
+        variant = reached.get(sensor["name"], {})
+        for figure in sensor["figures"]:
+            value = variant.get(figure["quantity"], math.nan)
             rows.append(
                 {
-                    "sensor": sensor.name,
-                    "quantity": figure.quantity,
-                    "unit": UNITS[figure.quantity],
-                    "published": figure.value,
-                    "statistic": figure.statistic,
-                    "origin": figure.origin,
+                    "sensor": sensor["name"],
+                    "quantity": figure["quantity"],
+                    "unit": UNITS[figure["quantity"]],
+                    "published": figure["value"],
+                    "statistic": figure["statistic"],
+                    "origin": figure["origin"],
                     "variant": value if math.isfinite(value) else None,
                 }
             )
@@ -140,7 +98,7 @@ def reached_in(folder: Path) -> dict[str, dict[str, float]]:
     """
     reached = {}
     for sensor in published_sensors():
-        file = folder / sensor.requirements.stem / "sizing.json"
+        file = folder / sensor["requirements"].stem / "sizing.json"
         if not file.exists():
             continue
         try:
@@ -148,11 +106,11 @@ def reached_in(folder: Path) -> dict[str, dict[str, float]]:
             best = next((row for row in front if row["status"] == "ok"), None)
             if best is not None:
                 values = {name: (best[column], factor) for name, (column, factor) in COLUMNS.items()}
-                reached[sensor.name] = {n: v * f for n, (v, f) in values.items() if v is not None}
+                reached[sensor["name"]] = {n: v * f for n, (v, f) in values.items() if v is not None}
         except (ValueError, KeyError, TypeError) as error:
             raise BadInput(f"{file} is no result of magtip size ({error!r}): run it again") from None
     if not reached:
-        stems = ", ".join(sensor.requirements.stem for sensor in published_sensors())
+        stems = ", ".join(sensor["requirements"].stem for sensor in published_sensors())
         raise BadInput(f"{str(folder)!r} holds no result of magtip size in a folder named {stems}")
     return reached
 
@@ -160,6 +118,6 @@ def reached_in(folder: Path) -> dict[str, dict[str, float]]:
 def remarks() -> list[str]:
     """Return one sentence for each published sensor: what it is, and what is not comparable."""
     return [
-        f"{sensor.name} ({sensor.source}) is {sensor.body}, read by {sensor.read_out}: {'; '.join(sensor.differs)}."
+        "{name} ({source}) is {body}, read by {read_out}: ".format(**sensor) + "; ".join(sensor["differs"]) + "."
         for sensor in published_sensors()
     ]
