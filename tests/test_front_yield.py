@@ -7,11 +7,10 @@ import pytest
 from scipy import stats
 
 from studies.sensitivity.made_sensors import made_sensors, nominal_sensor
-from studies.sizing.candidate_performance import performance
+from studies.sizing.candidate_performance import MadeReader, performance
 from studies.sizing.candidate_variables import variant
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.front_yield import ranges_of, tolerances_of, yield_of
-from studies.sizing.pose_readings import MadeReader
 from studies.sizing.requirements import Requirements
 from studies.sizing.variant_search import beams_of
 

@@ -21,8 +21,7 @@ import numpy as np
 from geometry.arrays import Array
 from studies.output.records import FlatRow
 from studies.sensitivity.made_sensors import MadeSensors, Tolerances, made_sensors, share_with_error
-from studies.sizing.candidate_performance import performance
-from studies.sizing.pose_readings import MadeReader
+from studies.sizing.candidate_performance import MadeReader, performance
 from studies.sizing.variant_search import beams_of
 
 if TYPE_CHECKING:
