@@ -23,7 +23,7 @@ check: setup scripts
 
 # format and rules of the pages' scripts, by prettier and eslint; node is needed for this only
 scripts:
-	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory node_modules/.package-lock.json && npm run --silent check; \
+	@if command -v npm >/dev/null; then { [ -f node_modules/.package-lock.json ] || npm ci --silent --no-fund --no-audit --ignore-scripts; } && npm run --silent check; \
 	elif [ -n "$$MAGTIP_NEEDS_NPM" ]; then echo "npm is missing, which checks the pages' scripts"; exit 1; \
 	else echo "npm is not installed: the pages' scripts are not checked (Debian: apt-get install npm)"; fi
 
