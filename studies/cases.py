@@ -93,6 +93,8 @@ def answer(
 
     base = base or paper()
     names = [_axis(str(column)) for column in cases.columns]
+    if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+        raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
     if not names or not {"depth", "grip"} & set(names):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
     if not models:
@@ -141,4 +143,8 @@ def _values(column: pd.Series) -> np.ndarray[Any, Any]:
 
 
 def _number(cell: Any) -> float:
-    return float(cell) if isinstance(cell, (int, float, np.number)) and not isinstance(cell, bool) else math.nan
+    return (
+        float(cell)
+        if isinstance(cell, (int, float, np.integer, np.floating)) and not isinstance(cell, bool)
+        else math.nan
+    )

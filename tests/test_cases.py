@@ -110,6 +110,11 @@ def test_a_table_without_rows_has_an_answer_without_rows(ask):
     assert len(ask(pd.DataFrame({"depth_mm": []}))) == 0
 
 
+def test_a_column_that_stands_twice_is_refused(ask):
+    with pytest.raises(BadInput, match="depth_mm stands twice"):
+        ask(pd.DataFrame([[1.0, 2.0]], columns=["depth_mm", "depth_mm"]))
+
+
 @pytest.mark.parametrize(
     ("columns", "options", "reason"),
     [

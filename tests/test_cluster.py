@@ -168,8 +168,10 @@ def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(tmp
             own.workers[0].kill()
             rows += [run.stdout.readline() for _ in range(3)]
             own.scheduler.kill()
-            more, errors = run.communicate(timeout=60)
-    rows += more.splitlines(keepends=True)
+            # communicate() would leave out the rows that readline() has read in advance
+            rows += run.stdout.readlines()
+            errors = run.stderr.read()
+            run.wait(timeout=60)
     sentence = (
         rf"magtip: the scheduler at {own.address} is gone: \d+ tasks are unfinished; the same command continues\n"
     )
