@@ -115,6 +115,21 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
     assert comparison_findings.findings(paper(), rows, [])["missing_states"] == 3
 
 
+def test_a_failed_solve_is_not_hidden_by_an_unstable_one():
+    unstable, lost = compare.Outcome(None, "unstable", "leans"), compare.Outcome(None, "not_converged", "stopped")
+    ended = compare.Outcome(None, "ok", "")
+    load = [Load(depth=0.5)]
+    for rigid, bare, status in (
+        (unstable, lost, "not_converged"),
+        (lost, unstable, "not_converged"),
+        (ended, unstable, "unstable"),
+        (unstable, ended, "unstable"),
+        (ended, ended, "ok"),
+    ):
+        (row,) = compare.rows_of("press", paper(), load, [rigid], [bare])
+        assert row["status"] == status
+
+
 def test_a_mesh_that_fails_is_a_status(monkeypatch):
     def fails(*args, **kwargs):
         raise MeshError("the section could not be meshed")

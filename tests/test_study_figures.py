@@ -45,6 +45,16 @@ def test_press_force_has_the_numbers_of_all_models():
     assert "-42 %" in force.caption
 
 
+def test_a_series_that_ends_early_is_not_read_at_the_end_of_the_others():
+    press = read("demo", "press.csv")
+    press.loc[6:, "fem_shift_z_mm"] = np.nan
+    caption = comparison_figures.press(press)[2].caption
+    depth = press["depth_mm"]
+    assert caption.startswith(f"At the end of the path, {depth[11]:.3g} mm: finite elements, rigid magnet ")
+    assert caption.count(f"(only to {depth[5]:.3g} mm)") == 1
+    assert "only to" not in comparison_figures.press(read("demo", "press.csv"))[2].caption
+
+
 def test_errors_have_shades_up_to_the_bounds():
     errors = comparison_figures.press(read("demo", "press.csv"))[1]
     assert "±10 %" in str(errors.spec())

@@ -284,7 +284,7 @@ def formulas(design: Design, load: Load) -> tuple[Response | None, str]:
 
 
 def _verdict(fem: Outcome, homogeneous: Outcome, remark: str) -> tuple[str, str]:
-    """Return status and message of a row: those of the first solve that failed, or "ok"."""
-    worst = homogeneous if fem.status == "ok" else fem
+    """Return status and message of a row: the status of the first solve that failed, else of one that is unstable."""
+    both = sorted((fem, homogeneous), key=lambda outcome: (outcome.status in ANSWERED, outcome.status == "ok"))
     texts = dict.fromkeys(text for text in (fem.message, homogeneous.message, remark) if text)
-    return worst.status, "; ".join(texts)
+    return both[0].status, "; ".join(texts)

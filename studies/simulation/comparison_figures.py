@@ -81,13 +81,16 @@ def _models(
 
 
 def _last_sentence(data: pd.DataFrame, x: str, label: str) -> str:
-    """Return what the series say at their last point."""
+    """Return what the series say at their last point, and where it is if a series ends before the others."""
     last = data.dropna().groupby("series", sort=False).last()
     if not len(last):
         return "There is no point: every state failed."
-    unit = label.rpartition("(")[2].rstrip(")")
-    values = "; ".join(f"{name} {row[label]:.3g} {unit}" for name, row in last.iterrows())
-    return f"At the end of the path, {last[x].iloc[0]:.3g} mm: {values}."
+    unit, end = label.rpartition("(")[2].rstrip(")"), last[x].max()
+    values = "; ".join(
+        f"{name} {row[label]:.3g} {unit}" + (f" (only to {row[x]:.3g} mm)" if row[x] < end else "")
+        for name, row in last.iterrows()
+    )
+    return f"At the end of the path, {end:.3g} mm: {values}."
 
 
 def _force_sentence(table: pd.DataFrame) -> str:
