@@ -372,6 +372,7 @@ def test_tilt_as_cause(tilt, expected):
     row = {"shear_mm": 1.0, "fem_force_x_N": 1.0, "error_N": 1.0, "tilt_N": tilt}
     rows = [row | dict.fromkeys(("geometry_N", "force_law_N"), (1 - tilt) / 2)]
     assert claims.tilt_as_cause([("stuck", rows)]).verdict == expected
+    assert claims.tilt_as_cause([("stuck", rows), ("lost", [])]).verdict == "not decidable"
 
 
 @pytest.mark.parametrize(
