@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from fem.accuracy import QUICK
-from fem.analyses.modes import modes
+from fem.accuracy import QUICK, STANDARD
+from fem.analyses.modes import find_contact, modes, pressed_sensor
 from fem.model.symmetry_models import specification
 from fem.scene import Scene
 from fem.solve import press
@@ -33,3 +33,11 @@ def test_a_press_that_crushes_silicone_is_no_state_to_analyse():
     """At 6.5 mm a press of the paper's sensor folds elements at tip and magnet; `solve` stops at 5.68 mm."""
     with pytest.raises(NoStateError, match=r"crushes silicone to [0-9.]+ % of its volume"):
         modes(paper(), depth=6.5, accuracy=QUICK, estimate=False)
+
+
+def test_a_press_whose_levels_agree_is_a_state_to_analyse():
+    """At 5 mm the frequencies of the three levels agree to 0.5 %, though J falls below 0.1 at the magnet's edge."""
+    scene = Scene(paper(), (Load(depth=5.0),), STANDARD, "rigid")
+    reached = pressed_sensor(scene, find_contact(scene))
+    assert 0.04 < reached.state.least_J < 0.1
+    assert reached.state.stability.is_stable

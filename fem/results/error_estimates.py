@@ -39,7 +39,10 @@ Scenes and their bases:
   without a rigid magnet. With Coulomb friction the force along the shear has the rule of friction.
 - critical: depth and force at which a press buckles; b is the depth over D, at least LEAST_DEPTH. small shear:
   stiffness, shift and tilt; b is the contact radius over D, at least LEAST_RADIUS. modes: frequency and pressed
-  frequency; b = 1 / (omega D (rho / E)^(1/2)). The study has no guided tips.
+  frequency; b = 1 / (omega D (rho / E)^(1/2)). The study has no guided tips. The coarser solve of
+  a small shear or of modes has the edge of the contact that the finer one located: d has no part of the error of that
+  edge, c has, since each reference of the study locates its own. The constants are those of solves in which the
+  coarser mesh located its own edge too (version and commit in the table): how well they cover is not known since.
 - vibrating press, vibrating shear: gains of a vibration away from resonances, about a press or about a state that is
   sheared, tilted or held; b = 1. force is the force over the motion, shift and reading the magnet's shift and the
   reading of an element over the force, base the shift over that of the base of the free sensor. The constants come
