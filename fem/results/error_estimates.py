@@ -42,7 +42,8 @@ Scenes and their bases:
   frequency; b = 1 / (omega D (rho / E)^(1/2)). The study has no guided tips. The coarser solve of
   a small shear or of modes has the edge of the contact that the finer one located: d has no part of the error of that
   edge, c has, since each reference of the study locates its own. The constants are those of solves in which the
-  coarser mesh located its own edge too (version and commit in the table): how well they cover is not known since.
+  coarser mesh located its own edge too. Estimates as today cover 98 % of the errors of the study's modes without a
+  press, 95.5 % with one, and 99, 96 and 98 % of those of the stiffness, shift and tilt of its small shears.
 - vibrating press, vibrating shear: gains of a vibration away from resonances, about a press or about a state that is
   sheared, tilted or held; b = 1. force is the force over the motion, shift and reading the magnet's shift and the
   reading of an element over the force, base the shift over that of the base of the free sensor. The constants come
