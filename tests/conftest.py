@@ -24,6 +24,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 NO_BROWSER = "no Chromium is installed (Debian: apt-get install chromium)"
 """Why a test of a page is skipped, or fails where a browser is needed."""
 LONGEST = (
+    "test_offline_page",
+    "test_surrogate_study",
     "test_equilibrium",
     "test_mesh",
     "test_explorer_page",
@@ -34,18 +36,16 @@ LONGEST = (
     "test_trade_study",
     "test_cluster",
     "test_sensor_parts",
-    "test_surrogate_study",
     "test_verification",
     "test_documented_commands",
     "test_sweep",
     "test_variant_search",
     "test_examples",
     "test_design_variants",
+    "test_assumption",
     "test_vibration_commands",
     "test_printed_command",
     "test_cycle_commands",
-    "test_offline_page",
-    "test_beam_assumption",
     "test_sweep_kills",
     "test_report_page",
     "test_material_fit",
