@@ -7,7 +7,7 @@ import sqlite3
 
 import pytest
 
-from studies.exploration import store
+from studies.exploration import store, store_check
 from studies.exploration.store import State
 
 CONTENT = {"model": "harmonic", "physics": 1, "nu": 0.45, "shape": {"L": 1.5}}
@@ -154,3 +154,16 @@ def test_bad_input_has_one_sentence(run, words, message):
     status, out, err = run("store", *words)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert message in err
+
+
+def test_an_interrupted_check_prints_what_is_checked(run, strict, monkeypatch, file):
+    real = store_check.checks
+
+    def stops(*args):
+        yield next(real(*args))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store_check, "checks", stops)
+    status, out, err = run("store", "check", "--store", file, "--json")
+    assert (status, [row["status"] for row in strict(out)]) == (130, ["ok"])
+    assert "1 rows are complete" in err

@@ -13,7 +13,7 @@ from studies.cli.parameters import AsJson, Wide
 from studies.inputs.option_groups import Selection, Whole
 from studies.output import atomic_files
 from studies.output.records import FlatRow
-from studies.output.result import Destination, Result, Table, publish, show
+from studies.output.result import Destination, Result, Table, collected, publish, show
 
 LIMIT = 20
 """Number of rows of a list by default."""
@@ -116,11 +116,13 @@ def check(
     if resolve < 0:
         raise BadInput(f"--resolve must be at least 0; got {resolve}")
 
-    def study(progress: Progress) -> Result:
-        results = store_check.checks(store or user_store.default(), resolve, seed, progress)
-        rows = [result.row() for result in results]
+    def result(rows: list[FlatRow]) -> Result:
         failed = [f"{row['check']}: {row['message']}" for row in rows if row["status"] != "ok"]
         return Result(title="Check of the store", records=rows, failures=failed)
+
+    def study(progress: Progress) -> Result:
+        checks = store_check.checks(store or user_store.default(), resolve, seed, progress)
+        return collected((each.row() for each in checks), result)
 
     return publish(study, Destination(as_json=as_json))
 

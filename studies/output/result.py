@@ -11,7 +11,7 @@ records, that is, mappings from column names with their units to values. pandas 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from geometry.messages import Progress
 from studies.output import atomic_files, console, run_record
 from studies.output.provenance import made, versions
+from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,6 +138,23 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, text: str, result: Result) -> None:
         super().__init__(text)
         self.result = result
+
+
+def collected(rows: Iterable[FlatRow], result: Callable[[list[FlatRow]], Result]) -> Result:
+    """Return the result of all rows of a long study; Ctrl-C prints that of the rows so far.
+
+    Raises
+    ------
+    Interrupted
+        After Ctrl-C.
+    """
+    found: list[FlatRow] = []
+    try:
+        for row in rows:
+            found.append(row)
+    except KeyboardInterrupt:
+        raise Interrupted(f"{len(found)} rows are complete, and no file is written", result(found)) from None
+    return result(found)
 
 
 def publish(study: Callable[[Progress], Result], here: Destination) -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from studies.output import page_templates
 from studies.output.page_templates import filled, listed
-from studies.output.result import Interrupted, Result
+from studies.output.result import collected
 
 __all__ = ["Row", "collected", "failed", "filled", "listed", "rendered"]
 
@@ -25,20 +25,3 @@ def rendered(template: str, **values: Any) -> str:
 def failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> list[str]:
     """Return the sentence that names what failed of `count` rows, for `Result.failures`; nothing if none failed."""
     return [f"{len(names)} of {count} {what}: {between.join(names)}"] if names else []
-
-
-def collected(rows: Iterable[Row], result: Callable[[list[Row]], Result]) -> Result:
-    """Return the result of all rows of a long study; Ctrl-C prints that of the rows so far.
-
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C.
-    """
-    found: list[Row] = []
-    try:
-        for row in rows:
-            found.append(row)
-    except KeyboardInterrupt:
-        raise Interrupted(f"{len(found)} rows are complete, and no file is written", result(found)) from None
-    return result(found)
