@@ -299,6 +299,18 @@ def test_maps_hold_the_errors_of_the_table():
     np.testing.assert_allclose(sorted(cells), sorted(errors), rtol=1e-5, atol=2e-3)
 
 
+def test_the_map_marks_presses_that_a_free_tip_does_not_reach():
+    """Beyond the critical depth the numbers are those of a tip that the press holds on the axis."""
+    sweep = read("assumption", "sweep.csv")
+    force = next(
+        one for one in paper_figures.assumption(sweep) if one.title == "Error of the press force, level paper"
+    )
+    presses = sweep[(sweep.nu == sweep.nu.max()) & (sweep.shear_mm == 0) & sweep.fem_force_N.notna()]
+    beyond = presses[presses.depth_mm > presses.critical_depth_mm]
+    assert force.data.doubted.sum() == len(beyond) > 0
+    assert any(note.startswith("Dots: a tip that is free to slide") for note in force.notes)
+
+
 def test_claims_have_presses_for_heights_of_the_magnet():
     (figure,) = paper_figures.presses(read("claims", "presses.csv"))
     names = list(dict.fromkeys(figure.data["series"]))

@@ -197,6 +197,7 @@ def heat(
     *,
     edges: Sequence[float] = (),
     colours: Mapping[str, str] = {},
+    marked: Mapping[str, str] = {},
     columns: int = 3,
 ) -> Figure:
     """Return a map of a value over two axes: a cell for each row of the table.
@@ -206,6 +207,7 @@ def heat(
     axes : columns of the horizontal and of the vertical axis; numbers stand in rising order.
     edges : bounds of the classes of values, each with its colour; empty for colours that change gradually.
     colours : colours of values that are names.
+    marked : what the marks of cells mean: "failed" (crosses) and "doubted" (dots) are columns of flags.
     """
     import altair as alt
 
@@ -226,13 +228,17 @@ def heat(
     if "failed" in data:
         layers.append(base.transform_filter("datum.failed").mark_rect(color="#bbbbbb"))
         layers.append(base.transform_filter("datum.failed").mark_text(text="\u00d7", style="label", aria=False))
+    if "doubted" in data:
+        dots = base.transform_filter("datum.doubted").mark_circle(size=9, opacity=1, aria=False)
+        layers.append(dots.encode(color=alt.value("#1b1f24")))
     if edges and width >= 32 * wide and height >= 14 * high:
         dark = f"datum[{value!r}] < {edges[1]} || datum[{value!r}] >= {edges[-1]}"
         number = alt.Text(field=escaped(value), type="quantitative", format=".2~r")
         ink = alt.condition(dark, alt.value("white"), alt.value("#1b1f24"))
         layers.append(solved.mark_text(fontSize=11, aria=False).encode(text=number, color=ink))
     chart = alt.layer(*layers).properties(width=width, height=height)
-    return Figure(title, caption, _faceted(chart, cells, panels, columns, shared=True), data)
+    notes = [note for name, note in marked.items() if name in data and bool(data[name].any())]
+    return Figure(title, caption, _faceted(chart, cells, panels, columns, shared=True), data, tuple(notes))
 
 
 def spots(
@@ -479,7 +485,8 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
         names = [*first, *(name for name in present if name not in first)]
         more = {"range": [values[k % len(values)] for k in range(len(names))]} if values else {}
         columns = max(1, int(WIDTH / (LETTER * max(map(len, present), default=1) + 34)))
-        kept = {"symbolType": "stroke", "symbolSize": 300} if look.dashed else {}
+        # a symbol as long as two dashes tells the patterns apart
+        kept = {"symbolType": "stroke", "symbolSize": 600} if look.dashed or kind is alt.StrokeDash else {}
         legend = alt.Legend(columns=columns, values=present, **kept) if named and any(present) else None
         return kind(field=column, type="nominal", scale=alt.Scale(domain=names, **more), legend=legend, sort=None)
 

@@ -51,14 +51,22 @@ def error_map(columns: Columns, grids: Sequence[Cells], quantity: str, level: st
     shares = [100 * float((judged <= bound).mean()) if len(judged) else 0.0 for bound in (5, 10)]
     caption = (
         f"Of {len(judged)} cells {shares[0]:.0f} % are within 5 % and {shares[1]:.0f} % within 10 % of finite "
-        "elements. Crosses: the solve stopped, or the beam gave way. Empty cells: the magnet does not fit, or the "
-        "level has no answer."
+        "elements. Empty cells: the magnet does not fit, or the level has no answer."
     )
     nu = grids[0].body.nu
     others = ", ".join(f"{other:g}" for other in sorted({body.nu for body in beam_cells.bodies(columns)} - {nu}))
     if others:
         caption += f" Poisson's ratio {nu:g}; the table also has {others}."
-    return heat(f"Error of the {quantity}, level {level}", caption, data, axes, error, edges=ERROR_EDGES)
+    return heat(
+        f"Error of the {quantity}, level {level}", caption, data, axes, error, edges=ERROR_EDGES, marked=MARKED
+    )
+
+
+MARKED = {
+    "failed": "Crosses: the solve stopped, or the beam gave way.",
+    "doubted": "Dots: a tip that is free to slide has buckled sideways before; these presses hold it on the axis.",
+}
+"""What the marks of cells mean."""
 
 
 def map_cells(
@@ -81,13 +89,15 @@ def map_cells(
         line, place = (k.ravel() for k in np.indices(cells.shape))
         part = {"depth": grid.loads[line, 0], "shear": grid.loads[line, 1], "L/D": grid.slenderness[place].round(3)}
         part |= {name: cells.ravel(), "failed": ((grid.possible & ~grid.answered) | grid.gave_way).ravel()}
+        part |= {"doubted": (grid.leans & grid.judged).ravel()} if press else {}
         parts.append(pd.DataFrame(part).assign(panel=grid.body.name))
     data = pd.concat(parts, ignore_index=True).sort_values(["depth", "shear"], kind="stable", ignore_index=True)
     pairs = zip(data["depth"], data["shear"], strict=True)
     data[load] = [float(f"{d:.3g}") if press else f"{d:.3g} / {s:.3g}" for d, s in pairs]
     order = [grid.body.name for grid in grids]
     data = data.sort_values("panel", kind="stable", key=lambda names: names.map(order.index))
-    return data[["panel", "L/D", load, name, "failed"]], ("L/D", load)
+    flags = ["failed", *(["doubted"] if press else [])]
+    return data[["panel", "L/D", load, name, *flags]], ("L/D", load)
 
 
 def readings(table: pd.DataFrame) -> list[Figure]:

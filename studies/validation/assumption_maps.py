@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analytic import beam
 from geometry.arrays import Array
 from studies.output.figures import COLOURS, Figure, Look, heat, plot, save, table_of
-from studies.report.paper_figures import error_map, map_cells
+from studies.report.paper_figures import MARKED, error_map, map_cells
 from studies.simulation.beam_cells import QUANTITIES, Cells, Columns, all_errors
 from studies.validation.pages import Row
 from studies.validation.reading_split import PARTS
@@ -75,7 +75,9 @@ def best_maps(table: Columns, grids: Sequence[Cells]) -> list[Figure]:
         own = [grid for grid in grids if grid.kind == kind]
         if own:
             data, axes = map_cells(own, partial(best, quantity=quantity), value)
-            figures.append(heat(f"Level of least error, {quantity}", "", data, axes, value, colours=colours))
+            figures.append(
+                heat(f"Level of least error, {quantity}", "", data, axes, value, colours=colours, marked=MARKED)
+            )
     return figures
 
 
