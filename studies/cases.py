@@ -14,7 +14,9 @@ the remanence, E without an imperfection) share a solve, and solved states are k
 from __future__ import annotations
 
 import dataclasses
+import decimal
 import math
+import numbers
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -45,7 +47,7 @@ def answer(
     base: Design | None = None,
     quantities: Sequence[str] = (),
     reference: str = "",
-    store: Path | None = None,
+    store: Path | str | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
@@ -59,8 +61,9 @@ def answer(
         load (`depth_mm`, `shear_mm`, `shear_y_mm`, `plate_tilt_deg`, `grip_mm`, `friction`, `imperfection_N`,
         `frequency_Hz`, `speed_mm_per_s`; NaN as `grip_mm` means no grip) and `magnet` (rigid or ignored), with the
         names that `magtip sweep` writes; `depth_mm` or `grip_mm` must be there. Any number of rows: a
-        million rows of formulas, or of stored states, take a minute if they share a few thousand problems, and some
-        seven minutes if the mechanics of all differ.
+        million rows of formulas, or of stored states, take seconds if they share a few thousand problems, and some
+        seven minutes if the mechanics of all differ. A cell that is no number, or out of its field's bounds, makes
+        its row a bad_input.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
         formulas: paper, column, tip, magnet, finite.
@@ -70,7 +73,7 @@ def answer(
         modes, response, cycle; default: force, shift, contact_radius, readings (with a magnet), and tilt with loads
         to the side.
     reference : name of the model that errors are relative to; default: the finest finite elements.
-    store : file that keeps all solved states; default: the user's.
+    store : file that keeps all solved states, a path; default: the user's.
     workers : number of processes that solve; default: one for each core, none if all solves take only seconds.
     scheduler : address of a Dask scheduler whose workers solve.
     retry_failed : solve again the cases whose process died.
@@ -87,21 +90,25 @@ def answer(
     Raises
     ------
     BadInput
-        A column, a model or a quantity is unknown, or none of the columns presses the sensor.
+        A column, a model or a quantity is unknown, an argument is of a wrong kind, or no column presses the sensor.
     """
     import pandas as pd
 
+    _check_kinds(cases, models, base, quantities, reference)
     base = base or paper()
     names = [_axis(str(column)) for column in cases.columns]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
     if not names or not {"depth", "grip"} & set(names):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
-    if not models:
-        raise BadInput("no model is given: name some, such as fem and paper")
     fem, formulas = models_of(models)
     asked = study_input.checked_quantities(tuple(quantities))
-    factor = Factor(tuple(names), tuple(_values(cases[column]) for column in cases.columns), sampled=True)
+    columns, refusals = zip(
+        *(_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)), strict=True
+    )
+    reasons = np.array(["; ".join(filter(None, each)) for each in zip(*refusals, strict=True)], dtype=object)
+    possible = np.flatnonzero(reasons == "") if len(cases) else np.arange(0)
+    factor = Factor(tuple(names), tuple(values[possible] for values in columns), sampled=True)
     magnet = "rigid" if base.shape.has_magnet else "ignored"
     plan = Plan(
         base, (factor,), {}, cast("Any", magnet), fem, formulas, asked, model_name(reference) if reference else ""
@@ -116,11 +123,36 @@ def answer(
     if reference and plan.truth not in (*(model.name for model in fem), *formulas):
         raise BadInput(f"the reference {reference!r} is not among the models: add it to them")
     processes = Processes(workers, scheduler, retry_failed)
-    with stores.opened(store or stores.default()) as states:
-        parts = [pd.DataFrame(part) for part in sweep.run(plan, None, states, processes=processes, progress=progress)]
-    if not parts:
-        return cases.iloc[:0].assign(status="", message="")
-    return pd.concat(parts, ignore_index=True).set_axis(cases.index)
+    with stores.opened(Path(store or stores.default())) as states:
+        tables = sweep.run(plan, None, states, processes=processes, progress=progress) if len(possible) else ()
+        parts = [pd.DataFrame(part) for part in tables]
+    given = pd.DataFrame({study_axes.column(name): values for name, values in zip(names, columns, strict=True)})
+    answers = pd.concat(parts, ignore_index=True).set_axis(possible) if parts else given.iloc[:0]
+    if len(possible) < len(cases):
+        answers = answers.reindex(range(len(cases)))
+        refused = reasons != ""
+        for column in given:
+            answers[column] = given[column]
+        answers.loc[refused, "status"], answers.loc[refused, "message"] = "bad_input", reasons[refused]
+    return answers.set_axis(cases.index)
+
+
+def _check_kinds(cases: object, models: object, base: object, quantities: object, reference: object) -> None:
+    """Refuse arguments of a wrong kind."""
+    import pandas as pd
+
+    if not isinstance(cases, pd.DataFrame):
+        raise BadInput(f"the cases must be a pandas DataFrame; got {type(cases).__name__}")
+    if base is not None and not isinstance(base, Design):
+        raise BadInput(f"base must be a geometry.design.Design; got {base!r:.60}")
+    for name, value in (("models", models), ("quantities", quantities)):
+        listed = isinstance(value, Sequence) and not isinstance(value, str)
+        if not listed or not all(isinstance(one, str) for one in value):  # type: ignore[attr-defined]
+            raise BadInput(f"{name} must be a list of names; got {value!r:.60}")
+    if not models:
+        raise BadInput("no model is given: name some, such as fem and paper")
+    if not isinstance(reference, str):
+        raise BadInput(f"reference must be the name of a model; got {reference!r:.60}")
 
 
 def _axis(column: str) -> str:
@@ -132,19 +164,43 @@ def _axis(column: str) -> str:
     raise BadInput(f"there is no field {column!r} of a design or a load: {remedy}")
 
 
-def _values(column: pd.Series) -> np.ndarray[Any, Any]:
-    """Return the cells of a column: floats, or texts and floats where some are names; NaN where there is neither."""
-    if column.dtype.kind == "b":
-        raise BadInput(f"the column {column.name} holds truth values: give numbers")
+def _cells(name: str, column: pd.Series) -> tuple[np.ndarray[Any, Any], list[str]]:
+    """Return the cells of a column, floats or texts, and for each why it is refused, "" if it is not.
+
+    The bounds are those of the field; what depends on other fields is checked where designs and loads are made.
+    """
     if column.dtype.kind in "iuf":
-        return np.asarray(column.to_numpy(dtype=float, na_value=math.nan))
+        values = np.asarray(column.to_numpy(dtype=float, na_value=math.nan))
+        low, high = AXES[name].low, AXES[name].high
+        known = AXES[name].is_number & (low <= values) & (values <= high) & np.isfinite(values)
+        reasons = [""] * len(values)
+        for k in np.flatnonzero(~known).tolist():
+            reasons[k] = _refusal(name, float(values[k]))
+        return values, reasons
     cells = [cell if isinstance(cell, str) else _number(cell) for cell in column]
-    return np.array(cells, dtype=object if any(isinstance(cell, str) for cell in cells) else float)
+    reasons = [_refusal(name, cell, given) for cell, given in zip(cells, column, strict=True)]
+    return np.array(cells, dtype=object if any(isinstance(cell, str) for cell in cells) else float), reasons
+
+
+def _refusal(name: str, cell: str | float, given: object = None) -> str:
+    """Return why a cell is refused, "" if it is not; `given` is what stood there if that is no float."""
+    axis, column = AXES[name], study_axes.column(name)
+    if isinstance(cell, str):
+        wanted = [*axis.names, *(["a number"] if axis.is_number else [])]
+        return "" if cell in axis.names else f"{column} must be {' or '.join(wanted)}; got {cell!r}"
+    if not axis.is_number:
+        return f"{column} must be {' or '.join(axis.names)}; got {cell if given is None else given!r}"
+    if math.isnan(cell) and name == "grip" and (given is None or given != given):
+        return ""
+    if not math.isfinite(cell):
+        return f"{column} must be a finite number; got {cell if given is None else given!r}"
+    if not axis.low <= cell <= axis.high:
+        upper = f" and at most {axis.high:g}" if math.isfinite(axis.high) else ""
+        return f"{column} must be at least {axis.low:g}{upper}; got {cell:g}"
+    return ""
 
 
 def _number(cell: Any) -> float:
-    return (
-        float(cell)
-        if isinstance(cell, (int, float, np.integer, np.floating)) and not isinstance(cell, bool)
-        else math.nan
-    )
+    """Return a number as a float; NaN for what is none."""
+    known = isinstance(cell, (numbers.Real, decimal.Decimal)) and not isinstance(cell, (bool, np.bool_))
+    return float(cell) if known else math.nan

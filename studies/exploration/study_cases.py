@@ -259,14 +259,11 @@ class Cases:
         codes = {}
         for k in self.plan.matters(kind):
             factor, known = self.plan.factors[k], dict[tuple[Value, ...], int]()
-            if set(factor.names) & idle:
-                columns = [
-                    v.tolist() for name, v in zip(factor.names, self._values[k], strict=True) if name not in idle
-                ]
-                # a table has most of its rows more than once but for what is idle
-                codes[k] = np.array([known.setdefault(row, len(known)) for row in zip(*columns, strict=True)])
-            else:
-                codes[k] = np.arange(factor.count)
+            columns = [v.tolist() for name, v in zip(factor.names, self._values[k], strict=True) if name not in idle]
+            # a table may have most of its rows more than once but for what is idle
+            codes[k] = np.array(
+                [known.setdefault(row, len(known)) for row in zip(*columns, strict=True)], dtype=np.int64
+            )
         return codes
 
     def _strides(self) -> list[int]:

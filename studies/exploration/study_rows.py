@@ -77,6 +77,10 @@ class Rows:
                 responses.append(response)
                 remarks[k] += [remark] if remark and remark not in remarks[k] else []
             results[level] = spread(batch, responses)
+        if "readings" in plan.quantities and {"magnet_diameter", "magnet_height"} & set(plan.axes):
+            for k, problem in enumerate(batch.problems):
+                if problem.design is not None and not problem.design.shape.has_magnet:
+                    remarks[k].append("without a magnet there are no readings")
         table = self._axis_columns(batch)
         table |= self._mechanics(results)
         if "strain" in plan.quantities:

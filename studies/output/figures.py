@@ -84,7 +84,7 @@ THEME: dict[str, Any] = {
     "title": {"anchor": "start", "fontSize": 13, "subtitleFontSize": 12},
     "concat": {"spacing": 24},
     "facet": {"spacing": 14},
-    "line": {"strokeWidth": 2},
+    "line": {"strokeWidth": 2, "strokeJoin": "round"},
     "point": {"filled": True, "size": 50, "opacity": 1},
     "style": {
         "guide": {"color": "#666666", "strokeDash": [3, 3]},
