@@ -298,7 +298,7 @@ def _level(loads: list[Load], method: Method) -> Accuracy:
         raise BadInput(f"--harmonics must be a whole number between 0 and {MOST_HARMONICS}; got {harmonics}")
     model = choose_model(loads, method.model)
     if model != "harmonic":
-        raise BadInput(f"--harmonics is for model harmonic, but this load uses model {model}: add --model harmonic")
+        raise BadInput(f"--harmonics is for model harmonic, but this load uses model {model}: take --model harmonic")
     if harmonics == 0 and any(load.shear for load in loads):
         raise BadInput("--harmonics must be 1 or more for a shear; got 0")
     return replace(level, harmonics=harmonics)
