@@ -69,12 +69,17 @@ def data(page):
     return json.loads(page.run("document.getElementById('report-data').textContent"))
 
 
+def show(page, selector):
+    """Scroll to an element, and wait until the page knows: it hides what the pointer showed when it scrolls."""
+    page.run(f"document.querySelector({json.dumps(selector)}).scrollIntoView({{block: 'center'}})")
+    page.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
 def colours(page):
     """The pixels of the figure in 3D as RGB, shape (h, w, 3)."""
     from PIL import Image
 
-    page.run("document.querySelector('.stage').scrollIntoView({block: 'center'})")
-    page.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    show(page, ".stage")
     x, y, width, height = middle(page, ".stage canvas")
     clip = {"x": x - width / 2, "y": y - height / 2, "width": width, "height": height, "scale": 1}
     clip["y"] += page.run("scrollY")
@@ -151,7 +156,7 @@ def test_sensor_is_drawn_without_webgl(chromium, report):
 
 
 def test_pointer_reads_a_point_off(page, data):
-    page.run("document.querySelector('[data-figure] svg.panel').scrollIntoView({block: 'center'})")
+    show(page, "[data-figure] svg.panel")
     x, y, *_ = middle(page, "[data-figure] svg.panel .mark-symbol.role-mark path:nth-of-type(12)")
     page.move(x, y)
     text = page.run("document.getElementById('tip').textContent")
