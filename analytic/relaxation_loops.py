@@ -35,7 +35,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.loads import Waveform
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation
 
 SAMPLES = 2001
 """Times of half a stroke at which the force of a sine with rests is computed, to find its largest value."""

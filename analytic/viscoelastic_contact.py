@@ -32,7 +32,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.design import BadInput
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation
 
 
 @dataclass(frozen=True, slots=True)

@@ -336,9 +336,9 @@ class Design:
         """Return warnings for every use of the design: fields without effect, or an E that no silicone has."""
         texts = self.unused_field_warnings()
         if self.modulus == "instantaneous":
-            from geometry.prony import branches_of
+            from geometry.relaxation import relaxation_of
 
-            rest = branches_of(self.prony, self.loss_factor, self.loss_low, self.loss_high).rest
+            rest = relaxation_of(self).rest
             if rest < 1:
                 note = f"static solves take E as it stands; at rest a force is {rest:.3g} times as large"
                 texts.append(f"modulus is instantaneous: {note}")
@@ -372,7 +372,7 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
         if not isinstance(value, str):
             raise BadInput(f"{spec.name} must be a text ({spec.metadata['text']}); got {value!r}")
         if value:
-            from geometry.prony import parse_branches
+            from geometry.relaxation import parse_branches
 
             parse_branches(value)
         return " ".join(value.split())

@@ -1,30 +1,233 @@
-"""The relaxation of a design: its branches, its two moduli, and the times and frequencies for which they speak.
+"""Relaxation of the silicone: Prony branches, the modulus over time and frequency, and the range they speak for.
 
-`geometry.prony` has the equations. Branches that were measured over seconds say nothing about 600 Hz: times and
-frequencies outside the covered range are refused, or allowed on request and marked.
+Branches that were measured over seconds say nothing about 600 Hz: times and frequencies outside the covered range are
+refused, or allowed on request and marked.
+
+With the instantaneous shear modulus G0, branches (g_i, tau_i) and the share rest = 1 - sum g_i that never relaxes,
+
+    G(t) / G0 = rest + sum g_i exp(-t / tau_i)                              after a step of the strain at t = 0,
+    G*(w) / G0 = rest + sum g_i i w tau_i / (1 + i w tau_i) = G' + i G''    under a strain exp(i w t),
+
+w = 2 pi f in rad/s. The loss factor is tan(delta) = G'' / G', positive: the stress leads the strain. Fast limit
+(t -> 0, w -> inf): 1. Slow limit (t -> inf, w -> 0): rest. The bulk modulus does not relax. The long-term modulus
+is rest times the instantaneous one; the field `modulus` of a design says which of the two its E is.
+
+A design without measured branches (`prony`) has a loss factor that is constant in a band of frequencies. Its branches
+follow from G'' - tan(delta) G' = 0 over the band, which is linear in h_i = g_i / rest >= 0: a problem of non-negative
+least squares, of which every solution has sum g_i = sum h_i / (1 + sum h_i) < 1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import functools
+import itertools
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from geometry.design import BadInput, Design
-from geometry.prony import Relaxation as Relaxation
-from geometry.prony import branches_of
-from geometry.prony import constant_loss as constant_loss
-from geometry.prony import parse_branches as parse_branches
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-ROUNDING = 1e-5
-"""Relative difference that is rounding: the field `prony` has times to six digits."""
+from geometry.arrays import Array
+from geometry.bad_input import BadInput
+
+if TYPE_CHECKING:
+    from geometry.design import Design
+
+TIMES = (1e-12, 1e12)
+"""Range of a branch's time, s: beyond it, a number is taken for a mistake."""
+MOST_DECADES = 10.0
+"""Widest band of a constant loss factor: each further decade adds branches, which every solve carries."""
+LEAST_REST = 1e-4
+"""Least share of the stress that must remain in the long term: the instantaneous modulus of no silicone is larger."""
+
+_NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+_BRANCH = re.compile(f"{_NUMBER}:{_NUMBER}")
+
+
+@dataclass(frozen=True, slots=True)
+class Relaxation:
+    """Prony branches; without branches the silicone is elastic.
+
+    Attributes
+    ----------
+    shares : g_i, share of each branch in the instantaneous modulus.
+    times : tau_i, s.
+    covered : shortest and longest time, s, for which the branches were measured or assumed; default: the shortest and
+        the longest branch.
+
+    Raises
+    ------
+    BadInput
+        A share is negative, the shares add up to 1 or more, or a time is not positive.
+
+    >>> Relaxation((0.2, 0.3), (0.1, 10.0)).modulus([0.0, 1e9]).tolist()
+    [1.0, 0.5]
+    """
+
+    shares: tuple[float, ...]
+    times: tuple[float, ...]
+    covered: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for g, tau in zip(self.shares, self.times, strict=True):
+            if not 0 <= g < 1:
+                raise BadInput(f"the share g of a branch must be at least 0 and less than 1; got {g:g}")
+            if not TIMES[0] <= tau <= TIMES[1]:
+                raise BadInput(
+                    f"the time tau of a branch must lie between {TIMES[0]:g} and {TIMES[1]:g} s; got {tau:g} s"
+                )
+        if not sum(self.shares) < 1:
+            raise BadInput(f"the shares g of all branches must add up to less than 1; got {sum(self.shares):g}")
+
+    @property
+    def rest(self) -> float:
+        """Long-term over instantaneous modulus."""
+        return 1.0 - math.fsum(self.shares)
+
+    @property
+    def speaks_for(self) -> tuple[float, float]:
+        """Shortest and longest time, s, for which the branches hold; 0 and infinity without branches."""
+        if self.covered is not None:
+            return self.covered
+        return (min(self.times), max(self.times)) if self.times else (0.0, math.inf)
+
+    @property
+    def speaks_for_frequencies(self) -> tuple[float, float]:
+        """Lowest and highest frequency, Hz: 1 / (2 pi t) of the longest and of the shortest time."""
+        short, long = self.speaks_for
+        return 1 / (2 * math.pi * long), 1 / (2 * math.pi * short) if short > 0 else math.inf
+
+    def modulus(self, t: ArrayLike) -> Array:
+        """Return G(t) / G0 at times t >= 0 after a step, s; same shape as t."""
+        t = np.asarray(t, dtype=float)
+        return np.asarray(self.rest + np.exp(-t[..., None] / np.array(self.times)) @ np.array(self.shares))
+
+    def complex_modulus(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Return G*(w) / G0 at angular frequencies, rad/s; same shape as omega."""
+        storage, loss = branch_moduli(np.asarray(omega, dtype=float), np.array(self.times))
+        return np.asarray(self.rest + (storage + 1j * loss) @ np.array(self.shares))
+
+    def loss_factor(self, omega: ArrayLike) -> Array:
+        """Return tan(delta) at angular frequencies, rad/s; same shape as omega."""
+        g = self.complex_modulus(omega)
+        return np.asarray(g.imag / g.real)
+
+
+def branch_moduli(omega: Array, times: Array) -> tuple[Array, Array]:
+    """Return storage and loss modulus of branches with g = 1, the shape of omega (rad/s) and that of times (s)."""
+    x = omega[..., None] * times
+    return x * x / (1 + x * x), x / (1 + x * x)
+
+
+def parse_branches(text: str) -> Relaxation:
+    """Return the branches in a text "g:tau g:tau ..." with tau in s, by rising tau.
+
+    Two entries with g = 0 mark the shortest and the longest time that the measurement covers; without them it is
+    taken to cover the times from the shortest to the longest branch.
+
+    Raises
+    ------
+    BadInput
+        The text has another form, lists a time twice, or its branches are impossible.
+
+    >>> parse_branches("0.03:0.1 0.05:0.01 0:0.005 0:10")
+    Relaxation(shares=(0.05, 0.03), times=(0.01, 0.1), covered=(0.005, 10.0))
+    """
+    pairs: list[tuple[float, float]] = []
+    for word in text.split():
+        match = _BRANCH.fullmatch(word)
+        if not match:
+            raise BadInput(f"prony must list branches g:tau with tau in s, such as 0.05:0.01 0.03:0.1; got '{word}'")
+        pairs.append((float(match[2]), float(match[1])))
+    pairs.sort()
+    try:
+        # the marks are checked too: their times must be possible
+        Relaxation(tuple(g for _, g in pairs), tuple(tau for tau, _ in pairs))
+    except BadInput as error:
+        raise BadInput(f"prony: {error}") from None
+    branches, marks = [pair for pair in pairs if pair[1]], [tau for tau, g in pairs if not g]
+    for (tau, _), (next_tau, _) in itertools.pairwise(branches):
+        if tau == next_tau:
+            raise BadInput(f"prony lists the time tau = {tau:g} s twice: give one branch with the sum of both shares")
+    if pairs and not branches:
+        raise BadInput(
+            "prony lists no branch with a share g above 0: leave it empty; loss_factor=0 makes an elastic silicone"
+        )
+    if marks and (len(marks) != 2 or marks[0] == marks[1]):
+        raise BadInput("prony: entries with g = 0 mark the covered times, so give two, the shortest and the longest")
+    covered = (marks[0], marks[1]) if marks else None
+    return Relaxation(tuple(g for _, g in branches), tuple(tau for tau, _ in branches), covered)
+
+
+def branches_text(relaxation: Relaxation) -> str:
+    """Return branches as the field `prony` takes them; `parse_branches` is the inverse.
+
+    >>> branches_text(parse_branches("0.050:0.01 0:10 0:0.1"))
+    '0.05:0.01 0:0.1 0:10'
+    """
+    pairs = list(zip(relaxation.times, relaxation.shares, strict=True))
+    pairs += [(tau, 0.0) for tau in relaxation.covered or ()]
+    return " ".join(f"{g:.6g}:{tau:.6g}" for tau, g in sorted(pairs))
+
+
+@functools.lru_cache(maxsize=1000)
+def constant_loss(loss_factor: float, low: float, high: float) -> Relaxation:
+    """Return branches whose loss factor is constant within 2 % over a band of frequencies.
+
+    Parameters
+    ----------
+    loss_factor : tan(delta); 0 gives no branches.
+    low, high : ends of the band, Hz.
+
+    Raises
+    ------
+    BadInput
+        The band is too wide, or nearly all stress would relax.
+    """
+    if not loss_factor > 0:
+        return Relaxation((), ())
+    decades = math.log10(high / low)
+    if not 0 < decades <= MOST_DECADES:
+        raise BadInput(
+            f"the band of a constant loss factor must be above 0 and at most {MOST_DECADES:g} decades wide; got "
+            f"{low:g} to {high:g} Hz: change loss_low or loss_high"
+        )
+    from scipy.optimize import nnls
+
+    # two branches a decade let the loss factor vary by about 0.1 %; half a decade beyond the band holds its ends
+    count = math.ceil((decades + 1) * 2) + 1
+    times = np.geomspace(10**0.5 / low, 10**-0.5 / high, count)[::-1] / (2 * math.pi)
+    storage, loss = branch_moduli(2 * math.pi * np.geomspace(low, high, 40 * math.ceil(decades) + 1), times)
+    scale = np.ones(len(loss))
+    for _ in range(4):
+        # the error of tan(delta) is that of G'' - tan(delta) G' over G', so the rows are weighed with the last G'
+        h, _ = nnls((loss / loss_factor - storage) / scale[:, None], 1 / scale)
+        scale = 1 + storage @ h
+    rest = 1 / (1 + h.sum())
+    error = float(np.max(np.abs(loss @ h / scale / loss_factor - 1)))
+    if not (error <= 0.02 and rest >= LEAST_REST):
+        raise BadInput(
+            f"a loss factor of {loss_factor:g} from {low:g} to {high:g} Hz leaves less than {LEAST_REST:g} of the "
+            f"instantaneous modulus in the long term: lower loss_factor or narrow the band loss_low to loss_high"
+        )
+    used = h > 0
+    ends = (1 / (2 * math.pi * high), 1 / (2 * math.pi * low))
+    return Relaxation(tuple((h[used] * rest).tolist()), tuple(times[used].tolist()), ends)
 
 
 def relaxation_of(design: Design) -> Relaxation:
     """Return the branches of a design: `prony`, or those of its constant loss factor.
 
+    >>> from geometry.design import Design
     >>> relaxation_of(Design(loss_factor=0.0))
     Relaxation(shares=(), times=(), covered=None)
     """
-    return branches_of(design.prony, design.loss_factor, design.loss_low, design.loss_high)
+    if design.prony:
+        return parse_branches(design.prony)
+    return constant_loss(design.loss_factor, design.loss_low, design.loss_high)
 
 
 def moduli(design: Design) -> tuple[float, float]:
@@ -32,6 +235,7 @@ def moduli(design: Design) -> tuple[float, float]:
 
     The ratio of both is that of the shear moduli, exactly for nu = 0.5; the bulk does not relax.
 
+    >>> from geometry.design import Design
     >>> moduli(Design(E=1.0, prony="0.5:1", modulus="instantaneous"))
     (1.0, 0.5)
     """
@@ -42,19 +246,18 @@ def moduli(design: Design) -> tuple[float, float]:
 def relaxation_notes(design: Design) -> list[str]:
     """Return sentences: which modulus E is, where the branches come from, and what is assumed.
 
+    >>> from geometry.design import Design
     >>> relaxation_notes(Design(prony="0.5:1", modulus="long-term"))[0]
     'E = 1 MPa is the long-term modulus (the default); the instantaneous modulus is 2 MPa'
     """
     relaxation, (fast, slow) = relaxation_of(design), moduli(design)
     if not relaxation.times:
         return [f"the silicone is elastic (loss_factor is 0): E = {design.E:g} MPa at every rate"]
-    instantaneous = design.modulus == "instantaneous"
-    other = (
-        f"the {'long-term' if instantaneous else 'instantaneous'} modulus is {slow if instantaneous else fast:.4g}"
-    )
     # a design file may state the default, so it is not called an assumption
-    default = "" if instantaneous else " (the default)"
-    which = f"E = {design.E:g} MPa is the {design.modulus} modulus{default}; {other} MPa"
+    remark, second, value = (
+        ("", "long-term", slow) if design.modulus == "instantaneous" else (" (the default)", "instantaneous", fast)
+    )
+    which = f"E = {design.E:g} MPa is the {design.modulus} modulus{remark}; the {second} modulus is {value:.4g} MPa"
     count = f"{len(relaxation.times)} Prony branch{'es' if len(relaxation.times) > 1 else ''}"
     if design.prony:
         return [which, f"{count} from the field prony, which speak for {range_text(relaxation)}"]
@@ -74,8 +277,8 @@ def range_sentence(relaxation: Relaxation, *, times: Iterable[float] = (), frequ
     outside = [
         f"{text} {unit}"
         for values, (low, high), unit in (
-            (list(times), relaxation.speaks_for, "s"),
-            (list(frequencies), relaxation.speaks_for_frequencies, "Hz"),
+            (times, relaxation.speaks_for, "s"),
+            (frequencies, relaxation.speaks_for_frequencies, "Hz"),
         )
         if (text := _outside(values, low, high))
     ]
@@ -95,9 +298,9 @@ def range_text(relaxation: Relaxation) -> str:
     return f"{_three(short)} to {_three(long)} s ({_three(low)} to {_three(high)} Hz)"
 
 
-def _outside(values: Sequence[float], low: float, high: float) -> str:
-    """Return the least and the largest value outside a range; the ends of the range may differ by rounding."""
-    beyond = [value for value in values if not low * (1 - ROUNDING) <= value <= high * (1 + ROUNDING)]
+def _outside(values: Iterable[float], low: float, high: float) -> str:
+    """Return the least and the largest value outside a range; its ends, in `prony`, have six digits."""
+    beyond = [value for value in values if not low * (1 - 1e-5) <= value <= high * (1 + 1e-5)]
     if not beyond:
         return ""
     least, most = _three(min(beyond)), _three(max(beyond))

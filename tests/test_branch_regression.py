@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from geometry.design import BadInput
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation
 from studies.simulation.branch_regression import fit, kernel, model, thinned
 from studies.simulation.relaxation_test import Test
 

@@ -5,8 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from geometry.prony import Relaxation
-from geometry.relaxation import check_range, moduli, relaxation_of
+from geometry.relaxation import Relaxation, check_range, moduli, relaxation_of
 from studies.inputs.user_input import read_design
 
 SERIES = Relaxation((0.15, 0.2), (0.05, 5.0))

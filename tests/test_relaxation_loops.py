@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analytic.relaxation_loops import loop
-from geometry.prony import Relaxation, constant_loss
+from geometry.relaxation import Relaxation, constant_loss
 
 SERIES = Relaxation((0.1, 0.2, 0.15), (0.02, 0.3, 5.0))
 CATALAN = 0.915965594177219

@@ -11,7 +11,7 @@ from fem.analyses.vibration import vibrating_sensor
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation
 from studies.simulation import oscillator_ladder, response_curves
 
 BAND = (0.1, 100.0)

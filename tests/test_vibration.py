@@ -22,7 +22,7 @@ from fem.solve.direct_solver import Solver
 from fem.solve.newton import newton
 from geometry.design import BadInput, paper
 from geometry.loads import Load
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation
 from studies.validation.motion_problems import full_solution
 
 ROUGH = replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)

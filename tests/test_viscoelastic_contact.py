@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from analytic.viscoelastic_contact import indentation
 from geometry.design import BadInput
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation
 
 SERIES = Relaxation((0.1, 0.2, 0.15), (0.02, 0.3, 5.0))
 ELASTIC = Relaxation((), ())

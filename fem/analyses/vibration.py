@@ -60,8 +60,7 @@ from fem.solve.reduced_basis import Complex, Problem, ReducedSystem, reduce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
-from geometry.prony import Relaxation
-from geometry.relaxation import relaxation_of
+from geometry.relaxation import Relaxation, relaxation_of
 
 __all__ = ["VibratingSensor", "Vibration", "vibrating_sensor"]
 
@@ -357,7 +356,7 @@ def relaxed(design: Design, relaxation: Relaxation) -> Design:
     """Return the design whose E and nu are those at rest: the bulk modulus stays, the shear modulus relaxes.
 
     >>> from geometry.design import paper
-    >>> from geometry.prony import Relaxation
+    >>> from geometry.relaxation import Relaxation
     >>> import dataclasses
     >>> relaxed(dataclasses.replace(paper(), nu=0.5, modulus="instantaneous"), Relaxation((0.5,), (1.0,))).E
     0.5

@@ -24,8 +24,7 @@ from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.prony import Relaxation
-from geometry.relaxation import relaxation_of
+from geometry.relaxation import Relaxation, relaxation_of
 
 LOWEST = 1.0
 """Frequency to which gains refer, Hz, where the branches speak for it: that of `magtip response`."""

@@ -26,7 +26,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.design import BadInput
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation, branch_moduli
 from studies.simulation.law_regression import ALIKE, EXACT, aicc
 from studies.simulation.relaxation_test import Test
 
@@ -112,9 +112,8 @@ def kernel(test: Test, times: Array) -> Array:
     """
     at, tau = test.at[:, None], times[None, :]
     if test.kind == "dynamic":
-        x = 2 * np.pi * at * tau
-        rest, zero = np.ones_like(at), np.zeros_like(at)
-        return np.vstack([np.hstack([rest, x * x / (1 + x * x)]), np.hstack([zero, x / (1 + x * x)])])
+        storage, loss = branch_moduli(2 * np.pi * test.at, times)
+        return np.vstack([np.hstack([np.ones_like(at), storage]), np.hstack([np.zeros_like(at), loss])])
     T = test.ramp or 0.0
     if not T:
         return np.hstack([np.ones_like(at), np.exp(-at / tau)])

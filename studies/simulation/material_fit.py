@@ -17,8 +17,7 @@ import numpy as np
 from geometry.arrays import Array
 from geometry.design import SILICONE_E, BadInput, Design
 from geometry.messages import Progress
-from geometry.prony import branches_text
-from geometry.relaxation import range_text
+from geometry.relaxation import branches_text, range_text
 from studies.output.atomic_files import write_text
 from studies.output.figures import save
 from studies.output.records import FlatRow

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analytic.oscillator import moving_mass, natural_frequency, receptance
 from geometry.arrays import Array
 from geometry.design import Design
-from geometry.prony import Relaxation
+from geometry.relaxation import Relaxation
 from studies.output.records import FlatRow
 from studies.simulation import resonance_peaks
 from studies.simulation.resonance_peaks import BAND
