@@ -17,7 +17,7 @@ import dataclasses
 import decimal
 import math
 import numbers
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -25,24 +25,55 @@ import numpy as np
 
 from geometry.bad_input import nearest
 from geometry.design import BadInput, Design, paper
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.exploration import store as stores
 from studies.exploration import sweep
 from studies.exploration.needed_paths import Processes
 from studies.exploration.plate_motion import check_motion
-from studies.exploration.study_cases import DEFAULT_QUANTITIES, Plan, check_quantities, model_name, models_of
+from studies.exploration.study_cases import (
+    DEFAULT_QUANTITIES,
+    FemModel,
+    Plan,
+    check_quantities,
+    model_name,
+    models_of,
+)
 from studies.inputs import study_axes, study_input
 from studies.inputs.study_axes import AXES, Factor
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["answer"]
+__all__ = ["FemModel", "answer", "table"]
+
+
+def table(cases: Iterable[tuple[Design, Load, Magnet]]) -> pd.DataFrame:
+    """Return a table for `answer` from designs, loads, and models of the magnet.
+
+    Its columns are the fields of the load, `magnet`, and the fields in which some design differs from the paper's.
+    """
+    import pandas as pd
+
+    given = list(cases)
+    base = paper()
+    rows = [
+        {name: getattr(design, name) for name in study_axes.DESIGN}
+        | {"depth": load.depth, "shear": load.shear_x, "shear_y": load.shear_y, "friction": load.friction}
+        | {"plate_tilt": math.degrees(load.plate_tilt), "imperfection": load.imperfection}
+        | {"grip": math.nan if load.grip is None else load.grip, "magnet": magnet}
+        for design, load, magnet in given
+    ]
+    usual = {name: getattr(base, name) for name in study_axes.DESIGN}
+    usual |= {"shear": 0.0, "shear_y": 0.0, "plate_tilt": 0.0, "imperfection": 0.0}
+    frame = pd.DataFrame(rows)
+    kept = [name for name in frame if name not in usual or (frame[name] != usual[name]).any()]
+    return frame[kept].rename(columns={name: study_axes.column(name) for name in kept})
 
 
 def answer(
     cases: pd.DataFrame,
-    models: Sequence[str] = ("fem", "paper"),
+    models: Sequence[str | FemModel] = ("fem", "paper"),
     *,
     base: Design | None = None,
     quantities: Sequence[str] = (),
@@ -66,7 +97,8 @@ def answer(
         its row a bad_input.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
-        formulas: paper, column, tip, magnet, finite.
+        formulas: paper, column, tip, magnet, finite. A `FemModel` stands for finite elements with an accuracy that
+        is no level, under its own name.
     base : what the columns do not say; default: the paper's sensor. Its Hall elements keep their places in the base
         where L or D vary, unless `l0_mm` is a column.
     quantities : any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth,
@@ -101,7 +133,8 @@ def answer(
         raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
     if not names or not {"depth", "grip"} & set(names):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
-    fem, formulas = models_of(models)
+    fem, formulas = models_of([model for model in models if isinstance(model, str)])
+    fem += tuple(model for model in models if isinstance(model, FemModel))
     asked = study_input.checked_quantities(tuple(quantities))
     columns, refusals = zip(
         *(_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)), strict=True
@@ -145,9 +178,9 @@ def _check_kinds(cases: object, models: object, base: object, quantities: object
         raise BadInput(f"the cases must be a pandas DataFrame; got {type(cases).__name__}")
     if base is not None and not isinstance(base, Design):
         raise BadInput(f"base must be a geometry.design.Design; got {base!r:.60}")
-    for name, value in (("models", models), ("quantities", quantities)):
+    for name, value, kinds in (("models", models, (str, FemModel)), ("quantities", quantities, (str,))):
         listed = isinstance(value, Sequence) and not isinstance(value, str)
-        if not listed or not all(isinstance(one, str) for one in value):  # type: ignore[attr-defined]
+        if not listed or not all(isinstance(one, kinds) for one in value):  # type: ignore[attr-defined]
             raise BadInput(f"{name} must be a list of names; got {value!r:.60}")
     if not models:
         raise BadInput("no model is given: name some, such as fem and paper")

@@ -133,6 +133,19 @@ def test_solved_states_are_kept(ask):
     pd.testing.assert_frame_equal(first, again)
 
 
+def test_a_table_of_designs_and_loads_is_solved_with_an_accuracy_of_its_own(ask):
+    designs = [paper(), replace(paper(), L=12.0, l0=11.0, nu=0.48)]
+    loads = [Load(0.5, 0.2, friction="stick", plate_tilt=0.05), Load(0.0, 0.5, friction="stick", grip=5.0)]
+    asked = cases.table(zip(designs, loads, ["rigid", "ignored"], strict=True))
+    assert "D_mm" not in asked
+    coarse = replace(QUICK, name="coarse", section_size=0.2, harmonics=1)
+    found = ask(asked, [cases.FemModel("coarse", coarse)], quantities=["force"])
+    for k, (design, load, magnet) in enumerate(zip(designs, loads, ["rigid", "ignored"], strict=True)):
+        expected = solve(design, load, coarse, magnet=magnet).response.force
+        row = found.iloc[k]
+        assert [row["fem_force_x_N"], row["fem_force_N"]] == pytest.approx([expected[0], expected[2]], rel=1e-6)
+
+
 def test_the_tolerance_chooses_for_each_row(ask):
     found = ask({"depth_mm": [0.5, 1.0]}, ["tolerance:5%", "paper"], quantities=["force"])
     assert (found["expected_error"] <= 0.05).all()

@@ -1,7 +1,9 @@
 """The harmonic model beside tetrahedra; the two meet in test_equilibrium too."""
 
+import math
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 
 from fem.accuracy import QUICK
@@ -11,48 +13,75 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.validation import crosscheck
 
-STOPPED = {"design": 0, "magnet": "rigid", "depth_mm": 1.0, "shear_mm": 1.0, "status": "not_converged"}
-STOPPED |= {"message": "half: stopped", "agree": False, "tilt_deg": 0.0, "shear_y_mm": 0.0, "friction": "stick"}
+LOAD = Load(depth=0.8, shear_x=0.4, friction="stick")
+
+
+def answers(*solutions):
+    """Solved states as the tables of an engine's answers."""
+    return [
+        pd.DataFrame(
+            {
+                **dict(zip(("fem_force_x_N", "fem_force_y_N", "fem_force_N"), one.response.force, strict=True)),
+                **dict(zip(("fem_shift_x_mm", "fem_shift_y_mm", "fem_shift_z_mm"), one.response.shift, strict=True)),
+                "fem_tilt_rad": one.response.tilt,
+                "fem_tilt_y_rad": 0.0,
+                "sideways_N": one.response.force[0],
+                **{f"{name}_error_estimate": getattr(one.estimates, name) for name in ("shift", "tilt", "sideways")},
+                "error_estimate": one.estimates.force,
+                "status": one.status,
+                "message": "",
+                "seconds": 1.0,
+            },
+            index=[0],
+        )
+        for one in solutions
+    ]
 
 
 @pytest.fixture(scope="module")
 def solutions():
-    load = Load(depth=0.8, shear_x=0.4, friction="stick")
     level = replace(QUICK, section_size=0.16, section_patch=0.03)
-    return [solve(paper(), load, replace(level, harmonics=n)) for n in (2, 1, 3)]
+    return [solve(paper(), LOAD, replace(level, harmonics=n)) for n in (2, 1, 3)]
 
 
-@pytest.mark.parametrize("name", crosscheck.QUANTITIES)
-def test_answers_agree_within_both_estimates(solutions, name):
-    difference = crosscheck.difference(name, *solutions)
-    both = difference["harmonic_estimate_percent"] + difference["half_estimate_percent"]
-    assert difference["agree"] == (difference["difference_percent"] <= both)
-    assert 0 < difference["one_harmonic_more_percent"] < 1
+def test_answers_agree_within_both_estimates(solutions):
+    (row,) = crosscheck.compared([(0, LOAD)], *answers(*solutions)).to_dict("records")
+    for name in crosscheck.COMPONENTS:
+        both = row[f"{name}_harmonic_estimate_percent"] + row[f"{name}_half_estimate_percent"]
+        assert row[f"{name}_agree"] == (row[f"{name}_difference_percent"] <= both)
+        assert 0 < row[f"{name}_one_harmonic_more_percent"] < 1
+    a, b = (one.response.force for one in solutions[:2])
+    assert row["force_difference_percent"] == pytest.approx(100 * math.dist(a, b) / math.hypot(*a))
 
 
 def test_answers_of_other_loads_do_not_agree(solutions):
-    one, other, richer = solutions
-    far = replace(other, response=replace(other.response, tilt=2 * other.response.tilt))
-    difference = crosscheck.difference("tilt", one, far, richer)
-    assert not difference["agree"]
-    assert difference["difference_percent"] == pytest.approx(100, rel=0.1)
+    one, other, richer = answers(*solutions)
+    other["fem_tilt_rad"] *= 2
+    (row,) = crosscheck.compared([(0, LOAD)], one, other, richer).to_dict("records")
+    assert not row["tilt_agree"]
+    assert not row["agree"]
+    assert row["tilt_difference_percent"] == pytest.approx(100, rel=0.1)
 
 
-def test_designs_that_disagree_are_told(monkeypatch, run, tmp_path):
-    monkeypatch.setattr(crosscheck, "compare", lambda *_: STOPPED)
-    status, _, err = run("validate", "crosscheck", "--count", 2, "--out", tmp_path)
-    assert status == 3
-    assert "2 of 2 designs disagree: design 0, design 0" in err
-    assert "0 of 2 designs agree" in (tmp_path / "CROSSCHECK.md").read_text()
+def test_a_solve_that_fails_or_has_no_estimate_is_no_agreement(solutions):
+    one, other, richer = answers(*solutions)
+    stopped = other.assign(status="not_converged", message="stopped")
+    found = crosscheck.result(crosscheck.compared([(0, LOAD)], one, stopped, richer))
+    assert found.failures == ["1 of 1 designs disagree: design 0"]
+    assert "0 of 1 designs agree" in found.pages["CROSSCHECK.md"]
+    assert "- design 0: tetrahedra: stopped" in found.pages["CROSSCHECK.md"]
+    unknown = other.assign(shift_error_estimate=math.nan)
+    assert not crosscheck.compared([(0, LOAD)], one, unknown, richer)["agree"].any()
 
 
-def test_a_tilted_plate_is_compared_with_tetrahedra():
+def test_a_tilted_plate_is_compared_with_tetrahedra(tmp_path):
     """Two coarse meshes: their answers agree within their estimates."""
     coarse = replace(QUICK, section_size=0.25, solid_size=0.6, solid_patch=0.2)
-    result = crosscheck.compare(1, "ignored", coarse, Load(depth=1.0, plate_tilt=0.15))
-    assert (result["status"], result["agree"]) == ("ok", True)
-    assert "sideways_agree" not in result
-    report = crosscheck.result([result]).pages["CROSSCHECK.md"]
+    chosen = [(1, Load(depth=1.0, plate_tilt=0.15))]
+    table = crosscheck.compared(chosen, *crosscheck.solved(chosen, coarse, tmp_path / "states.sqlite"))
+    assert table[["status", "agree"]].to_numpy().tolist() == [["ok", True]]
+    assert table["sideways_agree"].isna().all()
+    report = crosscheck.result(table).pages["CROSSCHECK.md"]
     assert "1 of 1 loads agree" in report
     assert report.count("| 1 | ignored | 1 | 0 | 0 | 8.594 | none | ok |") == 3
 
@@ -62,13 +91,6 @@ def test_loads_of_tilted_plates_cover_every_kind():
     assert {load.friction for load in loads} == {"none", "stick", 0.4}
     assert {case[0] for case in crosscheck.TILTED} == set(range(12))
     assert [turns([load]) for load in loads].count(True) == 2
-
-
-def test_tilted_plates_are_solved_on_request(monkeypatch, run):
-    monkeypatch.setattr(crosscheck, "compare", lambda *_: STOPPED | {"tilt_deg": 5.0})
-    status, _, err = run("validate", "crosscheck", "--count", 1, "--tilted")
-    assert status == 3
-    assert "3 of 3 loads disagree" in err
 
 
 @pytest.mark.parametrize("count", [0, 13])

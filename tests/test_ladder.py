@@ -1,8 +1,12 @@
 """Means of the errors of the formulas' levels, and the pages of `ladder`."""
 
+import pandas as pd
 import pytest
 
 from analytic import beam
+from fem.accuracy import QUICK
+from fem.equilibrium import solve
+from geometry.loads import Load
 from studies.output import goals, result
 from studies.validation import ladder
 
@@ -24,34 +28,47 @@ def comparisons():
     for level in beam.LEVELS:
         found += [state(level, 0.06, 0.0, PRESS), state(level, 0.18, 0.0, PRESS), state(level, 0.12, 0.05, SHEAR)]
         found.append(state(level, 0.06, 0.0, {}, design=1, status="refused", message="it is too deep"))
-    return found
+    return pd.DataFrame(found)
 
 
 def test_a_mean_is_the_root_mean_square_of_the_states_that_have_the_error(comparisons):
-    means = ladder.means(comparisons)
+    (means,) = ladder.by_design(comparisons, "finite").to_dict("records")
     assert means["press_force_error_percent"] == pytest.approx(4)
     assert means["sinking_error_percent"] == pytest.approx(100 * ((2 * 0.03**2 + 0.01**2) / 3) ** 0.5)
     assert means["tilt_error_percent"] == pytest.approx(10)
-    assert ladder.means(comparisons[:1])["tilt_error_percent"] is None
+    assert ladder.by_design(comparisons[:1], "paper")["tilt_error_percent"].isna().all()
 
 
 def test_regions_count_their_states_and_a_refused_one_is_in_none(comparisons):
-    best = [errors for errors in ladder.summary(comparisons) if errors["level"] == "finite"]
-    assert {errors["region"]: errors["states"] for errors in best} == {
+    best = ladder.summary(comparisons).query("level == 'finite'")
+    assert dict(zip(best["region"], best["states"], strict=True)) == {
         "press to 0.06 D": 1,
         "press to D/4": 1,
         "shear of 0.05 D": 1,
         "in its own range": 3,
     }
-    assert [errors["design"] for errors in ladder.by_design(comparisons, "finite")] == [0]
+    assert ladder.by_design(comparisons, "finite")["design"].tolist() == [0]
 
 
 def test_a_state_without_a_comparison_misses_a_goal(comparisons):
     assert not goals.missed(ladder.goals(comparisons))
-    lost = state("paper", 0.06, 0.0, {}, status="not_converged")
-    assert [goal.value for goal in goals.missed(ladder.goals([*comparisons, lost]))] == [1]
-    refused = [c for c in comparisons if c["status"] == "refused"]
+    lost = pd.DataFrame([state("paper", 0.06, 0.0, {}, status="not_converged")])
+    assert [goal.value for goal in goals.missed(ladder.goals(pd.concat([comparisons, lost])))] == [1]
+    refused = comparisons[comparisons["status"] == "refused"]
     assert len(goals.missed(ladder.goals(refused))) == len(beam.LEVELS)
+
+
+def test_errors_are_those_of_solves_and_formulas(tmp_path):
+    """One design by the engine; the press force before a shear is that of the formula at the same depth."""
+    rows = ladder.run(lambda share, text: None, "quick", 1, tmp_path / "states.sqlite").frame("ladder")
+    assert len(rows) == 14 * len(beam.LEVELS)
+    row = rows.query("level == 'finite' and depth_over_D == 0.12 and shear_over_D == 0.15").iloc[0]
+    design, load = ladder.designs()[0], Load(0.96, 1.2, friction="stick")
+    exact, formula = solve(design, load, QUICK).response, beam.solve(design, load, "finite")
+    before = beam.solve(design, Load(0.96), "finite").force[2]
+    expected = (formula.force[2] - exact.force[2]) / before
+    assert row["press_under_shear_error"] == pytest.approx(expected, rel=1e-6)
+    assert row["tilt_error"] == pytest.approx((formula.tilt - exact.tilt) * design.R / 1.2, rel=1e-6)
 
 
 def test_report(comparisons, tmp_path):

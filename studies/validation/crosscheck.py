@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
-from fem import equilibrium
+import numpy as np
+
 from fem.accuracy import LEVELS, Accuracy
-from fem.scene import Model, turns
-from fem.solution import Solution
+from fem.scene import turns
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
+from studies import cases
+from studies.cases import FemModel
 from studies.output.result import Result, Table
+from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
-from studies.validation.pages import Row
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FILES = ("CROSSCHECK.md", "crosscheck.csv")
-QUANTITIES = ("force", "shift", "tilt", "sideways")
+COMPONENTS = {
+    "force": ("fem_force_x_N", "fem_force_y_N", "fem_force_N"),
+    "shift": ("fem_shift_x_mm", "fem_shift_y_mm", "fem_shift_z_mm"),
+    "tilt": ("fem_tilt_rad", "fem_tilt_y_rad"),
+    "sideways": ("sideways_N",),
+}
+"""Columns of the components of each quantity that is compared."""
 SHEAR = 0.05
 """Shear of a tilted plate over D: with a coefficient of 0.4 some of the contact area slips, and some sticks."""
 Friction = float | Literal["none", "stick"]
@@ -41,25 +52,17 @@ TILTED: tuple[tuple[int, float, Friction, bool], ...] = (
 )
 """Loads of tilted plates: design, tilt in degrees, friction, and whether the shear is across the tilt, along y. A
 plate without friction only presses. Each kind of load occurs with and without a rigid magnet."""
+Case = tuple[int, Load]
+"""Number of the design, and load."""
 
 
-def run(progress: Progress, level: str, count: int, *, tilted: bool = False) -> Result:
+def run(progress: Progress, level: str, count: int, *, tilted: bool = False, store: Path | None = None) -> Result:
     """Solve each of the first `count` designs at its largest shear, and under TILTED, with both models."""
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
-    cases = [
-        (number, error_study_cases.trial(number, magnet_of(number), "stick", "auto").loads[-1])
-        for number in range(count)
-    ]
-    cases += [(case[0], tilted_load(*case)) for case in TILTED if tilted and case[0] < count]
-    return pages.collected(_compared(progress, cases, LEVELS[level]), result)
-
-
-def _compared(progress: Progress, cases: Sequence[tuple[int, Load]], accuracy: Accuracy) -> Iterator[Row]:
-    for done, (number, load) in enumerate(cases):
-        tilt = f", tilt {math.degrees(load.plate_tilt):.3g} degrees" if load.plate_tilt else ""
-        progress(done / len(cases), f"design {number}, magnet {magnet_of(number)}{tilt}")
-        yield compare(number, magnet_of(number), accuracy, load)
+    chosen = [(number, upright(number)) for number in range(count)]
+    chosen += [(case[0], tilted_load(*case)) for case in TILTED if tilted and case[0] < count]
+    return result(compared(chosen, *solved(chosen, LEVELS[level], store, progress)))
 
 
 def magnet_of(number: int) -> Magnet:
@@ -67,93 +70,106 @@ def magnet_of(number: int) -> Magnet:
     return "rigid" if number % 2 == 0 else "ignored"
 
 
+def upright(number: int) -> Load:
+    """Return the load of a design under an upright plate: its largest shear."""
+    return error_study_cases.trial(number, magnet_of(number), "stick", "auto").loads[-1]
+
+
 def tilted_load(number: int, tilt: float, friction: Friction, across: bool) -> Load:
     """Return a load of TILTED, at the depth of the design's upright case."""
-    depth = error_study_cases.trial(number, magnet_of(number), "stick", "auto").loads[-1].depth
     D = error_study_cases.designs()[number].D
     shear = 0.0 if friction == "none" else error_study_cases.rounded(SHEAR * D)
     x, y = (0.0, shear) if across else (shear, 0.0)
-    return Load(depth, x, y, friction, plate_tilt=round(math.radians(tilt), 6))
+    return Load(upright(number).depth, x, y, friction, plate_tilt=round(math.radians(tilt), 6))
 
 
-def compare(number: int, magnet: Magnet, accuracy: Accuracy, load: Load) -> Row:
-    """Solve one design under a load by the harmonic model and on tetrahedra, and compare the answers."""
-    design = error_study_cases.designs()[number]
-    solid: Model = "full" if turns([load]) else "half"
-    row: Row = {
-        "design": number,
-        "magnet": magnet,
-        "depth_mm": load.depth,
-        "shear_mm": load.shear_x,
-        "status": "ok",
-        "message": "",
-        "agree": False,
-        "tilt_deg": round(math.degrees(load.plate_tilt), 3),
-        "shear_y_mm": load.shear_y,
-        "friction": load.friction,
-    }
-    harmonic, half = (
-        equilibrium.solve(design, load, accuracy, magnet=magnet, model=model) for model in ("harmonic", solid)
-    )
-    more = replace(accuracy, harmonics=accuracy.harmonics + 1)
-    one_more = equilibrium.trace(design, [load], more, magnet=magnet, model="harmonic", estimate=False)[-1]
-    for state in (harmonic, half, one_more):
-        if state.status != "ok":
-            return row | {"status": state.status, "message": f"{state.model}: {state.message}"}
-    names = [name for name in QUANTITIES if name != "sideways" or load.shear]
-    found = {name: difference(name, harmonic, half, one_more) for name in names}
-    cost: Row = {"harmonic_dofs": harmonic.dofs, "half_dofs": half.dofs}
-    cost |= {"harmonic_s": harmonic.seconds, "half_s": half.seconds}
-    flat = {f"{name}_{key}": value for name, parts in found.items() for key, value in parts.items()}
-    return row | flat | {"agree": all(parts["agree"] for parts in found.values())} | cost
+def solved(
+    chosen: list[Case], accuracy: Accuracy, store: Path | None = None, progress: Progress | None = None
+) -> list[pd.DataFrame]:
+    """Return the answers of the harmonic model, of tetrahedra, and of the former with one harmonic more.
 
-
-def difference(name: str, harmonic: Solution, half: Solution, one_more: Solution) -> Row:
-    """Return the difference of the models in one quantity, percent of the harmonic answer, and the estimates.
-
-    They agree if the difference is at most the sum of both error estimates; an estimate is NaN if a model has none.
-
-    Parameters
-    ----------
-    name : one of QUANTITIES.
-    one_more : the harmonic answer with one harmonic more on the same mesh.
+    The tetrahedra fill the whole body where the load turns out of the plane of symmetry, else half of it.
     """
-    a, b, c = (_vector(state, name) for state in (harmonic, half, one_more))
-    size = math.hypot(*a)
-    estimates = [getattr(state.estimates, name) for state in (harmonic, half)]
-    own, other = (math.nan if estimate is None else float(estimate) for estimate in estimates)
-    relative = math.dist(a, b) / size
-    return {
-        "difference_percent": 100 * relative,
-        "harmonic_estimate_percent": 100 * own,
-        "half_estimate_percent": 100 * other,
-        "one_harmonic_more_percent": 100 * math.dist(a, c) / size,
-        "agree": relative <= own + other,
-    }
+    import pandas as pd
+
+    asked = cases.table((error_study_cases.designs()[n], load, magnet_of(n)) for n, load in chosen)
+    x, y = (np.array([load.direction[k] for _, load in chosen]) for k in (0, 1))
+    whole = np.array([turns([load]) for _, load in chosen])
+    richer = replace(accuracy, name="one harmonic more", harmonics=accuracy.harmonics + 1)
+
+    def by(model: FemModel, rows: Any, begin: float, end: float) -> pd.DataFrame:
+        quantities, told = ["force", "shift", "tilt"], part(progress, begin, end, model.name)
+        found = cases.answer(asked[rows], [model], quantities=quantities, store=store, progress=told)
+        return found.assign(sideways_N=found.fem_force_x_N * x[rows] + found.fem_force_y_N * y[rows])
+
+    every = np.full(len(chosen), True)
+    harmonic = by(FemModel("harmonic", accuracy, "harmonic"), every, 0.0, 0.2)
+    one_more = by(FemModel("harmonic", richer, "harmonic"), every, 0.2, 0.4)
+    half = [by(FemModel("half", accuracy, "half"), ~whole, 0.4, 0.8)] if not whole.all() else []
+    full = [by(FemModel("full", accuracy, "full"), whole, 0.8, 1.0)] if whole.any() else []
+    return [harmonic, pd.concat([*half, *full]).sort_index(), one_more]
 
 
-def _vector(state: Solution, name: str) -> tuple[float, ...]:
-    response, (x, y) = state.response, state.load.direction
-    return {
-        "force": response.force,
-        "shift": response.shift,
-        "tilt": (response.tilt, response.tilt_y),
-        "sideways": (x * response.force[0] + y * response.force[1],),
-    }[name]
+def compared(chosen: list[Case], harmonic: pd.DataFrame, solid: pd.DataFrame, one_more: pd.DataFrame) -> pd.DataFrame:
+    """Return for each load the differences of the models, percent of the harmonic answer, and their estimates.
+
+    They agree in a quantity if the difference is at most the sum of both error estimates, and not at all where a
+    solve has failed or an estimate is unknown.
+    """
+    import pandas as pd
+
+    states = {"harmonic": harmonic, "tetrahedra": solid, "one harmonic more": one_more}
+    table = pd.DataFrame(
+        {
+            "design": number,
+            "magnet": magnet_of(number),
+            "depth_mm": load.depth,
+            "shear_mm": load.shear_x,
+            "shear_y_mm": load.shear_y,
+            "tilt_deg": round(math.degrees(load.plate_tilt), 3),
+            "friction": load.friction,
+            "sheared": bool(load.shear),
+        }
+        for number, load in chosen
+    )
+    good = pd.concat([answers["status"] == "ok" for answers in states.values()], axis=1).all(axis=1)
+    table["status"], table["message"] = "ok", ""
+    for name, answers in reversed(states.items()):
+        bad = answers["status"] != "ok"
+        table.loc[bad, "status"] = answers.loc[bad, "status"]
+        table.loc[bad, "message"] = name + ": " + answers.loc[bad, "message"]
+    table["agree"] = good
+    for name, columns in COMPONENTS.items():
+        a, b, c = (answers[list(columns)].to_numpy(dtype=float) for answers in states.values())
+        asked = (good & (table["sheared"] | (name != "sideways"))).to_numpy()
+        size = np.where(asked, np.linalg.norm(a, axis=1), np.nan)
+        column = "error_estimate" if name == "force" else f"{name}_error_estimate"
+        own, other = harmonic[column], solid[column]
+        table[f"{name}_difference_percent"] = 100 * np.linalg.norm(a - b, axis=1) / size
+        table[f"{name}_harmonic_estimate_percent"] = 100 * own.where(asked)
+        table[f"{name}_half_estimate_percent"] = 100 * other.where(asked)
+        table[f"{name}_one_harmonic_more_percent"] = 100 * np.linalg.norm(a - c, axis=1) / size
+        agrees = table[f"{name}_difference_percent"] <= 100 * (own + other)
+        table[f"{name}_agree"] = agrees.astype(object).where(asked)
+        table["agree"] &= agrees | ~asked
+    table["harmonic_s"], table["half_s"] = harmonic["seconds"], solid["seconds"]
+    return table.drop(columns="sheared")
 
 
-def result(rows: Sequence[Row]) -> Result:
+def result(table: pd.DataFrame) -> Result:
     """Return the result of compared loads."""
-    loads = "loads" if any(row["tilt_deg"] for row in rows) else "designs"
-    failed = [f"design {row['design']}" for row in rows if not row["agree"]]
+    rows = pages.records(table)
+    loads = "loads" if (table.tilt_deg != 0).any() else "designs"
+    failed = [f"design {number}" for number in table.design[~table.agree]]
     where = ("design", "magnet", "depth_mm", "shear_mm", "shear_y_mm", "tilt_deg", "friction", "status")
     parts = ("difference", "harmonic_estimate", "half_estimate", "one_harmonic_more")
     tables: dict[str, Any] = {}
-    for name in QUANTITIES:
+    for name in COMPONENTS:
         heads = {key: key for key in where}
-        heads |= {f"{name}_{part}_percent": part.replace("_", " ") for part in parts} | {f"{name}_agree": "agree"}
-        tables[name] = [row for row in rows if f"{name}_agree" in row or row["status"] != "ok"], heads
-    brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in rows]
+        heads |= {f"{name}_{each}_percent": each.replace("_", " ") for each in parts} | {f"{name}_agree": "agree"}
+        own = table[table[f"{name}_agree"].notna() | (table.status != "ok")]
+        tables[name] = pages.records(own), heads
+    brief = pages.records(table.drop(columns=[f"{name}_agree" for name in COMPONENTS]))
     return Result(
         title="Harmonic model against tetrahedra",
         records=rows,

@@ -2,38 +2,37 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from analytic import beam, buckling
-from fem import equilibrium
-from fem.accuracy import LEVELS
-from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
-from geometry.loads import Load, Magnet, Response
+from geometry.loads import Load
 from geometry.messages import Progress
+from studies import cases
 from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
 from studies.report import verdict_figures
 from studies.validation import pages
-from studies.validation.pages import Row
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FILES = ("LADDER.md", "ladder.csv", "ladder.png")
 PRESSES = (0.03, 0.06, 0.12, 0.18, 0.25)
 UNDER, SHEARS = (0.06, 0.12, 0.25), (0.05, 0.15, 0.3)
-"""Depths of the presses, depths under the shears, and shears, over D."""
+"""Depths of the presses, depths under the shears, which are among them, and shears, over D."""
 ERRORS = ("press_force", "sinking", "press_under_shear", "shear_force", "shift", "tilt")
-"""Quantities whose relative error is a column, as ladder.md.j2 defines it; one that does not apply is missing."""
-PANELS = ("press force", "sinking", "press under shear", "shear force / k₀ δ", "shift / δ", "tilt R / δ")
-REGIONS: dict[str, Callable[[Row], bool]] = {
-    "press to 0.06 D": lambda row: not row["shear_over_D"] and row["depth_over_D"] <= 0.06,
-    "press to D/4": lambda row: not row["shear_over_D"] and row["depth_over_D"] > 0.06,
-    "shear of 0.05 D": lambda row: row["shear_over_D"] == 0.05,
-    "shear to 0.3 D": lambda row: row["shear_over_D"] > 0.05,
-    "in its own range": lambda row: not row["outside"] and row["level"] != "paper",
-}
+"""Quantities whose relative error is a column, as ladder.md.j2 defines it; one that does not apply is NaN."""
+MOTION = {"force_x": "force_x_N", "force_z": "force_N", "shift_x": "shift_x_mm", "shift_z": "shift_z_mm"}
+MOTION |= {"tilt": "tilt_rad"}
+UNITS = {"force": "N", "shift": "mm", "tilt": "rad"}
+SIZES = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
 
 
 def designs() -> list[Design]:
@@ -53,151 +52,154 @@ def _design(D: float, slenderness: float, diameter: float, height: float) -> Des
     )
 
 
-def run(progress: Progress, accuracy: str, count: int) -> Result:
-    """Compare every level with the states of the first `count` designs."""
+def run(progress: Progress, accuracy: str, count: int, store: Path | None = None) -> Result:
+    """Compare every level with finite elements in the states of the first `count` designs."""
+    import pandas as pd
+
     most = len(designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
-    return pages.collected(_compared(progress, accuracy, count), result)
+    states = [(number, design, load) for number, design in enumerate(designs()[:count]) for load in loads(design)]
+    asked = cases.table((d, load, "rigid" if d.shape.has_magnet else "ignored") for _, d, load in states)
+    models, quantities = [f"fem:{accuracy}", *beam.LEVELS], ["force", "shift", "tilt"]
+    found = cases.answer(asked, models, quantities=quantities, store=store, progress=progress)
+    parts = [compare(states, found, level).assign(state=range(len(states))) for level in beam.LEVELS]
+    # the levels of a state stand together
+    return result(pd.concat(parts).sort_values("state", kind="stable").drop(columns="state"))
 
 
-def _compared(progress: Progress, accuracy: str, count: int) -> Iterator[Row]:
-    for number, design in enumerate(designs()[:count]):
-        progress(number / count, f"design {number}: L/D = {design.L / design.D:.3g}")
-        for load, state in _states(design, accuracy):
-            yield from (compare(number, design, load, state, level) for level in beam.LEVELS)
-
-
-def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | None]]:
-    """Yield each load with its finite-element solution, or None: presses, then shears at three depths."""
+def loads(design: Design) -> list[Load]:
+    """Return the loads of a design: presses, then shears at three depths."""
     D = design.D
-    magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
-    paths = [[Load(depth=share * D) for share in PRESSES]]
-    paths += [
-        [Load(depth=under * D, shear_x=share * D, friction="stick") for share in (0.0, *SHEARS)] for under in UNDER
+    return [
+        *(Load(depth=share * D) for share in PRESSES),
+        *(Load(depth=under * D, shear_x=share * D, friction="stick") for under, share in product(UNDER, SHEARS)),
     ]
-    for path in paths:
-        states = equilibrium.trace(design, path, LEVELS[accuracy], magnet=magnet, estimate=False)
-        reached = {(s.load.depth, s.load.shear_x): s for s in states if s.status in ("ok", "unstable")}
-        for load in path:
-            if load.shear_x or load.friction == "none":
-                yield load, reached.get((load.depth, load.shear_x))
 
 
-def compare(number: int, design: Design, load: Load, state: Solution | None, level: str) -> Row:
-    """Compare a level of the formulas with the state of the finite elements (None: load not reached)."""
-    D, shape = design.D, design.shape
-    row: Row = {
-        "design": number,
-        "D_mm": D,
-        "L_over_D": design.L / D,
-        "magnet_diameter_over_D": shape.magnet_diameter / D,
-        "magnet_height_over_D": shape.magnet_height / D,
-        "depth_over_D": round(load.depth / D, 6),
-        "shear_over_D": round(load.shear_x / D, 6),
-        "level": level,
-        "outside": beam.outside(design, load, level),
-    }
-    if state is None:
-        return row | {"status": "not_converged", "message": "the finite elements do not reach this load"}
-    try:
-        response = beam.solve(design, load, level)
-        before = beam.solve(design, Load(depth=load.depth), level).force[2]
-    except BadInput as error:
-        return row | {"status": "refused", "message": str(error)}
-    row |= {"status": "ok", "message": "", **_motion("", response), **_motion("fem_", state.response)}
-    return row | {f"{name}_error": e for name, e in _errors(design, load, response, before, state.response).items()}
-
-
-def _motion(prefix: str, response: Response) -> Row:
-    (force_x, _, force_z), (shift_x, _, shift_z) = response.force, response.shift
-    values = {"force_x_N": force_x, "force_z_N": force_z, "shift_x_mm": shift_x, "shift_z_mm": shift_z}
-    return {f"{prefix}{name}": value for name, value in (values | {"tilt_rad": response.tilt}).items()}
-
-
-def _errors(design: Design, load: Load, formula: Response, before: float, fem: Response) -> dict[str, float]:
-    """Return the relative errors of a formula.
+def compare(states: list[tuple[int, Design, Load]], found: pd.DataFrame, level: str) -> pd.DataFrame:
+    """Return a row for each state with motions and errors of a level; NaN where it or the finite elements have none.
 
     Parameters
     ----------
-    before : press force of the formula before the shear, N.
+    states : number of the design, design and load.
+    found : answers to them.
     """
-    sinking = {"sinking": formula.shift[2] / fem.shift[2] - 1}
-    if not load.shear_x:
-        return sinking | {"press_force": formula.force[2] / fem.force[2] - 1}
-    cantilever = buckling.sideways_stiffness(design)
-    return sinking | {
-        "press_under_shear": (formula.force[2] - fem.force[2]) / before,
-        "shear_force": (formula.force[0] - fem.force[0]) / (cantilever * load.shear_x),
-        "shift": (formula.shift[0] - fem.shift[0]) / load.shear_x,
-        "tilt": (formula.tilt - fem.tilt) * design.R / load.shear_x,
+    import pandas as pd
+
+    place = pd.DataFrame(
+        {
+            "design": number,
+            "D_mm": design.D,
+            "L_over_D": design.L / design.D,
+            "magnet_diameter_over_D": design.shape.magnet_diameter / design.D,
+            "magnet_height_over_D": design.shape.magnet_height / design.D,
+            "depth_over_D": round(load.depth / design.D, 6),
+            "shear_over_D": round(load.shear_x / design.D, 6),
+            "level": level,
+            "outside": beam.outside(design, load, level),
+        }
+        for number, design, load in states
+    )
+    columns = {f"{name}_{UNITS[name.partition('_')[0]]}": column for name, column in MOTION.items()}
+    one = pd.DataFrame({name: found[f"analytic_{level}_{column}"] for name, column in columns.items()})
+    fem = pd.DataFrame({name: found[f"fem_{column}"] for name, column in columns.items()})
+    refused, lost = one.force_z_N.isna(), fem.force_z_N.isna()
+    place["status"] = np.select([lost, refused], ["not_converged", "refused"], "ok")
+    place["message"] = np.where(lost | refused, found["message"], "")
+    R, shear, cantilever = (
+        pd.Series(values)
+        for values in zip(
+            *((d.R, load.shear_x, buckling.sideways_stiffness(d)) for _, d, load in states), strict=True
+        )
+    )
+    sheared = shear > 0
+    # the formula's press force before each shear is that of the press to the same depth
+    before = one.force_z_N.where(~sheared).groupby([place["design"], place["depth_over_D"]]).transform("first")
+    one[lost | refused] = fem[lost | refused] = np.nan
+    off = one - fem
+    errors = {
+        "sinking": off.shift_z_mm / fem.shift_z_mm,
+        "press_force": (off.force_z_N / fem.force_z_N).where(~sheared),
+        "press_under_shear": (off.force_z_N / before).where(sheared),
+        "shear_force": (off.force_x_N / (cantilever * shear)).where(sheared),
+        "shift": (off.shift_x_mm / shear).where(sheared),
+        "tilt": (off.tilt_rad * R / shear).where(sheared),
     }
+    return pd.concat([place, one, fem.add_prefix("fem_"), pd.DataFrame(errors).add_suffix("_error")], axis=1)
 
 
-def means(rows: Sequence[Row]) -> Row:
-    """Return the root mean squares of the errors of several states, percent; None if no state has the error."""
-    return {f"{name}_error_percent": _rms([row.get(f"{name}_error") for row in rows]) for name in ERRORS}
+def means(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
+    """Return number of states and root mean squares of the errors, percent, of groups; NaN where no state has one."""
+    errors = (rows[[f"{name}_error" for name in ERRORS]] ** 2).assign(**rows[by])
+    groups = errors.groupby(by, sort=False)
+    found = 100 * groups.mean() ** 0.5
+    return found.add_suffix("_percent").assign(states=groups.size()).reset_index()
 
 
-def _rms(shares: Sequence[float | None]) -> float | None:
-    values = [share for share in shares if share is not None]
-    return 100 * math.sqrt(math.fsum(v * v for v in values) / len(values)) if values else None
-
-
-def summary(rows: Sequence[Row]) -> list[Row]:
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the errors of each level in each region, and in the level's own range."""
-    table = []
-    for level in beam.LEVELS:
-        for region, inside in REGIONS.items():
-            own = [row for row in rows if (row["level"], row["status"]) == (level, "ok") and inside(row)]
-            if own:
-                table.append({"level": level, "region": region, "states": len(own), **means(own)})
-    return table
+    import pandas as pd
+
+    shear, depth = rows.shear_over_D, rows.depth_over_D
+    regions = {
+        "press to 0.06 D": (shear == 0) & (depth <= 0.06),
+        "press to D/4": (shear == 0) & (depth > 0.06),
+        "shear of 0.05 D": shear == 0.05,
+        "shear to 0.3 D": shear > 0.05,
+        "in its own range": (rows.outside == "") & (rows.level != "paper"),
+    }
+    solved = rows.status == "ok"
+    parts = [
+        means(rows[inside & solved].assign(region=region), ["level", "region"]) for region, inside in regions.items()
+    ]
+    table = pd.concat(parts)
+    table["level"] = pd.Categorical(table["level"], beam.LEVELS)
+    return table.sort_values("level", kind="stable").astype({"level": str}).pipe(_ordered, ["level", "region"])
 
 
-def by_design(rows: Sequence[Row], level: str) -> list[Row]:
+def by_design(rows: pd.DataFrame, level: str) -> pd.DataFrame:
     """Return the errors of one level for each design."""
-    sizes = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
-    groups: dict[int, list[Row]] = {}
-    for row in rows:
-        if (row["level"], row["status"]) == (level, "ok"):
-            groups.setdefault(row["design"], []).append(row)
-    return [{**{name: own[0][name] for name in sizes}, "states": len(own), **means(own)} for own in groups.values()]
+    return _ordered(means(rows[(rows.level == level) & (rows.status == "ok")], list(SIZES)), list(SIZES))
 
 
-def goals(rows: Sequence[Row]) -> list[Goal]:
+def _ordered(table: pd.DataFrame, first: list[str]) -> pd.DataFrame:
+    return table[[*first, "states", *(f"{name}_error_percent" for name in ERRORS)]]
+
+
+def goals(rows: pd.DataFrame) -> list[Goal]:
     """Return the goals of the study: each level is compared with finite elements in every state that it takes."""
-    posed = []
-    for level in beam.LEVELS:
-        own = [row for row in rows if row["level"] == level and row["status"] != "refused"]
-        lost = sum(row["status"] != "ok" for row in own)
-        posed.append(Goal(f"level {level}, states without a comparison", lost, 0, len(own)))
-    return posed
+    taken = rows[rows.status != "refused"]
+    lost = (taken.status != "ok").groupby(taken.level).agg(["sum", "size"]).reindex(beam.LEVELS, fill_value=0)
+    return [
+        Goal(f"level {level}, states without a comparison", int(number), 0, int(count))
+        for level, number, count in lost.itertuples()
+    ]
 
 
-def result(rows: Sequence[Row]) -> Result:
+def result(rows: pd.DataFrame) -> Result:
     """Return the result of compared states."""
-    title, posed = "Errors of the formulas, root mean square", goals(rows)
+    title, posed, best = "Errors of the formulas, root mean square", goals(rows), beam.LEVELS[-1]
     heads = {f"{name}_error_percent": f"{name.replace('_', ' ')} %" for name in ERRORS}
-    regions = {name: name for name in ("level", "region", "states")} | heads
-    best = beam.LEVELS[-1]
-    designs = by_design(rows, best)
+    regions, designs = (pages.records(table) for table in (summary(rows), by_design(rows, best)))
+    stopped = rows[rows.message != ""].drop_duplicates(["design", "message"])
+    records = pages.records(rows)
     page = pages.rendered(
         "ladder.md.j2",
         verdict=page_lines(posed),
-        summary=summary(rows),
-        regions=regions,
+        summary=regions,
+        regions={name: name for name in ("level", "region", "states")} | heads,
         best=best,
         designs=designs,
-        heads={name: heads.get(name, name) for name in designs[0]} if designs else {},
-        stopped=sorted({f"design {row['design']}: {row['message']}" for row in rows if row["message"]}),
+        heads={name: name for name in (*SIZES, "states")} | heads,
+        stopped=sorted(f"design {row.design}: {row.message}" for row in stopped.itertuples()),
     )
     return Result(
         title=title,
-        records=rows,
-        shown=[Table(title=title, rows=summary(rows))],
-        tables={"ladder": rows},
-        files={"ladder.png": partial(picture, rows=rows, draw=verdict_figures.ladder)},
+        records=records,
+        shown=[Table(title=title, rows=regions)],
+        tables={"ladder": records},
+        files={"ladder.png": partial(picture, rows=records, draw=verdict_figures.ladder)},
         pages={"LADDER.md": page},
         failures=failures(posed),
     )

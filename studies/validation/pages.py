@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from studies.output import page_templates
 from studies.output.page_templates import filled, listed
 from studies.output.result import collected
 
-__all__ = ["Row", "collected", "failed", "filled", "listed", "rendered"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Row", "collected", "failed", "filled", "listed", "records", "rendered"]
 
 Row = dict[str, Any]
 """A row of a table: values by the names of their columns, with units."""
 TEMPLATES = Path(__file__).parent / "templates"
+
+
+def records(table: pd.DataFrame) -> list[Row]:
+    """Return the rows of a table."""
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def rendered(template: str, **values: Any) -> str:
