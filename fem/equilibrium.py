@@ -25,9 +25,6 @@ from fem.scene import Model, Scene
 from fem.solution import Solution
 from fem.solve.load_case_models import path_models, split_by_mesh
 from fem.solve.load_stepping import Path
-from fem.solve.newton import Stop
-from fem.solve.path_state import PathState, at_rest
-from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
@@ -171,74 +168,35 @@ def _follow(
     mesh: skfem.MeshTet2 | None = None,
 ) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
-    begin = time.perf_counter()
-    path = ScenePath(scene, mesh, check_stability=watch)
+    begin, path = time.perf_counter(), start_path(scene, mesh)
+    state, sideways = path.rest, sideways_model(scene, path) if watch else None
     for i, load in enumerate(scene.loads):
         if report is not None:
             shear = math.hypot(*load.imposed_shear)
             report(i, f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
-        stop = path.go(scene.position(load))
-        seconds, begin = time.perf_counter() - begin, time.perf_counter()
-        state = path.solution(path.state, load, stop, seconds)
-        yield state
-        if state.status not in ("ok", "unstable"):
+        reached = path.apply(state, scene.position(load))
+        state, seconds, begin = reached.state, time.perf_counter() - begin, time.perf_counter()
+        solution = read(
+            state, scene, load, reached.stop, iterations=reached.iterations, seconds=seconds, sideways=sideways
+        )
+        yield solution
+        if solution.status not in ("ok", "unstable"):
             return
-
-
-class ScenePath:
-    """Path of a scene on one mesh, whose states are read in the user's units.
-
-    Parameters
-    ----------
-    mesh : tetrahedra in units of D to solve on; default: those of the scene.
-    check_stability : whether the solutions say that a symmetric press would buckle sideways.
-    """
-
-    def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool) -> None:
-        self.scene, self._path, self._iterations = scene, start_path(scene, mesh), 0
-        self._rest = self._path.state
-        self._sideways = sideways_model(scene, self._path) if check_stability else None
-
-    @property
-    def state(self) -> PathState:
-        """The present state."""
-        return self._path.state
-
-    def go(self, position: Array) -> Stop:
-        """Move to a depth and then to a shear, together (3,), over D; return why the path stopped on the way.
-
-        A press without a history starts from rest.
-        """
-        if self.state.starts_from_rest(float(position[0])):
-            self._path.restart(self._rest)
-        stop = self._path.go(float(position[0]), position[1:])
-        self._iterations += self._path.iterations
-        return stop
-
-    def begin_shear(self, state: PathState) -> None:
-        """Return to a state of the press, and change to the model of a shear."""
-        self._path.restart(state)
-        self._path.begin_shear()
-
-    def restart(self, state: PathState) -> None:
-        """Return to an earlier state."""
-        self._path.restart(state)
-
-    def solution(self, state: PathState, load: Load, stop: Stop, seconds: float) -> Solution:
-        """Return the solution at a state, which carries `load` if it has not stopped before."""
-        iterations, self._iterations = self._iterations, 0
-        return read(state, self.scene, load, stop, iterations=iterations, seconds=seconds, sideways=self._sideways)
 
 
 def sideways_model(scene: Scene, path: Path) -> SidewaysModel | None:
     """Return the model in which an axisymmetric press is checked, at the start of its path; None for other paths."""
-    if path.state.d.model != "axisymmetric":
+    if path.rest.d.model != "axisymmetric":
         return None
-    return SidewaysModel(path.state.d, scene.accuracy.harmonics if scene.sideways else 1)
+    return SidewaysModel(path.rest.d, scene.accuracy.harmonics if scene.sideways else 1)
 
 
 def start_path(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
-    """Return the path of a scene at rest, on its own mesh or on tetrahedra in units of D."""
-    models = path_models(scene, mesh)
-    rest = at_rest(models.first.build(), scene.grip, scene.plate_tilt, scene.coulomb)
-    return Path(rest, models, scene.accuracy.friction_step_factor)
+    """Return the path of a scene, on its own mesh or on tetrahedra in units of D."""
+    return Path(
+        path_models(scene, mesh),
+        grip=scene.grip,
+        tilt=scene.plate_tilt,
+        mu=scene.coulomb,
+        friction_step_factor=scene.accuracy.friction_step_factor,
+    )

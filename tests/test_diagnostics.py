@@ -14,9 +14,8 @@ from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Facts, Remark
 from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
-from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED
-from fem.solve.path_state import at_rest
+from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.simulation import state_rows
@@ -27,13 +26,8 @@ SCENE = Scene(paper(), (Load(depth=0.4),), QUICK, "ignored")
 @pytest.fixture
 def pressed():
     """The all-silicone beam on a coarse section, pressed by 0.4 mm."""
-    p = Path(
-        at_rest(
-            MeshSpecification(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125).build()
-        )
-    )
-    assert not p.go(0.05, np.zeros(2))
-    return p.state
+    section = MeshSpecification(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125)
+    return solve_press(section, 0.05)[0]
 
 
 def test_a_good_state_has_nothing_to_say(pressed):

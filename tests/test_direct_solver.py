@@ -12,8 +12,8 @@ from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.solve import direct_solver
 from fem.solve.direct_solver import STABLE, UNKNOWN, SingularMatrixError, Solver, Stability, have_pardiso
-from fem.solve.load_stepping import Path
-from fem.solve.path_state import about, at_rest
+from fem.solve.path_state import about
+from fem.solve.press import solve_press
 from geometry.design import Design
 
 RNG = np.random.default_rng(3)
@@ -73,11 +73,12 @@ def buckling(request):
     not dominate most of their rows.
     """
     shape = Design(L=40.0).shape.scaled(1 / 8)
-    path = Path(at_rest(MeshSpecification(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02)).build()))
-    (sideways,), tangents = SidewaysModel(path.state.d).orders, []
+    section = MeshSpecification(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02))
+    (sideways,), tangents = SidewaysModel(section.build()).orders, []
     for depth in (0.03, 0.1):
-        assert not path.go(depth, np.zeros(2))
-        here = about(path.state, sideways)
+        state, stop = solve_press(section, depth)
+        assert not stop
+        here = about(state, sideways)
         tangents.append(here.d.system.assemble(here.d.system.state(here.q), here.plate).tangent)
     return tangents, sideways.system.n_pressure
 

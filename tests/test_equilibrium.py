@@ -10,8 +10,8 @@ from scipy.integrate import simpson
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve, trace
 from fem.model.symmetry_models import MeshSpecification
-from fem.solve.load_stepping import Path
-from fem.solve.path_state import at_rest, with_harmonics
+from fem.solve.path_state import with_harmonics
+from fem.solve.press import solve_press
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
@@ -136,12 +136,12 @@ def test_shear_direction_only_turns_the_answer():
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
 def test_a_press_is_an_equilibrium_of_any_number_of_harmonics(magnet):
     shape = paper().shape.scaled(1 / 8)
-    low, high = (MeshSpecification(shape, 0.4998, magnet, 0.12, 0.06, harmonics=n).build() for n in (0, 3))
-    path = Path(at_rest(low))
-    assert path.go(0.1, np.zeros(2)) == ""
-    raised = with_harmonics(path.state, high)
+    section = MeshSpecification(shape, 0.4998, magnet, 0.12, 0.06)
+    (state, stop), high = solve_press(section, 0.1), replace(section, harmonics=3).build()
+    assert not stop
+    raised = with_harmonics(state, high)
     here = high.system.assemble(high.system.state(raised.q), raised.plate)
-    there = low.system.assemble(low.system.state(path.state.q), path.state.plate)
+    there = state.d.system.assemble(state.d.system.state(state.q), state.plate)
     assert here.energy == pytest.approx(there.energy, rel=1e-12)
     assert np.abs(here.residual).max() < 2 * np.abs(there.residual).max() + 1e-12 * np.abs(there.forces).max()
 

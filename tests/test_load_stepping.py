@@ -11,8 +11,9 @@ from fem.model.symmetry_models import MeshSpecification
 from fem.solve import load_increments, load_stepping
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import follow_segment
-from fem.solve.load_stepping import Path, correct_press, predict
+from fem.solve.load_stepping import correct_press, predict
 from fem.solve.path_state import at_rest, glue, with_predictor
+from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -47,11 +48,11 @@ def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monke
         return replace(answer, reason="step_inverted") if plate.height < shape.L - 0.3 else answer
 
     monkeypatch.setattr(load_increments, "newton", stubborn)
-    p = Path(at_rest(MeshSpecification(shape, 0.4998, "ignored", 0.25, 0.125).build()))
-    assert p.go(0.4, np.zeros(2)) == "step_inverted"
-    assert 0.25 <= p.state.position[0] < 0.3
-    system = p.state.d.system
-    here = system.assemble(system.state(p.state.q), p.state.plate, tangent=False)
+    state, stop = solve_press(MeshSpecification(shape, 0.4998, "ignored", 0.25, 0.125), 0.4)
+    assert stop == "step_inverted"
+    assert 0.25 <= state.position[0] < 0.3
+    system = state.d.system
+    here = system.assemble(system.state(state.q), state.plate, tangent=False)
     assert np.abs(here.residual).max() < 1e-9 * np.abs(here.forces[system.eliminated]).max()
 
 

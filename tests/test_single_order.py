@@ -10,8 +10,8 @@ from fem.model import single_order, symmetry_models
 from fem.model.gradient_recovery import build_recovery
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
-from fem.solve.load_stepping import Path
-from fem.solve.path_state import about, at_rest, glue, with_harmonics
+from fem.solve.path_state import about, glue, with_harmonics
+from fem.solve.press import solve_press
 from geometry.design import Design
 
 HARMONICS, EDGE = 2, 0.14
@@ -29,9 +29,7 @@ def eigenvalues(state):
 def press(magnet):
     """State of a press, and a model with harmonics on its mesh."""
     section = MeshSpecification(SHAPE, 0.4998, magnet, 0.25, 0.1, rim=(EDGE, 0.03))
-    path = Path(at_rest(section.build()))
-    path.go(0.1, np.zeros(2))
-    return path.state, replace(section, harmonics=HARMONICS).build()
+    return solve_press(section, 0.1)[0], replace(section, harmonics=HARMONICS).build()
 
 
 def test_eigenvalues_of_all_orders_are_those_of_the_whole_tangent():

@@ -15,7 +15,6 @@ from fem.results.postprocess import read_pose, tip_force
 from fem.scene import Scene
 from fem.solve.load_case_models import PRESS_FILLET, path_models
 from fem.solve.load_stepping import Path
-from fem.solve.path_state import at_rest
 from geometry.design import paper
 from geometry.loads import Load
 
@@ -38,11 +37,11 @@ def answer(load, *, sines):
         )
         for model in (models.first, models.raised)
     )
-    rest = at_rest(first.build(), None, load.plate_tilt, load.coulomb, KAPPA)
-    path = Path(rest, replace(models, first=first, raised=raised, predictor=None, rough=None))
-    stop = path.go(load.depth / 8, np.array(load.imposed_shear) / 8)
-    state = path.state
-    assert not stop
+    models = replace(models, first=first, raised=raised, predictor=None, rough=None)
+    path = Path(models, tilt=load.plate_tilt, mu=load.coulomb, kappa=KAPPA)
+    reached = path.advance(path.rest, np.array([load.depth, *load.imposed_shear]) / 8)
+    state = reached.state
+    assert not reached.stop
     return np.concatenate([tip_force(state), *read_pose(state.d, state.u, state.q)])
 
 

@@ -24,20 +24,21 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 import skfem
 
 from fem.accuracy import STANDARD, Accuracy, coarser
-from fem.equilibrium import ScenePath, with_estimates
+from fem.equilibrium import sideways_model, start_path, with_estimates
 from fem.model import coulomb_friction
-from fem.results.postprocess import tip_force
+from fem.results.postprocess import read, tip_force
 from fem.scene import Model, Scene
 from fem.solution import Solution
 from fem.solve.load_case_models import mesh_range
+from fem.solve.load_increments import Segment
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
+from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, tip_compliance
@@ -114,22 +115,16 @@ class ForceNotReached(Exception):
         self.point, self.last, self.beyond = point, last, beyond
 
 
-class Movable(Protocol):
-    """A path with a present state, which may return to an earlier one."""
-
-    @property
-    def state(self) -> PathState: ...
-    def restart(self, state: PathState) -> None: ...
+Advance = Callable[[PathState, float], CurvePoint]
+"""Returns the point at a motion, or where the path stops before it, from the state of an earlier point."""
 
 
 class LoadingCurve:
-    """The solved states of a path along one motion, in its order.
+    """The solved states along one motion, in its order.
 
     Parameters
     ----------
-    path : path whose present state is the first one of the curve, at motion 0.
-    move : moves the path to a motion; returns why it stopped on the way.
-    measure : returns motion and force of a state.
+    first : the state at motion 0.
     power : power of the motion with which the force grows at first.
     most : largest motion.
     ended : whether no further motion increases the force.
@@ -140,32 +135,22 @@ class LoadingCurve:
     """
 
     def __init__(
-        self,
-        path: Movable,
-        move: Callable[[float], Stop],
-        measure: Callable[[PathState], tuple[float, float]],
-        *,
-        power: float,
-        most: float,
-        ended: Callable[[PathState], bool] = lambda _: False,
+        self, first: CurvePoint, *, power: float, most: float, ended: Callable[[PathState], bool] = lambda _: False
     ) -> None:
-        self._path, self._move, self._measure, self._power = path, move, measure, power
-        self.most, self.ended = most, ended
-        self.points = [CurvePoint(*measure(path.state), path.state)]
+        self._power, self.most, self.ended = power, most, ended
+        self.points = [first]
 
-    def reach(self, motion: float) -> CurvePoint:
+    def reach(self, motion: float, advance: Advance) -> CurvePoint:
         """Return the state at a motion, or the one at which the path stops before it."""
         after = bisect.bisect_right(self.points, motion * (1 + 1e-12), key=lambda point: point.motion)
         before = self.points[after - 1]
         if math.isclose(before.motion, motion, rel_tol=1e-12):
             return before
-        self._path.restart(before.state)
-        stop = self._move(motion)
-        point = CurvePoint(*self._measure(self._path.state), self._path.state, stop)
+        point = advance(before.state, motion)
         bisect.insort(self.points, point, key=lambda point: point.motion)
         return point
 
-    def find(self, force: float, guess: float) -> CurvePoint:
+    def find(self, force: float, guess: float, advance: Advance) -> CurvePoint:
         """Return the first state with a force: a root of the curve between two states that bracket it.
 
         Parameters
@@ -177,7 +162,7 @@ class LoadingCurve:
         ForceNotReached
             The path stops, or its motion ends, before the force; or the force jumps past it.
         """
-        low, high = self._bracket(force, guess)
+        low, high = self._bracket(force, guess, advance)
         for point in (low, high):
             if point.has(force):
                 return point
@@ -185,7 +170,7 @@ class LoadingCurve:
         from scipy.optimize import brentq
 
         def excess(motion: float) -> float:
-            point = self.reach(motion)
+            point = self.reach(motion, advance)
             # a root exactly: the search ends here
             return 0.0 if point.has(force) else self._excess(point, force)
 
@@ -196,7 +181,7 @@ class LoadingCurve:
             raise ForceNotReached(self.points[after - 1], self.points[-1], self.points[after])
         return point
 
-    def _bracket(self, force: float, guess: float) -> tuple[CurvePoint, CurvePoint]:
+    def _bracket(self, force: float, guess: float, advance: Advance) -> tuple[CurvePoint, CurvePoint]:
         """Return neighbouring states between which the force is reached first; the second one has at least the force.
 
         The states are extrapolated in the variable of `_excess`, in which the beginning of a curve is straight.
@@ -214,7 +199,7 @@ class LoadingCurve:
                 return last, last
             if last.stop or self.ended(last.state) or last.motion >= self.most:
                 raise ForceNotReached(max(self.points, key=lambda point: point.force), last)
-            self.reach(min(self._next_motion(force, guess), self.most))
+            self.reach(min(self._next_motion(force, guess), self.most), advance)
 
     def _next_motion(self, force: float, guess: float) -> float:
         """Return a motion at which the force is expected, from the last two states."""
@@ -390,16 +375,20 @@ class _Search:
         """Return the state with the forces of a target, with error estimates."""
         begin, D = time.perf_counter(), scene.design.D
         path, pressed = self._press(target, scene)
-        sheared = None if target.shear_force is None else _shear(path, pressed, target)
-        load = target.load_at(pressed.motion * D, 0.0 if sheared is None else sheared.motion * D)
-        state = path.read(sheared or pressed, load, begin)
+        depth, shear, point = pressed.motion, 0.0, pressed
+        if target.shear_force is not None:
+            point = path.shear(pressed, target)
+            shear = point.motion
+        load = target.load_at(depth * D, shear * D)
+        state = path.read(point, load, time.perf_counter() - begin)
         if not self._estimate:
             return state
         begin, coarse = time.perf_counter(), path.coarser
-        coarse_point = coarse.press.reach(pressed.motion)
-        if sheared is not None and not coarse_point.stop:
-            coarse_point = coarse.shear(coarse_point).reach(sheared.motion)
-        return with_estimates(state, coarse.read(coarse_point, load, begin), path.scene)
+        coarse_point = coarse.press.reach(depth, coarse.advance_press)
+        if target.shear_force is not None and not coarse_point.stop:
+            coarse_point = coarse.start_shear(coarse_point).reach(shear, coarse.advance_shear)
+        coarse_state = coarse.read(coarse_point, load, time.perf_counter() - begin)
+        return with_estimates(state, coarse_state, path.scene)
 
     def _press(self, target: ForceTarget, scene: Scene) -> tuple[ForcePath, CurvePoint]:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
@@ -409,7 +398,8 @@ class _Search:
         for meshes_left in reversed(range(MOST_MESHES)):
             path = self._path_of(replace(scene, loads=(replace(load, depth=depth),)))
             try:
-                point, failure = path.press.find(target.force / force_unit(scene.design), depth / D), None
+                point = path.press.find(target.force / force_unit(scene.design), depth / D, path.advance_press)
+                failure = None
             except ForceNotReached as error:
                 point, failure = error.point, error
             depth = point.motion * D
@@ -429,14 +419,15 @@ class _Search:
         return self._path
 
 
-class ForcePath(ScenePath):
+class ForcePath:
     """Path of a scene with one load, whose press and shear are searched for forces.
 
     Parameters
     ----------
     scene : its load gives the kind of the loads and the direction of the shear, and the depth for which the mesh is
         made.
-    mesh, check_stability : as of `fem.equilibrium.ScenePath`.
+    mesh : tetrahedra in units of D to solve on; default: those of the scene.
+    check_stability : whether the solutions say that a symmetric press would buckle sideways.
 
     Attributes
     ----------
@@ -445,44 +436,59 @@ class ForcePath(ScenePath):
     """
 
     def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
-        super().__init__(scene, mesh, check_stability=check_stability)
+        self.scene, self._path, self._iterations = scene, start_path(scene, mesh), 0
         (self._load,) = scene.loads
+        self._sideways = sideways_model(scene, self._path) if check_stability else None
         shear = scene.turn @ self._load.imposed_shear
         self._along = shear / (float(np.linalg.norm(shear)) or 1.0)
         self.watch: Watch | None = None
-        self._pressed: CurvePoint | None = None
-        self._sheared: LoadingCurve | None = None
-        self.press = LoadingCurve(
-            self,
-            lambda depth: self._move(depth, 0.0),
-            lambda state: (float(state.position[0]), float(tip_force(state)[2])),
-            power=PRESS_POWER,
-            most=MOST_DEPTH * silicone_on_axis(scene.design, scene.magnet),
-        )
+        most = MOST_DEPTH * silicone_on_axis(scene.design, scene.magnet)
+        self.press = LoadingCurve(_pressed(self._path.rest), power=PRESS_POWER, most=most)
+        self._begun: tuple[CurvePoint, LoadingCurve] | None = None
 
     @functools.cached_property
     def coarser(self) -> ForcePath:
         """The path on the mesh that is coarser than the present one."""
         return ForcePath(replace(self.scene, accuracy=coarser(self.scene.accuracy)))
 
-    def shear(self, pressed: CurvePoint) -> LoadingCurve:
-        """Return the force along the shear over the shear, after a press to a state."""
-        if self._sheared is None or pressed is not self._pressed:
-            self.begin_shear(pressed.state)
-            self._pressed, along = pressed, self._along
-            self._sheared = LoadingCurve(
-                self,
-                lambda shear: self._move(pressed.motion, shear),
-                lambda state: (float(state.position[1:] @ along), float(tip_force(state)[:2] @ along)),
-                power=SHEAR_POWER,
-                most=2 * self.scene.shape.L,
-                ended=slips_wholly,
-            )
-        return self._sheared
+    def advance_press(self, state: PathState, depth: float) -> CurvePoint:
+        """Press from a state to a depth over D."""
+        reached = self._advance(state, np.array([depth, 0.0, 0.0]))
+        return replace(_pressed(reached.state), stop=reached.stop)
 
-    def read(self, point: CurvePoint, load: Load, begin: float) -> Solution:
-        """Return the solution at a state that was searched for since a time `begin`, s."""
-        return self.solution(point.state, load, point.stop, time.perf_counter() - begin)
+    def advance_shear(self, state: PathState, shear: float) -> CurvePoint:
+        """Shear from a state to a shear over D, at its depth."""
+        reached = self._advance(state, np.array([state.position[0], *(shear * self._along)]))
+        return replace(self._sheared(reached.state), stop=reached.stop)
+
+    def shear(self, pressed: CurvePoint, target: ForceTarget) -> CurvePoint:
+        """Return the state with the shear force of a target, after a press to a state."""
+        design = self.scene.design
+        force = target.shear_size / force_unit(design)
+        try:
+            return self.start_shear(pressed).find(force, expected_shear(design, force), self.advance_shear)
+        except ForceNotReached as error:
+            raise OutOfReach(_refusal(error, target.shear_size, "shear", "shear", design)) from None
+
+    def start_shear(self, pressed: CurvePoint) -> LoadingCurve:
+        """Return the force along the shear over the shear, after a press to a state."""
+        if self._begun is None or pressed is not self._begun[0]:
+            first, most = self._sheared(self._path.begin_shear(pressed.state)), 2 * self.scene.shape.L
+            self._begun = pressed, LoadingCurve(first, power=SHEAR_POWER, most=most, ended=slips_wholly)
+        return self._begun[1]
+
+    def read(self, point: CurvePoint, load: Load, seconds: float) -> Solution:
+        """Return the solution at a state whose search took some seconds."""
+        iterations, self._iterations = self._iterations, 0
+        return read(
+            point.state,
+            self.scene,
+            load,
+            point.stop,
+            iterations=iterations,
+            seconds=seconds,
+            sideways=self._sideways,
+        )
 
     def suits(self, load: Load) -> bool:
         """Return whether the mesh is that of a path to another load."""
@@ -494,22 +500,20 @@ class ForcePath(ScenePath):
             return math.isclose(load.depth, present.depth, rel_tol=SAME_MESH)
         return self.scene.solid or mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
 
-    def _move(self, depth: float, shear: float) -> Stop:
-        """Move the plate to a depth and to a shear along the load's, over D."""
+    def _sheared(self, state: PathState) -> CurvePoint:
+        return CurvePoint(float(state.position[1:] @ self._along), float(tip_force(state)[:2] @ self._along), state)
+
+    def _advance(self, state: PathState, position: Array) -> Segment:
         if self.watch is not None:
-            D = self.scene.design.D
-            self.watch(depth * D, shear * D)
-        return self.go(np.array([depth, *(shear * self._along)]))
+            depth, *shear = position * self.scene.design.D
+            self.watch(float(depth), math.hypot(*shear))
+        reached = self._path.apply(state, position)
+        self._iterations += reached.iterations
+        return reached
 
 
-def _shear(path: ForcePath, pressed: CurvePoint, target: ForceTarget) -> CurvePoint:
-    """Return the state with the shear force of a target."""
-    design = path.scene.design
-    force = target.shear_size / force_unit(design)
-    try:
-        return path.shear(pressed).find(force, expected_shear(design, force))
-    except ForceNotReached as error:
-        raise OutOfReach(_refusal(error, target.shear_size, "shear", "shear", design)) from None
+def _pressed(state: PathState) -> CurvePoint:
+    return CurvePoint(float(state.position[0]), float(tip_force(state)[2]), state)
 
 
 def _refusal(error: ForceNotReached, force: float, loading: str, motion: str, design: Design) -> str:

@@ -22,8 +22,8 @@ from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force,
 from fem.scene import Scene
 from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.load_case_models import PRESS_FILLET
-from fem.solve.load_stepping import Path
-from fem.solve.path_state import at_rest
+from fem.solve.load_stepping import Path, PathModels
+from fem.solve.path_state import PathState
 from fem.solve.press import EDGE_SHARE, find_press, measure_contact_edge
 from geometry.design import Design
 from geometry.loads import Load, Magnet
@@ -181,14 +181,21 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
     ----------
     start, step, end : first depth, step and last depth of the search, over D; a start of 0 is the state at rest.
     """
-    known: dict[float, float] = {}
+    path, known = Path(PathModels(section), kappa=KAPPA), dict[float, float]()
+    state, sideways = path.rest, SidewaysModel(path.rest.d)
+
+    def press(depth: float) -> PathState:
+        nonlocal state
+        reached = path.advance(state, np.array([depth, 0.0, 0.0]))
+        state = reached.state
+        if reached.stop:
+            raise _StoppedError(UNREACHED)
+        return state
 
     def stiffness(depth: float) -> float:
         """Return the lateral stiffness, negative wherever there is an unstable direction."""
         if depth not in known:
-            if path.go(depth, np.zeros(2)):
-                raise _StoppedError(UNREACHED)
-            now = measure_lateral_stiffness(sideways, path.state, guided=guided)
+            now = measure_lateral_stiffness(sideways, press(depth), guided=guided)
             # a negative stiffness is a direction of lower energy, however many the pivots count
             if now.stability.is_unknown and not now.stiffness < 0:
                 raise _StoppedError(UNCOUNTED)
@@ -196,8 +203,6 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
             known[depth] = now.stiffness if now.stability.is_stable else -abs(now.stiffness)
         return known[depth]
 
-    path = Path(at_rest(section.build(), kappa=KAPPA))
-    sideways = SidewaysModel(path.state.d)
     stable, depth = 0.0, start or step
     try:
         while stiffness(depth) > 0:
@@ -210,9 +215,9 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
         if not stable:
             known[stable] = sideways.stiffness_at_rest
         depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
-        path.go(depth, np.zeros(2))
+        press(depth)
     except _StoppedError as stopped:
         return None if start and not stable else _Search(stable, str(stopped))
     stable = max(depth for depth, value in known.items() if value > 0)
-    edge, force = measure_contact_edge(path.state), integrate_normal_force(path.state)
+    edge, force = measure_contact_edge(state), integrate_normal_force(state)
     return _Search(stable, "", depth, force, edge)

@@ -44,7 +44,7 @@ from fem.solve.load_case_models import path_models
 from fem.solve.load_increments import find_equilibrium, path_at
 from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
-from fem.solve.path_state import PathState, at_rest
+from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response
@@ -330,9 +330,15 @@ class TimedPath:
         sheared = (load if load.bonds_contact else replace(load, depth=deepest) for load in scene.loads)
         models = path_models(replace(scene, loads=(*pressed, *(load for load in sheared if load.shears_tip))))
         self.scene, self.control, self.kept = scene, control, KeptTangent(Solver())
-        rest = at_rest(models.first.build(), scene.grip, scene.plate_tilt, scene.coulomb, control.kappa)
-        # a static path that supplies the models; it takes no increments
-        self._path = Path(rest, replace(models, predictor=None, rough=None))
+        # it supplies the models and takes no increments
+        self._path = Path(
+            replace(models, predictor=None, rough=None),
+            grip=scene.grip,
+            tilt=scene.plate_tilt,
+            mu=scene.coulomb,
+            kappa=control.kappa,
+        )
+        rest = self._path.rest
         R, depth = scene.shape.R, deepest / scene.design.D
         self.stiffness = rest.kappa / (R if rest.grip else math.sqrt(R * depth) if depth else R)
         branches, e = branches_of(scene.design), rest.d.elements
@@ -350,9 +356,7 @@ class TimedPath:
 
     def begin_shear(self) -> None:
         """Change to the model of a shear and glue the contact where required."""
-        self._path.restart(self.state.path)
-        self._path.begin_shear()
-        after = self._path.state
+        after = self._path.begin_shear(self.state.path)
         self.kept.drop()
         if after.d is not self.state.path.d:
             self.kept = KeptTangent(Solver())

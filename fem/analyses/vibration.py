@@ -130,15 +130,15 @@ def _sticking(plate: Plate) -> Plate:
 
 def _solve_path(scene: Scene) -> PathState:
     """Return the state of a load in the harmonic model, whose x axis is the direction of the shear."""
-    D, (depth, *shear) = scene.design.D, scene.position(scene.loads[0])
     path = start_path(scene)
-    reason, state = path.go(depth, np.array(shear)), path.state
-    if reason:
-        depth, along, _ = state.position * D
+    reached = path.advance(path.rest, scene.position(scene.loads[0]))
+    if reached.stop:
+        depth, along, _ = reached.state.position * scene.design.D
         raise NoStateError(
-            f"the path stops at depth {depth:.4g} mm, shear {along:.4g} mm ({STOPPED[reason]}): take a smaller load"
+            f"the path stops at depth {depth:.4g} mm, shear {along:.4g} mm ({STOPPED[reached.stop]}): take a smaller "
+            "load"
         )
-    return state
+    return reached.state
 
 
 def _press_block(scene: Scene, press: Press, order: int, *, glued: bool) -> Block:

@@ -1,9 +1,10 @@
 """A path of loads in units of D and E, with the load applied in increments.
 
 The plate's position is v = (depth, shear along x, shear along y). Each load is a straight segment to its depth and
-another to its shear. The present state of the path is one frozen value (`fem.solve.path_state`). Load increments
-lead from one state to the next (`fem.solve.load_increments`), unless a prediction reaches the end of the segment at
-once. It is that of a reduced model: fewer harmonics on the same mesh, or the section with harmonics for tetrahedra.
+another to its shear. A state of the path is one frozen value (`fem.solve.path_state`), and `Path.advance` leads from
+it to that under another load; so do searches for a force and steps in time. Load increments lead from one state to
+the next (`fem.solve.load_increments`), unless a prediction reaches the end of the segment at once. It is that of a
+reduced model: fewer harmonics on the same mesh, or the section with harmonics for tetrahedra.
 
 Most of the solution is in the first harmonic, and a section has it all at a tenth of the cost of tetrahedra. The
 predictor follows a segment in increments, which are cheap for it. At its end the difference of the two models at the
@@ -15,17 +16,18 @@ start from the state of a press on another mesh.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fem.model import plate_contact
 from fem.model.section_interpolation import interpolate_section
-from fem.model.symmetry_models import MeshSpecification
+from fem.model.symmetry_models import Discretisation, MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Segment, follow_segment, least_J, turns_over
-from fem.solve.newton import TOLERANCE, Stop, newton
-from fem.solve.path_state import PathState, glue, with_harmonics, with_predictor
+from fem.solve.newton import TOLERANCE, newton
+from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
 MOST_ITERATIONS, MOST_SOLID_ITERATIONS = 12, 16
@@ -61,69 +63,82 @@ class PathModels:
 
 
 class Path:
-    """A path of loads and its present state.
+    """The models and solvers of a path of loads; its states are frozen values, so a path may go on from any of them.
 
     Parameters
     ----------
-    state : state at rest (`fem.solve.path_state.at_rest`).
-    models : models of the path; default: that of the state alone.
+    models : models of the path.
+    grip : height over D within which the skin is gripped; None under a plate.
+    tilt : tilt of the plate, rad.
+    mu : coefficient of Coulomb friction, or None.
+    kappa : stiffness number of the plate under an upright press of a section without friction; default:
+        SECTION_KAPPA.
     friction_step_factor : factor on the longest increments with Coulomb friction.
 
     Attributes
     ----------
-    state : the present state; only the methods replace it.
-    iterations : Newton iterations of the last load.
+    rest : the state at rest, with its predictor.
     """
 
-    def __init__(self, state: PathState, models: PathModels | None = None, friction_step_factor: float = 1.0) -> None:
+    def __init__(
+        self,
+        models: PathModels,
+        *,
+        grip: float | None = None,
+        tilt: float = 0.0,
+        mu: float | None = None,
+        kappa: float | None = None,
+        friction_step_factor: float = 1.0,
+    ) -> None:
         self._models, self._friction_factor = models, friction_step_factor
-        # one solver each for the model and its predictor: both keep the symbolic factorisation of their pattern
-        self._solver, self._reduced_solver = Solver(), Solver()
-        if models is not None and models.predictor is not None and models.raised is None:
-            state = with_predictor(state, models.predictor.build())
-        self.state, self.iterations, self._rough = state, 0, None if models is None else models.rough
+        self.rest = at_rest(models.first.build(), grip, tilt, mu, kappa)
+        # one solver for each model and one for the predictor: each keeps the symbolic factorisation of its pattern
+        self._solvers, self._reduced_solver = {self.rest.d.model: Solver()}, Solver()
+        if models.predictor is not None and models.raised is None:
+            self.rest = with_predictor(self.rest, models.predictor.build())
 
-    def go(self, depth: float, shear: Array) -> Stop:
-        """Move to a depth, then to a shear (2,); return why the path stopped on the way, empty if it did not."""
-        reached = self._follow_straight(np.array([depth, *self.state.position[1:]]))
-        self.state, self.iterations = reached.state, reached.iterations
-        if not reached.stop and not np.array_equal(shear, self.state.position[1:]):
-            self.begin_shear()
-            reached = self._follow_straight(np.array([depth, *shear]))
-            self.state, self.iterations = reached.state, self.iterations + reached.iterations
-        return reached.stop
+    def advance(self, state: PathState, position: Array) -> Segment:
+        """Move from a state to a position (3,): first to its depth, then to its shear."""
+        pressed = self._follow_straight(state, np.array([position[0], *state.position[1:]]))
+        if pressed.stop or np.array_equal(position[1:], state.position[1:]):
+            return pressed
+        sheared = self._follow_straight(self.begin_shear(pressed.state), position)
+        return replace(sheared, iterations=pressed.iterations + sheared.iterations)
 
-    def begin_shear(self) -> None:
-        """Change to the model of a shear and glue the contact where required, before the plate moves sideways."""
-        low, models = self.state, self._models
-        state = replace(low, sheared=True)
-        if models is not None and models.raised is not None and state.d.model == "axisymmetric":
-            state = with_harmonics(state, models.raised.build())
-            self._solver = Solver()  # the matrices of another model have another pattern
-            if models.predictor is not None:
-                state = with_predictor(state, models.predictor.build(), low)
+    def apply(self, state: PathState, position: Array) -> Segment:
+        """Do as `advance`, but from rest where a press to this depth has no history (`starts_from_rest`)."""
+        return self.advance(self.rest if state.starts_from_rest(float(position[0])) else state, position)
+
+    def begin_shear(self, low: PathState) -> PathState:
+        """Return a state in the model of a shear, with glued contact where required, before the plate moves."""
+        state, (raised, predictor) = replace(low, sheared=True), self._shear_models
+        if raised is not None and state.d.model == "axisymmetric":
+            state = with_harmonics(state, raised)
+            if predictor is not None:
+                state = with_predictor(state, predictor, low)
         if state.bond is None and state.friction is None:
-            state = glue(state, None if models is None else models.glued_radius)
-        self.state = state
+            state = glue(state, self._models.glued_radius)
+        return state
 
-    def restart(self, state: PathState) -> None:
-        """Return to an earlier state of this path."""
-        if state.d is not self.state.d:
-            self._solver = Solver()  # the matrices of another model have another pattern
-        self.state = state
+    @functools.cached_property
+    def _shear_models(self) -> tuple[Discretisation | None, Discretisation | None]:
+        """The model with harmonics and its predictor, which all shears of the path share; None without."""
+        raised, predictor = self._models.raised, self._models.predictor
+        if raised is None:
+            return None, None
+        return raised.build(), None if predictor is None else predictor.build()
 
-    def _follow_straight(self, goal: Array) -> Segment:
-        """Follow a straight segment to a position (3,), by the predictor where possible."""
-        state = self.state
-        if not np.linalg.norm(goal - state.position):
+    def _follow_straight(self, state: PathState, goal: Array) -> Segment:
+        """Follow a straight segment to a position (3,), by a prediction where possible."""
+        if np.array_equal(goal, state.position):
             return Segment(state, "", 0)
-        if self._rough is None:
-            state, before = predict(self._solver, self._reduced_solver, state, goal)
+        solver, rough = self._solvers.setdefault(state.d.model, Solver()), self._models.rough
+        if rough is not None and not state.position.any():
+            state, before = correct_press(solver, state, rough, goal)
         else:
-            state, before = correct_press(self._solver, state, self._rough, goal)
-            self._rough = None
+            state, before = predict(solver, self._reduced_solver, state, goal)
         # returns at once if the prediction has reached the goal
-        reached = follow_segment(self._solver, state, goal, friction_step_factor=self._friction_factor)
+        reached = follow_segment(solver, state, goal, friction_step_factor=self._friction_factor)
         return replace(reached, iterations=before + reached.iterations)
 
 

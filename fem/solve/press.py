@@ -12,7 +12,7 @@ from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve.load_stepping import Path, PathModels
 from fem.solve.newton import STOPPED, NoStateError, Stop
-from fem.solve.path_state import PathState, at_rest, glue
+from fem.solve.path_state import PathState, glue
 
 EDGE_SHARE, SETTLED_RADIUS, MOST_PRESSES = 0.05, 0.05, 3
 """EDGE_SHARE: largest edge length at the edge of the contact, over the contact radius. SETTLED_RADIUS: relative
@@ -107,9 +107,9 @@ def solve_press(section: MeshSpecification, depth: float, rough: PathState | Non
     ----------
     rough : the press on another mesh, from which this one starts.
     """
-    path = Path(at_rest(section.build()), PathModels(section, rough=rough))
-    stop = path.go(depth, np.zeros(2))
-    return path.state, stop
+    path = Path(PathModels(section, rough=rough))
+    reached = path.advance(path.rest, np.array([depth, 0.0, 0.0]))
+    return reached.state, reached.stop
 
 
 def measure_contact_edge(state: PathState) -> float:

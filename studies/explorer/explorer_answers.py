@@ -203,14 +203,13 @@ def solve_with_estimates(paths: KeptPaths, state: ExplorerState, level: str) -> 
 
 @dataclass(slots=True)
 class _Kept:
-    """A path with its states at rest, at the beginning of a shear, and the last one, of the scene named `name`.
+    """A path with its state at the beginning of a shear, and the last one, of the scene named `name`.
 
     `continued` says that the last state was reached from the one before it. `sideways` is the model in which the
     stability of its presses is checked.
     """
 
     path: Path
-    rest: PathState
     sideways: SidewaysModel | None
     begun: PathState | None = None
     name: str = ""
@@ -254,7 +253,7 @@ class KeptPaths:
         kept = self._kept.pop(key, None)
         if kept is None:
             path = start_path(scene)
-            kept = _Kept(path, path.state, sideways_model(scene, path))
+            kept = _Kept(path, sideways_model(scene, path))
         # the newest path stands last
         self._kept[key] = kept
         while len(self._kept) > MOST_PATHS:
@@ -276,38 +275,34 @@ def _continue(kept: _Kept, scene: Scene) -> bool:
         return False
     if last.onset is not None or not last.stability.is_stable:
         return False
-    start = kept.begun or kept.rest
+    start = kept.begun or kept.path.rest
     if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
         return False
     # from one move of a hand to the next, extrapolation of the last states is a better first guess than the predictor
-    kept.path.restart(replace(last, reduced=None))
-    stop, state = kept.path.go(goal[0], goal[1:]), kept.path.state
+    reached = kept.path.advance(replace(last, reduced=None), goal)
+    state = reached.state
     # the limit of a path, and where it loses stability, are found from its beginning
-    if stop or not state.stability.is_stable or state.onset is not None:
+    if reached.stop or not state.stability.is_stable or state.onset is not None:
         return False
-    kept.last, kept.iterations = state, kept.path.iterations
+    kept.last, kept.iterations = state, reached.iterations
     return True
 
 
 def _follow(kept: _Kept, scene: Scene) -> None:
     """Follow a path to the load of its scene: from rest, or from the press at which the shear begins."""
     (load,), path, before = scene.loads, kept.path, 0
-    depth, *shear = scene.position(load)
+    position, start = scene.position(load), path.rest
     if load.shears_tip:
         if kept.begun is None:
-            path.restart(kept.rest)
-            kept.stop = path.go(depth, np.zeros(2))
-            before = path.iterations
-            if kept.stop:
-                kept.last, kept.iterations = path.state, before
+            pressed = path.advance(path.rest, position * [1, 0, 0])
+            before = pressed.iterations
+            if pressed.stop:
+                kept.last, kept.stop, kept.iterations = pressed.state, pressed.stop, before
                 return
-            path.begin_shear()
-            kept.begun = path.state
-        path.restart(kept.begun)
-    else:
-        path.restart(kept.rest)
-    kept.stop = path.go(depth, np.array(shear))
-    kept.last, kept.iterations = path.state, before + path.iterations
+            kept.begun = path.begin_shear(pressed.state)
+        start = kept.begun
+    reached = path.advance(start, position)
+    kept.last, kept.stop, kept.iterations = reached.state, reached.stop, before + reached.iterations
 
 
 def _key(scene: Scene) -> str:

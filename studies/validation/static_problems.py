@@ -29,9 +29,8 @@ from fem.model.material import lame
 from fem.model.nonlinear_system import State, System
 from fem.model.symmetry_models import MeshSpecification, on_axis
 from fem.solve.direct_solver import Solver
-from fem.solve.load_stepping import Path
+from fem.solve.load_stepping import Path, PathModels
 from fem.solve.newton import STOPPED, Equilibrium, newton
-from fem.solve.path_state import at_rest
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import paper
@@ -500,9 +499,10 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     design, size = paper(), LEVELS[level].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
-    path = Path(at_rest(MeshSpecification(shape, design.nu, magnet, size, tip).build()))
+    path = Path(PathModels(MeshSpecification(shape, design.nu, magnet, size, tip)))
     forces, factors, solver = [], np.array([1.0, 3.0, 10.0]), Solver()
-    reason, state = path.go(depth, np.zeros(2)), path.state
+    reached = path.advance(path.rest, np.array([depth, 0.0, 0.0]))
+    reason, state = reached.stop, reached.state
     system, q, plate, skin = state.d.system, state.q, state.plate, state.skin
     for factor in factors:
         harder = replace(plate, stiffness=factor * plate.stiffness)
