@@ -2,15 +2,12 @@
 
 The values are those of `analytic.hall.readings`, row by row, up to rounding. Designs whose magnets and elements have
 the same sizes and places share one forward model, so that those which differ in E, in the remanence or in gains cost
-little. Few rows are single readings, which need no compiled code.
+little.
 """
 
 from __future__ import annotations
 
-import contextlib
-import functools
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 
@@ -20,13 +17,10 @@ from numpy.typing import NDArray
 from analytic import hall
 from analytic.parts import AXES, common_values, of_design
 from geometry.arrays import Array
-from geometry.design import BadInput, Design
+from geometry.design import Design
 
 ELEMENTS = len(AXES)
 """Number of elements of every layout."""
-MIN_COMPILED_ROWS = 300
-"""Number of rows in a call from which the compiled forward model is loaded: that takes some 0.7 s, once in a process,
-and single readings of fewer rows less than 0.15 s."""
 SITE = attrgetter("magnet_diameter", "magnet_height", "D", "L", "l0", "f", "c", "hall_plate", "hall_layout", "chip_x")
 """Returns the fields of a design that fix the field of its magnet at its elements, but for the remanence."""
 
@@ -66,43 +60,24 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
         return BatchReadings(
             np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS), dtype=np.bool_)
         )
-    values = np.array([common_values(design) for design in designs])
+    common = np.array([common_values(design) for design in designs])
     numbers: dict[tuple[float | str, ...], int] = {}
     # by a dictionary of fields, because the positions would cost a sweep over E more than all else
-    of_design = np.array([numbers.setdefault(SITE(design), len(numbers)) for design in designs])
-    site, first = of_design[owner], np.unique(of_design, return_index=True)[1]
+    site_of = np.array([numbers.setdefault(SITE(design), len(numbers)) for design in designs])
+    site, first = site_of[owner], np.unique(site_of, return_index=True)[1]
     order = np.argsort(site, kind="stable")
     posed: NDArray[np.bool_] = np.asarray(np.isfinite(np.hstack([shift, tilt])).all(axis=1))
-    compiled = len(owner) >= MIN_COMPILED_ROWS or "analytic.inverse.forward_model" in sys.modules
-    fields_at = _compiled_fields(shift, tilt) if compiled else functools.partial(_single_fields, shift, tilt)
     measured = np.full((len(owner), ELEMENTS), np.nan)
     for all_rows in np.split(order, np.flatnonzero(np.diff(site[order])) + 1):
         design, rows = designs[first[site[all_rows[0]]]], all_rows[posed[all_rows]]
-        if design.shape.has_magnet:
-            measured[rows] = fields_at(design, rows) / design.polarisation
+        if design.shape.has_magnet and len(rows):
+            elements = of_design(design)
+            points, owners = hall.plates_of(elements)
+            poses = (np.repeat(values[rows], len(points), axis=0) for values in (shift, tilt))
+            b = hall.field_at(np.tile(points, (len(rows), 1)), design, *poses, refuse=False)
+            measured[rows] = hall.means_over_plates(b, elements, owners) / design.polarisation
     measured *= np.array([design.polarisation for design in designs])[owner, None]
     measured[np.isnan(measured).any(axis=1)] = np.nan
-    gain, null, low, high, _, step, _ = values[owner].T[:, :, None]
+    gain, null, low, high, _, step, _ = common[owner].T[:, :, None]
     output, saturated = hall.converted(null + gain * measured, low, high, step)
     return BatchReadings(measured, output, saturated)
-
-
-def _compiled_fields(shift: Array, tilt: Array) -> Callable[[Design, NDArray[np.int64]], Array]:
-    """Return a function that returns B.n of the elements, shape (n, 3), T, of a design with a magnet at some rows.
-
-    It is NaN where the field is not defined.
-    """
-    from analytic.inverse.forward_model import UPRIGHT, read_at_poses
-
-    axis = hall.rotated(UPRIGHT, tilt)
-    return lambda design, rows: read_at_poses(design, shift[rows], axis[rows])[0]
-
-
-def _single_fields(shift: Array, tilt: Array, design: Design, rows: NDArray[np.int64]) -> Array:
-    """Return what the function of `_compiled_fields` does, without compiled code."""
-    fields, elements = np.full((len(rows), ELEMENTS), np.nan), of_design(design)
-    for field, (x, y, z), (rx, ry) in zip(fields, shift[rows].tolist(), tilt[rows].tolist(), strict=True):
-        # the one point without a field of a magnet with a pose is on its rim
-        with contextlib.suppress(BadInput):
-            field[:] = hall.readings(design, shift=(x, y, z), tilt=(rx, ry), elements=elements).B_T
-    return fields

@@ -20,18 +20,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.hall import Mode, at_rail
+from analytic.hall import Mode, rails
 from analytic.inverse import pose_search, response_surface
-from analytic.inverse.forward_model import NO_TILT, Forward, model, readings_at, rotation
+from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
 from analytic.inverse.pose_search import Goal, StartTable
 from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
-Status = Literal[
-    "ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent", "tension", "uncalibrated"
-]
+Status = pose_search.Status | Literal["tension", "uncalibrated"]
 Limit = Literal["depth", "shear", "workspace"]
 """Limit that a pose exceeds: the depth or the shear of the mechanics' samples, or the workspace of the design."""
 
@@ -47,8 +45,6 @@ MISFIT_SHARE = 0.02
 """Largest misfit of a reading without noise, over its span in the workspace, if there are more than three."""
 WIDER = 1.25
 """Size of the box in which poses outside the workspace are looked for, over the workspace of the design."""
-OUTER_GRID, OUTER_STARTS = (15, 15, 10), 4
-"""Number of grid points of this box along x, y and z, and of those from which Newton steps start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +144,8 @@ def decoder(
     sigma = np.array([element.noise_T for element in forward.elements])
     explained = np.hypot(sigma, deviation)
     tolerance = np.where(explained > 0, DOUBT * explained, MISFIT_SHARE * span)
-    goal = pose_search.goal(low - EDGE, high + EDGE, _weights(sigma), tolerance, (high - low + 2 * pad) / cells)
+    edge, at_rails = (high - low + 2 * pad) / cells, rails(forward.elements)
+    goal = pose_search.goal(low - EDGE, high + EDGE, _weights(sigma), tolerance, edge, at_rails)
     return Decoder(forward, law, low, high, table, goal, span, sigma)
 
 
@@ -173,27 +170,23 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     BadInput
         The readings have a wrong shape.
     """
-    rows, count = np.ascontiguousarray(readings, dtype=np.float64), len(coder.forward.elements)
-    if rows.ndim != 2 or rows.shape[1] != count:
-        raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {rows.shape}")
+    rows, count = rows_of(coder, readings), len(coder.forward.elements)
     last = np.zeros(3) if near is None else np.asarray(near, float)
-    # the status of a row until a pose is found
-    status = _statuses(coder, rows)
+    status: list[Status] = []
     poses, multiplicity = [np.empty((0, 3))], np.zeros(len(rows), dtype=np.int64)
     shift, slopes = np.full((len(rows), 3), np.nan), np.full((len(rows), count, 3), np.nan)
-    for k in [k for k, word in enumerate(status) if word == "out_of_workspace"]:
-        found, slope, misfit = pose_search.poses_of(rows[k], coder.forward, coder.table, coder.goal)
-        multiplicity[k] = many = len(found)
-        if many:
-            nearest = int(((found - last) ** 2).sum(axis=1).argmin()) if many > 1 else 0
-            status[k], shift[k], slopes[k] = "ambiguous" if many > 1 else "ok", found[nearest], slope[nearest]
+    for k, row in enumerate(rows):
+        word, found, slope = pose_search.poses_of(row, coder.forward, coder.table, coder.goal)
+        status.append(word)
+        multiplicity[k] = len(found)
+        if len(found):
+            nearest = nearest_of(found, last)
+            shift[k], slopes[k] = found[nearest], slope[nearest]
             last = shift[k] if follow else last
             poses.append(found)
-        elif misfit:
-            status[k] = "inconsistent"
     decoded = multiplicity > 0
     s, A = shift[decoded].T, slopes[decoded].transpose(2, 1, 0)
-    tilt, force, load, force_slopes = _state(coder, s)
+    tilt, force, load, force_slopes = state(coder, s)
     for k in np.flatnonzero(decoded)[np.isnan(force[2])].tolist() if coder.mechanics is not None else []:
         status[k] = "tension" if status[k] == "ok" else status[k]
     errors = spread(coder.sigma, A)
@@ -219,17 +212,20 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     )
 
 
-def _statuses(coder: Decoder, rows: Array) -> list[Status]:
-    """Return "not_finite", "saturated", or "out_of_workspace" for a row that may have a pose."""
-    finite: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
-    saturated = at_rail(coder.forward.elements, np.where(finite[:, None], rows, 0.0).T)
-    return [
-        "not_finite" if not is_finite else "saturated" if is_saturated else "out_of_workspace"
-        for is_finite, is_saturated in zip(finite.tolist(), saturated.tolist(), strict=True)
-    ]
+def rows_of(coder: Decoder, readings: ArrayLike) -> Array:
+    """Return rows of readings as an array (n, k); raise BadInput for another shape."""
+    rows, count = np.ascontiguousarray(readings, dtype=np.float64), len(coder.forward.elements)
+    if rows.ndim != 2 or rows.shape[1] != count:
+        raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {rows.shape}")
+    return rows
 
 
-def _state(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:
+def nearest_of(poses: Array, near: Array) -> int:
+    """Return the index of the pose, of (n, 3), mm, that is nearest to a shift."""
+    return int(((poses - near) ** 2).sum(axis=1).argmin()) if len(poses) > 1 else 0
+
+
+def state(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:
     """Return tilt (2, n), rad, force and load (3, n), N and mm, and slopes of the force, at shifts (3, n), mm."""
     tilt = rotation(coder.forward.tau, shift)
     if coder.mechanics is None:
@@ -272,7 +268,7 @@ def _weights(sigma: Array) -> Array:
 def poses_outside(coder: Decoder, readings: Array) -> Array:
     """Return, for each row of readings (n, k), T, the pose with these readings that lies least outside the workspace.
 
-    Damped Newton steps start at those poses of a grid over a wider box whose readings differ least. The mechanics'
+    The poses of a wider box are searched. The mechanics'
     polynomials give the tilt there beyond their samples, so such a pose is a hint to the user and no result.
 
     Returns
@@ -281,18 +277,14 @@ def poses_outside(coder: Decoder, readings: Array) -> Array:
     """
     shifts = np.full((len(readings), 3), np.nan)
     low, high = (WIDER * end for end in response_surface.workspace(coder.forward.design))
-    goal = coder.goal._replace(floor=low, roof=high)
-    axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, OUTER_GRID, strict=True)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
+    goal = coder.goal._replace(low=low, high=high, floor=low, roof=high)
     # beyond the workspace the magnet may overlap an element, where its field can be undefined
     with contextlib.suppress(BadInput):
-        there = readings_at(coder.forward, grid).T
+        table, _ = pose_search.start_table(coder.forward, low, high, CELLS)
         for k, row in enumerate(readings):
-            starts = np.argpartition((((row - there) / coder.span) ** 2).sum(axis=1), OUTER_STARTS)[:OUTER_STARTS]
-            poses = np.array([pose_search.pose_from(grid[:, start], row, coder.forward, goal) for start in starts])
+            poses = pose_search.poses_of(row, coder.forward, table, goal)[1]
             far = np.maximum(np.maximum(coder.low - poses, poses - coder.high), 0.0).max(axis=1)
-            far = np.where(far > EDGE, far, np.inf)
-            if np.isfinite(far).any():
+            if len(poses):
                 shifts[k] = poses[far.argmin()]
     return shifts
 

@@ -137,8 +137,7 @@ def at_shifts(forward: Forward, mechanics: Mechanics, shift: Array) -> Array:
     if not noise.all():
         return np.full(shift.shape, np.nan)
     values, slopes = forward_model.readings_with_slopes(forward, np.ascontiguousarray(shift.T))
-    for k, (element, field) in enumerate(zip(forward.elements, values, strict=True)):
-        slopes[:, k, at_rail([element], field[None])] = 0.0
+    slopes[:, at_rail(forward.elements, values)] = 0.0
     force_slopes = response_surface.forces(mechanics, shift.T)[1]
     return force_resolution(slopes.transpose(2, 1, 0), force_slopes.transpose(2, 1, 0), noise)
 
@@ -164,8 +163,8 @@ def reading_slopes(designs: Sequence[Design], owner: NDArray[np.int64], loaded: 
     answer = batch_readings(designs, np.tile(owner, 6), shift.reshape(-1, 3), tilt.reshape(-1, 2))
     forward, back = answer.field_T.reshape(2, 3, n, ELEMENTS)
     slopes = ((forward - back) / (2 * half)[:, None]).transpose(1, 2, 0)
-    at_rail: NDArray[np.bool_] = np.asarray(answer.saturated.reshape(6, n, ELEMENTS).any(axis=0))
-    return np.asarray(np.where(at_rail[:, :, None], 0.0, slopes))
+    saturated = np.asarray(answer.saturated.reshape(6, n, ELEMENTS).any(axis=0))
+    return np.asarray(np.where(saturated[:, :, None], 0.0, slopes))
 
 
 def turned(plane: Array, depth_slopes: Array, shear_slopes: Array, shear: Array, azimuth: Array) -> Loaded:

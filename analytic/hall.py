@@ -83,6 +83,7 @@ def field_at(
     tilt: ArrayLike = (0.0, 0.0),
     *,
     field: Field = "exact",
+    refuse: bool = True,
 ) -> Array:
     """Return B at points of the sensor's frame, for a displaced and tilted magnet.
 
@@ -95,6 +96,7 @@ def field_at(
         towards -y.
     field : "exact" (closed form), "paper" (quadrature of the paper's equation (3), outside the magnet only),
         "paper-printed" (equation (3) with its misprint), or "dipole".
+    refuse : False for NaN where the exact field is not defined.
 
     Returns
     -------
@@ -115,7 +117,7 @@ def field_at(
     local = in_magnet_frame(points, design, shift, tilt)
     magnet = design.magnet_diameter / 2, design.magnet_height, design.polarisation
     if field == "exact":
-        b = cylinder_field(local, *magnet)
+        b = cylinder_field(local, *magnet, refuse=refuse)
     elif field == "dipole":
         b = dipole_field(local, *magnet)
     else:
@@ -180,10 +182,7 @@ def readings(
     points, owners = plates_of(chosen)
     b = field_at(points, design, at, (0.0, 0.0) if tilt is None else tilt, field=field)
     b = b + _rows("ambient", ambient, 3)
-    directions = np.array([element.direction for element in chosen])[owners]
-    values = np.linalg.norm(b, axis=1) if mode == "magnitude" else (b * directions).sum(axis=1)
-    # mean over the points of each plate
-    measured = np.bincount(owners, values) / np.bincount(owners)
+    (measured,) = means_over_plates(b, chosen, owners, mode)
     gain, null, low, high, step = _values(chosen, "gain", "null", "low", "high", "step")
     raw = null + gain * measured
     output, saturated = converted(raw, low, high, step) if noise is None else averaged(chosen, raw, noise)
@@ -191,28 +190,31 @@ def readings(
     return Readings(tuple(measured.tolist()), tuple(output.tolist()), tuple(saturated.tolist()), units)
 
 
-def plates(
-    positions: Sequence[Vector], directions: Sequence[Vector], sides: Sequence[float]
-) -> tuple[Array, NDArray[np.int64]]:
-    """Return the points at which plates sample the field, shape (n, 3), mm, and the plate's index of each.
+def means_over_plates(
+    b: Array, elements: Sequence[Element], owners: NDArray[np.int64], mode: Mode = "component"
+) -> Array:
+    """Return what k elements measure, shape (n, k), T, from B at the points of their plates in n poses, (n m, 3), T.
 
-    `sides` are those of the square plates, mm; 0 for a point.
+    owners : index of the element of each of the m points of a pose, as `plates_of` returns it, ascending.
     """
-    points, owners = [], []
-    for k, (position, direction, side) in enumerate(zip(positions, directions, sides, strict=True)):
-        if not side:
-            points.append(position)
-            owners.append(k)
-            continue
-        aside, across = (side * half for half in half_sides(direction))
-        points += [tuple(position + i * aside + j * across) for i in (-1, 1) for j in (-1, 1)]
-        owners += [k] * 4
-    return np.array(points, dtype=np.float64).reshape(-1, 3), np.array(owners, dtype=np.int64)
+    directions = np.array([element.direction for element in elements])[owners]
+    at = b.reshape(-1, len(owners), 3)
+    values = np.linalg.norm(at, axis=2) if mode == "magnitude" else (at * directions).sum(axis=2)
+    counts = np.bincount(owners)
+    return np.asarray(np.add.reduceat(values, np.cumsum(counts) - counts, axis=1) / counts)
 
 
 def plates_of(elements: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
-    """Return the `plates` of elements."""
-    return plates([e.position for e in elements], [e.direction for e in elements], [e.plate for e in elements])
+    """Return the points at which plates sample the field, shape (n, 3), mm, and the index of each point's element."""
+    points, owners = [], []
+    for k, element in enumerate(elements):
+        corners = [element.position]
+        if element.plate:
+            aside, across = (element.plate * half for half in half_sides(element.direction))
+            corners = [tuple(element.position + i * aside + j * across) for i in (-1, 1) for j in (-1, 1)]
+        points += corners
+        owners += [k] * len(corners)
+    return np.array(points, dtype=np.float64).reshape(-1, 3), np.array(owners, dtype=np.int64)
 
 
 @functools.cache
@@ -254,19 +256,20 @@ def _values(elements: Sequence[Element], *names: str) -> list[Array]:
     return [np.array([getattr(element, name) for element in elements]) for name in names]
 
 
-def rail_slack(element: Element) -> float:
-    """Distance from a rail within which an output lies at it, V: a rounding error must not hide that it does."""
-    return 1e-12 * (element.high - element.low)
+def rails(elements: Sequence[Element]) -> Array:
+    """Return the fields from which outputs lie at their lower and upper rails, shape (k, 2), T.
+
+    They are nearer by a rounding error, which must not hide that an output lies at a rail.
+    """
+    null, gain, low, high = _values(elements, "null", "gain", "low", "high")
+    slack = 1e-12 * (high - low)
+    return np.sort(((np.stack([low + slack, high - slack]) - null) / gain).T, axis=1)
 
 
 def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
-    """Return whether the output of any element lies at a rail, shape (n,), from B.n of the elements (k, n), T."""
-    saturated = np.zeros(field.shape[1], dtype=np.bool_)
-    for element, b in zip(elements, field, strict=True):
-        slack = rail_slack(element)
-        output = element.null + element.gain * b
-        saturated |= (output <= element.low + slack) | (output >= element.high - slack)
-    return saturated
+    """Return whether the output of each element lies at a rail, shape (k, n), from B.n of the elements (k, n), T."""
+    low, high = rails(elements).T[:, :, None]
+    return np.asarray((field <= low) | (field >= high))
 
 
 def rotated(vectors: Array, tilt: Array) -> Array:

@@ -36,7 +36,7 @@ FACE_RADII, FACE_ANGLES = 16, 24
 """Points of the integrals over half a face: the force of magnets that nearly touch is exact to 1e-4, else to 1e-7."""
 
 
-def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
+def cylinder_field(points: ArrayLike, radius: float, height: float, J: float, *, refuse: bool = True) -> Array:
     """Return B of the magnet, inside and outside it.
 
     The error is below 1e-12 of |B| for height/radius from 1e-6 (discs) to 1e3 (needles) and distances up to 1e6
@@ -47,6 +47,7 @@ def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) ->
     points : shape (n, 3), mm.
     radius, height : radius and height of the cylinder, mm.
     J : polarisation mu0 M, T.
+    refuse : False for NaN at points on a rim and at those that are not finite.
 
     Returns
     -------
@@ -59,7 +60,7 @@ def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) ->
         A point lies exactly on one of the two rims (r = radius, |z| = height/2), where |B| grows as J/2pi times the
         logarithm of the distance; a point is not finite; radius or height is not positive.
     """
-    return _exact(points, radius, height, J, slope=False)[0]
+    return _exact(points, radius, height, J, slope=False, refuse=refuse)[0]
 
 
 def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: float) -> Pair:
@@ -170,12 +171,12 @@ def check_magnet(radius: float, height: float, J: float) -> None:
         raise BadInput(f"J must be a finite number of T; got {J:g}")
 
 
-def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool) -> Pair:
-    """Return B and, with `slope`, its Jacobian (else shape (0, 3, 3)); refuse points without a field."""
+def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool, refuse: bool = True) -> Pair:
+    """Return B and, with `slope`, its Jacobian (else shape (0, 3, 3))."""
     check_magnet(radius, height, J)
     x = _points(points)
     B, jacobian, bad = cylinder.computed(x, float(radius), float(height) / 2, float(J), slope=slope)
-    if bad >= 0:
+    if bad >= 0 and refuse:
         raise _undefined(x[bad])
     return B, jacobian
 

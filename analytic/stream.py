@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from math import isnan, nan
 from typing import NamedTuple
 
-from analytic.decode import Decoder, Status, decode
+import numpy as np
+
+from analytic.decode import Decoder, Status, nearest_of, rows_of, state
+from analytic.inverse.pose_search import poses_of
 
 __all__ = ["Sample", "Stream"]
 
@@ -31,7 +35,7 @@ class Stream:
 
     def __init__(self, coder: Decoder) -> None:
         self.coder = coder
-        self.last: Vector = (0.0, 0.0, 0.0)
+        self.last = np.zeros(3)
 
     def step(self, field: tuple[float, ...]) -> Sample:
         """Decode one row of readings, B.n of each element, T.
@@ -41,9 +45,12 @@ class Stream:
         BadInput
             The number of readings differs from the number of elements.
         """
-        found = decode(self.coder, [field], near=self.last)
-        (status,), (many,) = found.status, found.multiplicity.tolist()
-        (x, y, z), (rx, ry), (f_x, f_y, f_n) = (v[0].tolist() for v in (found.shift, found.tilt, found.force))
-        if many:
-            self.last = x, y, z
-        return Sample(status, (x, y, z), (rx, ry), (f_x, f_y, f_n), many)
+        (row,) = rows_of(self.coder, [field])
+        status, poses, _ = poses_of(row, self.coder.forward, self.coder.table, self.coder.goal)
+        if not len(poses):
+            return Sample(status, (nan,) * 3, (nan,) * 2, (nan,) * 3, 0)
+        self.last = poses[nearest_of(poses, self.last)]
+        tilt, force, _, _ = state(self.coder, self.last[:, None])
+        pulls = status == "ok" and self.coder.mechanics is not None and isnan(force[2, 0])
+        (x, y, z), (rx, ry), (f_x, f_y, f_n) = (values.ravel().tolist() for values in (self.last, tilt, force))
+        return Sample("tension" if pulls else status, (x, y, z), (rx, ry), (f_x, f_y, f_n), len(poses))

@@ -139,9 +139,7 @@ def at_poses(
     weight = np.where(known(coder, shift), weight, 0.0)
     if not weight.sum() > 0:
         raise BadInput("the tilt is not known at any pose in the workspace: give states over more depths and shears")
-    by_element = np.array(
-        [hall.at_rail([e], b[None]) for e, b in zip(forward.elements, values, strict=True)], dtype=np.bool_
-    )
+    by_element = hall.at_rail(forward.elements, values)
     saturated = by_element.any(axis=0)
     magnet_hits, wall_hits, grounded = collisions(coder, shift, tilt, clearance)
     noise_mm, noise_N, axis_noise_N = _noise(coder, shift, slopes)

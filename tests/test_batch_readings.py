@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import hall
 from analytic.batch_readings import batch_readings
-from analytic.inverse import forward_model
 from geometry.design import HALL_LAYOUTS, BadInput, Design, paper
 
 RNG = np.random.default_rng(18)
@@ -80,18 +79,21 @@ def test_magnets_of_several_sizes():
 
 
 def test_designs_that_differ_in_remanence_and_gains_share_a_forward_model(monkeypatch):
-    counts, read_at_poses = [], forward_model.read_at_poses
+    counts, field_at = [], hall.field_at
 
-    def counted(design, shift, axis):
-        counts.append(len(shift))
-        return read_at_poses(design, shift, axis)
+    def counted(points, design, *pose, refuse):
+        counts.append(len(points))
+        return field_at(points, design, *pose, refuse=refuse)
 
-    monkeypatch.setattr(forward_model, "read_at_poses", counted)
     changes = [{}, {"E": 3.0}, {"hall_gain": 20.0, "hall_null": 2.0}, {"remanence": 1.0}, {"magnet_north": "up"}]
     designs = [dataclasses.replace(paper(), **change) for change in changes]
     shift, tilt = poses(4)
-    assert_singles(designs, np.repeat(np.arange(5), 4), np.tile(shift, (5, 1)), np.tile(tilt, (5, 1)))
-    assert counts == [5 * 4]
+    owner, shift, tilt = np.repeat(np.arange(5), 4), np.tile(shift, (5, 1)), np.tile(tilt, (5, 1))
+    with monkeypatch.context() as patched:
+        patched.setattr(hall, "field_at", counted)
+        batch_readings(designs, owner, shift, tilt)
+    assert counts == [5 * 4 * 3]
+    assert_singles(designs, owner, shift, tilt)
 
 
 def test_no_pose_and_no_magnet():

@@ -30,10 +30,9 @@ import numpy as np
 
 from analytic.cylinder import ALONG, ALONG_Z, LEAN, LEAN_Z, POINTS, cylinder_series, disc_series, workspace
 from analytic.cylinder import compiled_functions as field_functions
-from analytic.hall import Mode, plates, plates_of, rotated
-from analytic.parts import AXES, Element, common_values, of_design
-from geometry.arrays import Array, Ints
-from geometry.cad import element_positions
+from analytic.hall import Mode, plates_of, rotated
+from analytic.parts import Element, of_design
+from geometry.arrays import Array
 from geometry.compiled import compiled
 from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
@@ -46,8 +45,6 @@ Vector = tuple[float, float, float]
 
 NO_TILT: Array = np.zeros((1, 1))
 """Coefficients of tau = 0: the magnet does not tilt."""
-UPRIGHT = np.array([0.0, 0.0, 1.0])
-"""Axis of a magnet that does not tilt."""
 SMALL = 1e-6
 """t^2, rad^2, below which the slope of sin(t)/t is taken from its series: the closed form is 0/0 at t = 0."""
 
@@ -106,19 +103,17 @@ def model(
             way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
             raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
     tau = np.ascontiguousarray(tau, dtype=np.float64)
-    directions = [element.direction for element in chosen]
-    return Forward(design, chosen, tau, mode, _kernel(design, *plates_of(chosen), directions, tau, mode))
+    return Forward(design, chosen, tau, mode, _kernel(design, chosen, tau, mode))
 
 
-def _kernel(
-    design: Design, points: Array, owners: Ints, directions: Sequence[Vector], tau: Array, mode: Mode
-) -> tuple[Any, ...]:
-    """Return `Forward.kernel` for the points of elements, the element of each, and the elements' directions."""
+def _kernel(design: Design, elements: Sequence[Element], tau: Array, mode: Mode) -> tuple[Any, ...]:
+    """Return `Forward.kernel`."""
+    points, owners = plates_of(elements)
     numbers: dict[tuple[float, ...], int] = {}
     place = np.array([numbers.setdefault(tuple(point), len(numbers)) for point in points.tolist()])
     if len(numbers) > POINTS:
         raise BadInput(f"the elements may have at most {POINTS} points; got {len(numbers)}: leave elements out")
-    normals = np.array(directions, dtype=np.float64)[owners]
+    normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
     series = cylinder_series(half / radius), disc_series()
     return (
@@ -178,27 +173,13 @@ def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there are no readings: give it a magnet")
-    axis = rotated(UPRIGHT, np.array([tilt]))
-    values, by_shift, by_turn = read_at_poses(design, np.array([shift]), axis, slopes=True)
+    elements = of_design(design)
+    kernel = _kernel(design, elements, NO_TILT, "component")
+    values, by_shift, by_turn = np.empty((1, len(elements))), *np.empty((2, 1, len(elements), 3))
+    upright = np.array([0.0, 0.0, 1.0])
+    read_poses(np.array([shift], dtype=float), rotated(upright, np.array([tilt])), kernel, values, by_shift, by_turn)
     _check(values)
     return by_shift[0], by_turn[0]
-
-
-def read_at_poses(design: Design, shift: Array, axis: Array, *, slopes: bool = False) -> tuple[Array, Array, Array]:
-    """Return the readings B.n of a design with a magnet, shape (n, 3), T, NaN where the field is not defined.
-
-    The other results are the slopes of `slopes_at` at each pose, shape (n, 3, 3), or (0, 3, 3) without `slopes`.
-
-    Parameters
-    ----------
-    shift, axis : shifts of the magnet, mm, and its axes, the rotated `UPRIGHT`, shape (n, 3).
-    """
-    # without the elements of the design, which would take longer than the readings of a few poses
-    points, owners = plates(element_positions(design), AXES, (common_values(design)[-1],) * 3)
-    kernel = _kernel(design, points, owners, AXES, NO_TILT, "component")
-    values, by_shift, by_turn = np.empty((len(shift), 3)), *np.empty((2, len(shift) if slopes else 0, 3, 3))
-    read_poses(np.ascontiguousarray(shift, dtype=float), axis, kernel, values, by_shift, by_turn)
-    return values, by_shift, by_turn
 
 
 def _check(values: Array) -> None:
@@ -212,8 +193,8 @@ def _check(values: Array) -> None:
 def rotation(tau: Array, shift: Array) -> Array:
     """Return the tilt at shifts (3, n), mm, as rotation vectors (rx, ry) of `analytic.hall.field_at`, (2, n), rad."""
     x, y, z = shift
-    t = np.polynomial.polynomial.polyval2d(x * x + y * y, z, tau)
-    return np.stack(rotation_of(t * x, t * y))
+    t = np.array([polynomial(tau, u, w)[0] for u, w in zip((x * x + y * y).tolist(), z.tolist(), strict=True)])
+    return np.array(rotation_of(t * x, t * y))
 
 
 @compiled

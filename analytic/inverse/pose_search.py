@@ -25,7 +25,7 @@ misfit does not fall to `FALL` of its size in `STALL` evaluations, as next to a 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +63,10 @@ REACH = 2.5
 STALL, FALL = 6, 0.8
 """Number of evaluations in which the misfit must fall, and to which part of its size. Near a double root, the slowest
 case, each full step brings it to a quarter."""
-LOST, MISFIT, POSE = 0, 1, 2
+LOST, MISFIT, POSE = range(3)
 """Ends of an iteration: no convergence, a pose that does not fit the readings, a pose that does."""
+Status = Literal["ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent"]
+STATUSES: tuple[Status, ...] = get_args(Status)
 
 
 class StartTable(NamedTuple):
@@ -108,6 +110,7 @@ class Goal(NamedTuple):
     weights : of the readings in the misfit, shape (k,).
     tolerance : largest misfit of each reading if there are more than three, shape (k,), T.
     reach : farthest that the iteration moves from a start of the table, mm.
+    rails : fields at which each element's output lies at its lower and at its upper rail, shape (k, 2), T.
     """
 
     low: Array
@@ -117,12 +120,13 @@ class Goal(NamedTuple):
     weights: Array
     tolerance: Array
     reach: float
+    rails: Array
 
 
-def goal(low: Array, high: Array, weights: Array, tolerance: Array, edge: Array) -> Goal:
+def goal(low: Array, high: Array, weights: Array, tolerance: Array, edge: Array, rails: Array) -> Goal:
     """Return the goal of a search in a workspace whose cells have the edges `edge`, shape (3,), mm."""
     pad = 3 * edge
-    return Goal(low, high, low - pad, high + pad, weights, tolerance, REACH * float(np.linalg.norm(edge)))
+    return Goal(low, high, low - pad, high + pad, weights, tolerance, REACH * float(np.linalg.norm(edge)), rails)
 
 
 def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> tuple[StartTable, Array]:
@@ -215,17 +219,15 @@ def _maps(corners: Array, alike: NDArray[np.bool_]) -> Array:
     return np.concatenate([inverse, -inverse @ middle[..., None]], axis=2)
 
 
-def poses_of(field: Array, forward: Forward, table: StartTable, goal: Goal) -> tuple[Array, Array, bool]:
-    """Return shifts (n, 3), mm, and slopes (n, k, 3), T/mm, of all poses, and whether one was a misfit.
-
-    A misfit is a converged pose in the workspace that does not fit the readings.
+def poses_of(field: Array, forward: Forward, table: StartTable, goal: Goal) -> tuple[Status, Array, Array]:
+    """Return the status of one row of readings, and shifts (n, 3), mm, and slopes (n, k, 3), T/mm, of all its poses.
 
     Parameters
     ----------
     field : B.n of each element, or |B|, shape (k,), T.
     """
-    shifts, slopes, count, misfit = search(field, forward.kernel, table, goal)
-    return shifts[:count], slopes[:count], misfit
+    status, shifts, slopes = search(field, forward.kernel, table, goal)
+    return STATUSES[status], shifts, slopes
 
 
 def pose_from(start: Array, field: Array, forward: Forward, goal: Goal) -> Array:
@@ -236,10 +238,18 @@ def pose_from(start: Array, field: Array, forward: Forward, goal: Goal) -> Array
 
 @compiled
 def search(field, kernel, table, goal):
-    """Return what `poses_of` does, in arrays that are longer than the number of poses, which follows them."""
+    """Return what `poses_of` does; the status is its place in `STATUSES`."""
+    shifts, slopes, count = np.empty((0, 3)), np.empty((0, len(field), 3)), 0
+    saturated = False
+    for k in range(len(field)):
+        if not math.isfinite(field[k]):
+            return 4, shifts, slopes
+        saturated = saturated or not goal.rails[k, 0] < field[k] < goal.rails[k, 1]
+    if saturated:
+        return 3, shifts, slopes
     starts = starts_of(field, table)
     shifts, slopes = np.empty((len(starts), 3)), np.empty((len(starts), len(field), 3))
-    count, misfit, start = 0, False, np.empty(3)
+    misfit, start = False, np.empty(3)
     for _, _, x, y, z in starts:
         start[0], start[1], start[2] = x, y, z
         end, s, A = newton(start, goal.reach, field, kernel, goal)
@@ -255,7 +265,8 @@ def search(field, kernel, table, goal):
         if inside and end == POSE and not known:
             shifts[count], slopes[count] = s[0], A[0]
             count += 1
-    return shifts, slopes, count, misfit
+    status = 0 if count == 1 else 1 if count else 5 if misfit else 2
+    return status, shifts[:count], slopes[:count]
 
 
 @compiled

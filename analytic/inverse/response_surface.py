@@ -50,10 +50,6 @@ FORCE_STEPS = 30
 """Largest number of Newton steps; from a start of the grid about five suffice."""
 FORCE_EXACT = 1e-9
 """Largest difference of the forces over the largest given force: far above rounding, far below any noise."""
-ZERO_FORCE = 1e-9
-"""Normal force up to which the plate exerts none, N: rounding."""
-ZERO_DEPTH = 1e-9
-"""Depth up to which the plate does not touch, mm: rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,26 +153,12 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
 
 
 def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
-    """Return the polynomials' force on the tip and its slopes at shifts (3, n), mm.
-
-    Returns
-    -------
-    force : (F_x, F_y, F_n), shape (3, n), N.
-    slopes : dF_i/ds_j at [j, i, n], shape (3, 3, n), N/mm.
-    """
-    force, _, slopes = _at_shifts(mechanics, shift, contact=False)
+    """Return the polynomials' force on the tip and its slopes at shifts (3, n), mm, as `force_and_load` does."""
+    force, _, slopes = force_and_load(mechanics, shift, contact=False)
     return force, slopes
 
 
-def load(mechanics: Mechanics, shift: Array) -> Array:
-    """Return the load (depth, shear_x, shear_y), shape (3, n), mm, that shifts the magnet by `shift`, (3, n), mm.
-
-    The depth is 0 where the magnet is above its position at rest.
-    """
-    return _at_shifts(mechanics, shift, contact=False)[1]
-
-
-def force_and_load(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Array]:
+def force_and_load(mechanics: Mechanics, shift: Array, *, contact: bool = True) -> tuple[Array, Array, Array]:
     """Return force on the tip and load at shifts (3, n), mm, of a plate that cannot pull, and the force's slopes.
 
     A negative normal force becomes 0 above rest and where the fit's error explains it. Where the plate would have to
@@ -184,27 +166,30 @@ def force_and_load(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Ar
     no force: where the depth is 0 and no normal force presses the magnet down, force and load are 0, whatever the
     polynomial of the lateral force gives.
 
+    Parameters
+    ----------
+    contact : False for the polynomials as they are.
+
     Returns
     -------
-    force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (3, n).
-    slopes : as in `forces`.
+    force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (3, n). The depth is 0 where the magnet
+        is above its position at rest.
+    slopes : dF_i/ds_j of the polynomials at [j, i, n], shape (3, 3, n), N/mm.
     """
-    return _at_shifts(mechanics, shift, contact=True)
-
-
-def _at_shifts(mechanics: Mechanics, shift: Array, *, contact: bool) -> tuple[Array, Array, Array]:
-    """Return what `force_and_load` does; without `contact` the polynomials as they are."""
     n = shift.shape[1]
     force, plate, slopes = np.empty((3, n)), np.empty((3, n)), np.empty((3, 3, n))
     law = (mechanics.lateral, mechanics.normal, mechanics.depth, mechanics.shear)
-    fill_loads(np.ascontiguousarray(shift), law, mechanics.errors[2] + ZERO_FORCE, contact, force, plate, slopes)
+    # rounding, a billionth of what the deepest sample has, counts as no force and as no depth
+    deepest = abs(polynomial(mechanics.normal, 0.0, -mechanics.sink)[0])
+    least = mechanics.errors[2] + 1e-9 * deepest, 1e-9 * mechanics.sink
+    fill_loads(np.ascontiguousarray(shift), law, least, contact, force, plate, slopes)
     return force, plate, slopes
 
 
 @compiled
 def fill_loads(shift, law, least, contact, force, plate, slopes):
-    """Fill what `_at_shifts` returns; the fit explains normal forces of less than `least`, N."""
-    lateral, normal, depth, shear = law
+    """Fill what `force_and_load` returns; a normal force and a depth count from `least`, N and mm."""
+    (lateral, normal, depth, shear), (least_force, least_depth) = law, least
     for p in range(shift.shape[1]):
         x, y, w = shift[0, p], shift[1, p], shift[2, p]
         U, r = x * x + y * y, np.cbrt(max(-w, 0.0))
@@ -218,9 +203,9 @@ def fill_loads(shift, law, least, contact, force, plate, slopes):
         if not contact:
             continue
         force[2, p] = max(f, 0.0)
-        if w < 0 and f < -least:
+        if w < 0 and f < -least_force:
             force[:, p], plate[:, p] = np.nan, np.nan
-        elif (w >= 0 or f <= least) and d <= ZERO_DEPTH:
+        elif (w >= 0 or f <= least_force) and d <= least_depth:
             force[:, p], plate[:, p] = 0.0, 0.0
 
 

@@ -105,7 +105,7 @@ def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0
     reached, pressed = np.isfinite(w), F_t == 0
     # a load that is not reached keeps its place in the grid, at rest and without weight
     shift[:, ~reached] = 0.0
-    plate = response_surface.load(law, shift)
+    plate = response_surface.force_and_load(law, shift, contact=False)[1]
     # a plate that does not touch exerts no force; rounding may lift it a little above rest
     touches = (plate[0] > 0) | ((F_n == 0) & pressed)
     weight = np.where(reached & touches, np.where(pressed, 1 / counts[2], 1.0), 0.0)
