@@ -4,6 +4,8 @@ import json
 import math
 from dataclasses import replace
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from fem import equilibrium
@@ -12,22 +14,25 @@ from fem.analyses import modes, small_shear, stability
 from fem.physics_version import PHYSICS
 from fem.results.error_estimates import table_rows
 from geometry.design import paper
-from studies.cli import entry_point
-from studies.output import checkpoint, goals
-from studies.output.atomic_files import json_line
+from studies.output import goals, provenance
 from studies.output.result import FAILED
-from studies.validation import accuracy_study, error_study, error_study_cases
-from studies.validation.error_study import QUANTITIES, ROLES, TANGENTS, SolvedState, Task, restored, without_errors
+from studies.validation import accuracy_study, error_study_cases
+from studies.validation.accuracy_study import COUNT, QUANTITIES, Task, status, tangent_rows
+from studies.validation.error_study_cases import TANGENT_SCENES
+
+
+def task(scene, number=0, fineness=1):
+    """A trial of a design at level quick against a reference."""
+    trial = error_study_cases.trial(number, "rigid", scene, "auto")
+    return Task(trial, QUICK, error_study_cases.reference(scene, fineness))
 
 
 @pytest.fixture(scope="module")
-def press():
-    return Task(error_study_cases.trial(0, "rigid", "press", "auto"), QUICK)
-
-
-@pytest.fixture(scope="module")
-def known(press):
-    return {error_study.key(*solve): error_study.follow(*solve) for solve in press.solves.values()}
+def solved(tmp_path_factory):
+    """States of the paper's sensor, presses and shears, with their answers at level quick and on a reference."""
+    store = tmp_path_factory.mktemp("accuracy") / "states.sqlite"
+    paths = [(one, load) for one in (task("press"), task("stick", fineness=0)) for load in one.trial.loads]
+    return paths, accuracy_study.solved(paths, store)
 
 
 def state(true, estimate, **changes):
@@ -35,7 +40,7 @@ def state(true, estimate, **changes):
     place = {"design": 0, "odd": False, "magnet": "rigid", "level": "quick", "scene": "press", "path": "press"}
     place |= {"model": "axisymmetric", "repeat": 0, "depth_mm": 1.0, "shear_mm": 0.0, "status": "ok", "message": ""}
     errors = {f"{name}_error": true for name in QUANTITIES} | {f"{name}_estimate": estimate for name in QUANTITIES}
-    return place | errors | {"commit": ""} | changes
+    return place | errors | changes
 
 
 def test_there_are_twelve_designs_and_half_of_them_are_odd():
@@ -64,90 +69,49 @@ def test_deep_presses_begin_beyond_the_others_and_leave_silicone(magnet):
         assert deep[-1].depth <= 0.4501 * (design.L - design.magnet_height * (magnet == "rigid"))
 
 
-def test_friction_depends_on_the_length_of_steps_and_nothing_else_does():
-    for scene, same in (("friction", False), ("stick", True)):
-        trial = error_study_cases.trial(0, "rigid", scene, "auto")
-        keys = {
-            error_study.key(trial, replace(QUICK, friction_step_factor=friction_step_factor))
-            for friction_step_factor in (1.0, 0.5)
-        }
-        assert (len(keys) == 1) is same
-
-
-def test_rules_and_levels_may_change_without_new_solves():
-    """Their modules are no part of the digest: they would be if one of the paths were wrong."""
-    apart = (*error_study.ESTIMATING, *error_study.TANGENT_MODULES)
-    kept = checkpoint.modules("geometry", "fem", apart=apart)
-    assert len(kept) == len(checkpoint.modules("geometry", "fem")) - len(apart)
-    assert error_study.code() == checkpoint.digest(kept)
-
-
-def test_the_study_judges_the_estimates_that_a_user_gets(press, known):
-    states = error_study.states_of(press, known)
-    solutions = equilibrium.trace(press.trial.design, press.trial.loads, QUICK)
+def test_the_study_judges_the_estimates_that_a_user_gets(solved):
+    """Also in the press before a shear, which is on the mesh of the shears."""
+    paths, answers = solved
+    states = accuracy_study.compare(paths, *answers).to_dict("records")
+    assert {one["status"] for one in states} == {"ok"}
+    solutions = [
+        s for scene in ("press", "stick") for s in equilibrium.trace(paper(), task(scene).trial.loads, QUICK)
+    ]
     for one, solution in zip(states, solutions, strict=True):
-        assert one["status"] == "ok"
-        assert one["force_estimate"] == pytest.approx(solution.estimates.force, rel=1e-9)
-        assert one["shift_estimate"] == pytest.approx(solution.estimates.shift, rel=1e-9)
-        assert one["force_z_N"] == pytest.approx(solution.response.force[2], rel=1e-9)
+        assert one["force_estimate"] == pytest.approx(solution.estimates.force, rel=1e-6)
+        assert one["shift_estimate"] == pytest.approx(solution.estimates.shift, rel=1e-6)
+        assert one["force_z_N"] == pytest.approx(solution.response.force[2], rel=1e-8)
+    assert states[-1]["sideways_estimate"] == pytest.approx(solutions[-1].estimates.sideways, rel=1e-6)
+    assert [one["scene"] for one in states] == [*["press"] * 3, "pressed", "stick", "stick"]
 
 
-def test_quick_presses_of_the_paper_keep_their_promise(press, known):
-    for one in error_study.states_of(press, known):
-        for name in ("force", "shift"):
-            assert one[f"{name}_error"] <= min(one[f"{name}_estimate"], 0.03)
+def test_quick_presses_of_the_paper_keep_their_promise(solved):
+    paths, answers = solved
+    states = accuracy_study.compare(paths, *answers)[:3]
+    for name in ("force", "shift"):
+        assert (states[f"{name}_error"] <= np.minimum(states[f"{name}_estimate"], 0.03)).all()
 
 
-def test_the_true_error_is_that_to_the_reference(press, known):
-    last = error_study.states_of(press, known)[-1]
+def test_the_true_error_is_that_to_the_reference(solved):
+    paths, answers = solved
+    last = accuracy_study.compare(paths, *answers).iloc[2]
     off = abs(last["force_z_N"] / last["reference_force_z_N"] - 1)
-    assert last["force_error"] == pytest.approx(off, rel=1e-6)
-    assert last["reference_dofs"] > 10 * last["dofs"]
+    assert 0 < last["force_error"] == pytest.approx(off, rel=1e-6)
     assert math.isnan(last["tilt_error"])
 
 
-def test_a_state_that_was_not_reached_is_listed_and_left_out(press, known):
-    name = error_study.key(*press.solves["companion_"])
-    lost = replace(known[name][1], status="not_converged", message="stopped at depth 0.3 mm")
-    states = error_study.states_of(press, known | {name: [known[name][0], lost]})
-    assert [one["status"] for one in states] == ["ok", "not_converged", "not_converged"]
+def test_a_state_that_was_not_reached_is_listed_and_left_out(solved):
+    paths, (level, reference) = solved
+    stopped = reference.copy()
+    stopped.loc[[1, 2], ["status", "message"]] = "not_converged", "stopped at depth 0.3 mm"
+    states = accuracy_study.compare(paths[:3], level[:3], stopped[:3])
+    assert list(states["status"]) == ["ok", "not_converged", "not_converged"]
     assert {errors["states"] for errors in accuracy_study.summary(states)} == {1}
-    assert states[1]["message"] == "coarser level: stopped at depth 0.3 mm"
-
-
-def test_a_kept_state_is_read_back(press, known):
-    for one in known[error_study.key(*press.solves[""])]:
-        assert restored("press", json.loads(json_line(one.kept()))) == one
-    crashed = SolvedState("crashed", "RuntimeError: no mesh")
-    assert restored("press", crashed.kept()) == crashed
-
-
-def test_a_stopped_study_goes_on_where_it_was(press, known, monkeypatch, tmp_path):
-    monkeypatch.setattr(error_study, "tasks", lambda quick: [press])
-    monkeypatch.setattr(error_study, "follow", lambda trial, level: known[error_study.key(trial, level)])
-    states = error_study.run(lambda *_: None, folder=tmp_path)
-    store = tmp_path / "solves.jsonl"
-    lines = store.read_text("utf-8").splitlines()
-    other = json.dumps(json.loads(lines[1]) | {"code": "older"})
-    store.write_text("\n".join([lines[0], other, lines[2][:40]]) + "\n", "utf-8")
-    again = []
-    monkeypatch.setattr(
-        error_study, "follow", lambda trial, level: again.append(level.name) or known[error_study.key(trial, level)]
-    )
-    assert list(map(str, error_study.run(lambda *_: None, folder=tmp_path))) == list(map(str, states))
-    assert again == ["quick", "reference"]
-
-
-def test_a_crash_is_a_finding(press, monkeypatch):
-    def fail(*args, **options):
-        raise RuntimeError("the section's outline could not be meshed")
-
-    monkeypatch.setattr(equilibrium, "walk", fail)
-    assert error_study.follow(press.trial, QUICK)[0].status == "crashed"
+    assert states["message"][1] == "reference: stopped at depth 0.3 mm"
 
 
 def test_the_full_study_covers_all_levels_scenes_and_models():
-    made = error_study.tasks()
+    made = accuracy_study.tasks()
     assert {task.level.name for task in made} == {*LEVELS, "reference"}
     for scene in ("press", "stick", "grip"):
         assert {(t.trial.number, t.trial.magnet) for t in made if t.trial.scene == scene} == {
@@ -156,30 +120,26 @@ def test_the_full_study_covers_all_levels_scenes_and_models():
     assert {(t.trial.scene, t.repeat) for t in made if t.trial.model == "half"} == {
         (scene, i) for scene in ("press", "stick") for i in range(3)
     }
-    solves = {error_study.key(*t.solves[""]) for t in made if t.trial.model == "half"}
-    assert len(solves) == sum(t.trial.model == "half" for t in made)
 
 
 def test_the_reference_is_held_against_a_finer_one():
-    checked = [task for task in error_study.tasks() if task.level.name == "reference"]
-    assert {task.trial.scene for task in checked} == {"press", "stick"}
-    for task in checked:
-        (_, used), (_, finer) = task.solves[""], task.solves["reference_"]
-        assert finer.section_size < used.section_size
-        assert finer.section_patch <= used.section_patch
-    checked_state = state(0.0, 0.0, level="reference")
-    assert accuracy_study.summary([checked_state]) == []
-    assert accuracy_study.references([checked_state])[0]["force_percent"] == 0
+    checked = [one for one in accuracy_study.tasks() if one.level.name == "reference"]
+    assert {one.trial.scene for one in checked} == {"press", "stick"}
+    for one in checked:
+        assert one.reference.section_size < one.level.section_size
+        assert one.reference.section_patch <= one.level.section_patch
+    states = pd.DataFrame([state(0.0, 0.0, level="reference")])
+    assert accuracy_study.summary(states) == []
+    assert accuracy_study.references(states)[0]["force_percent"] == 0
 
 
-def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(
-        error_study, "run", lambda *_, **__: [state(0.031, 0.04), state(0, 0, status="unstable", message="!")]
-    )
-    assert entry_point.main(["validate", "accuracy", "--out", str(tmp_path), "--json"]) == FAILED
-    said = capsys.readouterr()
-    assert "largest error: 3.1 %, goal at most 3 %" in said.err
-    assert all(json.loads(line)["quantity"] for line in said.out.splitlines())
+def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, run):
+    states = pd.DataFrame([state(0.031, 0.04), state(0, 0, status="unstable", message="!")])
+    monkeypatch.setattr(accuracy_study, "run", lambda progress, quick: accuracy_study.result(states, quick=quick))
+    status, out, err = run("validate", "accuracy", "--out", tmp_path, "--json")
+    assert status == FAILED
+    assert "largest error: 3.1 %, goal at most 3 %" in err
+    assert all(json.loads(line)["quantity"] for line in out.splitlines())
     report = (tmp_path / "ACCURACY.md").read_text("utf-8")
     assert "1 of 2 states compared" in report
     assert "unstable; !" in report
@@ -187,36 +147,32 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     assert (tmp_path / "accuracy.csv").read_text("utf-8").count("\n") == 3
 
 
-def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions():
+def rules(*states):
+    return accuracy_study.rules(pd.DataFrame(states))
+
+
+def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions(monkeypatch):
+    monkeypatch.setattr(provenance, "commit", lambda: "abc")
     found, before = (
         {(row["scene"], row["variant"], row["quantity"]): row for row in rows}
-        for rows in (accuracy_study.rules([state(0.03, 0.02, commit="abc")]), table_rows())
+        for rows in (rules(state(0.03, 0.02)), table_rows())
     )
     assert found.keys() == before.keys()
     wider = found["press", "rigid", "force"]
     assert float(wider["c"]) == pytest.approx(1.5 * float(before["press", "rigid", "force"]["c"]), rel=5e-3)
     assert (wider["version"], wider["commit"]) == (str(PHYSICS["axisymmetric"]), "abc")
     assert found["deep", "rigid", "force"] == before["deep", "rigid", "force"]
-    kept = {
-        (row["quantity"], row["c"]) for row in accuracy_study.rules([state(0.01, 0.02)]) if row["scene"] == "press"
-    }
+    kept = {(row["quantity"], row["c"]) for row in rules(state(0.01, 0.02)) if row["scene"] == "press"}
     assert kept == {(row["quantity"], row["c"]) for row in table_rows() if row["scene"] == "press"}
     unknown = [state(0.01, estimate) for estimate in (math.nan, 0.0)]
-    assert accuracy_study.rules([*unknown, state(0.03, 0.02, commit="abc")]) == list(found.values())
-    assert accuracy_study.rules(unknown) == table_rows()
+    assert rules(*unknown, state(0.03, 0.02)) == list(found.values())
+    assert rules(*unknown) == table_rows()
 
 
-def test_no_comparison_is_no_success(tmp_path, capsys):
-    assert entry_point.main(["validate", "accuracy", "--quick", "--minutes", "0", "--out", str(tmp_path)]) == FAILED
-    assert "states without a comparison: 17, goal at most 0" in capsys.readouterr().err
-    assert "All goals are met" not in (tmp_path / "ACCURACY.md").read_text("utf-8")
-
-
-def test_a_state_that_is_unstable_by_one_solve_only_disagrees(press):
-    ok, unstable = SolvedState("ok", ""), SolvedState("unstable", "since 1 mm")
-    for solves, status in (((ok, ok, unstable), "disagrees"), ((unstable,) * 3, "unstable")):
-        states = dict(zip(ROLES, solves, strict=True))
-        assert without_errors(press.trial, QUICK, press.trial.loads[0], states)["status"] == status
+def test_a_state_that_is_unstable_by_one_solve_only_disagrees():
+    for solves, expected in ((("ok", "unstable"), "disagrees"), (("unstable", "unstable"), "unstable")):
+        both = dict(zip(("level", "reference"), solves, strict=True))
+        assert status(both, dict.fromkeys(both, ""))[0] == expected
 
 
 # Statistics of the study of error estimates: shares, missed goals and mesh noise
@@ -229,7 +185,7 @@ def solve(force_z=0.0, shift_z=0.0):
 
 def missed(states):
     """Names of the missed goals."""
-    return [str(goal) for goal in goals.missed(accuracy_study.goals(states))]
+    return [str(goal) for goal in goals.missed(accuracy_study.goals(pd.DataFrame(states)))]
 
 
 def test_shares_and_goals():
@@ -250,19 +206,19 @@ def test_an_unknown_estimate_covers_nothing():
 
 
 def test_states_without_a_comparison_miss_a_goal():
-    for status in ("not_run", "crashed", "disagrees"):
-        lost = missed([state(0.01, 0.015), state(0.0, 0.0, status=status)])
+    for ended in ("crashed", "disagrees"):
+        lost = missed([state(0.01, 0.015), state(0.0, 0.0, status=ended)])
         assert lost == ["states without a comparison: 1, goal at most 0"]
     assert not missed([state(0.01, 0.015), state(0.0, 0.0, status="unstable")])
 
 
 def test_a_large_error_stays_in_the_statistics():
-    assert accuracy_study.summary([state(0.4, 0.015)])[0]["max_percent"] == pytest.approx(40)
+    assert accuracy_study.summary(pd.DataFrame([state(0.4, 0.015)]))[0]["max_percent"] == pytest.approx(40)
 
 
 def test_mesh_noise_is_the_spread_over_meshes():
     half = [state(0.01, 0.02, model="half", scene="pressed", **solve(f, -1.0)) for f in (0.99, 1.0, 1.01)]
-    (force, shift) = accuracy_study.noise(half)
+    (force, shift) = accuracy_study.noise(pd.DataFrame(half))
     assert force["mean_percent"] == pytest.approx(1.0)
     assert shift["mean_percent"] == 0.0
 
@@ -270,7 +226,7 @@ def test_mesh_noise_is_the_spread_over_meshes():
 def test_depths_of_a_press_are_no_noise():
     """Nor is the tilt that tetrahedra have where there should be none."""
     half = [state(0.01, 0.02, model="half", depth_mm=d, **solve(d, -d)) for d in (1.0, 2.0) for _ in "ab"]
-    noise = accuracy_study.noise(half)
+    noise = accuracy_study.noise(pd.DataFrame(half))
     assert [(one["quantity"], one["states"], one["max_percent"]) for one in noise] == [
         ("force", 2, 0.0),
         ("shift", 2, 0.0),
@@ -280,71 +236,57 @@ def test_depths_of_a_press_are_no_noise():
 # The trials of critical depths, small shears and frequencies, as the accuracy study runs them
 
 
-def solved(scene):
-    """The states of the paper's sensor at level quick against a rough reference."""
-    task = Task(error_study_cases.trial(0, "rigid", scene, "auto"), QUICK, fineness=0)
-    known = {error_study.key(*solve): error_study.follow(*solve) for solve in task.solves.values()}
-    return task, error_study.states_of(task, known)
+def analysed(scene):
+    """The rows of the paper's sensor at level quick against a rough reference, load by load."""
+    one = task(scene, fineness=0)
+    return one, [tangent_rows(one, load) for load in one.trial.loads]
 
 
 def test_the_study_judges_the_errors_of_a_critical_state_that_a_user_gets():
-    _, (state,) = solved("critical")
+    _, ((row,),) = analysed("critical")
     critical = stability.critical(paper(), accuracy=QUICK)
-    assert state["status"] == "ok"
+    assert row["status"] == "ok"
     # the loops may be compiled in the second of both solves only
-    assert (state["depth"], state["force"]) == pytest.approx((critical.depth, critical.force), rel=1e-11)
+    assert (row["depth"], row["force"]) == pytest.approx((critical.depth, critical.force), rel=1e-11)
     estimates = critical.estimates.depth, critical.estimates.force
-    assert (state["depth_estimate"], state["force_estimate"]) == pytest.approx(estimates, rel=1e-7)
-    assert state["depth_error"] == pytest.approx(abs(state["depth"] / state["reference_depth"] - 1))
+    assert (row["depth_estimate"], row["force_estimate"]) == pytest.approx(estimates, rel=1e-7)
+    assert row["depth_error"] == pytest.approx(abs(row["depth"] / row["reference_depth"] - 1))
 
 
 def test_the_study_judges_the_errors_of_a_small_shear_that_a_user_gets():
-    task, states = solved("small shear")
-    assert [state["depth_mm"] for state in states] == [load.depth for load in task.trial.loads]
-    shear = small_shear.small_shear(paper(), states[-1]["depth_mm"], accuracy=QUICK)
+    one, rows = analysed("small shear")
+    assert [row["depth_mm"] for (row,) in rows] == [load.depth for load in one.trial.loads]
+    (last,) = rows[-1]
+    shear = small_shear.small_shear(paper(), last["depth_mm"], accuracy=QUICK)
     for name in ("stiffness", "shift", "tilt"):
-        assert states[-1][f"{name}_estimate"] == getattr(shear.estimates, name)
+        assert last[f"{name}_estimate"] == getattr(shear.estimates, name)
 
 
 def test_the_study_judges_every_frequency():
-    task, states = solved("modes")
-    assert len(states) == 2 * error_study.COUNT
-    eight = modes.modes(paper(), depth=task.trial.loads[1].depth, accuracy=QUICK)
-    pressed = states[error_study.COUNT :]
-    assert [one["frequency"] for one in pressed] == list(eight.frequency)
-    assert [one["frequency_estimate"] for one in pressed] == list(eight.estimates)
-    assert {errors["scene"] for errors in accuracy_study.summary(states)} == {"modes"}
-
-
-def test_a_kept_tangent_is_read_back():
-    trial = error_study_cases.trial(0, "rigid", "small shear", "auto")
-    for state in error_study.follow(trial, QUICK):
-        assert restored("small shear", json.loads(json_line(state.kept()))) == state
+    one, (free, pressed) = analysed("modes")
+    assert len(free) == len(pressed) == COUNT
+    eight = modes.modes(paper(), count=COUNT, depth=one.trial.loads[1].depth, accuracy=QUICK)
+    assert [row["frequency"] for row in pressed] == list(eight.frequency)
+    assert [row["frequency_estimate"] for row in pressed] == list(eight.estimates)
+    assert {errors["scene"] for errors in accuracy_study.summary(pd.DataFrame(free))} == {"modes"}
 
 
 def test_a_beam_that_does_not_give_way_is_listed():
-    trial = error_study_cases.trial(5, "rigid", "critical", "auto")
-    (stable,) = error_study.follow(trial, QUICK)
-    assert stable.status == "stable"
-    task = Task(trial, QUICK)
-    (state,) = error_study.states_of(task, {error_study.key(*task.solves[role]): [stable] for role in ROLES})
-    assert state["status"] == "stable"
-    assert accuracy_study.summary([state]) == []
+    one = task("critical", number=5)
+    (row,) = tangent_rows(replace_reference(one), one.trial.loads[0])
+    assert row["status"] == "stable"
+    assert accuracy_study.summary(pd.DataFrame([row])) == []
+
+
+def replace_reference(one):
+    """The same trial with its level as the reference, which is solved in a moment."""
+    return one._replace(reference=replace(one.level, name="reference"))
 
 
 def test_all_designs_are_looked_at_and_quick_takes_one():
-    made = [task for task in error_study.tasks() if task.trial.scene in TANGENTS]
-    assert {task.level.name for task in made} == set(LEVELS)
-    for scene in TANGENTS:
+    made = [one for one in accuracy_study.tasks() if one.trial.scene in TANGENT_SCENES]
+    assert {one.level.name for one in made} == set(LEVELS)
+    for scene in TANGENT_SCENES:
         assert {t.trial.number for t in made if t.trial.scene == scene} == set(range(error_study_cases.DESIGNS))
-    short = [task.trial for task in error_study.tasks(quick=True) if task.trial.scene in TANGENTS]
-    assert {(trial.scene, trial.number) for trial in short} == {(scene, 0) for scene in TANGENTS}
-
-
-def test_scenes_have_keys_of_their_own():
-    keys = {error_study.key(error_study_cases.trial(0, "rigid", scene, "auto"), QUICK) for scene in TANGENTS}
-    assert len(keys) == len(TANGENTS)
-
-
-def test_what_is_not_a_number_has_no_estimate():
-    assert math.isnan(error_study.judged("depth", 1.0, 2.0, None)["depth_estimate"])
+    short = [one.trial for one in accuracy_study.tasks(quick=True) if one.trial.scene in TANGENT_SCENES]
+    assert {(trial.scene, trial.number) for trial in short} == {(scene, 0) for scene in TANGENT_SCENES}

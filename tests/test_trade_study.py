@@ -7,28 +7,26 @@ import itertools
 import json
 import math
 
+import numpy as np
 import pytest
 
-from analytic import buckling
-from fem.accuracy import QUICK
+from analytic import buckling, hall
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load, Response
 from studies.cli import entry_point
-from studies.output import atomic_files, checkpoint, goals, result
+from studies.output import atomic_files, goals, result
 from studies.simulation import model_choice
 from studies.simulation.model_choice import Statement
-from studies.surrogate import surrogate_response
-from studies.validation import error_study, trade, trade_cases, trade_rule, trade_solves, trade_study
-from studies.validation.error_study import SolvedState
-from studies.validation.error_study_cases import Trial
+from studies.validation import bench_programs, trade, trade_cases, trade_rule, trade_study
 from studies.validation.trade import FILES
 from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, references, runs_on, trial
 from studies.validation.trade_rule import confirm, statements, summary
-from studies.validation.trade_solves import Run, measure, solved
 from studies.validation.trade_study import (
+    COMPONENTS,
     Reference,
+    Run,
     components,
     extrapolate,
     full_scales,
@@ -41,8 +39,8 @@ COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
 
 
 def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
-    planned = trade_study.plan()
-    cells = {(one.kind, one.model, one.level) for one in planned.runs}
+    runs, _ = trade_study.plan()
+    cells = {(one.kind, one.model, one.level) for one in runs}
     excluded = {
         (*place, level)
         for place, counts in trade_cases.RUNS.items()
@@ -62,12 +60,12 @@ def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
 
 
 def test_every_run_has_a_reference():
-    for planned in (trade_study.plan(), trade_study.confirming_plan(), trade_study.plan(2, quick=True)):
-        assert {(one.trial.number, one.kind) for one in planned.runs} == set(planned.references)
+    for runs, finenesses in (trade_study.plan(), trade_study.plan(confirm=True), trade_study.plan(2, quick=True)):
+        assert {(one.trial.number, one.kind) for one in runs} == set(finenesses)
 
 
 def test_the_confirming_runs_are_on_other_designs():
-    trials = {one.trial.design for one in trade_study.confirming_plan().runs}
+    trials = {one.trial.design for one in trade_study.plan(confirm=True)[0]}
     assert len(trials) >= 20
     assert not trials & set(trade_cases.designs())
 
@@ -96,22 +94,6 @@ def test_a_reduced_run_writes_all_files(reduced):
     assert not (folder / "confirm.csv").exists()
     table = list(csv.DictReader((folder / "trade.csv").open(encoding="utf-8")))
     assert {row["model"] for row in table} == {"formula", "surrogate", "axisymmetric", "harmonic"}
-
-
-def test_a_run_that_was_stopped_solves_only_what_is_missing(reduced, monkeypatch):
-    again = []
-    original = trade_solves.measure
-    monkeypatch.setattr(trade_solves, "measure", lambda one: again.append(one.model) or original(one))
-    states = trade_study.run(trade_study.plan(2, quick=True), reduced[0])
-    assert {state["status"] for state in states} <= {"ok", "refused"}
-    assert set(again) == set(trade_cases.CALCULATED)
-
-
-def test_a_run_names_the_commits_of_its_solves(reduced, monkeypatch):
-    monkeypatch.setattr(checkpoint, "commit", lambda: "later")
-    states = trade_study.run(trade_study.plan(2, quick=True), reduced[0])
-    assert {state["commit"] for state in states if state["model"] in trade_cases.CALCULATED} == {"later"}
-    assert "later" not in {state["commit"] for state in states if state["model"] not in trade_cases.CALCULATED}
 
 
 def test_the_number_of_designs_is_checked(run):
@@ -166,25 +148,43 @@ def test_cells_that_run_on_few_designs_take_different_ones():
 SIZES = (0.04, 0.02, 0.01)
 
 
+def arrays(parts):
+    return {name: np.array(values) for name, values in parts.items()}
+
+
+def truth(values, bars):
+    return Reference(arrays(values), arrays(bars))
+
+
+def errors(answer, reference, scales):
+    return true_errors(arrays(answer), reference, np.array(scales))
+
+
+def answer(response):
+    """A response as a row of the engine's table, with readings in mT."""
+    names = [*COMPONENTS["force"], *COMPONENTS["shift"]]
+    values = [*response.force, *response.shift]
+    elements = dict(zip(COMPONENTS["readings"], np.array(hall.readings(paper(), response).B_T) * 1e3, strict=True))
+    return dict(zip(names, values, strict=True)) | {"tilt_rad": response.tilt} | elements
+
+
 def test_a_known_limit_and_order_are_recovered():
-    answers = [{"force": (2.0 + 3.0 * h**2, 0.0)} for h in SIZES]
+    answers = [{"force": np.array([2.0 + 3.0 * h**2, 0.0])} for h in SIZES]
     reference = extrapolate(SIZES, answers)
     assert reference.values["force"] == pytest.approx((2.0, 0.0), abs=1e-10)
     assert reference.bars["force"] == pytest.approx((3.0 * SIZES[-1] ** 2, 0.0), abs=1e-10)
-    assert reference.orders == pytest.approx([2.0])
 
 
 @pytest.mark.parametrize("values", [(1.0, 1.2, 1.1), (1.0, 1.1, 1.25), (1.0, 1.1, 1.19)])
 def test_without_steady_convergence_the_finest_mesh_is_the_reference_and_the_spread_its_bar(values):
-    reference = extrapolate(SIZES, [{"force": (value,)} for value in values])
+    reference = extrapolate(SIZES, [{"force": np.array([value])} for value in values])
     assert reference.values["force"] == (values[-1],)
     assert reference.bars["force"] == pytest.approx((max(values) - min(values),))
-    assert reference.orders == ()
 
 
 def test_errors_of_vectors_are_relative_to_the_length_of_the_reference():
-    reference = Reference({"force": (3.0, 0.0, 4.0)}, {"force": (0.0, 0.0, 0.01)}, ())
-    error = true_errors({"force": (3.0, 0.05, 4.0)}, reference, ())["force"]
+    reference = truth({"force": (3.0, 0.0, 4.0)}, {"force": (0.0, 0.0, 0.01)})
+    error = errors({"force": (3.0, 0.05, 4.0)}, reference, ())["force"]
     assert error == pytest.approx((1.0, 0.2))
     assert is_clear(*error)
 
@@ -194,28 +194,28 @@ def test_an_error_below_three_bars_is_unclear():
 
 
 def test_readings_are_relative_to_full_scale():
-    reference = Reference({"readings": (1e-3, 2e-3, 2e-3)}, {"readings": (0.0, 0.0, 0.0)}, ())
+    reference = truth({"readings": (1e-3, 2e-3, 2e-3)}, {"readings": (0.0, 0.0, 0.0)})
     answer = {"readings": (1.1e-3, 2e-3, 2e-3)}
-    assert true_errors(answer, reference, (1e-3, 2e-3, 2e-3))["readings"][0] == pytest.approx(10.0)
-    assert "readings" not in true_errors(answer, reference, ())
+    assert errors(answer, reference, (1e-3, 2e-3, 2e-3))["readings"][0] == pytest.approx(10.0)
+    assert "readings" not in errors(answer, reference, ())
 
 
 def test_s2_and_s3_share_their_full_scale():
     moved = Response((0.0, 0.0, 1.0), (0.5, 0.0, -0.3), 0.05, 1.0)
-    values = components(paper(), Load(depth=0.5, shear_x=0.5, friction="stick"), moved)
-    first, second, third = full_scales(paper(), [Reference(values, values, ())])
+    values = components(paper(), Load(depth=0.5, shear_x=0.5, friction="stick"), answer(moved))
+    first, second, third = full_scales(paper(), [Reference(values, values)])
     assert first > 0
     assert second == third > 0
 
 
 def test_an_upright_press_has_no_tilt_and_no_force_along_a_shear():
-    values = components(paper(), Load(depth=0.5), Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.3), 0.0, 1.0))
+    values = components(paper(), Load(depth=0.5), answer(Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.3), 0.0, 1.0)))
     assert set(values) == {"force", "shift", "readings"}
 
 
 def test_quantities_that_are_nearly_zero_have_no_error():
-    reference = Reference({"tilt": (1e-9,)}, {"tilt": (0.0,)}, ())
-    assert true_errors({"tilt": (2e-9,)}, reference, ()) == {}
+    reference = truth({"tilt": (1e-9,)}, {"tilt": (0.0,)})
+    assert errors({"tilt": (2e-9,)}, reference, ()) == {}
 
 
 # Table and chart of cost and error
@@ -223,8 +223,8 @@ def test_quantities_that_are_nearly_zero_have_no_error():
 
 def ran(percent, model, level, *, design=0, outside="", cpu=1.0, bar=0.1):
     place = {"design": design, "confirming": False, "kind": "press", "model": model, "level": level}
-    place |= {"depth_mm": 0.4, "shear_mm": 0.0, "friction": "none", "status": "ok", "along_N": None}
-    paid = {"cpu_s": cpu, "peak_MB": 30.0, "cost": cpu / 0.5, "message": outside, "commit": ""}
+    place |= {"depth_mm": 0.4, "shear_mm": 0.0, "friction": "none", "status": "ok", "along_N": math.nan}
+    paid = {"cpu_s": cpu, "peak_MB": 30.0, "cost": cpu / 0.5, "message": outside}
     return with_errors(place | paid, dict.fromkeys(("force", "shift"), (percent, bar)))
 
 
@@ -281,8 +281,8 @@ def state(percent, *, design=0, confirming=False, model="axisymmetric", level="q
     """A light press with equal errors of force and shift."""
     depth = trade_cases.trial(design, "press", "auto", confirm=confirming).loads[0].depth
     place = {"design": design, "confirming": confirming, "kind": "press", "model": model, "level": level}
-    place |= {"depth_mm": depth, "shear_mm": 0.0, "friction": "none", "status": "ok", "along_N": None}
-    paid = {"cpu_s": 1.0, "peak_MB": 10.0, "cost": cost, "message": outside, "commit": ""}
+    place |= {"depth_mm": depth, "shear_mm": 0.0, "friction": "none", "status": "ok", "along_N": math.nan}
+    paid = {"cpu_s": 1.0, "peak_MB": 10.0, "cost": cost, "message": outside}
     return with_errors(place | paid, dict.fromkeys(("force", "shift"), (percent, bar)))
 
 
@@ -395,7 +395,7 @@ def sheared(along, sideways, along_N, *, level="quick", confirming=True, design=
     cost = {"quick": 0.5, "standard": 1.0, "fine": 5.0}[level]
     place = {"design": design, "confirming": confirming, "kind": "glued shear", "model": "harmonic", "level": level}
     place |= {"depth_mm": load.depth, "shear_mm": load.shear_x, "friction": "stick", "status": "ok"}
-    paid = {"along_N": along_N, "cpu_s": 1.0, "peak_MB": 10.0, "cost": cost, "message": "", "commit": ""}
+    paid = {"along_N": along_N, "cpu_s": 1.0, "peak_MB": 10.0, "cost": cost, "message": ""}
     return with_errors(place | paid, errors)
 
 
@@ -436,81 +436,33 @@ def test_an_error_of_the_force_along_the_shear_counts():
     assert (result["status"], result["error"]) == ("exceeded", pytest.approx(0.06))
 
 
-# Solves in processes of their own, with their cost
+# Costs
 
 
-TRIAL = trade_cases.trial(0, "press", "axisymmetric")
+def test_a_path_has_its_cost():
+    section = Run("press", trial(0, "press", "axisymmetric"), "axisymmetric", "quick")
+    cpu_s, peak_MB = trade_study.cost(section)
+    assert 0 < cpu_s < 60
+    assert 1 < peak_MB < 2000
+    for model, level in (("formula", "finite"), ("surrogate", "shipped")):
+        cpu_s, peak_MB = trade_study.cost(Run("press", trial(0, "press", "auto"), model, level))
+        assert 0 < cpu_s < 1
+        assert peak_MB == 0
 
 
-def test_a_solve_in_its_own_process_gives_the_same_states_and_its_cost():
-    run = Run(TRIAL, QUICK)
-    answer = solved(TRIAL, measure(run))
-    # one of the processes may run compiled loops, which round differently
-    for state, again in zip(answer.states, error_study.follow(TRIAL, QUICK), strict=True):
-        assert state.response.force == pytest.approx(again.response.force, rel=1e-9)
-        assert state.response.shift == pytest.approx(again.response.shift, rel=1e-9)
-    assert 0 < answer.cpu_s < 60
-    assert 1 < answer.peak_MB < 2000
+def test_a_path_that_fails_has_no_cost(monkeypatch):
+    monkeypatch.setattr(bench_programs, "magtip", lambda task: {"status": "failed", "message": "killed"})
+    section = Run("press", trial(0, "press", "axisymmetric"), "axisymmetric", "quick")
+    assert [math.isnan(value) for value in trade_study.cost(section)] == [True, True]
 
 
-def test_a_process_that_dies_is_an_answer(monkeypatch):
-    monkeypatch.setattr(trade_solves, "LIMIT_S", 0.0)
-    (state,) = solved(TRIAL, measure(Run(TRIAL, QUICK))).states
-    assert (state.status, state.message) == ("not_finished", "stopped after 0 s")
-
-
-def test_a_lost_process_has_no_cost_and_is_not_kept(monkeypatch):
-    monkeypatch.setattr(trade_solves, "LIMIT_S", 0.0)
-    answer = measure(Run(TRIAL, QUICK))
-    assert math.isnan(answer["cpu_s"])
-    assert not trade_solves.is_kept(Run(TRIAL, QUICK), answer)
-
-
-def test_what_may_change_without_a_version_is_not_kept():
-    assert not any(
-        trade_solves.is_kept(Run(TRIAL, level), measure(Run(TRIAL, level))) for level in ("finite", "paper")
-    )
-    crashed = {"states": [SolvedState("crashed", "IndexError").kept()], "cpu_s": 1.0}
-    assert not trade_solves.is_kept(Run(TRIAL, QUICK), crashed)
-    assert trade_solves.is_kept(Run(TRIAL, QUICK), {"states": [{"status": "ok"}], "cpu_s": 1.0})
-
-
-def test_formulas_are_measured_without_a_process():
-    answer = solved(TRIAL, measure(Run(TRIAL, "finite")))
-    assert [state.status for state in answer.states] == ["ok"] * len(TRIAL.loads)
-    assert 0 < answer.cpu_s < 1
-
-
-def test_a_load_that_a_level_refuses_is_a_state():
-    loads = (Load(depth=0.5, shear_x=0.5, friction=0.3),)
-    (state,) = trade_solves.follow_formula(Trial(0, TRIAL.design, "rigid", "friction", "auto", loads), "finite")
-    assert state.status == "refused"
-
-
-def test_the_surrogate_is_measured_without_a_process():
-    run = Run(trade_cases.trial(0, "glued shear", "auto"), "shipped")
-    answer = solved(run.trial, measure(run))
-    assert (run.model, run.level) == ("surrogate", "shipped")
-    assert [state.response for state in answer.states] == [
-        surrogate_response.respond(run.trial.design, load).response for load in run.trial.loads
-    ]
-    assert 0 < answer.cpu_s < 1
-
-
-def test_the_surrogate_refuses_what_lies_outside_its_range():
-    states = trade_solves.follow_surrogate(trade_cases.trial(1, "press", "auto"))
-    assert {(state.status, state.response) for state in states} == {("refused", None)}
-
-
-def test_keys_tell_model_level_and_load_apart():
+def test_what_formulas_and_surrogate_refuse_is_a_state(tmp_path):
     runs = [
-        *(Run(trade_cases.trial(0, "press", model), QUICK) for model in ("axisymmetric", "harmonic", "half")),
-        *(Run(trade_cases.trial(0, kind, "harmonic"), QUICK) for kind in ("glued shear", "friction")),
-        *(Run(TRIAL, level) for level in ("paper", "finite", "shipped")),
+        Run("friction", trial(0, "friction", "auto"), "formula", "finite"),
+        Run("press", trial(1, "press", "auto"), "surrogate", "shipped"),
     ]
-    assert len({run.key for run in runs}) == len(runs)
-
-
-@pytest.mark.parametrize("method", [QUICK, "finite", "shipped"])
-def test_the_text_of_the_progress_names_design_and_method(method):
-    assert "design 0" in Run(TRIAL, method).name
+    found = trade_study.answers([(one.model_of_cases, one.trial) for one in runs], tmp_path / "s.sqlite", None)
+    for one, answers in zip(runs, found, strict=True):
+        rows = trade_study.judged(one, answers, [None] * len(answers), confirm=False)
+        assert rows[-1]["status"] == "refused"
+        assert rows[-1]["message"]

@@ -62,14 +62,7 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     return publish(partial(study.run, quick=quick), destination(extremes, locals(), study.FILES))
 
 
-def accuracy(
-    *,
-    quick: bool = False,
-    out: Path | None = None,
-    minutes: float | None = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
+def accuracy(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
     """Compare error estimates and accuracy levels with much finer meshes; exit status 3 if a goal is missed.
 
     Parameters
@@ -77,15 +70,13 @@ def accuracy(
     quick
         Use two designs, accuracy quick and a coarser reference: half a minute instead of an hour.
     out
-        Folder for accuracy.csv, ACCURACY.md, a plot, error_rules.csv and all solves; a run that was stopped continues
-        from there.
-    minutes
-        Start no further solve after this time, min, and report the finished ones.
+        Folder for accuracy.csv, ACCURACY.md, a plot and error_rules.csv. The store keeps the states of paths,
+        so that a run that was stopped continues there; critical depths, small shears and frequencies, some minutes,
+        are solved again.
     """
     from studies.validation import accuracy_study as study
 
-    found = partial(study.run, quick=quick, folder=out, minutes=minutes)
-    return publish(found, destination(accuracy, locals(), study.FILES))
+    return publish(partial(study.run, quick=quick), destination(accuracy, locals(), study.FILES))
 
 
 def crosscheck(
@@ -150,11 +141,11 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     count
         Number of sampled designs, 1 to 1024; 64 take some minutes, 4 take 15 seconds.
     out
-        Folder for range.csv, RANGE.md and rows.jsonl; a run that was stopped continues from there.
+        Folder for range.csv and RANGE.md. Nothing of a run that was stopped is kept: start it again.
     """
     from studies.validation import design_range as study
 
-    return publish(partial(study.run, count=count, folder=out), destination(range_, locals(), study.FILES))
+    return publish(partial(study.run, count=count), destination(range_, locals(), study.FILES))
 
 
 def claims(
@@ -230,13 +221,13 @@ def trade(
     quick
         Use the section models at accuracy quick in presses and glued shears only: seconds instead of an hour.
     out
-        Folder for trade.csv, TRADE.md, trade.png, model_choice.json and all solves; a run that was stopped continues
-        from there.
+        Folder for trade.csv, TRADE.md, trade.png and model_choice.json. The store keeps all answers, so that a run
+        that was stopped continues there; the costs, up to half an hour, are measured again.
     """
     from studies.validation import trade as study
 
     here = destination(trade, locals(), study.FILES)
-    found = partial(study.run, designs=designs, confirm=confirm, quick=quick, folder=out, command=here.command)
+    found = partial(study.run, designs=designs, confirm=confirm, quick=quick, command=here.command)
     return publish(found, here)
 
 

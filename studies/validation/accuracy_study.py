@@ -1,135 +1,375 @@
-"""Study accuracy: statistics of the states of `error_study` by level, scene and quantity, goals, rules, its page."""
+"""Accuracy: true errors of the finite elements and their error estimates, against much finer meshes.
+
+templates/accuracy.md.j2 defines the errors and the goals. States of a path of loads are a table of cases for the one
+engine, at their level and on the reference; critical depths, small shears and frequencies, which no store keeps with
+their estimates, are analysed here. A row of accuracy.csv is a state: design, load and status, its numbers and those
+of the reference, then error and estimate of each quantity.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fem import equilibrium
+from fem.accuracy import LEVELS, Accuracy
+from fem.analyses import modes, small_shear, stability
 from fem.physics_version import PHYSICS
 from fem.results.error_estimates import table_rows
-from geometry.design import BadInput
+from fem.scene import Model, Scene
+from geometry.bad_input import SolveFailed
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.output.checkpoint import solved_at
+from studies import cases
+from studies.cases import FemModel
+from studies.output import provenance
 from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
 from studies.report import verdict_figures
+from studies.simulation.compare import part
 from studies.simulation.model_choice import rounded_up
-from studies.validation import error_study, error_study_cases, pages
-from studies.validation.error_study import (
-    CLEAR,
-    COVERAGE,
-    GOALS,
-    QUANTITIES,
-    RESPONSES,
-    SHARP,
-    SHARPNESS,
-    UNSTABLE,
-    WIDER,
-)
+from studies.validation import error_study_cases, pages
+from studies.validation.error_study_cases import TANGENT_SCENES, Trial
 from studies.validation.pages import Row
 
-FILES = ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv")
-"""Files that `write` writes into a folder."""
-LEAST_STATES = 8
-"""Coverage and sharpness of fewer states are not compared with their goals."""
-
-
-Frame = Any
-"""A DataFrame with a row for each known true error of a quantity in a state."""
-
-
-def run(
-    progress: Progress, *, quick: bool = False, folder: Path | None = None, minutes: float | None = None
-) -> Result:
-    """Compare all states with their references; no further solve begins after `minutes`."""
-    if minutes is not None and not minutes >= 0:
-        raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
-    most = math.inf if minutes is None else minutes
-    return result(error_study.run(progress, quick=quick, folder=folder, minutes=most), quick=quick)
-
-
-def result(states: Sequence[Row], *, quick: bool) -> Result:
-    """Return the result of states: its tables are all states, and the rules that hold in them."""
-    estimates, levels, posed = shares(states), summary(states), goals(states)
-    scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
-    names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-    designs = error_study_cases.designs()
-    first = ("scene", "quantity", "states", "median_percent", "coverage")
-    page = pages.rendered(
-        "accuracy.md.j2",
-        states=states,
-        verdict=page_lines(posed),
-        estimates=estimates,
-        levels=levels,
-        noise=noise(states),
-        references=references(states),
-        meshes=[f"{name}: `{error_study_cases.reference(scene, 0 if quick else 1)}`" for name, scene in scenes],
-        designs=[
-            {"design": i} | {name: getattr(designs[i], name) for name in names}
-            for i in sorted({state["design"] for state in states})
-        ],
-        physics=", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
-        solved_at=solved_at(state["commit"] for state in states if state.get("commit")),
-    )
-    return Result(
-        title="Accuracy",
-        records=[*estimates, *levels],
-        shown=[
-            Table(title="Estimates", rows=estimates, first=first),
-            Table(title="Levels", rows=levels, first=first),
-        ],
-        tables={"accuracy": states, "error_rules": rules(states)},
-        digits=9,
-        files={"errors.png": partial(picture, rows=states, draw=verdict_figures.accuracy)},
-        pages={"ACCURACY.md": page},
-        failures=failures(posed),
-    )
-
-
-def errors_of(states: Sequence[Row]) -> Frame:
-    """Return true error and estimate (NaN if unknown) of each quantity in the states that ended well at a level."""
+if TYPE_CHECKING:
     import pandas as pd
 
-    columns = ("level", "scene", "design", "odd", "magnet", "depth_mm", "commit", "quantity", "error", "estimate")
-    rows = [
-        {name: state.get(name) for name in columns}
-        | {"model": _model(state), "quantity": name, "error": state[f"{name}_error"]}
-        | {"estimate": state[f"{name}_estimate"]}
-        for state in states
-        if state["status"] == "ok" and state["level"] in GOALS
-        for name in QUANTITIES
-        if f"{name}_error" in state and math.isfinite(state[f"{name}_error"])
+FILES = ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv")
+RESPONSES = {
+    "force": ("force_x_N", "force_z_N"),
+    "shift": ("shift_x_mm", "shift_z_mm"),
+    "tilt": ("tilt_rad",),
+    "sideways": ("force_x_N",),
+}
+"""Columns of the quantities of a path of loads; the others follow from a tangent."""
+QUANTITIES = (*RESPONSES, "depth", "stiffness", "frequency")
+GOALS = {"quick": 0.03, "standard": 0.01, "fine": 0.003}
+WIDER = {
+    "critical": {"quick": 0.05, "standard": 0.04, "fine": 0.01},
+    "small shear": {"quick": 0.03, "standard": 0.02, "fine": 0.01},
+}
+"""Largest true errors of the levels, and wider ones of two scenes; the page gives the reasons."""
+COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
+"""Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
+LEAST_STATES = 8
+"""Coverage and sharpness of fewer states are not compared with their goals."""
+REPEATS, NUDGE = 3, 1e-4
+"""Number of meshes of tetrahedra for each state, and relative change of their size from one to the next: even a tiny
+change gives another section."""
+FINE_SHEARS = (0, 1, 2, 3)
+FAR_SHEARS: dict[Magnet, Sequence[int]] = {"rigid": range(error_study_cases.DESIGNS), "ignored": range(2)}
+SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_study_cases.DESIGNS, 2)
+"""Designs of the parts of the study: FINE_SHEARS are also sheared at level fine and FAR_SHEARS are sheared far;
+SOLIDS are sheared and PRESSED are pressed with tetrahedra; the reference of CHECKED is compared with a finer one; the
+tangents of UNHELD are also solved without a magnet. Design 7 has little silicone above its magnet."""
+NOTHING = 1e-6
+"""Shift in mm, tilt in rad or force along the shear in N below which a relative error has no meaning."""
+COUNT = 8
+"""Number of natural frequencies of each trial."""
+UNSTABLE = ("unstable", "stable")
+"""Statuses of a path beyond its instability, and of a search that found none: no error can be measured."""
+DISAGREES = "disagrees"
+"""Status of a state that is stable, or has an answer, by one of its two solves only."""
+
+
+class Task(NamedTuple):
+    """A trial at one level, and the accuracy of its reference; `repeat` is the number of the mesh of tetrahedra."""
+
+    trial: Trial
+    level: Accuracy
+    reference: Accuracy
+    repeat: int = 0
+
+
+def tasks(*, quick: bool = False) -> list[Task]:
+    """Return all tasks, the fast ones first; if quick, two designs at level quick and a coarser reference."""
+    if quick:
+        chosen = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
+        chosen += [_task(0, "rigid", scene, "quick") for scene in TANGENT_SCENES]
+        return [one._replace(reference=error_study_cases.reference(one.trial.scene, 0)) for one in chosen]
+    names, numbers, repeats = ("quick", "standard", "fine"), range(error_study_cases.DESIGNS), range(REPEATS)
+    magnets: Sequence[Magnet] = ("rigid", "ignored")
+    chosen = [_task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
+    checked = [error_study_cases.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
+    for one in checked:
+        used, finer = (error_study_cases.reference(one.scene, fineness) for fineness in (1, 2))
+        chosen.append(Task(one, used, finer))
+    chosen += [_task(n, "rigid", "friction", name) for n in numbers for name in names[:2]]
+    for magnet in magnets:
+        chosen += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
+        chosen += [_task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in names[:2]]
+        chosen += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
+        for scene, solids in (("press", PRESSED), ("stick", SOLIDS)):
+            chosen += [
+                _task(n, magnet, scene, name, "half", i) for name in names[:2] for n in solids for i in repeats
+            ]
+    held: tuple[tuple[Magnet, Sequence[int]], ...] = (("rigid", numbers), ("ignored", UNHELD))
+    for scene in TANGENT_SCENES:
+        for magnet, these in held:
+            chosen += [_task(n, magnet, scene, name) for n in these for name in names[:2]]
+            chosen += [_task(n, magnet, scene, "fine") for n in these if n in FINE_SHEARS]
+    return chosen
+
+
+def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto", repeat: int = 0) -> Task:
+    trial = error_study_cases.trial(number, magnet, scene, model)
+    return Task(trial, LEVELS[level], error_study_cases.reference(scene), repeat)
+
+
+def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
+    """Compare all states with their references."""
+    import pandas as pd
+
+    chosen = tasks(quick=quick)
+    paths = [(one, load) for one in chosen if one.trial.scene not in TANGENT_SCENES for load in one.trial.loads]
+    tangents = [one for one in chosen if one.trial.scene in TANGENT_SCENES]
+    rows = []
+    for k, one in enumerate(tangents):
+        progress(0.2 * k / len(tangents), f"{one.trial.name}, {one.level.name}")
+        rows += [row for load in one.trial.loads for row in tangent_rows(one, load)]
+    compared = compare(paths, *solved(paths, store, part(progress, 0.2, 1.0)))
+    return result(pd.concat([compared, pd.DataFrame(rows)], ignore_index=True), quick=quick)
+
+
+# States of a path of loads
+
+
+def solved(
+    paths: Sequence[tuple[Task, Load]], store: Path | None = None, progress: Progress | None = None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the answers to all states at their levels and on their references."""
+    import pandas as pd
+
+    asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in paths)
+    levels, references = [], []
+    for one, _ in paths:
+        size = one.level.solid_size * (1 + NUDGE * one.repeat)
+        model: Model = "auto" if one.trial.scene in ("press", "deep") else "harmonic"
+        own = "half" if one.trial.model == "half" else model
+        levels.append(FemModel(one.level.name, replace(one.level, solid_size=size), own))
+        # the section model resolves the same state on a far finer mesh than tetrahedra can
+        references.append(FemModel("reference", one.reference, model))
+    models = dict.fromkeys([*levels, *references])
+    found: dict[FemModel, pd.DataFrame] = {}
+    begins = np.array([one.trial.loads[-1].shears_tip and not load.shears_tip for one, load in paths])
+    for k, model_of in enumerate(models):
+        needed = np.array([model_of in pair for pair in zip(levels, references, strict=True)])
+        rows = np.flatnonzero(needed & ~begins)
+        told = part(progress, k / len(models), (k + 1) / len(models), model_of.name)
+        quantities = ["force", "shift", "tilt"]
+        answers = cases.answer(asked.iloc[rows], [model_of], quantities=quantities, store=store, progress=told)
+        # an unstable press is the exact answer of a tip that is held on the axis
+        held = (answers["status"] == "unstable") & (model_of.model == "auto")
+        answers.loc[held, ["status", "message"]] = "ok", ""
+        answers = answers.rename(columns=lambda name: name.removeprefix("fem_")).rename(
+            columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"}
+        )
+        firsts = {k: _begin(paths[k][0].trial, model_of) for k in np.flatnonzero(needed & begins).tolist()}
+        found[model_of] = pd.concat([answers, pd.DataFrame.from_dict(firsts, orient="index")])
+    first, second = (
+        pd.concat([found[model].loc[[k]] for k, model in enumerate(each)]) for each in (levels, references)
+    )
+    return first, second
+
+
+@cache
+def _begin(trial: Trial, model: FemModel) -> Row:
+    """Return the press before the shears of a trial, on their mesh; the store has presses on meshes of their own."""
+    scene = Scene(trial.design, trial.loads, model.accuracy, trial.magnet, model.model)
+    first = next(equilibrium.walk(scene, estimate=model.name != "reference"))
+    (x, _, z), (sideways, _, sinking) = first.response.force, first.response.shift
+    estimates = {f"{name}_error_estimate": getattr(first.estimates, name) for name in RESPONSES}
+    values: Row = {"force_x_N": x, "force_z_N": z, "shift_x_mm": sideways, "shift_z_mm": sinking}
+    values |= {"tilt_rad": first.response.tilt, "status": first.status, "message": first.message}
+    return values | {name: math.nan if value is None else value for name, value in estimates.items()}
+
+
+def compare(paths: Sequence[tuple[Task, Load]], level: pd.DataFrame, reference: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each state with its status, true errors and estimates; NaN where there is none.
+
+    `scene` is the group of the statistics, in which the press before a shear is a scene of its own, "pressed";
+    `path` is the scene of the whole path. There is no error where the reference is (nearly) zero.
+    """
+    import pandas as pd
+
+    table = pd.DataFrame(place(one, load) for one, load in paths)
+    states = [
+        status({"level": a, "reference": b}, {"level": c, "reference": d})
+        for a, b, c, d in zip(level.status, reference.status, level.message, reference.message, strict=True)
     ]
-    frame = pd.DataFrame(rows, columns=[*columns, "model"])
-    return frame.assign(quantity=pd.Categorical(frame.quantity, QUANTITIES, ordered=True))
+    table["status"], table["message"] = zip(*states, strict=True) if states else ((), ())
+    columns = list(dict.fromkeys(column for names in RESPONSES.values() for column in names))
+    values, true = level[columns].reset_index(drop=True), reference[columns].reset_index(drop=True)
+    lost = table.status != "ok"
+    values[lost] = true[lost] = np.nan
+    errors = {}
+    for name, names in RESPONSES.items():
+        a, b = (answers[list(names)].to_numpy() for answers in (values, true))
+        size = np.linalg.norm(b, axis=1)
+        asked = (name == "force") | ((size > NOTHING) & ((name != "sideways") | (table.shear_mm > 0).to_numpy()))
+        errors[f"{name}_error"] = np.where(asked, np.linalg.norm(a - b, axis=1) / np.where(asked, size, 1.0), np.nan)
+        errors[f"{name}_estimate"] = level[f"{name}_error_estimate"].where(asked).to_numpy()
+    return pd.concat([table, values, true.add_prefix("reference_"), pd.DataFrame(errors)], axis=1)
 
 
-def _model(state: Row) -> str:
-    return "half" if state["model"] == "half" else "section"
+def place(one: Task, load: Load) -> Row:
+    """Return the columns that say what a state is."""
+    trial, tangent = one.trial, one.trial.scene in TANGENT_SCENES
+    pressed = trial.scene == "stick" and not load.shear_x
+    section = "axisymmetric" if tangent or trial.scene in ("press", "deep") else "harmonic"
+    return {
+        "design": trial.number,
+        "odd": trial.odd,
+        "magnet": trial.magnet,
+        "scene": "pressed" if pressed else trial.scene,
+        "path": trial.scene,
+        "model": "half" if trial.model == "half" else section,
+        "level": one.level.name,
+        "repeat": one.repeat,
+        "depth_mm": load.depth,
+        "shear_mm": 0.0 if tangent else load.shear_x,
+    }
 
 
-def _groups(frame: Frame, *by: str) -> list[tuple[Row, Frame]]:
-    """Return the groups of some columns, in the order of their first rows, each with its quantities in order."""
+def status(statuses: dict[str, str], messages: dict[str, str]) -> tuple[str, str]:
+    """Return status and message of a state from those of its solves.
+
+    >>> status({"level": "ok", "reference": "unstable"}, {"level": "", "reference": "since 1 mm"})
+    ('disagrees', 'reference: since 1 mm')
+    """
+    bad = [name for name, each in statuses.items() if each != "ok"]
+    if not bad:
+        return "ok", ""
+    found = statuses[bad[0]]
+    if found in UNSTABLE and len(set(statuses.values())) > 1:
+        found = DISAGREES
+    return found, "; ".join(f"{name}: {messages[name]}" for name in bad)
+
+
+# Critical depths, small shears and frequencies
+
+
+def tangent_rows(one: Task, load: Load) -> list[Row]:
+    """Return the row of a critical state or a small shear with its errors, or one for each natural frequency."""
+    (level, why), (truth, also) = (
+        analysed(one.trial, load.depth, accuracy, judged)
+        for accuracy, judged in ((one.level, True), (one.reference, False))
+    )
+    states = {"level": level, "reference": truth}
+    found = status(
+        {name: each if isinstance(each, str) else "ok" for name, each in states.items()},
+        {"level": why, "reference": also},
+    )
+    row = place(one, load) | dict(zip(("status", "message"), found, strict=True))
+    if row["status"] != "ok":
+        return [row]
+    if one.trial.scene != "modes":
+        names = ("depth", "force") if one.trial.scene == "critical" else ("stiffness", "shift", "tilt")
+        for name in names:
+            row |= judged(name, getattr(level, name), getattr(truth, name), getattr(level.estimates, name))
+        return [row]
+    # frequencies of one shape are paired in rising order, because modes of different shapes may swap places
+    left: dict[str, list[float]] = {}
+    for frequency, shape in zip(truth.frequency, truth.shape, strict=True):
+        left.setdefault(shape, []).append(frequency)
     return [
-        (dict(zip(by, place, strict=True)) | {"quantity": str(quantity)}, own)
-        for place, group in frame.groupby(list(by), sort=False)
-        for quantity, own in group.groupby("quantity", observed=True)
+        row | {"shape": shape} | judged("frequency", value, left[shape].pop(0), estimate)
+        for value, shape, estimate in zip(level.frequency, level.shape, level.estimates, strict=True)
+        if left.get(shape)
     ]
 
 
-def summary(states: Sequence[Row]) -> list[Row]:
+@cache
+def analysed(trial: Trial, depth: float, accuracy: Accuracy, estimate: bool) -> tuple[Any, str]:
+    """Return what follows from a tangent of a trial at a depth, or a status, and a message."""
+    design, magnet = trial.design, trial.magnet
+    options: dict[str, Any] = {"accuracy": accuracy, "estimate": estimate}
+    try:
+        if trial.scene == "small shear":
+            return small_shear.small_shear(design, depth, magnet, **options), ""
+        if trial.scene == "modes":
+            return modes.modes(design, magnet, COUNT, depth=depth, **options), ""
+        critical = stability.critical(design, magnet, deepest=depth, **options)
+    except SolveFailed as error:
+        return "failed", str(error)
+    if critical.depth is None:
+        return "stable", f"{critical.message or 'no instability'} down to {critical.stable_to:.4g} mm"
+    return critical, ""
+
+
+def judged(quantity: str, value: float, reference: float, estimate: float | None) -> Row:
+    """Return the columns of a quantity: values of its solves, relative error, estimate (NaN if it is unknown)."""
+    return {
+        quantity: value,
+        f"reference_{quantity}": reference,
+        f"{quantity}_error": abs(value / reference - 1),
+        f"{quantity}_estimate": math.nan if estimate is None else estimate,
+    }
+
+
+# Statistics
+
+
+def errors_of(states: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each known true error of a quantity in the states that ended well at a level.
+
+    An estimate is NaN if it is unknown.
+    """
+    import pandas as pd
+
+    own = states[(states.status == "ok") & states.level.isin(list(GOALS))]
+    place = own[["level", "scene", "odd", "magnet", "depth_mm"]]
+    place = place.assign(model=np.where(own.model == "half", "half", "section"))
+    parts = [
+        place.assign(quantity=name, error=own[f"{name}_error"], estimate=own[f"{name}_estimate"])
+        for name in QUANTITIES
+        if f"{name}_error" in own
+    ]
+    # the quantities of a state stand together
+    frame = pd.concat(parts).sort_index(kind="stable") if parts else place.assign(quantity="", error=[], estimate=[])
+    quantity = pd.Categorical(frame.quantity, QUANTITIES, ordered=True)
+    return frame.assign(quantity=quantity)[np.isfinite(frame.error)]
+
+
+def statistics(errors: pd.DataFrame, *by: str) -> list[Row]:
+    """Return statistics of true errors and estimates in groups, in the order of their first rows.
+
+    `coverage` is the share of the states whose true error is at most the estimate, `sharpness` the share of those
+    whose estimate is at most SHARP times the true error, or at most CLEAR.
+    """
+    rows = []
+    for values, group in errors.groupby(list(by), sort=False):
+        for quantity, own in group.groupby("quantity", observed=True):
+            true, estimate = own.error.to_numpy(), own.estimate.to_numpy(dtype=float)
+            rows.append(
+                dict(zip(by, values, strict=True))
+                | {"quantity": str(quantity), "states": len(own)}
+                | {"median_percent": 100 * float(np.median(true)), "p95_percent": 100 * _least_of(true, 0.95)}
+                | {"max_percent": 100 * float(true.max()), "coverage": float((true <= estimate).mean())}
+                | {"sharpness": float((estimate <= np.maximum(SHARP * true, CLEAR)).mean())}
+            )
+    return rows
+
+
+def _least_of(values: Any, share: float) -> float:
+    """Return the least value that a share of all does not exceed."""
+    return float(np.sort(values)[math.ceil(share * len(values)) - 1])
+
+
+def summary(states: pd.DataFrame) -> list[Row]:
     """Return the statistics of each level, model, scene and quantity, with the goal of the largest error."""
-    table = []
-    for place, own in _groups(errors_of(states), "level", "model", "scene"):
-        goal = 100 * WIDER.get(place["scene"], GOALS)[place["level"]]
-        row = place | _statistics(own) | {"goal_percent": goal}
-        table.append(row | {"met": _goal(row).met})
+    table = statistics(errors_of(states), "level", "model", "scene")
+    for row in table:
+        row["goal_percent"] = 100 * WIDER.get(row["scene"], GOALS)[row["level"]]
+        row["met"] = _goal(row).met
     return table
 
 
@@ -138,46 +378,34 @@ def _goal(row: Row) -> Goal:
     return Goal(name, row["max_percent"], row["goal_percent"], row["states"], "%")
 
 
-def shares(states: Sequence[Row]) -> list[Row]:
+def shares(states: pd.DataFrame) -> list[Row]:
     """Return the statistics of each scene and quantity over all levels, for all designs and for the odd ones."""
-    return [
-        place | {"designs": designs} | _statistics(chosen)
-        for place, own in _groups(errors_of(states), "model", "scene")
-        for designs, chosen in (("all", own), ("odd", own[own.odd.astype(bool)]))
-        if len(chosen)
-    ]
-
-
-def _statistics(own: Frame) -> Row:
-    """Return the statistics of true errors and estimates.
-
-    `coverage` is the share of the states whose true error is at most the estimate, `sharpness` the share of those
-    whose estimate is at most SHARP times the true error, or at most CLEAR.
-    """
-    true, estimate = np.sort(own.error.to_numpy()), own.estimate.to_numpy(dtype=float)
-    return {
-        "states": len(own),
-        "median_percent": 100 * float(np.median(true)),
-        "p95_percent": 100 * float(true[math.ceil(0.95 * len(true)) - 1]),
-        "max_percent": 100 * float(true[-1]),
-        "coverage": float((own.error.to_numpy() <= estimate).mean()),
-        "sharpness": float((estimate <= np.maximum(SHARP * own.error.to_numpy(), CLEAR)).mean()),
+    errors = errors_of(states)
+    odd = {
+        tuple(row[name] for name in ("model", "scene", "quantity")): row
+        for row in statistics(errors[errors.odd.astype(bool)], "model", "scene")
     }
+    rows = []
+    for row in statistics(errors, "model", "scene"):
+        key = row["model"], row["scene"], row["quantity"]
+        for designs, own in (("all", row), ("odd", odd.get(key))):
+            if own:
+                first = {name: own[name] for name in ("model", "scene", "quantity")}
+                rows.append(first | {"designs": designs} | own)
+    return rows
 
 
-def references(states: Sequence[Row]) -> list[Row]:
+def references(states: pd.DataFrame) -> list[Row]:
     """Return the differences between the reference and a finer mesh, percent; NaN where a value is zero."""
-    where = ("design", "scene", "depth_mm", "shear_mm")
-    return [
-        {name: state[name] for name in where} | {f"{q}_percent": 100 * state[f"{q}_error"] for q in RESPONSES}
-        for state in states
-        if state["level"] == "reference" and state["status"] == "ok"
-    ]
+    own = states[(states.level == "reference") & (states.status == "ok")]
+    errors = 100 * own[[f"{name}_error" for name in RESPONSES]]
+    errors.columns = [f"{name}_percent" for name in RESPONSES]
+    return pages.records(own[["design", "scene", "depth_mm", "shear_mm"]].join(errors))
 
 
-def goals(states: Sequence[Row]) -> list[Goal]:
+def goals(states: pd.DataFrame) -> list[Goal]:
     """Return the goals of the study: states compared, coverage and sharpness, largest error of each level."""
-    lost = sum(state["status"] not in ("ok", *UNSTABLE) for state in states)
+    lost = int((~states.status.isin(["ok", *UNSTABLE])).sum())
     posed = [Goal("states without a comparison", lost, 0, len(states))]
     for row in shares(states):
         if row["designs"] != "all" or row["states"] < LEAST_STATES:
@@ -192,61 +420,84 @@ def goals(states: Sequence[Row]) -> list[Goal]:
     return posed + [_goal(row) for row in summary(states)]
 
 
-def noise(states: Sequence[Row]) -> list[Row]:
+def noise(states: pd.DataFrame) -> list[Row]:
     """Return the spread of the half model's answers over meshes of practically the same size.
 
     It is their relative standard deviation, percent: mean and maximum over the states.
     """
     import pandas as pd
 
-    half = pd.DataFrame([state for state in states if state["model"] == "half" and state["status"] == "ok"])
-    where = ["level", "scene", "design", "magnet", "depth_mm", "shear_mm"]
-    vectors = {"force": ["force_x_N", "force_z_N"], "shift": ["shift_x_mm", "shift_z_mm"]}
-    vectors |= {"tilt": ["tilt_rad"], "sideways": ["force_x_N"]}
+    half = states[(states.model == "half") & (states.status == "ok")]
     spreads = []
+    where = ["level", "scene", "design", "magnet", "depth_mm", "shear_mm"]
     for (level, scene, *_), repeats in half.groupby(where, sort=False) if len(half) else ():
-        for name, columns in vectors.items():
+        for name, columns in RESPONSES.items():
             # a press has neither; a relative deviation would divide by mesh noise
             if len(repeats) < 2 or (scene in ("press", "pressed") and name in ("tilt", "sideways")):
                 continue
-            values = repeats[columns].astype(float)
+            values = repeats[list(columns)].astype(float)
             spread = 100 * math.hypot(*values.std()) / math.hypot(*values.mean())
             spreads.append({"level": level, "scene": scene, "quantity": name, "spread": spread})
     if not spreads:
         return []
     found = pd.DataFrame(spreads).groupby(["level", "scene", "quantity"], sort=False)["spread"]
-    table = found.agg(states="size", mean_percent="mean", max_percent="max").reset_index()
-    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
+    return pages.records(found.agg(states="size", mean_percent="mean", max_percent="max").reset_index())
 
 
-def rules(states: Sequence[Row]) -> list[Row]:
+def rules(states: pd.DataFrame) -> list[Row]:
     """Return the rows of fem/results/error_rules.csv, with c so wide that each covers COVERAGE of its states.
 
-    Rows with states in the study get today's versions and the commits of their solves; the others stay. An estimate
-    that is unknown or 0 covers no error, whatever c is, and misses its goal: c does not follow from it.
+    Rows with states in the study get today's versions and commit; the others stay. An estimate that is unknown or 0
+    covers no error, whatever c is, and misses its goal: c does not follow from it.
     """
-    frame = errors_of(states)
-    frame = frame[frame.estimate > 0]
-    scene, variant, quantity = (
-        zip(*map(_rule_of, frame.to_dict("records")), strict=True) if len(frame) else ((), (), ())
-    )
-    groups = dict(list(frame.groupby([list(scene), list(variant), list(quantity)]))) if len(frame) else {}
+    errors = errors_of(states)
+    errors = errors[errors.estimate > 0]
+    scene = errors.scene.where(errors.model != "half", np.where(errors.scene == "press", "solid press", "solid"))
+    pressed = (errors.quantity == "frequency") & (errors.depth_mm > 0)
+    quantity = errors.quantity.astype(str).where(~pressed, "pressed frequency")
+    needed = (errors.error / errors.estimate).groupby([scene, errors.magnet, quantity]).agg(_least_of, share=COVERAGE)
     today: dict[str, int] = dict(PHYSICS.items())
     rows = []
     for row in table_rows():
-        own = groups.get((row["scene"], row["variant"], row["quantity"]))
-        if own is not None:
-            needed = float(np.sort(own.error / own.estimate)[math.ceil(COVERAGE * len(own)) - 1])
-            c = float(row["c"]) if needed <= 1 else rounded_up(needed * float(row["c"]), 3)
-            commits = " - ".join(sorted(set(own.commit)))
-            row |= {"c": f"{c:g}", "version": str(today[row["model"]]), "commit": commits}
+        factor = needed.get((row["scene"], row["variant"], row["quantity"]))
+        if factor is not None:
+            c = float(row["c"]) if factor <= 1 else rounded_up(factor * float(row["c"]), 3)
+            row |= {"c": f"{c:g}", "version": str(today[row["model"]]), "commit": provenance.commit() or ""}
         rows.append(row)
     return rows
 
 
-def _rule_of(row: Row) -> tuple[str, str, str]:
-    """Return scene, magnet and quantity by which a state's rule is found, see `fem.results.error_estimates`."""
-    scene, quantity = row["scene"], str(row["quantity"])
-    if row["model"] == "half":
-        return "solid press" if scene == "press" else "solid", row["magnet"], quantity
-    return scene, row["magnet"], "pressed frequency" if quantity == "frequency" and row["depth_mm"] else quantity
+def result(states: pd.DataFrame, *, quick: bool) -> Result:
+    """Return the result of states: its tables are all states, and the rules that hold in them."""
+    estimates, levels, posed, rows = shares(states), summary(states), goals(states), pages.records(states)
+    scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
+    names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+    designs = error_study_cases.designs()
+    first = ("scene", "quantity", "states", "median_percent", "coverage")
+    page = pages.rendered(
+        "accuracy.md.j2",
+        states=rows,
+        verdict=page_lines(posed),
+        estimates=estimates,
+        levels=levels,
+        noise=noise(states),
+        references=references(states),
+        meshes=[f"{name}: `{error_study_cases.reference(scene, 0 if quick else 1)}`" for name, scene in scenes],
+        designs=[
+            {"design": k} | {name: getattr(designs[k], name) for name in names} for k in sorted(set(states.design))
+        ],
+        physics=", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
+    )
+    return Result(
+        title="Accuracy",
+        records=[*estimates, *levels],
+        shown=[
+            Table(title="Estimates", rows=estimates, first=first),
+            Table(title="Levels", rows=levels, first=first),
+        ],
+        tables={"accuracy": rows, "error_rules": rules(states)},
+        digits=9,
+        files={"errors.png": partial(picture, rows=rows, draw=verdict_figures.accuracy)},
+        pages={"ACCURACY.md": page},
+        failures=failures(posed),
+    )

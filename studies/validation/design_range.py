@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import functools
-import json
 import math
-import statistics
 import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.output import checkpoint
 from studies.output.goals import Goal, failures
 from studies.output.result import Result, Table
 from studies.validation import pages
@@ -84,26 +79,28 @@ def _down(value: float) -> float:
     return float(f"{math.floor(value / step + 1e-9) * step:.6g}")
 
 
-def run(progress: Progress, count: int, folder: Path | None) -> Result:
-    """Examine each design; results in the folder's rows.jsonl by the same code are not computed again."""
+def run(progress: Progress, count: int) -> Result:
+    """Examine each design."""
     if not 1 <= count <= MOST:
         raise BadInput(f"--count must lie between 1 and {MOST}; got {count}")
-    store = checkpoint.opened(None if folder is None else folder / "rows.jsonl", code())
-    rows = []
+    return pages.collected(_examined(progress, count), result)
+
+
+def _examined(progress: Progress, count: int) -> Iterator[Row]:
     for number, sample in enumerate(samples(count)):
         progress(number / count, f"design {number}")
-        name = json.dumps([number, *sample.values()])
-        if name not in store.known:
-            store.keep(name, examine(number, sample))
-        rows.append(store.known[name] | {"commit": store.commits[name]})
+        yield examine(number, sample)
+
+
+def result(rows: Sequence[Row]) -> Result:
+    """Return the result of examined designs."""
     title, spread = "Range of designs", summary(rows)
     names = ("design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra")
     heads = {
         name: name.removesuffix("_mm").replace("_", " ") for name in (*names, "mesh_s", "least_jacobian", "message")
     }
     counts = [sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")]
-    solved_at = checkpoint.solved_at(row["commit"] for row in rows)
-    about = {"rows": rows, "counts": counts, "spread": spread, "heads": heads, "solved_at": solved_at}
+    about = {"rows": rows, "counts": counts, "spread": spread, "heads": heads}
     return Result(
         title=title,
         records=rows,
@@ -114,21 +111,13 @@ def run(progress: Progress, count: int, folder: Path | None) -> Result:
     )
 
 
-@functools.cache
-def code() -> str:
-    """Return a digest of the modules that make solids and meshes, of the accuracy levels, and of this study."""
-    return checkpoint.digest([*checkpoint.modules("geometry", "fem"), Path(__file__)])
-
-
 def summary(rows: Sequence[Row]) -> list[Row]:
     """Return least, median and greatest magnitude of each measured quantity over the designs that have a value."""
-    table = []
-    for name in MEASURED:
-        values = [abs(row[name]) for row in rows if row[name] is not None]
-        if values:
-            spread = {"least": min(values), "median": statistics.median(values), "greatest": max(values)}
-            table.append({"quantity": name} | spread)
-    return table
+    import pandas as pd
+
+    sizes = pd.DataFrame(rows, columns=list(MEASURED)).astype(float).abs().dropna(axis=1, how="all")
+    table = sizes.agg(["min", "median", "max"]).T.set_axis(["least", "median", "greatest"], axis=1)
+    return pages.records(table.rename_axis("quantity").reset_index())
 
 
 def goals(rows: Sequence[Row]) -> list[Goal]:

@@ -14,13 +14,13 @@ from analytic import beam
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.output.atomic_files import write_text
-from studies.output.checkpoint import solved_at
 from studies.output.figures import picture
 from studies.output.goals import failures, page_lines
 from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.output.text_tables import cell as number
 from studies.report import verdict_figures
+from studies.simulation.compare import part
 from studies.simulation.model_choice import Statement
 from studies.validation import pages, trade_cases, trade_rule, trade_study
 from studies.validation.pages import Row
@@ -34,7 +34,9 @@ LEVELS = (*beam.LEVELS, SHIPPED, "quick", "standard", "fine")
 MODELS = ("formula", "surrogate", "axisymmetric", "harmonic", "half", "full")
 
 
-def run(progress: Progress, *, designs: int, confirm: bool, quick: bool, folder: Path | None, command: str) -> Result:
+def run(
+    progress: Progress, *, designs: int, confirm: bool, quick: bool, command: str, store: Path | None = None
+) -> Result:
     """Measure every model on the first designs; the rule follows, and is confirmed on random designs if asked.
 
     Parameters
@@ -44,11 +46,12 @@ def run(progress: Progress, *, designs: int, confirm: bool, quick: bool, folder:
     if not 2 <= designs <= trade_cases.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
     origin = made(command, versions())
-    states = trade_study.run(trade_study.plan(designs, quick=quick), folder, progress)
+    first, second = (part(progress, *ends) or progress for ends in ((0.0, 0.5 if confirm else 1.0), (0.5, 1.0)))
+    states = trade_study.run(first, designs, quick=quick, store=store)
     rule = trade_rule.statements(states)
     results = []
     if confirm:
-        states += trade_study.run(trade_study.confirming_plan(quick=quick), folder, progress)
+        states += trade_study.run(second, designs, quick=quick, confirm=True, store=store)
         results = list(trade_rule.confirm(states, rule))
     kinds = (QUICK_KINDS if quick else KINDS) if confirm else ()
     return result(states, rule, results, kinds, origin)
@@ -84,7 +87,6 @@ def result(
         factor=trade_rule.FACTOR,
         worst=sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"]),
         lost=[state for state in states if state["status"] not in ("ok", "refused")],
-        solved_at=solved_at(state["commit"] for state in states),
     )
     text = trade_rule.as_text(rule, origin)
     return Result(
@@ -136,7 +138,7 @@ def _cell(own: Sequence[Row]) -> Row:
     return row | {
         "unclear_percent": 100 * float(np.mean(unclear)) if unclear else math.nan,
         "cpu_s": _spread([s["cpu_s"] for s in ended])[0],
-        "cost": _spread([s["cost"] for s in answered if s["cost"] is not None])[0],
+        "cost": _spread([s["cost"] for s in answered if math.isfinite(s["cost"])])[0],
         "peak_MB": _spread([s["peak_MB"] for s in ended])[0],
     }
 

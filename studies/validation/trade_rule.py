@@ -49,7 +49,7 @@ def statements(states: Sequence[Row]) -> list[Statement]:
         _statement(region, members)
         for (_, region, model, _), members in groups.items()
         if (model not in CALCULATED or len({state["design"] for state in members}) >= FEWEST)
-        and any(state["cost"] is not None for state in members)
+        and any(math.isfinite(state["cost"]) for state in members)
     ]
 
 
@@ -67,7 +67,7 @@ def _statement(region: str, members: Sequence[Row]) -> Statement:
         name: _bound([_counted(state, quantity) for state in members if quantity in errors_of(state)], designs)
         for name, quantity in BOUNDS.items()
     }
-    costs = [state["cost"] for state in members if state["cost"] is not None]
+    costs = [state["cost"] for state in members if math.isfinite(state["cost"])]
     force, shift = bounds.pop("force"), bounds.pop("shift")
     assert force is not None
     assert shift is not None
@@ -110,12 +110,12 @@ def confirm(states: Sequence[Row], rule: Sequence[Statement]) -> Iterator[Row]:
     `model` is the chosen model, empty if the rule refuses; `expected` its bound; `error` its largest true error of
     the counted quantities, a fraction, None if refused or without a reference.
     """
-    cases: dict[tuple[str, int, float, float], dict[tuple[str, str], Row]] = {}
+    models_of: dict[tuple[str, int, float, float], dict[tuple[str, str], Row]] = {}
     for state in states:
         if state["confirming"]:
             place = state["kind"], state["design"], state["depth_mm"], state["shear_mm"]
-            cases.setdefault(place, {})[state["model"], state["level"]] = state
-    for (kind, design, depth, shear), models in cases.items():
+            models_of.setdefault(place, {})[state["model"], state["level"]] = state
+    for (kind, design, depth, shear), models in models_of.items():
         for tolerance in TOLERANCES:
             row = {"kind": kind, "design": design, "depth_mm": depth, "shear_mm": shear, "tolerance": tolerance}
             yield row | _confirmed(tolerance, models, rule)

@@ -1,230 +1,123 @@
 """Cost and error of every model on designs over the whole range; templates/trade.md.j2 describes the measurements.
 
-A state is a row of trade.csv: one state of a path by one
-model, with its true errors and those of its reference, and CPU seconds and memory of the whole path.
+A state is a row of trade.csv: one state of a path by one model, with its true errors and those of its reference, and
+CPU seconds and memory of the whole path. The answers are those of the one engine; what a path costs is measured by
+itself, for finite elements in a process of its own.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from analytic import buckling, hall
+from analytic import beam, buckling, hall
 from fem.accuracy import LEVELS
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 from geometry.messages import Progress
-from studies.output import checkpoint
-from studies.validation import trade_cases, trade_solves
-from studies.validation.error_study import SolvedState
+from studies import cases
+from studies.cases import FemModel
+from studies.simulation.compare import part
+from studies.surrogate import surrogate_response
+from studies.validation import bench_programs, pages, trade_cases
 from studies.validation.error_study_cases import Trial
 from studies.validation.pages import Row
-from studies.validation.trade_cases import KINDS, MODELS, SECTION, SHIPPED, Fineness, Kind
-from studies.validation.trade_solves import Run, Solved
+from studies.validation.trade_cases import CALCULATED, KINDS, MODELS, SECTION, SHIPPED, SURROGATE, Fineness, Kind
 from studies.validation.verify import richardson
 
 SOLIDS = ("half", "full")
 """Models of tetrahedra."""
 QUICK_KINDS: tuple[Kind, ...] = ("press", "glued shear")
 """Kinds of a quick study: a reference with friction takes a minute."""
-
-
+COMPONENTS = {
+    "force": ("force_x_N", "force_y_N", "force_N"),
+    "shift": ("shift_x_mm", "shift_y_mm", "shift_z_mm"),
+    "tilt": ("tilt_rad",),
+    "sideways": ("force_x_N",),
+    "readings": ("S1_mT", "S2_mT", "S3_mT"),
+}
+"""Columns of the components of each quantity in an answer."""
 QUANTITIES = ("force", "shift", "tilt", "sideways", "along", "readings")
 """Quantities whose errors are measured; sideways is the force along the shear alone, a part of `force`, relative to
 itself; along is the same force, relative to the larger one of itself and that of the unpressed beam."""
 LEAST_ORDER = 0.8
 """Least observed order for an extrapolation: a lower one multiplies the last difference by more than three."""
 NOTHING = 1e-6
-"""Shift in mm, tilt in rad, force in N or flux density in T below which a relative error has no meaning."""
+"""Shift in mm, tilt in rad, force in N or flux density in mT below which a relative error has no meaning."""
 CLEAR = 3.0
 """A reference judges an error clearly if its bar is at most a third of the error."""
+REPEATS = {"formula": 50, SURROGATE: 10}
+"""Number of evaluations for the cost of one, which is too short to be measured."""
+Components = Mapping[str, Array]
+"""Components of each quantity; N, mm, rad and mT."""
 
-Components = dict[str, tuple[float, ...]]
-"""Components of each quantity; mm, N, rad and T."""
 
-
-@dataclass(frozen=True, slots=True)
-class Reference:
-    """Reference of one state.
-
-    Attributes
-    ----------
-    values : components of each quantity.
-    bars : error bar of each component.
-    orders : observed orders of the components that were extrapolated.
-    """
+class Reference(NamedTuple):
+    """Components of each quantity in one state, and the error bar of each."""
 
     values: Components
     bars: Components
-    orders: tuple[float, ...]
 
 
-def components(design: Design, load: Load, response: Response) -> Components:
-    """Return the components of each quantity in one state; without tilt and sideways where nothing shears the tip."""
-    values: Components = {"force": response.force, "shift": response.shift}
-    if load.shears_tip:
-        values |= {"tilt": (response.tilt,), "sideways": response.force[:1]}
-    if design.shape.has_magnet:
-        # there is no reading where the magnet has reached an element
-        with contextlib.suppress(BadInput):
-            values["readings"] = hall.readings(design, response).B_T
-    return values
+class Run(NamedTuple):
+    """One path of loads by one model: finite elements at an accuracy, a level of the formulas, or the surrogate."""
+
+    kind: Kind
+    trial: Trial
+    model: str
+    level: str
+
+    @property
+    def model_of_cases(self) -> str | FemModel:
+        """The model for the engine."""
+        if self.model in CALCULATED:
+            return self.level if self.model == "formula" else SURROGATE
+        return FemModel(self.level, LEVELS[self.level], self.trial.model)
 
 
-def extrapolate(sizes: Sequence[float], answers: Sequence[Components]) -> Reference:
-    """Return the reference from the answers of three meshes.
-
-    Parameters
-    ----------
-    sizes : edge lengths of the meshes, in decreasing order.
-    """
-    values, bars, orders = Components(), Components(), []
-    for name in set.intersection(*(set(answer) for answer in answers)):
-        limits, widths = [], []
-        for column in zip(*(answer[name] for answer in answers), strict=True):
-            limit, order = richardson([1 / size for size in sizes], column)
-            if order >= LEAST_ORDER:
-                orders.append(order)
-                limits.append(limit)
-                widths.append(abs(limit - column[-1]))
-            else:
-                limits.append(column[-1])
-                widths.append(max(column) - min(column))
-        values[name], bars[name] = tuple(limits), tuple(widths)
-    return Reference(values, bars, tuple(orders))
-
-
-def full_scales(design: Design, references: Sequence[Reference]) -> tuple[float, ...]:
-    """Return the full scale of each element, T: its largest change from rest on a path; S2 and S3 share theirs."""
-    readings = [one.values["readings"] for one in references if "readings" in one.values]
-    if not readings:
-        return ()
-    rest = hall.readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)).B_T
-    first, second, third = (
-        max(abs(value - still) for value in column)
-        for column, still in zip(zip(*readings, strict=True), rest, strict=True)
-    )
-    return first, max(second, third), max(second, third)
-
-
-def true_errors(
-    answer: Components, reference: Reference, scales: Sequence[float], unpressed_N: float = 0.0
-) -> dict[str, tuple[float, float]]:
-    """Return the errors of an answer against the reference of its state, with the reference's error bars, percent.
-
-    They are relative to the quantity or, for readings, to full scale; there is none where the reference is nearly 0.
+def plan(
+    count: int = trade_cases.STUDIED, *, quick: bool = False, confirm: bool = False
+) -> tuple[list[Run], dict[tuple[int, Kind], Fineness]]:
+    """Return all runs, and the fineness of the reference of each design and kind.
 
     Parameters
     ----------
-    scales : full scale of each element, T.
-    unpressed_N : force along the same shear of the unpressed beam.
-    """
-    errors = {}
-    for name in QUANTITIES:
-        if name not in answer or name not in reference.values:
-            continue
-        value, bar = reference.values[name], reference.bars[name]
-        differences = [a - b for a, b in zip(answer[name], value, strict=True)]
-        size = math.hypot(*value)
-        if name != "readings" and size > NOTHING:
-            errors[name] = 100 * math.hypot(*differences) / size, 100 * math.hypot(*bar) / size
-        elif name == "readings" and min(scales, default=0.0) > NOTHING:
-            errors[name] = 100 * _largest(differences, scales), 100 * _largest(bar, scales)
-    if "sideways" in answer and "sideways" in reference.values:
-        ((own,), (true,)), (width,) = (answer["sideways"], reference.values["sideways"]), reference.bars["sideways"]
-        size = max(abs(true), unpressed_N)
-        errors["along"] = 100 * abs(own - true) / size, 100 * width / size
-    return errors
-
-
-def _largest(values: Sequence[float], scales: Sequence[float]) -> float:
-    """Return the largest size of a value over its scale; NaN if one is unknown."""
-    return float(np.max(np.abs(values) / np.array(scales)))
-
-
-def is_clear(percent: float, bar_percent: float) -> bool:
-    """Return whether the bar of the reference is at most a third of an error."""
-    return CLEAR * bar_percent <= percent
-
-
-def errors_of(state: Row) -> dict[str, tuple[float, float]]:
-    """Return the true errors of a state by quantity, with the error bars of the reference, percent."""
-    names = (name for name in QUANTITIES if state[f"{name}_error_percent"] is not None)
-    return {name: (state[f"{name}_error_percent"], state[f"{name}_bar_percent"]) for name in names}
-
-
-def with_errors(state: Row, errors: Mapping[str, tuple[float, float]]) -> Row:
-    """Return a state with errors and error bars; None where there is none."""
-    columns = {f"{name}_{kind}_percent": None for name in QUANTITIES for kind in ("error", "bar")}
-    for name, (percent, bar) in errors.items():
-        columns |= {f"{name}_error_percent": percent, f"{name}_bar_percent": bar}  # type: ignore[dict-item]
-    return state | columns
-
-
-def load_of(state: Row) -> Load:
-    """Return the load of a state."""
-    return Load(depth=state["depth_mm"], shear_x=state["shear_mm"], friction=state["friction"])
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """The runs of a study.
-
-    Attributes
-    ----------
-    confirming : whether these are the random designs.
-    references : runs of the reference of each design and kind, coarse mesh first.
-    runs : runs whose cost and errors are measured.
-    """
-
-    confirming: bool
-    references: Mapping[tuple[int, Kind], tuple[Run, Run, Run]]
-    runs: tuple[Run, ...]
-
-
-def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool = True) -> Plan:
-    """Return the runs of the chosen designs: section models first, tetrahedra last.
-
-    Parameters
-    ----------
-    count : number of designs.
+    count : number of the chosen designs.
     quick : presses and glued shears by the section models at level quick only, with coarser references.
-    solids : run the models of tetrahedra as well.
+    confirm : all that the rule can choose for the random designs in place of the chosen ones.
     """
-    references: dict[tuple[int, Kind], tuple[Run, Run, Run]] = {}
+    finenesses: dict[tuple[int, Kind], Fineness] = {}
     runs: list[Run] = []
-    levels = ("quick",) if quick else tuple(LEVELS)
     for kind in QUICK_KINDS if quick else KINDS:
-        fine = trade_cases.runs_on(kind, SECTION[kind], "fine", count) if kind == "glued shear" else []
-        for number in trade_cases.runs_on(kind, SECTION[kind], "quick", count):
-            fineness: Fineness = "rough" if quick else "finer" if number in fine else _fineness(number)
-            references[number, kind] = _references(number, kind, fineness)
-            runs += _calculated(number, kind)
-        models = (SECTION[kind],) if quick else MODELS[kind]
-        for model in models if solids else [m for m in models if m not in SOLIDS]:
-            for level in levels:
-                for number in trade_cases.runs_on(kind, model, level, count):
-                    runs.append(Run(trade_cases.trial(number, kind, model), LEVELS[level]))
-    return Plan(False, references, tuple(sorted(runs, key=lambda one: one.model in SOLIDS)))
-
-
-def confirming_plan(*, quick: bool = False) -> Plan:
-    """Return the runs of the random designs: all that the rule can choose for them."""
-    references, runs = {}, []
-    for kind in QUICK_KINDS if quick else KINDS:
-        levels = ("quick",) if quick else ("quick", "standard") if kind == "friction" else tuple(LEVELS)
-        for number in trade_cases.CONFIRMING[kind][: 2 if quick else None]:
-            fineness: Fineness = "rough" if quick else "coarser"
-            references[number, kind] = _references(number, kind, fineness, confirm=True)
-            runs += _calculated(number, kind, confirm=True)
-            trial = trade_cases.trial(number, kind, SECTION[kind], confirm=True)
-            runs += [Run(trial, LEVELS[level]) for level in levels]
-    return Plan(True, references, tuple(runs))
+        section = SECTION[kind]
+        levels = ("quick",) if quick else tuple(LEVELS)
+        numbers: dict[tuple[str, str], Sequence[int]]
+        if confirm:
+            chosen: Sequence[int] = trade_cases.CONFIRMING[kind][: 2 if quick else None]
+            levels = levels[:2] if kind == "friction" else levels
+            numbers = {(section, level): chosen for level in levels}
+        else:
+            models = (section,) if quick else MODELS[kind]
+            numbers = {(m, level): trade_cases.runs_on(kind, m, level, count) for m in models for level in levels}
+            chosen = trade_cases.runs_on(kind, section, "quick", count)
+        calculated = [("formula", level) for level in trade_cases.FORMULAS]
+        calculated += [] if kind == "friction" else [(SURROGATE, SHIPPED)]
+        for (model, level), own in (dict.fromkeys(calculated, chosen) | numbers).items():
+            name: Any = "auto" if model in CALCULATED else model
+            runs += [Run(kind, trade_cases.trial(n, kind, name, confirm=confirm), model, level) for n in own]
+        fine = trade_cases.runs_on(kind, section, "fine", count) if kind == "glued shear" and not confirm else []
+        for number in chosen:
+            usual = "coarser" if confirm else "finer" if number in fine else _fineness(number)
+            finenesses[number, kind] = "rough" if quick else usual
+    return runs, finenesses
 
 
 def _fineness(number: int) -> Fineness:
@@ -234,88 +127,215 @@ def _fineness(number: int) -> Fineness:
     return "coarser" if slender or number >= trade_cases.COMMON else "usual"
 
 
-def _references(number: int, kind: Kind, fineness: Fineness, *, confirm: bool = False) -> tuple[Run, Run, Run]:
-    trial = trade_cases.trial(number, kind, SECTION[kind], confirm=confirm)
-    first, second, third = trade_cases.references(kind, fineness)
-    return Run(trial, first), Run(trial, second), Run(trial, third)
+def run(
+    progress: Progress, count: int, *, quick: bool, confirm: bool = False, store: Path | None = None
+) -> list[Row]:
+    """Return all states with their errors, and with costs but for the random designs."""
+    runs, finenesses = plan(count, quick=quick, confirm=confirm)
+    truths = references(finenesses, confirm, store, part(progress, 0.0, 0.5, "references"))
+    wanted = [(one.model_of_cases, one.trial) for one in runs]
+    found = answers(wanted, store, part(progress, 0.5, 0.8))
+    costs: dict[int, tuple[float, float]] = {}
+    for k, one in enumerate(runs):
+        progress(0.8 + 0.2 * k / len(runs), f"cost of design {one.trial.number}, {one.kind}, {one.model} {one.level}")
+        costs[k] = (math.nan, math.nan) if confirm else cost(one)
+    units = {
+        (one.trial.number, one.kind): costs[k][0]
+        for k, one in enumerate(runs)
+        if (one.model, one.level) == (SECTION[one.kind], "standard")
+    }
+    states = []
+    for k, one in enumerate(runs):
+        place = one.trial.number, one.kind
+        paid = {"cpu_s": costs[k][0], "peak_MB": costs[k][1], "cost": costs[k][0] / units.get(place, math.nan)}
+        states += [row | paid for row in judged(one, found[k], truths[place], confirm)]
+    return states
 
 
-def _calculated(number: int, kind: Kind, *, confirm: bool = False) -> list[Run]:
-    """Return the runs of all formulas and, without Coulomb friction, of the surrogate."""
-    trial = trade_cases.trial(number, kind, "auto", confirm=confirm)
-    levels = trade_cases.FORMULAS if kind == "friction" else (*trade_cases.FORMULAS, SHIPPED)
-    return [Run(trial, level) for level in levels]
+def answers(
+    wanted: Sequence[tuple[str | FemModel, Trial]], store: Path | None, progress: Progress | None
+) -> list[list[Row]]:
+    """Return the answers of a model to the loads of a trial, for each pair; finite elements at once for a model."""
+    found: list[list[Row]] = [[] for _ in wanted]
+    models = list(dict.fromkeys(model for model, _ in wanted))
+    for k, model in enumerate(models):
+        places = [(n, load) for n, (own, trial) in enumerate(wanted) if own == model for load in trial.loads]
+        asked = cases.table((wanted[n][1].design, load, wanted[n][1].magnet) for n, load in places)
+        name = model if isinstance(model, str) else model.name
+        told = part(progress, k / len(models), (k + 1) / len(models), name)
+        # without shear_mm the engine would leave out what is zero by symmetry
+        asked["shear_mm"] = [load.shear_x for _, load in places]
+        quantities = ["force", "shift", "tilt", "readings"]
+        table = cases.answer(asked, [model], quantities=quantities, store=store, progress=told)
+        # an unstable press is the exact answer of a tip that is held on the axis
+        table.loc[(table["status"] == "unstable") & (table["shear_mm"] == 0), ["status", "message"]] = "ok", ""
+        table.columns = table.columns.str.replace(r"^(fem|analytic|surrogate)_", "", regex=True)
+        for (n, _), row in zip(places, pages.records(table), strict=True):
+            found[n].append(row)
+    return found
 
 
-def run(planned: Plan, folder: Path | None, progress: Progress | None = None) -> list[Row]:
-    """Return all states with costs and errors; solves that the folder's solves.jsonl holds are not repeated."""
-    # the key of a run holds the version of its model's physics
-    store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", "trade 2")
-    runs = [*(one for three in planned.references.values() for one in three), *planned.runs]
-    needed = {one.key: one for one in runs}
-    solves = {}
-    for i, (key, one) in enumerate(needed.items()):
-        answer = store.known.get(key)
-        if answer is None:
-            if progress is not None:
-                progress(i / len(needed), one.name)
-            answer = trade_solves.measure(one)
-            if trade_solves.is_kept(one, answer):
-                store.keep(key, answer)
-        solves[key] = trade_solves.solved(one.trial, answer, store.commits.get(key) or checkpoint.commit())
-    return list(_states(planned, solves))
+def components(design: Design, load: Load, answer: Row) -> Components:
+    """Return the components of each quantity in one state; without tilt and sideways where nothing shears the tip."""
+    left_out = () if load.shears_tip else ("tilt", "sideways")
+    names = [name for name in COMPONENTS if name not in left_out and (name != "readings" or design.shape.has_magnet)]
+    values = {name: np.array([answer[column] for column in COMPONENTS[name]], dtype=float) for name in names}
+    # there is no reading where the magnet has reached an element
+    return {name: each for name, each in values.items() if np.isfinite(each).all()}
 
 
-def _states(planned: Plan, solves: Mapping[str, Solved]) -> Iterator[Row]:
-    """Yield the states of all runs with their errors.
+def references(
+    finenesses: Mapping[tuple[int, Kind], Fineness], confirm: bool, store: Path | None, progress: Progress | None
+) -> dict[tuple[int, Kind], list[Reference | None]]:
+    """Return the reference of each state of each path; None where a mesh has no answer or an unstable one."""
+    meshes = {place: trade_cases.references(place[1], fineness) for place, fineness in finenesses.items()}
+    trials = {(n, kind): trade_cases.trial(n, kind, SECTION[kind], confirm=confirm) for n, kind in finenesses}
+    wanted: list[tuple[str | FemModel, Trial]] = [
+        (FemModel(mesh.name, mesh, trials[place].model), trials[place])
+        for place, three in meshes.items()
+        for mesh in three
+    ]
+    found = iter(answers(wanted, store, progress))
+    truths = {}
+    for place, three in meshes.items():
+        states = zip(trials[place].loads, *(next(found) for _ in three), strict=True)
+        sizes = [mesh.section_size for mesh in three]
+        truths[place] = [
+            extrapolate(sizes, [components(trials[place].design, load, one) for one in own])
+            if all(one["status"] == "ok" for one in own)
+            else None
+            for load, *own in states
+        ]
+    return truths
 
-    `message` is the reason why a formula is outside its range, or why a model has no answer; `cost` are CPU seconds
-    over those of the section model at level standard on the same path, None if one is not known.
+
+def extrapolate(sizes: Sequence[float], found: Sequence[Components]) -> Reference:
+    """Return the reference from the answers of three meshes, with edge lengths in decreasing order."""
+    values, bars = {}, {}
+    for name in (name for name in COMPONENTS if all(name in one for one in found)):
+        limits, widths = [], []
+        for column in zip(*(one[name].tolist() for one in found), strict=True):
+            limit, order = richardson([1 / size for size in sizes], column)
+            known = order >= LEAST_ORDER
+            limits.append(limit if known else column[-1])
+            widths.append(abs(limit - column[-1]) if known else max(column) - min(column))
+        values[name], bars[name] = np.array(limits), np.array(widths)
+    return Reference(values, bars)
+
+
+def full_scales(design: Design, truths: Sequence[Reference | None]) -> Array:
+    """Return the full scale of each element, mT: its largest change from rest on a path; S2 and S3 share theirs."""
+    readings = [one.values["readings"] for one in truths if one is not None and "readings" in one.values]
+    if not readings:
+        return np.zeros(0)
+    rest = 1e3 * np.array(hall.readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)).B_T)
+    first, *sideways = np.abs(np.array(readings) - rest).max(axis=0)
+    return np.array([first, max(sideways), max(sideways)])
+
+
+def true_errors(
+    answer: Components, truth: Reference, scales: Array, unpressed_N: float = 0.0
+) -> dict[str, tuple[float, float]]:
+    """Return the errors of an answer against the reference of its state, with the reference's error bars, percent.
+
+    They are relative to the quantity or, for readings, to full scale; there is none where the reference is nearly 0.
+
+    Parameters
+    ----------
+    scales : full scale of each element, mT.
+    unpressed_N : force along the same shear of the unpressed beam.
     """
-    references = {place: _reference(three, solves) for place, three in planned.references.items()}
-    for one in planned.runs:
-        trial, solved = one.trial, solves[one.key]
-        truths = references[trial.number, one.kind]
-        unit = solves.get(Run(replace(trial, model=SECTION[one.kind]), LEVELS["standard"]).key)
-        cost = math.nan if unit is None else solved.cpu_s / unit.cpu_s
-        run: Row = {"design": trial.number, "confirming": planned.confirming, "kind": one.kind}
-        run |= {"model": one.model, "level": one.level}
-        paid = {"cpu_s": solved.cpu_s, "peak_MB": solved.peak_MB, "cost": cost if math.isfinite(cost) else None}
-        scales = full_scales(trial.design, [truth for truth in truths if truth is not None])
-        for i, load in enumerate(trial.loads):
-            place = {"depth_mm": load.depth, "shear_mm": load.shear_x, "friction": load.friction}
-            status, message, along, errors = _judged(trial, solved.states, i, truths[i], scales)
-            state = with_errors(run | place | {"status": status}, errors)
-            yield state | {"along_N": along} | paid | {"message": message, "commit": solved.commit}
+    errors = {}
+    for name in (name for name in QUANTITIES if name in answer and name in truth.values):
+        off, bar = answer[name] - truth.values[name], truth.bars[name]
+        size = float(np.linalg.norm(truth.values[name]))
+        if name != "readings" and size > NOTHING:
+            errors[name] = 100 * float(np.linalg.norm(off)) / size, 100 * float(np.linalg.norm(bar)) / size
+        elif name == "readings" and scales.min(initial=math.inf) > NOTHING and len(scales):
+            errors[name] = 100 * float(np.abs(off / scales).max()), 100 * float((bar / scales).max())
+    if "sideways" in answer and "sideways" in truth.values:
+        (own,), (true,), (width,) = answer["sideways"], truth.values["sideways"], truth.bars["sideways"]
+        size = max(abs(true), unpressed_N)
+        errors["along"] = 100 * float(abs(own - true)) / size, 100 * float(width) / size
+    return errors
 
 
-def _judged(
-    trial: Trial, solved: Sequence[SolvedState], i: int, truth: Reference | None, scales: Sequence[float]
-) -> tuple[str, str, float | None, dict[str, tuple[float, float]]]:
-    """Return status, message, force along the shear and errors of the i-th load; no errors without a reference."""
-    # the last state of a path that stopped holds the reason
-    answer, load = solved[min(i, len(solved) - 1)], trial.loads[i]
-    if i >= len(solved) or answer.status != "ok" or answer.response is None:
-        return "lost" if i >= len(solved) else answer.status, answer.message, None, {}
-    if truth is None:
-        return "no_reference", "a mesh of the reference has no stable answer", None, {}
-    values = components(trial.design, load, answer.response)
-    unpressed = buckling.sideways_stiffness(trial.design) * load.shear
-    along = values["sideways"][0] if "sideways" in values else None
-    return "ok", answer.message, along, true_errors(values, truth, scales, unpressed)
+def is_clear(percent: float, bar_percent: float) -> bool:
+    """Return whether the bar of the reference is at most a third of an error."""
+    return CLEAR * bar_percent <= percent
 
 
-def _reference(three: Sequence[Run], solves: Mapping[str, Solved]) -> list[Reference | None]:
-    """Return the reference of each state of a path; None where a mesh has no answer or an unstable one."""
-    references: list[Reference | None] = []
-    trial = three[0].trial
-    for i, load in enumerate(trial.loads):
-        answers: list[Components] = []
-        for one in three:
-            states = solves[one.key].states
-            state = states[i] if i < len(states) else None
-            if state is not None and state.status == "ok" and state.response is not None:
-                answers.append(components(trial.design, load, state.response))
-        sizes = [one.method.section_size for one in three if not isinstance(one.method, str)]
-        references.append(extrapolate(sizes, answers) if len(answers) == len(three) else None)
-    return references
+def errors_of(state: Row) -> dict[str, tuple[float, float]]:
+    """Return the true errors of a state by quantity, with the error bars of the reference, percent."""
+    pairs = {name: (state[f"{name}_error_percent"], state[f"{name}_bar_percent"]) for name in QUANTITIES}
+    return {name: pair for name, pair in pairs.items() if math.isfinite(pair[0])}
+
+
+def with_errors(state: Row, errors: Mapping[str, tuple[float, float]]) -> Row:
+    """Return a state with errors and error bars; NaN where there is none."""
+    pairs = {name: errors.get(name, (math.nan, math.nan)) for name in QUANTITIES}
+    columns = {name: dict(zip(("error", "bar"), pair, strict=True)) for name, pair in pairs.items()}
+    return state | {f"{name}_{kind}_percent": v for name, own in columns.items() for kind, v in own.items()}
+
+
+def load_of(state: Row) -> Load:
+    """Return the load of a state."""
+    return Load(depth=state["depth_mm"], shear_x=state["shear_mm"], friction=state["friction"])
+
+
+def judged(one: Run, found: Sequence[Row], truths: Sequence[Reference | None], confirm: bool) -> list[Row]:
+    """Return the states of a run with their errors.
+
+    `message` is the reason why a formula is outside its range, or why a model has no answer.
+    """
+    design, rows = one.trial.design, []
+    scales = full_scales(design, truths)
+    for load, answer, truth in zip(one.trial.loads, found, truths, strict=True):
+        state: Row = {"design": one.trial.number, "confirming": confirm, "kind": one.kind}
+        state |= {"model": one.model, "level": one.level, "depth_mm": load.depth, "shear_mm": load.shear_x}
+        state |= {"friction": load.friction, "status": answer["status"]}
+        message, errors, along = answer["message"], {}, math.nan
+        if one.model in CALCULATED:
+            known = math.isfinite(answer["force_N"])
+            state["status"] = "ok" if known else "refused"
+            if known:
+                message = beam.outside(design, load, one.level) if one.model == "formula" else ""
+        if state["status"] == "ok" and truth is None:
+            state["status"], message = "no_reference", "a mesh of the reference has no stable answer"
+        elif state["status"] == "ok" and truth is not None:
+            values = components(design, load, answer)
+            along = float(values["sideways"][0]) if "sideways" in values else math.nan
+            errors = true_errors(values, truth, scales, buckling.sideways_stiffness(design) * load.shear)
+        rows.append(with_errors(state, errors) | {"along_N": along, "message": message})
+    return rows
+
+
+def cost(one: Run) -> tuple[float, float]:
+    """Return CPU seconds of a path, and its memory beyond that of the imported modules, MB; NaN if it fails.
+
+    Formulas and the surrogate take too little memory to be measured. Their first evaluation, in which the surrogate
+    is read and factorized, does not count, as imports do not.
+    """
+    trial = one.trial
+    if one.model in CALCULATED:
+
+        def evaluate() -> None:
+            for load in trial.loads:
+                with contextlib.suppress(BadInput):
+                    if one.model == SURROGATE:
+                        surrogate_response.respond(trial.design, load, trial.magnet)
+                    else:
+                        beam.solve(trial.design, load, one.level)
+                        beam.outside(trial.design, load, one.level)
+
+        evaluate()
+        begin = time.process_time()
+        for _ in range(REPEATS[one.model]):
+            evaluate()
+        return (time.process_time() - begin) / REPEATS[one.model], 0.0
+    accuracy = dataclasses.asdict(LEVELS[one.level])
+    del accuracy["name"]
+    task: Row = {"task": "trace", "model": trial.model, "magnet": trial.magnet, "accuracy": accuracy}
+    task |= {"loads": [dataclasses.asdict(load) for load in trial.loads], "design": dataclasses.asdict(trial.design)}
+    found = bench_programs.magtip(task)
+    return found.get("cpu_s", math.nan), found.get("peak_MB", math.nan) - found.get("base_MB", math.nan)

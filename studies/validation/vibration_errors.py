@@ -1,16 +1,16 @@
 """True errors of vibrations, compared with a much finer mesh, and whether their estimates hold.
 
 `python -m studies.validation.vibration_errors OUT [--quick]` writes VIBRATION_ERRORS.md and vibration_errors.csv into
-the folder OUT. A run that is repeated continues from solves.jsonl there.
+the folder OUT. Nothing of a run that was stopped is kept: start it again.
 """
 
 from __future__ import annotations
 
 import functools
-import json
+import itertools
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from fem.scene import Scene
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.output import checkpoint
 from studies.output.goals import Goal, missed, verdict
 from studies.output.result import Destination, Result, publish
 from studies.simulation import response_curves
@@ -44,8 +43,6 @@ GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
 NAN = float("nan")
 FIGURES = ("static_error", "static_estimate", "largest_error", "difference", "holds", "sharp")
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
-APART = ("fem/results/error_estimates.py",)
-"""Modules on which no kept solve depends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,41 +78,30 @@ def cases(*, quick: bool = False) -> list[Case]:
     return chosen
 
 
-def run(progress: Progress, folder: Path | None = None, *, quick: bool = False) -> list[Row]:
-    """Solve and judge all cases; solves in the folder's solves.jsonl by the same code are not repeated."""
-    curves = Path(response_curves.__file__)
-    code = checkpoint.digest([*checkpoint.modules("geometry", "fem", "analytic", apart=APART), curves])
-    store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", code)
+def run(progress: Progress, *, quick: bool = False) -> list[Row]:
+    """Solve and judge all cases."""
     chosen, judged = cases(quick=quick), list[Row]()
+    truth = replace(REFERENCE, section_size=0.06, section_patch=0.003, harmonics=3) if quick else REFERENCE
     for i, case in enumerate(chosen):
         levels = case.levels[:1] if quick else case.levels
-        truth = replace(REFERENCE, section_size=0.06, section_patch=0.003, harmonics=3) if quick else REFERENCE
-        needed = [truth, *(one for level in levels for one in (level, coarser(level)))]
-        solved, names = {}, {}
-        for accuracy in needed:
-            name = json.dumps([astuple(replace(accuracy, name="")), astuple(case.design), astuple(case.load)])
-            if name not in store.known:
-                progress(i / len(chosen), f"design {case.number}, {case.kind}, size {accuracy.section_size:g}")
-                store.keep(name, solve(case, accuracy))
-            solved[accuracy], names[accuracy] = store.known[name], name
+        solved = {}
+        for accuracy in dict.fromkeys([truth, *(one for level in levels for one in (level, coarser(level)))]):
+            progress(i / len(chosen), f"design {case.number}, {case.kind}, size {accuracy.section_size:g}")
+            solved[accuracy] = solve(case, accuracy)
         for level in levels:
-            three = level, coarser(level), truth
-            commit = store.commits_of(names[one] for one in three)
-            answers = [restored(solved[one]) for one in three]
-            judged += [row | {"commit": commit} for row in judge(case, level, *answers)]
+            judged += judge(case, level, *(solved[one] for one in (level, coarser(level), truth)))
     return judged
 
 
-def solve(case: Case, accuracy: Accuracy) -> dict[str, Any]:
-    """Return the curves of each motion as lists; empty where the state is not reached."""
+def solve(case: Case, accuracy: Accuracy) -> Mapping[str, Curves]:
+    """Return the curves of each motion; none where the state is not reached."""
     first = lowest_frequency(case.design)
     band = RATIOS * first
     try:
         sensor = vibrating_sensor(case.design, case.load, (band[0], band[-1]), accuracy, check=False)
     except BadInput:
         return {}
-    curves = response_curves.evaluator(case.design, sensor)(band)
-    return {name: _kept(one) for name, one in curves.items()}
+    return response_curves.evaluator(case.design, sensor)(band)
 
 
 @functools.cache
@@ -123,38 +109,6 @@ def lowest_frequency(design: Design) -> float:
     """Return the lowest natural frequency of the free sensor at level quick, Hz, rounded to four digits."""
     free = vibrating_sensor(design, Load(), (1.0, 2.0), QUICK, check=False)
     return rounded(min(min(values) for values in free.undamped().values()))
-
-
-def _kept(curves: Curves) -> dict[str, Any]:
-    """Return what `restored` needs, as lists of real and imaginary parts."""
-
-    def parts(values: Any) -> Any:
-        return None if values is None else [np.real(values).tolist(), np.imag(values).tolist()]
-
-    names = ("force", "shift", "tilt", "per_mm", "per_N")
-    own = {name: parts(getattr(curves, name)) for name in names}
-    return own | {"frequency": curves.frequency.tolist(), "names": curves.names, "units": curves.units}
-
-
-def restored(kept: Mapping[str, Any]) -> dict[str, Curves]:
-    """Return the curves of each motion from lists."""
-
-    def joined(parts: Any) -> Any:
-        return None if parts is None else np.array(parts[0]) + 1j * np.array(parts[1])
-
-    names = ("force", "shift", "tilt", "per_mm", "per_N")
-    return {
-        motion: Curves(
-            motion=motion,
-            frequency=np.array(one["frequency"]),
-            names=tuple(one["names"]),
-            units=tuple(one["units"]),
-            normal_force=None,
-            kept_amplitude=None,
-            **{name: joined(one[name]) for name in names},
-        )
-        for motion, one in kept.items()
-    }
 
 
 def judge(
@@ -205,26 +159,23 @@ def _known(values: Any) -> Any:
 
 def summary(judged: Sequence[Row]) -> list[Row]:
     """Return a row for each quantity, motion and kind of state: shares over all levels, errors of each level, %."""
+    import pandas as pd
+
+    frame = pd.DataFrame(judged)
+    frame["about"] = np.where(frame.kind == "shear", "a shear", "a press")
+    frame.loc[frame.quantity == QUANTITIES[3], "about"] = "rest"
     rows = []
-    for quantity in QUANTITIES:
-        for motion in ("z", "x"):
-            for sheared in (False, True):
-                place = quantity, motion, sheared
-                own = [row for row in judged if (row["quantity"], row["motion"], row["kind"] == "shear") == place]
-                if not own:
-                    continue
-                row: Row = {"quantity": quantity, "motion": motion, "about": "a shear" if sheared else "a press"}
-                if quantity == QUANTITIES[3]:
-                    row["about"] = "rest"
-                for level in LEVELS:
-                    errors = [100 * one["largest_error"] for one in own if one["level"] == level]
-                    row[f"{level}: 95 % of errors below, %"] = (
-                        f"{np.quantile(errors, 0.95):.2g}" if errors else "not solved"
-                    )
-                row["cases"] = len(own)
-                row["holds, %"] = f"{100 * np.mean([one['holds'] for one in own]):.0f}"
-                row["sharp, %"] = f"{100 * np.mean([one['sharp'] for one in own]):.0f}"
-                rows.append(row)
+    for place in itertools.product(QUANTITIES, ("z", "x"), ("rest", "a press", "a shear")):
+        row: Row = dict(zip(("quantity", "motion", "about"), place, strict=True))
+        own = frame[(frame[list(row)] == list(place)).all(axis=1)]
+        if len(own):
+            for level in LEVELS:
+                errors = 100 * own.largest_error[own.level == level]
+                row[f"{level}: 95 % of errors below, %"] = (
+                    f"{errors.quantile(0.95):.2g}" if len(errors) else "not solved"
+                )
+            shares = {f"{name}, %": f"{100 * own[name].mean():.0f}" for name in ("holds", "sharp")}
+            rows.append(row | {"cases": len(own)} | shares)
     return rows
 
 
@@ -246,7 +197,6 @@ def result(judged: Sequence[Row]) -> Result:
         posed=list(map(str, posed)),
         summary=summary(judged),
         reference=REFERENCE,
-        solved_at=checkpoint.solved_at(row["commit"] for row in judged),
     )
     return Result(
         title="Errors of vibrations",
@@ -263,7 +213,7 @@ def main(out: str, *, quick: bool = False) -> int:
     """Run the study, write its files into a folder, and return exit status 3 if a goal is missed, else 0."""
     command = f"python -m studies.validation.vibration_errors {out}{' --quick' if quick else ''}"
     here = Destination(command=command, out=Path(out), names=("VIBRATION_ERRORS.md", "vibration_errors.csv"))
-    return publish(lambda progress: result(run(progress, Path(out), quick=quick)), here)
+    return publish(lambda progress: result(run(progress, quick=quick)), here)
 
 
 if __name__ == "__main__":
