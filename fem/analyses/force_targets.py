@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import bisect
 import functools
+import itertools
 import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -55,21 +56,11 @@ the force depends a little on the increments before it."""
 LONGEST_RATIO, SHORTEST_RATIO = 1.5, 1.001
 """Largest and least ratio of a motion to the one before, until two states bracket the force. A larger one may lead
 into loads that no solve reaches; a smaller one would creep towards a force at which the curve is flat."""
-RESOLUTION = 1e-7
-"""Width of the bracket, over its upper end, at which the force jumps between its two ends."""
 MOST_MESHES = 5
 """Largest number of meshes for one force. Two are usual; at the bound of two ranges each may lead to the other."""
-LEFT = 0.7
-"""Part of the remaining progress that is left after a solve; four to eight solves are usual."""
-PROBE = 0.01
-"""Shear over D in the load for which a mesh is made; the mesh depends only on its direction."""
-MOST_DEPTH = 0.999
-"""Largest depth of a search, over the silicone on the axis."""
 FIRST_DEPTH, FIRST_SHEAR = 0.3, 0.5
 """Largest first depth of a search over the silicone on the axis, because Hertz's law knows no base below the tip; and
 largest first shear over D, within which a path always converges."""
-PRESS_POWER, SHEAR_POWER = 1.5, 1.0
-"""Powers of the motion with which a force grows at first: of Hertz's contact, and of a linear spring."""
 SAME_MESH = 0.01
 """Relative difference of depths up to which a glued plate has the same mesh. That is refined at the edge of the
 contact, whose radius then differs by half as much: less than the size of an element there."""
@@ -174,7 +165,8 @@ class LoadingCurve:
             # a root exactly: the search ends here
             return 0.0 if point.has(force) else self._excess(point, force)
 
-        brentq(excess, low.motion, high.motion, xtol=RESOLUTION * high.motion)
+        # a bracket this narrow without the force between its ends is a jump
+        brentq(excess, low.motion, high.motion, xtol=FORCE_TOLERANCE**2 * high.motion)
         point = min(self.points, key=lambda point: abs(point.force - force))
         if not point.has(force, SHARED_TOLERANCE):
             after = next(k for k, each in enumerate(self.points) if each.force >= force)
@@ -326,9 +318,9 @@ def walk_forces(
 
 
 def _first_scene(design: Design, target: ForceTarget, accuracy: Accuracy, magnet: Magnet, model: Model) -> Scene:
-    """Return the scene of a target at its expected depth, with a small shear in the direction of its shear force."""
+    """Return the scene of a target at its expected depth, with a shear: only its direction decides the mesh."""
     depth = expected_depth(design, magnet, target.force / force_unit(design))
-    return Scene(design, (target.load_at(depth * design.D, PROBE * design.D),), accuracy, magnet, model)
+    return Scene(design, (target.load_at(depth * design.D, depth * design.D),), accuracy, magnet, model)
 
 
 def _walk(
@@ -343,15 +335,13 @@ def _walk(
 
 def _watch(progress: Progress, done: int, count: int, target: ForceTarget, model: str) -> Watch:
     """Return a function that reports each solve for a target, after the first `done` of `count` targets."""
-    left = 1.0
+    solves = itertools.count(1)
 
     def watch(depth: float, shear: float) -> None:
-        nonlocal left
         wanted = target.shear_size if shear else target.force
         moved = f"depth {depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
-        progress((done + 1 - left) / count, f"{model}: {moved}, in search of {wanted:g} N")
         # the number of solves is unknown: each one takes a part of what is left
-        left *= LEFT
+        progress((done + 1 - 1 / next(solves)) / count, f"{model}: {moved}, in search of {wanted:g} N")
 
     return watch
 
@@ -442,8 +432,9 @@ class ForcePath:
         shear = scene.turn @ self._load.imposed_shear
         self._along = shear / (float(np.linalg.norm(shear)) or 1.0)
         self.watch: Watch | None = None
-        most = MOST_DEPTH * silicone_on_axis(scene.design, scene.magnet)
-        self.press = LoadingCurve(_pressed(self._path.rest), power=PRESS_POWER, most=most)
+        most = (1 - FORCE_TOLERANCE) * silicone_on_axis(scene.design, scene.magnet)
+        # the force grows at first like that of Hertz's contact
+        self.press = LoadingCurve(_pressed(self._path.rest), power=3 / 2, most=most)
         self._begun: tuple[CurvePoint, LoadingCurve] | None = None
 
     @functools.cached_property
@@ -474,7 +465,7 @@ class ForcePath:
         """Return the force along the shear over the shear, after a press to a state."""
         if self._begun is None or pressed is not self._begun[0]:
             first, most = self._sheared(self._path.begin_shear(pressed.state)), 2 * self.scene.shape.L
-            self._begun = pressed, LoadingCurve(first, power=SHEAR_POWER, most=most, ended=slips_wholly)
+            self._begun = pressed, LoadingCurve(first, power=1, most=most, ended=slips_wholly)
         return self._begun[1]
 
     def read(self, point: CurvePoint, load: Load, seconds: float) -> Solution:

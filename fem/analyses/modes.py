@@ -24,7 +24,8 @@ import scipy.sparse as sp
 
 from fem.accuracy import STANDARD, Accuracy
 from fem.model import angular_fields, rigid_inclusion, single_order
-from fem.model.nonlinear_system import ON_AXIS, System
+from fem.model.elements import SAME_PLACE
+from fem.model.nonlinear_system import System
 from fem.model.symmetry_models import Discretisation, specification
 from fem.results.error_estimates import error_rule, estimate_number, estimated
 from fem.results.lateral_stiffness import SidewaysModel
@@ -46,10 +47,9 @@ SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
 MOST = 40
 """Largest number of modes that can be requested."""
-MOST_STEPS, CHECK_EVERY, EIGEN_TOLERANCE, VANISHING = 400, 3, 1e-6, 1e-14
-"""Of Lanczos' method: most steps, ten for each of the most modes; steps between two checks, which cost as much as a
-step; relative residual of an eigenvalue, whose error is its square; and length of a vector, over the first
-eigenvalue, below which there are no further ones."""
+CHECK_EVERY, EIGEN_TOLERANCE, VANISHING = 3, 1e-6, 1e-14
+"""Of Lanczos' method: steps between two checks, which cost as much as a step; relative residual of an eigenvalue,
+whose error is its square; and length of a vector, over the first eigenvalue, below which there are no others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +204,7 @@ def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr
     e = replace(d.elements, angles=angular_fields.torsion_fields())
     # about an axisymmetric state torsion does not couple to the other displacements and the pressures
     fixed = np.ones((len(e.nodes), 3), dtype=bool)
-    fixed[:, 1] = low.fixed.all(axis=1) | (e.nodes[:, 0] < ON_AXIS)
+    fixed[:, 1] = low.fixed.all(axis=1) | (e.nodes[:, 0] < SAME_PLACE)
     held = np.zeros((len(e.nodes), 1))
     held[low.corner_nodes] = at_press.p
     assert low.surface is not None
@@ -240,7 +240,7 @@ def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]
     M = M.copy()
     M.eliminate_zeros()  # most of the pattern is that of pressures and of pairs of different fields
     mass, n = (M + sp.triu(M, 1).T).tocsr(), K.shape[0]
-    most = min(n, MOST_STEPS)
+    most = min(n, 10 * MOST)
     V, MV, T = np.empty((most, n)), np.empty((most, n)), np.zeros((most, most))
     solver = Solver()
     solver.factorise(K)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, STANDARD, Accuracy
+from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import MeshSpecification, specification
 from fem.results.error_estimates import LEAST_DEPTH, estimate_numbers, estimated
 from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
@@ -33,14 +34,12 @@ __all__ = ["Critical", "critical"]
 DEEPEST = 0.5
 """Depth over the silicone's height up to which an instability is searched for."""
 STEP = 0.05
-"""Depth over D between two states that are checked."""
+"""Depth between two states that are checked, over D, or over the critical depth of another mesh near it."""
 TOLERANCE = 1e-4
 """Relative width of the interval in which a critical depth is located."""
-AROUND = 0.05
-"""Search steps around the critical depth of another mesh, over that depth."""
 MOVED = 0.02
 """Relative change of the radius at which the contact ends that requires another mesh."""
-KAPPA = 3e5
+KAPPA = 10 * SECTION_KAPPA
 """Stiffness number of the plate: ten times that of other sections, because elements are this small where a deep
 contact ends (see `fem.model.plate_contact`). With a softer plate the press of a wide magnet seemed unstable at
 level fine from 0.33 D on."""
@@ -168,7 +167,7 @@ def _search_near(section: MeshSpecification, guided: bool, depth: float, end: fl
 
     An unstable state may lie on another branch, from which unloading does not return to the stable one.
     """
-    found = _search(section, guided, (1 - AROUND) * depth, AROUND * depth, end)
+    found = _search(section, guided, (1 - STEP) * depth, STEP * depth, end)
     return found or _search(section, guided, 0.0, depth / 4, end) or _Search(0.0, UNREACHED)
 
 

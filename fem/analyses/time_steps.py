@@ -42,8 +42,6 @@ CERTAINTY = 2.0
 of it in presses of the paper's sensor."""
 PAST = 3
 """Earlier states that the first guess is extrapolated from, with the present one: a polynomial of degree 3."""
-SAMPLES = 4
-"""Values that the polynomial of an integral runs through."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +61,8 @@ class TimeIntegral:
 
     def add(self, time: float, x: Array, y: Array) -> TimeIntegral:
         """Return the integral with one sample more, at a later time."""
-        samples = (*self.samples[1 - SAMPLES :], (time, x, y))
-        base = self.base if len(self.samples) < SAMPLES else None
+        samples = (*self.samples[-PAST:], (time, x, y))
+        base = self.base if len(self.samples) <= PAST else None
         weights = product_weights(tuple(t for t, _, _ in samples), 0 if base is not None else len(samples) - 2)
         gained = sum(
             weights[a, b] * float(np.vdot(X, Y))

@@ -61,16 +61,17 @@ steps grows like the inverse of its cube root."""
 SMOOTH = 0.3
 """Change of the plate's velocity over its largest velocity up to which a motion is smooth: that of a sine wave of 24
 loads."""
-FIRST_SHARE = 1 / 24
-"""First step of a smooth part of the path, over its duration."""
 LONGEST_SHARE = 1 / 12
-"""Longest step over the duration of its part, so that the energies are integrated well."""
-BUDGET, LEAST_BUDGET = 0.5, 0.05
-"""Shares of the permitted error that a single step may add: of what the errors carried so far leave, and at least."""
+"""Longest step over the duration of its part, so that the energies are integrated well; the first step is half as
+long."""
+BUDGET = 0.5
+"""Share that a single step may add of what the errors carried so far leave of the permitted error; at least a tenth
+of that of the whole."""
 SHORTEST_SHARE = 1e-4
 """Step over the duration of its part below which the path stops: it has then reached a limit."""
-SAFETY, GROWTH, SHRINKAGE = 0.8, 2.0, 0.25
-"""Share of the permitted error that a step aims at, and the largest and least ratio of a step to the last one."""
+SAFETY, GROWTH = 0.8, 2.0
+"""Share of the permitted error that a step aims at, and the largest ratio of a step to the last one; the least one is
+1 / GROWTH^2."""
 HERTZ_SHARE = 0.3
 """Share of the force of a Hertz contact at the deepest load that errors refer to at least: at first touch the force
 itself is nearly zero."""
@@ -352,7 +353,7 @@ class TimedPath:
     def begin_motion(self, segment: Segment, duration: float) -> None:
         """Prepare a smooth part of the path of a duration, s, which begins with a segment."""
         self.state = time_steps.begin_motion(self.state, segment.goal - segment.start)
-        self.next_step = FIRST_SHARE * duration
+        self.next_step = LONGEST_SHARE / 2 * duration
 
     def begin_shear(self) -> None:
         """Change to the model of a shear and glue the contact where required."""
@@ -440,14 +441,14 @@ def _choose_next_step(path: TimedPath, before: ViscousState, tried: ViscousState
     decayed = np.exp(-dt / before.history.branches.times) * before.errors
     gained = float(np.abs(tried.errors - decayed).sum())
     permitted = path.control.tolerance / time_steps.CERTAINTY * max(tried.largest, path.least_force)
-    allowed = max(LEAST_BUDGET * permitted, BUDGET * (permitted - float(np.abs(decayed).sum())))
+    allowed = max(BUDGET / 10 * permitted, BUDGET * (permitted - float(np.abs(decayed).sum())))
     ratio = GROWTH if gained == 0 else (SAFETY * allowed / gained) ** (1 / 3)
     if gained > allowed and dt / 2 > shortest:
-        path.next_step = max(SHRINKAGE, min(ratio, 0.9)) * dt
+        path.next_step = max(GROWTH**-2, min(ratio, 0.9)) * dt
         return False
     # after the first two steps of a motion a third one of their length, from which the energies are integrated well
     growth = GROWTH if len(before.past) > 1 else 1.0
-    path.next_step = min(growth, max(SHRINKAGE, ratio)) * dt
+    path.next_step = min(growth, max(GROWTH**-2, ratio)) * dt
     return True
 
 

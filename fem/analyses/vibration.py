@@ -50,7 +50,7 @@ from fem.model.material import lame
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.results.lateral_stiffness import SidewaysModel
-from fem.results.postprocess import ORDER_FIELDS, pose_slopes, read
+from fem.results.postprocess import pose_slopes, read
 from fem.scene import Model, Scene, choose_model, turns
 from fem.solution import Solution
 from fem.solve.newton import STOPPED, NoStateError
@@ -252,7 +252,7 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
     moves = [over_lines(skin.displacement(system.state(state.q + v).u - at_state.u) @ normal) for v in V.T]
     changes = en * np.stack(moves, axis=1) / divisor[:, None]
     plate_moves = en * np.array([[-normal @ _motion_vector(motion) for motion in block.motions]] * len(area))
-    if system.elements.angles.fields == ORDER_FIELDS:  # the first of its two angles is 0, where the cosine is 1
+    if system.elements.angles.of_one_order:  # the first of its two angles is 0, where the cosine is 1
         cosines = np.cos((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES))
         at_rest, area, plate_moves = (
             np.repeat(values[::t], ANGLES, axis=0) for values in (at_rest, area, plate_moves)

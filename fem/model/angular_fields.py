@@ -86,6 +86,11 @@ class Angles:
     def pressures(self) -> int:
         return int(self.C.shape[1])
 
+    @property
+    def of_one_order(self) -> bool:
+        """Whether the fields are those of `order_fields`: two angles, for the cosine and the sine."""
+        return len(self.theta) == 2
+
     @functools.cached_property
     def pairs(self) -> FieldPairs:
         """All pairs of fields f <= g."""

@@ -32,9 +32,6 @@ Mask = NDArray[np.bool_]
 STICK = 0.2
 """Stiffness of the tangential springs over that of the plate's normal springs. Softer springs would let a sticking
 point slide; stiffer ones narrow the range in which a point sticks and cost Newton iterations."""
-TOUCHING_SHARE = 0.5
-"""Share of its motion in a step after which a point that touches or lifts off is assumed to do so: in the middle
-the error of a step is of second order in its length, at the start or at the end of first order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +141,7 @@ def advance(f: Friction, displacement: Array, pressure: Array, et: float) -> tup
     active = pressure > 0
     now = apply_return_map(f, displacement, pressure, active, et)
     released = f.touching & ~active
-    slip = np.where(released, TOUCHING_SHARE * np.linalg.norm(displacement - f.displacement, axis=-1), now.slip)
+    slip = np.where(released, np.linalg.norm(displacement - f.displacement, axis=-1) / 2, now.slip)
     limit, size = f.mu * np.maximum(pressure, 0.0), np.linalg.norm(f.traction, axis=-1)
     # a point that stuck far inside the cone slips only after its pressure has nearly vanished: its traction when it
     # begins to slip is then below mu times the pressure before
@@ -162,9 +159,7 @@ def expect_motion(f: Friction, displacement: Array) -> Friction:
     """
     return replace(
         f,
-        anchor=np.where(
-            f.touching[..., None], f.displacement, f.displacement + TOUCHING_SHARE * (displacement - f.displacement)
-        ),
+        anchor=np.where(f.touching[..., None], f.displacement, f.displacement + (displacement - f.displacement) / 2),
     )
 
 

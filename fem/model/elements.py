@@ -24,6 +24,9 @@ from fem.model.angular_fields import Angles, cartesian_fields, fourier_fields, r
 from geometry.arrays import Array, Ints
 from geometry.bad_input import MeshError
 
+SAME_PLACE = 1e-9
+"""Distance over D up to which two places are one: far above rounding, far below an edge or an increment."""
+
 
 @dataclass(frozen=True)
 class Elements:
@@ -106,7 +109,7 @@ class Surface:
     @functools.cached_property
     def whole(self) -> tuple[bool, bool]:
         """Whether the skin lies on both sides of the planes x = 0 and y = 0."""
-        return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -1e-9)
+        return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -SAME_PLACE)
 
     def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
         """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.model import angular_fields
-from fem.model.elements import Elements
+from fem.model.elements import SAME_PLACE, Elements
 from geometry.arrays import Array, Ints
 
 DEGREE = 3
@@ -29,8 +29,6 @@ PATCH = 1.5
 NEAREST = 12
 WORST, WIDER = 1e3, 1.25
 """Largest condition number of a fit, and factor by which the patch grows while the fit has too few nodes."""
-ON_PLANE = 1e-9
-"""Distance to y = 0, over D, up to which a node is its own mirror image."""
 POWERS = np.array([e for e in itertools.product(range(DEGREE + 1), repeat=3) if sum(e) <= DEGREE])
 FIRST = [int(np.flatnonzero((row == POWERS).all(axis=1))[0]) for row in (np.zeros(3), *np.eye(3))]
 """Positions of the terms 1, x, y, z among POWERS."""
@@ -69,7 +67,7 @@ def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
     else:
         nodes, points, turned = np.arange(len(e.nodes)), e.nodes, np.broadcast_to(np.eye(3), (len(e.nodes), 3, 3))
     if mirrored if e.dim == 3 else not e.angles.sines:
-        other = points[:, 1] > ON_PLANE
+        other = points[:, 1] > SAME_PLACE
         mirror = np.array([1.0, -1.0, 1.0])
         points = np.concatenate([points, points[other] * mirror])
         turned = np.concatenate([turned, turned[other] * mirror[:, None]])

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from fem.model import element_assembly, material, plate_contact
 from fem.model.element_assembly import FACETS, ElementAssembly
-from fem.model.elements import Elements, Surface
+from fem.model.elements import SAME_PLACE, Elements, Surface
 from fem.model.plate_contact import Plate
 from fem.model.rigid_inclusion import RigidBody
 from fem.model.sparse_pattern import Pattern
@@ -33,8 +33,6 @@ from fem.model.viscoelasticity import Overstress
 from geometry.arrays import Array, Ints
 
 NONE: Ints = np.empty(0, dtype=np.int64)
-ON_AXIS = 1e-9
-"""Radius over D below which a node lies on the axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +150,7 @@ class System:
         self.corner_nodes, corners = np.unique(e.corners, return_inverse=True)
         self._corners = corners.reshape(e.corners.shape)
         carried = np.ones((len(self.corner_nodes), e.angles.pressures), dtype=bool)
-        carried[e.nodes[self.corner_nodes, 0] < ON_AXIS, 1:] = False
+        carried[e.nodes[self.corner_nodes, 0] < SAME_PLACE, 1:] = False
         self._held = np.zeros(carried.shape)
         if held is not None:
             carried &= np.isnan(held[self.corner_nodes])

@@ -32,18 +32,17 @@ from numpy.typing import NDArray
 
 from fem.model import coulomb_friction
 from fem.model.coulomb_friction import Friction, FrictionTraction
-from fem.model.elements import Surface
+from fem.model.elements import SAME_PLACE, Surface
 from geometry.arrays import Array
 
-KAPPA, SECTION_KAPPA = 3e3, 3e4
+KAPPA = 3e3
+SECTION_KAPPA = 10 * KAPPA
 """Stiffness numbers kappa, see the module docstring: KAPPA for tetrahedra and for Coulomb friction, SECTION_KAPPA for
 all other sections."""
 LARGEST_GLUED_GAP = 0.0025
 """Largest distance from a tilted plate at which a section is glued, over the depth. With 0 and with 0.005 the forces
 of glued shears at level quick differ from finer sections and from tetrahedra by up to 1.7 %, in opposite
 directions."""
-SAME_RADIUS = 1e-9
-"""Difference of radii over D below which two points of the skin count as one in the fit of the contact radius."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,7 +332,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         if (first, last) == range_before:
             break  # the same points have the same fit
         near, opened, range_before = outside[first:last], opening[first:last], (first, last)
-        if np.count_nonzero(np.diff(near) > SAME_RADIUS) < 3:
+        if np.count_nonzero(np.diff(near) > SAME_PLACE) < 3:
             return hertz_radius(surface, u, plate)
         x = near / radius - 1
         powers = np.array([x * x, x, np.ones_like(x)])
@@ -369,7 +368,7 @@ def equal_area_radius(surface: Surface, u: Array, plate: Plate) -> float:
     from scipy.spatial import ConvexHull, QhullError
 
     x = positions_along_plate(surface, u, plate)[overlap(surface, u, plate) > 0]
-    if surface.points[..., 1].min() > -1e-9:
+    if surface.points[..., 1].min() > -SAME_PLACE:
         x = np.concatenate([x, x * [1, -1]])
     try:
         return float(np.sqrt(ConvexHull(x).volume / np.pi)) if len(x) > 2 else 0.0

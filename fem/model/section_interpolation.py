@@ -11,15 +11,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fem.model import angular_fields, elements
-from fem.model.elements import Elements
+from fem.model.elements import SAME_PLACE, Elements
 from fem.model.nonlinear_system import System
 from geometry.arrays import Array, Ints
 
 NEAREST, CORRECTIONS = 12, 3
 """Triangles, those with the nearest centres, among which that of a point is sought; and Newton steps for its local
 coordinates, whose error is far below that of the guess after them."""
-STRAIGHT = 1e-9
-"""Largest distance of middle nodes from the middles of the sides of a straight triangle, over its size."""
 
 
 def interpolate_section(section: System, other: System, q: Array) -> Array:
@@ -55,7 +53,7 @@ def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:
     cells, local = near[each, best], np.stack([x[each, best], y[each, best]], axis=1)
     # side k of a straight triangle joins its corners k and k + 1, and has its middle node halfway
     halfway = (corners + corners[:, [1, 2, 0]]) / 2
-    bent = np.abs(e.nodes[e.cells[:, 3:]] - halfway).max(axis=(1, 2)) > STRAIGHT * np.sqrt(np.abs(area))
+    bent = np.abs(e.nodes[e.cells[:, 3:]] - halfway).max(axis=(1, 2)) > SAME_PLACE * np.sqrt(np.abs(area))
     moved = np.flatnonzero(bent[cells])
     nodes = e.nodes[e.cells[cells[moved]]]
     for _ in range(CORRECTIONS):

@@ -16,8 +16,8 @@ import numpy as np
 
 from fem.model import angular_fields, elements, rigid_inclusion
 from fem.model.angular_fields import Angles
-from fem.model.elements import Surface
-from fem.model.nonlinear_system import NONE, ON_AXIS, State, System
+from fem.model.elements import SAME_PLACE, Surface
+from fem.model.nonlinear_system import NONE, State, System
 from fem.model.symmetry_models import Discretisation
 from geometry.arrays import Array
 
@@ -27,7 +27,7 @@ def build(low: Discretisation, order: int) -> Discretisation:
     base, angles = low.system, angular_fields.order_fields(order)
     e = replace(base.elements, angles=angles)
     assert base.surface is not None
-    clamped, on_axis = np.all(base.fixed, axis=1), e.nodes[:, 0] < ON_AXIS
+    clamped, on_axis = np.all(base.fixed, axis=1), e.nodes[:, 0] < SAME_PLACE
     fixed = np.tile(clamped[:, None], angles.fields)
     # on the axis only w_-1 can differ from zero, a sideways displacement
     fixed[on_axis] = True

@@ -36,9 +36,9 @@ NEAR = 0.9
 """Depth over the estimated critical depth beyond which a press is reported as close to it."""
 FLAT = 0.5
 """Least volume ratio J at the integration points below which the elements are searched for inverted silicone."""
-FOLD_GRID, OFF_CORNER, FOLD_BATCH = 6, 1e-6, 256
+FOLD_GRID, OFF_CORNER = 6, 1e-6
 """Search for inverted silicone. FOLD_GRID: grid steps along the side of a triangle (half as many for a tetrahedron).
-OFF_CORNER: relative distance of the grid from the corners. FOLD_BATCH: elements per batch."""
+OFF_CORNER: relative distance of the grid from the corners."""
 FOLDED = 1e-6
 """Share of inverted silicone above which the message mentions it; smaller shares are single corners."""
 
@@ -135,8 +135,8 @@ def inverted_share(d: Discretisation, u: Array) -> float:
     points = 1 / (dim + 1) + (1 - OFF_CORNER) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
     e = elements.build(d.mesh, axisymmetric=d.revolved, angles=d.elements.angles, points=points)
     folded = total = 0.0
-    for at in range(0, len(e.cells), FOLD_BATCH):
-        part = slice(at, at + FOLD_BATCH)
+    for at in range(0, len(e.cells), silicone_limits.BATCH):
+        part = slice(at, at + silicone_limits.BATCH)
         G = elements.gradient(e, part, u)
         J, volumes = 1 + strains(G.reshape(9, -1))[0], elements.volumes(e, part).ravel()
         folded, total = folded + float(volumes[J <= 0].sum()), total + float(volumes.sum())

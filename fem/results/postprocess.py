@@ -19,8 +19,6 @@ from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.loads import Load, Response
 
-ORDER_FIELDS = 5
-"""Number of fields of a model of one order."""
 DIFFERENCE = 1e-6
 """Motion over D of the central difference for the pose of a beam without magnet: its square and the rounding of the
 pose over it are both far below a mesh's error."""
@@ -155,7 +153,7 @@ def _point_pose(state: PathState, q: Array) -> Array:
     d, u = state.d, state.d.system.state(q).u
     if d.model == "axisymmetric":
         return np.array([0.0, d.centre(u)[0][2], 0.0])
-    if d.elements.angles.fields == ORDER_FIELDS:
+    if d.elements.angles.of_one_order:
         fields = replace(d.elements, angles=angular_fields.fourier_fields(1))
         shift, tilt = recover_pose(build_recovery(fields, d.shape.H, mirrored=True), single_order.raise_fields(u))
     else:

@@ -26,6 +26,7 @@ from fem.model.elements import Surface
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
 from fem.solve.direct_solver import UNKNOWN, Solver, Stability
+from fem.solve.newton import UNDAMPED
 from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]
@@ -34,8 +35,6 @@ RINGS = 3
 """Facets on each side of the contact whose unknowns are kept, so that the contact can grow; one is the least."""
 MOST_SETTLING, SETTLED = 60, 1e-12
 """Most iterations of the condensed problem, and its tolerance over the forces on its unknowns."""
-UNDAMPED = 6
-"""Full steps of the condensed problem before steps that do not halve its residual are compared with shorter ones."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from typing import Literal
 import skfem
 
 from fem.accuracy import QUICK
+from fem.model.elements import SAME_PLACE
 from fem.model.symmetry_models import MeshSpecification, specification
 from fem.scene import MOST_HARMONICS, Scene
 from fem.solve.load_stepping import PathModels
@@ -25,9 +26,6 @@ from fem.solve.path_state import FIRST_TOUCH, PathState
 from fem.solve.press import find_press
 from geometry.loads import Load
 
-TIP = 1.0
-"""Edge length at the tip over the section's edge length times a / D, where a is the radius at which the plate would
-cut the tip. At 1 the contact radius has as many elements as the diameter D."""
 RIM_SHARE = 0.25
 """Edge length where an area glued to a tilted plate ends, over the distance of its centre from the axis or over its
 radius, whichever is less: the radius at which it ends changes around the axis by twice that distance."""
@@ -41,11 +39,9 @@ OFF_AXIS = 3.0
 """Additional harmonics over sin t sqrt(R / d), see `orders_needed`. At standard the force of a press on the paper's
 sensor then differs from its limit by 0.05 % under 8 degrees at a tenth of D (4 orders), 0.3 % under 20 degrees (6)
 and 0.6 % under 40 degrees (8), and at D/40 by 0.1 % under 8 degrees (6) and under 20 degrees (8)."""
-SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
+SHALLOW, SPAN = 0.025, 1.25
 """SHALLOW: depth over D beyond which all presses share one mesh, graded to this depth (0.2 mm for the paper's
-sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are graded to their lower bounds. SAME_DEPTH:
-relative difference from a bound up to which a depth is on the bound; depths over D of similar designs differ by
-rounding."""
+sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are graded to their lower bounds."""
 
 
 def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
@@ -142,7 +138,8 @@ def _section(scene: Scene, size: float) -> MeshSpecification:
     """Return a section whose tip is fine enough for the lightest touch of the path."""
     D = scene.design.D
     depths = [graded_depth(load.depth / D) for load in scene.loads if load.depth > FIRST_TOUCH * D]
-    tip = TIP * math.sqrt(scene.shape.R * min(depths, default=1.0))
+    # the radius at which the plate would cut the tip has as many elements as the diameter D
+    tip = math.sqrt(scene.shape.R * min(depths, default=1.0))
     return specification(scene, size, min(tip, 1.0) * size)
 
 
@@ -259,5 +256,6 @@ def graded_depth(depth: float) -> float:
     """
     if depth >= SHALLOW:
         return SHALLOW
+    # depths over D of similar designs differ by rounding: on a bound they have one mesh
     below = math.log(SHALLOW / depth) / math.log(SPAN)
-    return SHALLOW / SPAN ** math.ceil(below - SAME_DEPTH)
+    return SHALLOW / SPAN ** math.ceil(below - SAME_PLACE)

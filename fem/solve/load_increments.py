@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact
+from fem.model.elements import SAME_PLACE
 from fem.model.plate_contact import Plate
 from fem.solve.active_set import KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
@@ -26,9 +27,9 @@ from fem.solve.newton import TOLERANCE, Equilibrium, Stop, iterate, newton
 from fem.solve.path_state import PastState, PathState
 from geometry.arrays import Array
 
-LONGEST, SOLID_LONGEST = 0.25, 0.125
-"""Longest increments over D without friction, on sections and in tetrahedra. Tetrahedra distort more at the edge of
-the contact, so longer increments fail there."""
+LONGEST = 0.25
+"""Longest increment over D without friction, on sections. Tetrahedra distort more at the edge of the contact: theirs
+are half as long."""
 FRICTION_PRESS, FRICTION_SHEAR, FRICTION_PRESS_SHARE = 0.02, 0.08, 0.2
 """Longest increments over D with Coulomb friction, whose result depends on the path: the error is of second order in
 the increment. Those of a press are also at most the share FRICTION_PRESS_SHARE of its depth."""
@@ -57,9 +58,6 @@ or of the magnet J stays above 0.35."""
 ONSET_HALVINGS = 3
 """Halvings of the increment in which the first unstable direction appeared: LONGEST_DOUBTFUL / 8 is 1 % of a depth of
 D / 8; `fem.analyses.stability` computes a critical depth more accurately."""
-
-ON_LINE = 1e-9
-"""Distance from a line, over D, up to which a position is on it: far above rounding, far below increments."""
 
 _watch: ContextVar[Callable[[float], None] | None] = ContextVar("watch", default=None)
 
@@ -179,7 +177,7 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
     expected = extrapolate_contact(state, position)
     answer = find_equilibrium(solver, state, guess, plate, expected, tolerance)
     # an increment that is the first to be unstable or crushed may have jumped to another branch
-    crushed = least_J(answer) < CRUSHED <= state.least_J
+    crushed = answer.state.least_J < CRUSHED <= state.least_J
     first = answer.stability.is_unstable and not state.stability.is_unstable
     doubtful = (first or crushed) and not sure
     turned = answer.converged and turns_over(state, position, answer.state.u)
@@ -204,7 +202,7 @@ def drop_past_at_corner(state: PathState, position: Array) -> PathState:
     for before in state.past:
         back = _coordinate(state, before.position, position)
         off_line = back * ahead / length - (before.position - state.position)
-        if not (back < 0 and np.abs(off_line).max() < ON_LINE):
+        if not (back < 0 and np.abs(off_line).max() < SAME_PLACE):
             return replace(state, past=())
     return state
 
@@ -301,7 +299,7 @@ def path_at(state: PathState, answer: Equilibrium, position: Array, plate: Plate
         position=position,
         q=answer.state.q,
         energy=answer.assembly.energy,
-        least_J=least_J(answer),
+        least_J=answer.state.least_J,
         stability=answer.stability,
         friction=friction,
         dissipated=dissipated,
@@ -312,11 +310,6 @@ def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate
     """Return the path's state at a position (3,), with the state before for extrapolation."""
     past = (*state.past[-1:], PastState(state.position, state.q, state.overlap))
     return replace(path_at(state, answer, position, plate), past=past)
-
-
-def least_J(answer: Equilibrium) -> float:
-    """Return the least volume ratio J at the integration points."""
-    return answer.state.least_J
 
 
 def _set_direction(state: PathState, direction: Array) -> PathState:
@@ -334,7 +327,7 @@ def _set_direction(state: PathState, direction: Array) -> PathState:
 def longest_increment(state: PathState, depth: float, friction_step_factor: float) -> float:
     """Return the longest increment over D of a segment that goes down to a depth."""
     if state.friction is None:
-        return LONGEST if state.d.revolved else SOLID_LONGEST
+        return LONGEST if state.d.revolved else LONGEST / 2
     press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * depth)
     return friction_step_factor * (press if state.direction[0] else FRICTION_SHEAR)
 
@@ -350,7 +343,7 @@ def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
     """Solve an intermediate state to the full tolerance; return it and Newton's iterations."""
     answer = find_equilibrium(solver, state, state.q, state.plate)
     if answer.converged:
-        state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=least_J(answer))
+        state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=answer.state.least_J)
     return state, answer.iterations
 
 

@@ -25,18 +25,17 @@ from fem.model import plate_contact
 from fem.model.section_interpolation import interpolate_section
 from fem.model.symmetry_models import Discretisation, MeshSpecification
 from fem.solve.direct_solver import Solver
-from fem.solve.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Segment, follow_segment, least_J, turns_over
+from fem.solve.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Segment, follow_segment, path_at, turns_over
 from fem.solve.newton import TOLERANCE, newton
 from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
-MOST_ITERATIONS, MOST_SOLID_ITERATIONS = 12, 16
-"""Most iterations for the correction, on sections and of tetrahedra; more would cost as much as the increments that
-are to be saved."""
-CLOSE, SOLID_CLOSE = 0.004, 0.016
-"""Gaps, on sections and in tetrahedra, up to which a point of the skin is expected to be in contact, over the depth
-or the shear, whichever is less: the prediction leaves small gaps where the tip rolls onto the plate, and each point
-that is wrong has to switch. With larger gaps on sections more points switch."""
+MOST_ITERATIONS = 16
+"""Most iterations for the correction; more would cost as much as the increments that are to be saved."""
+CLOSE = 0.004
+"""Gap, on sections, up to which a point of the skin is expected to be in contact, over the depth or the shear,
+whichever is less; four times that in tetrahedra. The prediction leaves small gaps where the tip rolls onto the plate,
+and each point that is wrong has to switch. With larger gaps on sections more points switch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,17 +215,16 @@ def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Arra
 def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolerance: float = TOLERANCE) -> Segment:
     """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
     plate, system = state.plate_at(goal), state.d.system
-    gap, most = (SOLID_CLOSE, MOST_SOLID_ITERATIONS) if system.elements.dim == 3 else (CLOSE, MOST_ITERATIONS)
-    close = gap * min(float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0]))
+    close = (CLOSE if state.d.revolved else 4 * CLOSE) * min(
+        float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0])
+    )
     pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > -close
     # as in increments, a dead load selects the branch
     confirm = bool(system.dead.any())
-    answer = newton(system, solver, guess, plate, pressed, most=most, tolerance=tolerance, confirm=confirm)
-    least = least_J(answer)
-    sound = answer.stability == state.stability and (least < CRUSHED) == (state.least_J < CRUSHED)
+    answer = newton(system, solver, guess, plate, pressed, most=MOST_ITERATIONS, tolerance=tolerance, confirm=confirm)
+    crushed = answer.state.least_J < CRUSHED
+    sound = answer.stability == state.stability and crushed == (state.least_J < CRUSHED)
     if not answer.converged or not sound or turns_over(state, goal, answer.state.u):
         return Segment(state, answer.reason or "no_convergence", answer.iterations)
-    q, energy = answer.state.q, answer.assembly.energy
     # intermediate states are unknown, so the next guess cannot be extrapolated
-    state = replace(state, position=goal, q=q, energy=energy, least_J=least, stability=answer.stability, past=())
-    return Segment(state, "", answer.iterations)
+    return Segment(replace(path_at(state, answer, goal, plate), past=()), "", answer.iterations)

@@ -38,10 +38,6 @@ MOST_ROUNDS = 40
 """Most rounds, each with one factorisation; a sensor under a plate needs some ten."""
 STALLED_ROUNDS = 3
 """Rounds without a smaller error after which it is one of rounding."""
-DEPENDENT = 1e-9
-"""Length of a vector's displacements beyond those of the basis, over the length of the vector with its pressures,
-below which it adds only rounding errors."""
-
 SAMPLED = 300
 """Number of displacements, spread over all, from which the error's norm is computed: all would take as much time as
 the solutions."""
@@ -218,7 +214,8 @@ def _independent(vectors: Array, V: Array, moving: int) -> Array:
         vectors = vectors - V @ (V[:moving].T @ vectors[:moving])
     for _ in range(2):
         factor, order = scipy.linalg.qr(vectors[:moving], mode="r", pivoting=True, check_finite=False)
-        count = np.count_nonzero(np.abs(np.diag(factor)) > DEPENDENT)
+        # shorter ones add only rounding errors
+        count = np.count_nonzero(np.abs(np.diag(factor)) > TOLERANCE)
         vectors = scipy.linalg.solve_triangular(factor[:count, :count], vectors[:, order[:count]].T, trans="T").T
         vectors = vectors - V @ (V[:moving].T @ vectors[:moving])
     return np.asarray(vectors)
