@@ -130,7 +130,7 @@ def test_small_steps_end_in_the_equilibria_of_new_tangents(harmonics):
     kept_masks = []
     for depth in DEPTHS:
         held = plate_at(depth)
-        near = newton(system, kept.solver, q, held, touching(system, q, held), kept=kept)
+        near = newton(system, kept.solver, q, held, touching(system, q, held), tangent=kept)
         exact = newton(system, Solver(), q, held, touching(system, q, held))
         assert near.converged
         np.testing.assert_allclose(near.state.q, exact.state.q, atol=1e-8 * np.abs(exact.state.q).max())
@@ -146,7 +146,7 @@ def test_an_unstable_tangent_is_not_kept():
     """A tangent is kept for long only where it is known to have no unstable direction."""
     system, kept = sensor(), KeptTangent(Solver())
     q, held = np.zeros(system.size), plate_at(0.05)
-    answer = newton(system, kept.solver, q, held, touching(system, q, held), kept=kept)
+    answer = newton(system, kept.solver, q, held, touching(system, q, held), tangent=kept)
     contact = active_set.ActiveSet(system, kept, held, None, keeps_long=True)
     assert contact.knows(answer.state)
     kept.stability = UNKNOWN

@@ -200,13 +200,13 @@ def begin_motion(state: ViscousState, direction: Array) -> ViscousState:
 
 
 def advance(
-    kept: KeptTangent, state: ViscousState, position: Array, dt: float, stiffness: float
+    tangent: KeptTangent, state: ViscousState, position: Array, dt: float, stiffness: float
 ) -> ViscousState | Stop:
     """Return the state at a position (3,) after a time dt, s, or why there is none.
 
     Parameters
     ----------
-    kept : tangent of an earlier step.
+    tangent : tangent of an earlier step.
     stiffness : of the plate's springs, over E / D.
     """
     path = state.path
@@ -220,7 +220,7 @@ def advance(
         if path.friction is not None:
             moved = plate_contact.displacements_along_plate(path.skin, system.state(guess).u, plate)
             plate = replace(plate, friction=coulomb_friction.expect_motion(path.friction, moved))
-        answer = _solve(kept, stepped, guess, plate, pressed, near=bool(state.past))
+        answer = _solve(tangent, stepped, guess, plate, pressed, near=bool(state.past))
         iterations += answer.iterations
         if answer.converged:
             break
@@ -241,15 +241,21 @@ def with_error_of_first(before: ViscousState, first: ViscousState, second: Visco
 
 
 def _solve(
-    kept: KeptTangent, path: PathState, guess: Array, plate: Plate, pressed: NDArray[np.bool_] | None, *, near: bool
+    tangent: KeptTangent,
+    path: PathState,
+    guess: Array,
+    plate: Plate,
+    pressed: NDArray[np.bool_] | None,
+    *,
+    near: bool,
 ) -> Equilibrium:
     """Return the equilibrium of a step; `near`: the step before, of the same motion, had nearly its tangent."""
     # under a grip nothing touches, and friction keeps a stiffness of its own
     keeps = pressed is not None and plate.friction is None and path.stability.is_stable
     if not (near and keeps):
-        kept.drop()
+        tangent.drop()
     near = near and (keeps or plate.friction is not None)
-    return find_equilibrium(kept.solver, path, guess, plate, pressed, kept=kept if near else None)
+    return find_equilibrium(tangent.solver, path, guess, plate, pressed, tangent=tangent if near else None)
 
 
 def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:

@@ -330,7 +330,7 @@ class TimedPath:
         pressed = tuple(load for load in scene.loads if load.depth == deepest)
         sheared = (load if load.bonds_contact else replace(load, depth=deepest) for load in scene.loads)
         models = path_models(replace(scene, loads=(*pressed, *(load for load in sheared if load.shears_tip))))
-        self.scene, self.control, self.kept = scene, control, KeptTangent(Solver())
+        self.scene, self.control, self.tangent = scene, control, KeptTangent(Solver())
         # it supplies the models and takes no increments
         self._path = Path(
             replace(models, predictor=None, rough=None),
@@ -358,9 +358,9 @@ class TimedPath:
     def begin_shear(self) -> None:
         """Change to the model of a shear and glue the contact where required."""
         after = self._path.begin_shear(self.state.path)
-        self.kept.drop()
+        self.tangent.drop()
         if after.d is not self.state.path.d:
-            self.kept = KeptTangent(Solver())
+            self.tangent = KeptTangent(Solver())
         self.state = time_steps.raised(self.state, after)
 
     def margin(self, state: PathState) -> StabilityMargin:
@@ -428,7 +428,7 @@ def _tried(path: TimedPath, segment: Segment, dt: float, count: int) -> list[Vis
         state = states[-1] if states else path.state
         left = segment.end - state.time - dt
         target = segment.goal - left * segment.velocity if left > dt * 1e-9 else segment.goal
-        tried = time_steps.advance(path.kept, state, target, dt, path.stiffness)
+        tried = time_steps.advance(path.tangent, state, target, dt, path.stiffness)
         if isinstance(tried, str):
             return tried
         path.iterations += tried.iterations
@@ -460,7 +460,7 @@ def _jump(path: TimedPath, segment: Segment) -> Iterator[Stop]:
         load_increments.report(0.0)
         ahead = 1.0 if 1 - place <= 1.001 * step else place + step
         target = segment.start + ahead * (segment.goal - segment.start) if ahead < 1 else segment.goal
-        tried = time_steps.advance(path.kept, path.state, target, 0.0, path.stiffness)
+        tried = time_steps.advance(path.tangent, path.state, target, 0.0, path.stiffness)
         if isinstance(tried, str):
             step = (ahead - place) / 2
             if step < SHORTEST_SHARE:

@@ -102,8 +102,8 @@ class Angles:
             pairs = np.indices(number.shape)[:, f, g].reshape(2, -1)
             first, second = pairs[:, pairs[0] <= pairs[1]]
             at = slice(count, count + len(first))
-            V, other = self.V[:, i][..., first], self.V[:, k][..., second]
-            products = np.ascontiguousarray(np.einsum("tiJs,tkLs->JLikts", V, other)).reshape(9, -1, len(first))
+            V_f, V_g = self.V[:, i][..., first], self.V[:, k][..., second]
+            products = np.ascontiguousarray(np.einsum("tiJs,tkLs->JLikts", V_f, V_g)).reshape(9, -1, len(first))
             groups.append((i, k, at, products))
             number[first, second] = number[second, first] = np.arange(at.start, at.stop)
             count = at.stop
@@ -190,5 +190,4 @@ def torsion_fields() -> Angles:
 def cartesian_fields(dim: int) -> Angles:
     """Return the fields of a solid, or of plane strain in x and z."""
     E = np.eye(3)[None] if dim == 3 else np.eye(3)[None, :, [0, 2]]
-    one = np.ones(1)
-    return Angles(np.zeros(1), one, 0, E, np.repeat(E[:, :, None, :], 3, axis=2), one[:, None])
+    return Angles(np.zeros(1), np.ones(1), 0, E, np.repeat(E[:, :, None, :], 3, axis=2), np.ones((1, 1)))

@@ -159,8 +159,8 @@ class ElementAssembly:
             e = self._elements
             g = (self._slopes @ u.take(e.cells, axis=0)).reshape(len(e.cells), -1, 3, u.shape[1])
             for batch in self._batches:
-                (t, n), own = batch.w.shape, g[batch.part]
-                G = np.swapaxes(self._V, 1, 2) @ own.transpose(2, 3, 0, 1).reshape(3, -1, n)
+                (t, n), slopes = batch.w.shape, g[batch.part]
+                G = np.swapaxes(self._V, 1, 2) @ slopes.transpose(2, 3, 0, 1).reshape(3, -1, n)
                 batch.G.reshape(3, 3, t, n)[:] = np.swapaxes(G.reshape(3, 3, t, n), 0, 1)
                 kinematics(batch.G.reshape(9, -1), batch.Jm1.ravel(), batch.Hm1.reshape(9, -1))
             self._strained = u
@@ -231,10 +231,10 @@ class ElementAssembly:
         near = cells[batch.near]
         (count, a), (f, r) = near.shape, T.shape[1:]
         slopes, at_magnet = T[near].reshape(count, a * f, r), (np.zeros((count, 1), dtype=np.int64), motion)
-        own = K[-count:, where.reshape(a * f, a * f)] @ slopes
+        by_motion = K[-count:, where.reshape(a * f, a * f)] @ slopes
         offset = self._pattern.offsets[MAGNET][batch.beside]
-        self._add(own.reshape(count, -1), _order(a, f, 1, r), offset, (near, number), at_magnet, data)
-        self.add_motion(slopes.reshape(-1, r).T @ own.reshape(-1, r), data)
+        self._add(by_motion.reshape(count, -1), _order(a, f, 1, r), offset, (near, number), at_magnet, data)
+        self.add_motion(slopes.reshape(-1, r).T @ by_motion.reshape(-1, r), data)
 
     def _add_coupling(self, batch: _Batch, T: Array, data: Array) -> None:
         """Add the coupling of displacements and motion with the pressures, of a batch."""
@@ -250,8 +250,8 @@ class ElementAssembly:
         self._add(B.reshape(m, -1), where, offsets[PRESSURES][batch.part], (cells[batch.part], number), columns, data)
         count = batch.near.stop - batch.near.start
         if count:
-            slopes, own = T[cells[batch.near]].reshape(count, a * f, -1), B[-count:].reshape(count, c, a * f, n)
-            along = np.swapaxes(np.swapaxes(slopes, 1, 2)[:, None] @ own, 1, 2)
+            slopes, near = T[cells[batch.near]].reshape(count, a * f, -1), B[-count:].reshape(count, c, a * f, n)
+            along = np.swapaxes(np.swapaxes(slopes, 1, 2)[:, None] @ near, 1, 2)
             at_magnet, columns = (
                 (np.zeros((count, 1), dtype=np.int64), motion),
                 (corners[batch.near], pressure_number),
@@ -279,8 +279,8 @@ class ElementAssembly:
         data, (f, a) = np.zeros(self._pattern.entries), matrices.shape[1:3]
         where = _order(f, a, f, a).transpose(1, 0, 3, 2)
         for batch in self._batches:
-            own = np.ascontiguousarray(matrices[batch.part]).reshape(-1, where.size)
-            self._scatter_stiffness(batch, own, where, T, data)
+            values = np.ascontiguousarray(matrices[batch.part]).reshape(-1, where.size)
+            self._scatter_stiffness(batch, values, where, T, data)
         return data
 
     def assemble_relaxing(self, u: Array, T: Array) -> Array:
@@ -362,7 +362,7 @@ def add_blocks(values, where, rows, row_number, columns, column_number, offset, 
     offset, places : (m, a, b) starts of the pairs of nodes; and diagonal and inside, see `sparse_pattern`.
     """
     diagonal, inside = places
-    a, fields, b, others = where.shape
+    a, fields, b, column_fields = where.shape
     for cell in range(len(rows)):
         entries = values[cell]
         for first in range(a):
@@ -374,7 +374,7 @@ def add_blocks(values, where, rows, row_number, columns, column_number, offset, 
                     if i < 0:
                         continue
                     start = diagonal[i] + offset[cell, first, second]
-                    for g in range(others):
+                    for g in range(column_fields):
                         k = column_number[column, g]
                         if k >= i:
                             data[start + inside[k]] += entries[where[first, f, second, g]]

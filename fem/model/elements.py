@@ -107,7 +107,7 @@ class Surface:
         return np.asarray(np.hypot(self.radii, self.points[..., 2] - self.points[..., 2].max()) < 1.4 * self.reach)
 
     @functools.cached_property
-    def whole(self) -> tuple[bool, bool]:
+    def two_sided(self) -> tuple[bool, bool]:
         """Whether the skin lies on both sides of the planes x = 0 and y = 0."""
         return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -SAME_PLACE)
 
@@ -139,8 +139,8 @@ class Surface:
         """Return the products of a facet's displacements along two directions (3,), shape (q, fields f fields f)."""
         f, q = self.nodes.shape[1], len(self.shape)
         along = np.swapaxes(self.spread.reshape(f, -1, 3 * q), 0, 1).reshape(-1, q, 3)
-        one, other = (along @ first).T, (along @ second).T
-        return np.asarray((one[:, :, None] * other[:, None, :]).reshape(q, -1))
+        rows, columns = (along @ first).T, (along @ second).T
+        return np.asarray((rows[:, :, None] * columns[:, None, :]).reshape(q, -1))
 
     def forces(self, traction: Array) -> Array:
         """Return the nodal forces (k, f, fields) of tractions (k, q, 3)."""
@@ -256,10 +256,10 @@ def _check_unfolded(mesh: skfem.Mesh, determinant: Array) -> None:
     first = mesh.p[:, facets[0]]
     opposite = mesh.t.astype(np.int64)[:, pairs].sum(axis=0) - facets.sum(axis=0)
     along = [mesh.p[:, corner] - first for corner in facets[1:]]
-    one, other = (
+    left, right = (
         np.linalg.det(np.stack([*along, mesh.p[:, corner] - first]).transpose(2, 0, 1)) for corner in opposite
     )
-    overlapping = int(np.count_nonzero(~(one * other < 0)))
+    overlapping = int(np.count_nonzero(~(left * right < 0)))
     if folded or overlapping:
         raise MeshError(
             f"the mesh has {folded} folded elements, and {overlapping} pairs of neighbours that overlap: repair it"
@@ -280,10 +280,10 @@ def surface(
     facets = np.asarray(mesh.boundaries[name])
     cell = np.asarray(mesh.f2t)[0, facets]
     corners = np.asarray(mesh.facets)[:, facets].T
-    own = elements.cells[cell]
+    cell_nodes = elements.cells[cell]
     # the one corner of the cell that is not among those of the facet
-    opposite = np.argmin((own[:, : dim + 1, None] == corners[:, None, :]).any(axis=2), axis=1)
-    nodes = np.take_along_axis(own, _FACET_NODES[dim][opposite], axis=1)
+    opposite = np.argmin((cell_nodes[:, : dim + 1, None] == corners[:, None, :]).any(axis=2), axis=1)
+    nodes = np.take_along_axis(cell_nodes, _FACET_NODES[dim][opposite], axis=1)
     w, shape, slopes = _facet_functions(dim, order)
     X = elements.nodes[nodes]
     tangents = np.swapaxes(slopes @ X[:, None], 2, 3)

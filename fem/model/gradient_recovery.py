@@ -67,17 +67,17 @@ def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
     else:
         nodes, points, turned = np.arange(len(e.nodes)), e.nodes, np.broadcast_to(np.eye(3), (len(e.nodes), 3, 3))
     if mirrored if e.dim == 3 else not e.angles.sines:
-        other = points[:, 1] > SAME_PLACE
+        imaged = points[:, 1] > SAME_PLACE
         mirror = np.array([1.0, -1.0, 1.0])
-        points = np.concatenate([points, points[other] * mirror])
-        turned = np.concatenate([turned, turned[other] * mirror[:, None]])
-        nodes = np.concatenate([nodes, nodes[other]])
+        points = np.concatenate([points, points[imaged] * mirror])
+        turned = np.concatenate([turned, turned[imaged] * mirror[:, None]])
+        nodes = np.concatenate([nodes, nodes[imaged]])
     near, weights = fit(points - [0, 0, height], PATCH * mean_edge_length(e, height))
     # the images of a node have its fields: their weights are added
-    own, image = np.unique(nodes[near], return_inverse=True)
-    shares = np.zeros((len(own), *turned.shape[1:], len(weights)))
+    involved, image = np.unique(nodes[near], return_inverse=True)
+    shares = np.zeros((len(involved), *turned.shape[1:], len(weights)))
     np.add.at(shares, image, turned[near][..., None] * weights.T[:, None, None])
-    return Recovery(own, np.ascontiguousarray(shares.transpose(3, 1, 0, 2)))
+    return Recovery(involved, np.ascontiguousarray(shares.transpose(3, 1, 0, 2)))
 
 
 def fit(points: Array, radius: float) -> tuple[Ints, Array]:

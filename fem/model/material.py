@@ -177,9 +177,9 @@ def _add_unit(T):
     """Return 1 + T."""
     out = np.empty_like(T)
     for e in range(9):
-        one, row, a = 1.0 if e % 4 == 0 else 0.0, out[e], T[e]
+        unit, row, a = 1.0 if e % 4 == 0 else 0.0, out[e], T[e]
         for x in range(len(row)):
-            row[x] = a[x] + one
+            row[x] = a[x] + unit
     return out
 
 
@@ -367,13 +367,13 @@ def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
             A[e, d, x] = 0.0
     total = (s[0] + s[1] + s[2]) / 9
     for a in range(3):
-        own = math.exp(-2 * h[a])
+        inverse_square = math.exp(-2 * h[a])
         for b in range(3):
             D = total - (s[a] + s[b]) / 3 + (s[a] if a == b else 0.0)
-            A[4 * a, 4 * b, x] += mu * D * own * math.exp(-2 * h[b])
-            A[3 * a + b, 3 * a + b, x] += stress[b] * own
+            A[4 * a, 4 * b, x] += mu * D * inverse_square * math.exp(-2 * h[b])
+            A[3 * a + b, 3 * a + b, x] += stress[b] * inverse_square
             if a == b:
-                A[4 * a, 4 * a, x] -= 2 * stress[a] * own
+                A[4 * a, 4 * a, x] -= 2 * stress[a] * inverse_square
             else:
                 half = mu / 2 * (theta[a, b] - constant * _quotient(-2.0, h[a] - h[b], h[a] + h[b]))
                 A[3 * a + b, 3 * a + b, x] += half

@@ -287,11 +287,11 @@ def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> A
 
     On half a skin the centre lies in the mirror plane, on a section it lies on the axis.
     """
-    x, whole = positions_along_plate(surface, u, plate), surface.whole
-    if not any(whole):
+    x, two_sided = positions_along_plate(surface, u, plate), surface.two_sided
+    if not any(two_sided):
         return np.hypot(x[..., 0], x[..., 1])
     load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
-    centre = [float(np.sum(load * x[..., i]) / np.sum(load)) if whole[i] else 0.0 for i in range(2)]
+    centre = [float(np.sum(load * x[..., i]) / np.sum(load)) if two_sided[i] else 0.0 for i in range(2)]
     return np.hypot(x[..., 0] - centre[0], x[..., 1] - centre[1])
 
 

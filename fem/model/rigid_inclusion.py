@@ -57,16 +57,16 @@ class RigidBody:
 def solid(arms: Array, size: int) -> RigidBody:
     """Return the motion of a solid's nodes at positions (n, 3) from the magnet's centre; planar (3) or spatial
     (6)."""
-    one = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
+    shifts = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
     if size == 3:
         x, z = arms[:, 0, None], arms[:, 2, None]
         ex, ez = np.eye(3)[[0, 2]]
-        return RigidBody(np.stack([one[0], one[2], z * ex - x * ez, x * ex + z * ez]), 3)
+        return RigidBody(np.stack([shifts[0], shifts[2], z * ex - x * ez, x * ex + z * ez]), 3)
     turned = np.zeros((3, 3, len(arms), 3))
     for i in range(3):
         for J in range(3):
             turned[i, J, :, i] = arms[:, J]
-    return RigidBody(np.concatenate([one, turned.reshape(9, len(arms), 3)]), 6)
+    return RigidBody(np.concatenate([shifts, turned.reshape(9, len(arms), 3)]), 6)
 
 
 def section(arms: Array, angles: Angles) -> RigidBody:
@@ -132,13 +132,13 @@ def _rotation(angle: float, axis: int) -> tuple[Array, Array, Array]:
     """Return the rotation matrix about a coordinate axis, and its first and second derivative by the angle."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     matrices = []
-    for c, s, one in (
+    for c, s, along in (
         (np.cos(angle), np.sin(angle), 1.0),
         (-np.sin(angle), np.cos(angle), 0.0),
         (-np.cos(angle), -np.sin(angle), 0.0),
     ):
         Q = np.zeros((3, 3))
-        Q[axis, axis], Q[i, i], Q[j, j], Q[i, j], Q[j, i] = one, c, c, -s, s
+        Q[axis, axis], Q[i, i], Q[j, j], Q[i, j], Q[j, i] = along, c, c, -s, s
         matrices.append(Q)
     return matrices[0], matrices[1], matrices[2]
 

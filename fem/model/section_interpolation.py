@@ -20,11 +20,11 @@ NEAREST, CORRECTIONS = 12, 3
 coordinates, whose error is far below that of the guess after them."""
 
 
-def interpolate_section(section: System, other: System, q: Array) -> Array:
+def interpolate_section(section: System, target: System, q: Array) -> Array:
     """Return the unknowns of another section with the same fields, or of tetrahedra of the half y >= 0, for those of
     a section."""
-    state, e, places = section.state(q), section.elements, other.elements.nodes
-    solid = other.elements.dim == 3
+    state, e, places = section.state(q), section.elements, target.elements.nodes
+    solid = target.elements.dim == 3
     if solid:
         x, y, z = places.T
         places = np.stack([np.hypot(x, y), z], axis=1)
@@ -35,7 +35,7 @@ def interpolate_section(section: System, other: System, q: Array) -> Array:
         series = angular_fields.fields_at(np.arctan2(y, x), e.angles.harmonics, sines=e.angles.sines)
         u = np.einsum("ijn,njf,nf->ni", angular_fields.rotations(series.theta), series.E, u, optimize=True)
         p = np.sum(series.C * p, axis=1, keepdims=True)
-    return other.unknowns(u, p[other.corner_nodes], section.motion(q))
+    return target.unknowns(u, p[target.corner_nodes], section.motion(q))
 
 
 def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:

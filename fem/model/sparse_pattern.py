@@ -161,10 +161,10 @@ class Pattern:
         upper = copy.copy(self._empty)
         # entries are numbered from 1, because a sparse sum may drop zeros
         upper.data = np.arange(1, upper.nnz + 1)
-        whole = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
-        whole.sort_indices()
-        rows = np.repeat(np.arange(self.size), np.diff(whole.indptr))
-        return whole.data.astype(np.int64) - 1, rows > whole.indices, whole.indices, whole.indptr
+        full = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
+        full.sort_indices()
+        rows = np.repeat(np.arange(self.size), np.diff(full.indptr))
+        return full.data.astype(np.int64) - 1, rows > full.indices, full.indices, full.indptr
 
 
 def _pair_keys(a: Ints, b: Ints, count: int) -> Ints:

@@ -196,10 +196,10 @@ def raise_harmonics(low: System, high: System, q: Array) -> Array:
     p = np.zeros((len(state.p), len(to_p)))
     p[:, [to_p.index(name) for name in from_p]] = state.p
     motion = np.zeros(high.n_rigid)
-    own = {1: (2,), 3: (0, 2, 3), 6: (0, 1, 2, 3, 4, 5)}
+    components = {1: (2,), 3: (0, 2, 3), 6: (0, 1, 2, 3, 4, 5)}
     if high.n_rigid:
-        places = {place: i for i, place in enumerate(own[high.n_rigid])}
-        motion[[places[place] for place in own[low.n_rigid]]] = low.motion(q)
+        places = {place: i for i, place in enumerate(components[high.n_rigid])}
+        motion[[places[place] for place in components[low.n_rigid]]] = low.motion(q)
     return high.unknowns(u, p, motion)
 
 

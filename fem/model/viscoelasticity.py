@@ -201,12 +201,12 @@ class Overstress:
         """Return the overstress of some elements, with points (t m q,)."""
 
         def pick(values: Array) -> Array:
-            own = values[..., elements, :]
-            return own.reshape(*own.shape[:-3], -1)
+            chosen = values[..., elements, :]
+            return chosen.reshape(*chosen.shape[:-3], -1)
 
         H = None if self.H is None else pick(self.H)
         return Overstress(
-            self.factor, H, tuple(ViscousBranch(pick(one.A), pick(one.b), one.share) for one in self.branches)
+            self.factor, H, tuple(ViscousBranch(pick(part.A), pick(part.b), part.share) for part in self.branches)
         )
 
     def energy(self, C: Array, J: Array, mu: Array) -> Array:
@@ -221,8 +221,8 @@ class Overstress:
         if self.H is not None:
             unit = np.array([1.0, 1, 1, 0, 0, 0]).reshape(6, *(1,) * J.ndim)
             W = W + contract(self.H, C - unit) / 2
-        for one in self.branches:
-            W = W + branch_stress(one.A, one.b, C, J, one.share * mu)[0]
+        for branch in self.branches:
+            W = W + branch_stress(branch.A, branch.b, C, J, branch.share * mu)[0]
         return W
 
 
@@ -238,8 +238,8 @@ def add_overstress(
     """
     if viscous.H is not None:
         add_dead_stress(G, viscous.H, w, W, P, A)
-    for one in viscous.branches:
-        add_branch(G, Jm1, one.A, one.b, one.share * mu, w, W, P, A)
+    for branch in viscous.branches:
+        add_branch(G, Jm1, branch.A, branch.b, branch.share * mu, w, W, P, A)
 
 
 @compiled
@@ -248,19 +248,19 @@ def add_dead_stress(G, H, w, W, P, A):
     n = len(w)
     weighted = np.empty((6, n))
     for a in range(6):
-        row, own = weighted[a], H[a]
+        row, stress = weighted[a], H[a]
         for x in range(n):
-            row[x] = w[x] * own[x]
+            row[x] = w[x] * stress[x]
     for i in range(3):
         for J in range(3):
-            row, own = P[3 * i + J], weighted[PLACES[i, J]]
+            row, dead = P[3 * i + J], weighted[PLACES[i, J]]
             a, b, c = G[3 * i], G[3 * i + 1], G[3 * i + 2]
             first, second, third = weighted[PLACES[0, J]], weighted[PLACES[1, J]], weighted[PLACES[2, J]]
             slope = G[3 * i + J]
             for x in range(n):
                 force = a[x] * first[x] + b[x] * second[x] + c[x] * third[x]
-                row[x] += own[x] + force
-                W[x] += slope[x] * (own[x] + force / 2)
+                row[x] += dead[x] + force
+                W[x] += slope[x] * (dead[x] + force / 2)
             if A.shape[2]:
                 for L in range(3):
                     out, stress = A[3 * i + J, 3 * i + L], weighted[PLACES[J, L]]
@@ -422,29 +422,29 @@ class LinearHistory:
 
     def overstress(self, dt: float) -> Overstress:
         """Return what a step of length dt, s, adds."""
-        own = self.branches
-        e, w = decay(dt / own.times)
-        risen = float(own.moduli @ w)
-        return Overstress(own.long_term + risen, np.tensordot(e, self.Q, axes=1) - risen * self.S)
+        branches = self.branches
+        e, w = decay(dt / branches.times)
+        risen = float(branches.moduli @ w)
+        return Overstress(branches.long_term + risen, np.tensordot(e, self.Q, axes=1) - risen * self.S)
 
     def advance(self, now: PointState, dt: float) -> LinearHistory:
         """Return the history after a step to a state."""
-        own = self.branches
-        e, w = decay(dt / own.times)
+        branches = self.branches
+        e, w = decay(dt / branches.times)
         gained = now.S - self.S
         Q = np.empty_like(self.Q)
         # branch by branch, for all at once would need another array as large as Q
-        for after, before, decayed, share in zip(Q, self.Q, e, own.moduli * w, strict=True):
+        for after, before, decayed, share in zip(Q, self.Q, e, branches.moduli * w, strict=True):
             np.multiply(before, decayed, out=after)
             after += share * gained
         return replace(self, Q=Q, S=now.S)
 
     def stored(self, now: PointState) -> float:
         """Return the energy stored by the isochoric stresses."""
-        own = self.branches
-        energy = own.long_term * now.W
-        if len(own.times):
-            energy = energy + overstress_energy(self.Q, now.C, now.mu, own.moduli)
+        branches = self.branches
+        energy = branches.long_term * now.W
+        if len(branches.times):
+            energy = energy + overstress_energy(self.Q, now.C, now.mu, branches.moduli)
         return now.integral(energy)
 
     def stress(self, now: PointState) -> Array:
@@ -491,8 +491,8 @@ class FiniteHistory:
         S, still = self.branches.long_term * now.S, np.zeros(now.J.shape)
         for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
             # a step of length 0 leaves C_i as it is
-            _, own = branch_stress(Ci, still, now.C, now.J, modulus * now.mu)
-            S = S + own
+            _, added = branch_stress(Ci, still, now.C, now.J, modulus * now.mu)
+            S = S + added
         return S
 
     def _steps(self, dt: float) -> list[tuple[Array, Array]]:

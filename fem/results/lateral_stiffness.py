@@ -87,10 +87,10 @@ def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided:
     ----------
     guided : glue the contact area to the plate; otherwise the tip slides freely.
     """
-    first, *others = (_about(d, state, guided=guided) for d in model.orders)
-    solver, *other_solvers = model.solvers
+    first, *higher = (_about(d, state, guided=guided) for d in model.orders)
+    solver, *higher_solvers = model.solvers
     stiffness, stability = _solve_lateral(solver, *first)
-    for solver, (d, plate) in zip(other_solvers, others, strict=True):
+    for solver, (d, plate) in zip(higher_solvers, higher, strict=True):
         _factorise(solver, d, plate)
         stability += solver.stability(d.system.n_pressure)
     return LateralStiffness(stiffness, stability)

@@ -80,7 +80,7 @@ class KeptTangent:
 
     Attributes
     ----------
-    pressed : (k, q) mask of the points whose springs the tangent has; None where nothing is kept.
+    pressed : (k, q) mask of the points whose springs the tangent has; None without one.
     switches : other points, with their compliance by this tangent.
     stability : that of the tangent.
     """
@@ -102,7 +102,7 @@ class ActiveSet:
 
     Parameters
     ----------
-    kept : solver with the tangent of an earlier step, or with nothing.
+    tangent : solver with the tangent of an earlier step, or with nothing.
     plate, pressed : see `fem.solve.newton.newton`.
     keeps_long : whether the tangent of an earlier step may serve, and is kept for long. A tangent is kept only if it
         is known to have no unstable direction: a body that lost its stability meanwhile would not converge with it
@@ -110,14 +110,14 @@ class ActiveSet:
     """
 
     def __init__(
-        self, system: System, kept: KeptTangent, plate: Plate | None, pressed: Mask | None, *, keeps_long: bool
+        self, system: System, tangent: KeptTangent, plate: Plate | None, pressed: Mask | None, *, keeps_long: bool
     ) -> None:
-        self.system, self._kept, self._plate, self._first = system, kept, plate, pressed
+        self.system, self._tangent, self._plate, self._first = system, tangent, plate, pressed
         self._keeps_long, self._fresh = keeps_long, False
 
     @property
     def stability(self) -> Stability:
-        return self._kept.stability
+        return self._tangent.stability
 
     @property
     def keeps(self) -> bool:
@@ -129,7 +129,7 @@ class ActiveSet:
 
     def knows(self, state: State) -> bool:
         del state
-        return self._fresh or (self.keeps and self._kept.pressed is not None)
+        return self._fresh or (self.keeps and self._tangent.pressed is not None)
 
     def assemble(self, state: State, *, tangent: bool) -> Assembly:
         plate, chosen = self._plate, self._first
@@ -143,22 +143,24 @@ class ActiveSet:
         return not held and (self._first is None or self._fresh or self.knows(state))
 
     def factorise(self, state: State, assembly: Assembly) -> None:
-        kept, system = self._kept, self.system
-        kept.drop()
-        kept.solver.factorise(assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order)
-        kept.stability = kept.solver.stability(system.n_pressure)
-        kept.pressed = self._overlapping(state) if self._first is None else self._first
+        tangent, system = self._tangent, self.system
+        tangent.drop()
+        tangent.solver.factorise(
+            assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order
+        )
+        tangent.stability = tangent.solver.stability(system.n_pressure)
+        tangent.pressed = self._overlapping(state) if self._first is None else self._first
         self._fresh = True
 
     def step(self, state: State, assembly: Assembly) -> Array:
-        kept, plate, residual, system = self._kept, self._plate, assembly.residual, self.system
+        tangent, plate, residual, system = self._tangent, self._plate, assembly.residual, self.system
         self._first = None
         if plate is None or plate.height is None or plate.friction is not None:
-            return kept.solver.solve(residual)
+            return tangent.solver.solve(residual)
         if assembly.matrix is None:
             residual = self._with_springs_of_tangent(state, residual)
-        step = kept.solver.solve(residual)
-        return settle_contact(system, kept.solver, state, step, plate, kept.pressed, kept.switches)
+        step = tangent.solver.solve(residual)
+        return settle_contact(system, tangent.solver, state, step, plate, tangent.pressed, tangent.switches)
 
     def final_stability(self, state: State, assembly: Assembly) -> Stability:
         # not known yet, or from an earlier iterate, which may be far from here
@@ -172,7 +174,7 @@ class ActiveSet:
 
     def _with_springs_of_tangent(self, state: State, residual: Array) -> Array:
         """Return a residual with the springs of the points whose springs the tangent has."""
-        system, surface, plate, pressed = self.system, self.system.surface, self._plate, self._kept.pressed
+        system, surface, plate, pressed = self.system, self.system.surface, self._plate, self._tangent.pressed
         assert surface is not None
         assert plate is not None
         assert pressed is not None
@@ -180,8 +182,8 @@ class ActiveSet:
             return residual
         forces = np.zeros(system.fixed.shape)
         for sign, springs in ((1, replace(plate, pressed=pressed)), (-1, plate)):
-            own = plate_contact.assemble_springs(surface, state.u, springs, tangent=False)[0]
-            np.add.at(forces, surface.nodes, sign * own)
+            of_springs = plate_contact.assemble_springs(surface, state.u, springs, tangent=False)[0]
+            np.add.at(forces, surface.nodes, sign * of_springs)
         residual = residual.copy()
         residual[: system.n_free] += forces[system.free]
         return residual

@@ -58,18 +58,18 @@ class ContactZone:
 
     def restrict(self, plate: Plate) -> Plate:
         """Return the plate with the points of these facets only."""
-        f, own = plate.friction, self.facets
+        f, near = plate.friction, self.facets
         assert f is not None
         friction = replace(
             f,
-            displacement=f.displacement[own],
-            traction=f.traction[own],
-            pressure=f.pressure[own],
-            slipping=f.slipping[own],
-            anchor=None if f.anchor is None else f.anchor[own],
+            displacement=f.displacement[near],
+            traction=f.traction[near],
+            pressure=f.pressure[near],
+            slipping=f.slipping[near],
+            anchor=None if f.anchor is None else f.anchor[near],
             slip_direction=None,
         )
-        return replace(plate, pressed=None if plate.pressed is None else plate.pressed[own], friction=friction)
+        return replace(plate, pressed=None if plate.pressed is None else plate.pressed[near], friction=friction)
 
     def springs(self, u: Array, y: Array, plate: Plate) -> Springs:
         """Return the plate's springs after the change y (c,) of nodal displacements u (n, fields)."""
@@ -86,8 +86,8 @@ class ContactZone:
         blocks, c = self.surface.stiffness(springs.stiffness, plate.frame), len(self.unknowns) + 1
         at = np.swapaxes(self.local[self.surface.nodes], 1, 2).reshape(len(blocks), -1)
         pairs = (at[:, :, None] * c + at[:, None, :]).ravel()
-        whole = np.bincount(pairs, weights=blocks.ravel(), minlength=c * c).reshape(c, c)
-        return np.asarray(whole[:-1, :-1], dtype=np.float64)
+        matrix = np.bincount(pairs, weights=blocks.ravel(), minlength=c * c).reshape(c, c)
+        return np.asarray(matrix[:-1, :-1], dtype=np.float64)
 
 
 class CondensedFriction:
@@ -114,7 +114,7 @@ class CondensedFriction:
         if self._zone is None:
             if self.keeps and self._solver.schur is not None:
                 zone = self._choose_zone(state)
-                self._zone = zone if np.array_equal(zone.unknowns, self._solver.kept) else None
+                self._zone = zone if np.array_equal(zone.unknowns, self._solver.outer) else None
             self.keeps = self._zone is not None
             return self.keeps
         return bool(self._zone.facets[_touching(self.system, state, self._plate)].all())
@@ -172,17 +172,17 @@ class CondensedFriction:
 
     def _choose_zone(self, state: State) -> ContactZone:
         """Return the zone of a state: that of the last condensation while it is wide enough and not much too wide."""
-        system, kept_unknowns = self.system, self._solver.kept
+        system, outer_unknowns = self.system, self._solver.outer
         assert self._plate.friction is not None
         touching = _touching(system, state, self._plate) | self._plate.friction.touching.any(axis=1)
         if self._first is not None:
             touching = touching | self._first.any(axis=1)
-        kept = np.zeros(system.size + 1, dtype=bool)
-        kept[kept_unknowns] = kept[-1] = True
-        known = np.asarray(kept[system.unknown_numbers[_skin(system).nodes]].all(axis=(1, 2)))
+        condensed = np.zeros(system.size + 1, dtype=bool)
+        condensed[outer_unknowns] = condensed[-1] = True
+        known = np.asarray(condensed[system.unknown_numbers[_skin(system).nodes]].all(axis=(1, 2)))
         wanted = contact_zone(system, touching)
         wide = known[contact_zone(system, touching, rings=1).facets].all()
-        if wide and len(kept_unknowns) <= 2 * len(wanted.unknowns):
+        if wide and len(outer_unknowns) <= 2 * len(wanted.unknowns):
             return contact_zone(system, known, rings=0)
         return wanted
 
@@ -233,8 +233,10 @@ def contact_zone(system: System, touching: Mask, rings: int = RINGS) -> ContactZ
         inside = np.zeros(len(system.elements.nodes), dtype=bool)
         inside[s.nodes[facets]] = True
         facets = np.asarray(inside[s.nodes].any(axis=1))
-    nodes, own = np.unique(s.nodes[facets], return_inverse=True)
-    surface = replace(s, nodes=own.reshape(-1, s.nodes.shape[1]), weights=s.weights[facets], points=s.points[facets])
+    nodes, numbers_here = np.unique(s.nodes[facets], return_inverse=True)
+    surface = replace(
+        s, nodes=numbers_here.reshape(-1, s.nodes.shape[1]), weights=s.weights[facets], points=s.points[facets]
+    )
     numbers = system.unknown_numbers[nodes]
     unknowns = np.unique(numbers[numbers >= 0])
     local = np.where(numbers >= 0, np.searchsorted(unknowns, numbers), len(unknowns))
@@ -261,7 +263,7 @@ def _shorten(
         shorter = y + back * step
         springs = zone.springs(u, shorter, plate)
         tried.append((shorter, springs, schur @ shorter + zone.forces(springs) - load))
-    return min(tried, key=lambda one: _norm(one[2]))
+    return min(tried, key=lambda trial: _norm(trial[2]))
 
 
 def _norm(x: Array) -> float:

@@ -116,7 +116,7 @@ class Solver:
 
     Attributes
     ----------
-    kept : numbers of the unknowns that `condense` kept the last time; empty before the first.
+    outer : numbers of the unknowns that `condense` kept the last time; empty before the first.
     schur : their Schur complement, for which `forward` and `backward` solve; None where there is none.
     """
 
@@ -125,7 +125,7 @@ class Solver:
         self._symmetric = True
         self._factors: dict[bool, Pardiso | PlainFactors] = {}
         self._condensed: PardisoCondensed | PlainCondensed | None = None
-        self.kept: Ints = np.zeros(0, dtype=np.int64)
+        self.outer: Ints = np.zeros(0, dtype=np.int64)
         self.schur: Array | None = None
 
     def factorise(
@@ -157,7 +157,7 @@ class Solver:
         """Return the stability of a body with a number of pressures, from the factorised matrix."""
         return Stability.counted(self._factors[True].negative, pressures) if self._symmetric else UNKNOWN
 
-    def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
+    def condense(self, matrix: sp.csr_matrix, outer: Ints) -> Array | None:
         """Return the Schur complement (c, c) of some unknowns of a symmetric matrix, given as its upper triangle.
 
         With the unknowns kept, c, and the others, i, it is S = K_cc - K_ci K_ii^-1 K_ic. None where the pivots of
@@ -165,16 +165,16 @@ class Solver:
 
         Parameters
         ----------
-        kept : (c,) numbers of the unknowns, increasing.
+        outer : (c,) numbers of the unknowns, increasing.
 
         Raises
         ------
         SingularMatrixError : entries are not finite, or K_ii is singular.
         """
         _check_finite(matrix)
-        if self._condensed is None or not np.array_equal(kept, self.kept):
-            self._condensed = (PardisoCondensed if self._use_pardiso else PlainCondensed)(matrix, kept)
-        self.kept, self.schur = kept, None
+        if self._condensed is None or not np.array_equal(outer, self.outer):
+            self._condensed = (PardisoCondensed if self._use_pardiso else PlainCondensed)(matrix, outer)
+        self.outer, self.schur = outer, None
         self.schur = self._condensed.condense(matrix)
         return self.schur
 
@@ -183,11 +183,11 @@ class Solver:
         assert self._condensed is not None
         return self._condensed.forward(b)
 
-    def backward(self, y: Array, x_kept: Array) -> Array:
-        """Return the solution x (n,) whose kept unknowns are `x_kept`, after `y` = `forward(b)`."""
+    def backward(self, y: Array, x_outer: Array) -> Array:
+        """Return the solution x (n,) whose kept unknowns are `x_outer`, after `y` = `forward(b)`."""
         assert self._condensed is not None
         x = y.copy()
-        x[self.kept] = x_kept
+        x[self.outer] = x_outer
         return self._condensed.backward(x)
 
     def stability_with(self, schur: Array, added: Array, pressures: int) -> Stability:
@@ -302,26 +302,26 @@ class PlainFactors:
 class PlainCondensed:
     """Condensation by qdldl; see `Solver`."""
 
-    def __init__(self, matrix: sp.csr_matrix, kept: Ints) -> None:
-        self._kept, self._inner = kept, np.setdiff1d(np.arange(matrix.shape[0]), kept)
+    def __init__(self, matrix: sp.csr_matrix, outer: Ints) -> None:
+        self._outer, self._inner = outer, np.setdiff1d(np.arange(matrix.shape[0]), outer)
         self._inside, self._sound = Ldl(), False
 
     def condense(self, matrix: sp.csr_matrix) -> Array | None:
-        kept, inner = self._kept, self._inner
+        outer, inner = self._outer, self._inner
         self._sound = self._inside.factorise(matrix[inner][:, inner])
         if not self._sound:
             return None
-        corner = matrix[kept][:, kept].toarray()
-        self._coupling = matrix[inner][:, kept] + matrix[kept][:, inner].T
+        corner = matrix[outer][:, outer].toarray()
+        self._coupling = matrix[inner][:, outer] + matrix[outer][:, inner].T
         return np.asarray(corner + np.triu(corner, 1).T - self._inside.condense(self._coupling.toarray()))
 
     def forward(self, b: Array) -> Array:
         y = b.copy()
-        y[self._kept] -= self._coupling.T @ self._inside.solve(b[self._inner])
+        y[self._outer] -= self._coupling.T @ self._inside.solve(b[self._inner])
         return y
 
     def backward(self, x: Array) -> Array:
-        x[self._inner] = self._inside.solve(x[self._inner] - self._coupling @ x[self._kept])
+        x[self._inner] = self._inside.solve(x[self._inner] - self._coupling @ x[self._outer])
         return x
 
     def negative_inside(self, schur: Array) -> int | None:
@@ -380,7 +380,7 @@ class Pardiso:
     ----------
     matrix : a matrix with the pattern.
     order : order in which the unknowns are eliminated, in single precision; default: PARDISO's own, in double.
-    kept : unknowns that are not eliminated, but left in a Schur complement.
+    outer : unknowns that are not eliminated, but left in a Schur complement.
 
     Attributes
     ----------
@@ -389,9 +389,9 @@ class Pardiso:
     """
 
     def __init__(
-        self, matrix: sp.csr_matrix, symmetric: bool, order: Ints | None = None, kept: Ints | None = None
+        self, matrix: sp.csr_matrix, symmetric: bool, order: Ints | None = None, outer: Ints | None = None
     ) -> None:
-        self._mkl, self._symmetric, self._order, self._kept = _mkl(), symmetric, order, kept
+        self._mkl, self._symmetric, self._order, self._outer = _mkl(), symmetric, order, outer
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
         self._negative, self._turn = -1, 0
@@ -411,8 +411,8 @@ class Pardiso:
         # MKL takes all arguments by address: these arrays hold them, and must stay where they are in memory
         self._numbers = np.array([1, 1, -2 if self._symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
         memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
-        if self._kept is not None:
-            permutation[self._kept], self.iparm[35] = 1, 2
+        if self._outer is not None:
+            permutation[self._outer], self.iparm[35] = 1, 2
         elif self._order is not None and not match:
             permutation[:], self.iparm[4] = self._order, 1
         nothing = np.zeros(0)
@@ -479,10 +479,10 @@ class Pardiso:
         numbers = self._numbers
         numbers[3], numbers[5], numbers[7] = phase, b.shape[1] if b.ndim == 2 else 1, 0
         # in a small system, synchronising threads costs more than they save
-        own = self._mkl.MKL_Set_Num_Threads_Local(int(numbers[4] < FEW))
+        threads_before = self._mkl.MKL_Set_Num_Threads_Local(int(numbers[4] < FEW))
         values = _address(self._values)
         self._pardiso(*self._before, values, *self._between, _address(b), _address(x), self._error)
-        self._mkl.MKL_Set_Num_Threads_Local(own)
+        self._mkl.MKL_Set_Num_Threads_Local(threads_before)
         if numbers[7]:
             raise SingularMatrixError(f"PARDISO error {numbers[7]}")
 
@@ -490,12 +490,12 @@ class Pardiso:
 class PardisoCondensed(Pardiso):
     """Condensation by PARDISO; see `Solver`."""
 
-    def __init__(self, matrix: sp.csr_matrix, kept: Ints) -> None:
-        super().__init__(matrix, symmetric=True, kept=kept)
+    def __init__(self, matrix: sp.csr_matrix, outer: Ints) -> None:
+        super().__init__(matrix, symmetric=True, outer=outer)
 
     def condense(self, matrix: sp.csr_matrix) -> Array | None:
-        assert self._kept is not None
-        upper = np.zeros((len(self._kept), len(self._kept)))
+        assert self._outer is not None
+        upper = np.zeros((len(self._outer), len(self._outer)))
         self._run(matrix, upper)
         # pivots of K_ii may have been perturbed
         return None if self.iparm[13] else np.asarray(np.triu(upper) + np.triu(upper, 1).T)

@@ -264,27 +264,27 @@ def find_equilibrium(
     pressed: NDArray[np.bool_] | None = None,
     tolerance: float = TOLERANCE,
     *,
-    kept: KeptTangent | None = None,
+    tangent: KeptTangent | None = None,
 ) -> Equilibrium:
     """Solve for the equilibrium from a first guess; on sections Coulomb friction is settled within each step.
 
-    kept : tangent of an earlier step near this one, see `fem.solve.newton.newton`; friction keeps the stiffness that
+    tangent : that of an earlier step near this one, see `fem.solve.newton.newton`; friction keeps the stiffness that
         the solver condensed.
     """
     system = state.d.system
     if plate.friction is not None and state.d.revolved:
-        contact = CondensedFriction(system, solver, plate, pressed, keeps_long=kept is not None)
+        contact = CondensedFriction(system, solver, plate, pressed, keeps_long=tangent is not None)
         answer = iterate(contact, guess, tolerance=tolerance)
         # plain steps are damped, and reach some states that settled steps do not
         if answer.converged:
             return answer
-        kept = None
+        tangent = None
     # a dead load selects the side to which a press buckles, which an error of the last step must not do
     confirm = bool(system.dead.any())
-    answer = newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm, kept=kept)
-    if kept is None or answer.converged:
+    answer = newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm, tangent=tangent)
+    if tangent is None or answer.converged:
         return answer
-    kept.drop()
+    tangent.drop()
     return newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm)
 
 

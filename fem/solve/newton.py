@@ -130,7 +130,7 @@ def newton(
     most: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
     confirm: bool = True,
-    kept: KeptTangent | None = None,
+    tangent: KeptTangent | None = None,
 ) -> Equilibrium:
     """Solve residual(q) = 0 from a first guess with the active set of `fem.solve.active_set`.
 
@@ -141,9 +141,9 @@ def newton(
     pressed : (k, q) points that are in contact in the first iteration; default: those with a positive overlap. A
         guess that overlaps the plate slightly would otherwise activate many springs, which each step then has to
         settle.
-    kept : tangent of an earlier step, for steps of a path that change little; its solver is used.
+    tangent : that of an earlier step, for steps of a path that change little; its solver is used.
     """
-    contact = ActiveSet(system, kept or KeptTangent(solver), plate, pressed, keeps_long=kept is not None)
+    contact = ActiveSet(system, tangent or KeptTangent(solver), plate, pressed, keeps_long=tangent is not None)
     return iterate(contact, q, most=most, tolerance=tolerance, confirm=confirm)
 
 
@@ -283,7 +283,7 @@ def _damp_step(
         shorter = contact.system.admissible(state.q + back * step)
         if shorter is not None:
             tried.append((size.merit(contact.assemble(shorter, tangent=False)), shorter))
-    best = min(tried, key=lambda one: one[0])[1]
+    best = min(tried, key=lambda trial: trial[0])[1]
     return best, assembly if best is state else contact.assemble(best, tangent=True)
 
 

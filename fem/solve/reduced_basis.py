@@ -104,9 +104,9 @@ class ReducedSystem:
         y = np.empty((len(c), *self.b.shape), dtype=np.complex128)
         step = max(BATCH // self.K.size, 1)
         for first in range(0, len(c), step):
-            own = slice(first, first + step)
-            A = self.K + c[own, None, None] * self.R - eigenvalues[own, None, None] * self.M
-            y[own] = np.linalg.solve(A, self.b.astype(np.complex128))
+            batch = slice(first, first + step)
+            A = self.K + c[batch, None, None] * self.R - eigenvalues[batch, None, None] * self.M
+            y[batch] = np.linalg.solve(A, self.b.astype(np.complex128))
         return y
 
     def extend(self, vectors: Array, problem: Problem, at_rest: Solver, sample: Ints) -> ReducedSystem:
