@@ -215,7 +215,8 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
     (tmp_path / "r.csv").write_text("\n".join(lines) + "\n")
     status, out, err = run("decode", "paper", "--file", "r.csv")
     rows = list(csv.DictReader(out.splitlines()))
-    assert status == 0
+    assert status == 3
+    assert err.splitlines()[-1] == "magtip: 3 of 5 rows have no answer"
     assert [row["status"] for row in rows] == ["ok", "not_finite", "not_finite", "ok", "saturated"]
     assert [row["time_s"] for row in rows] == ["0.1", "0.2", "0.3", "0.4", "0.5"]
     assert_allclose(float(rows[0]["shift_x_mm"]), 0.5, atol=1e-9)
@@ -226,7 +227,7 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
     assert [record["row"] for record in records] == [1, 2, 3, 4, 5]
     assert records[0]["shift_x_mm"] == float(rows[0]["shift_x_mm"])
     assert records[1]["readings_T"][0] is records[1]["shift_x_mm"] is None
-    assert run("decode", "paper", "--file", "r.csv", "--out", "d.csv")[0] == 0
+    assert run("decode", "paper", "--file", "r.csv", "--out", "d.csv")[0] == 3
     assert (tmp_path / "d.csv").read_text() == out
     (tmp_path / "bad.csv").write_text("S1_T,S2_T,S3_T\n0,0,0\n")
     assert run("decode", "paper", "--file", "bad.csv", "--units", "T")[0] == 3

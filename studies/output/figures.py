@@ -236,7 +236,7 @@ def heat(
         number = alt.Text(field=escaped(value), type="quantitative", format=".2~r")
         ink = alt.condition(dark, alt.value("white"), alt.value("#1b1f24"))
         layers.append(solved.mark_text(fontSize=11, aria=False).encode(text=number, color=ink))
-    chart = alt.layer(*layers).properties(width=width, height=height)
+    chart = alt.layer(*layers).properties(width=width, height=height, view=alt.ViewBackground(strokeOpacity=0))
     notes = [note for name, note in marked.items() if name in data and bool(data[name].any())]
     return Figure(title, caption, _faceted(chart, cells, panels, columns, shared=True), data, tuple(notes))
 
@@ -403,7 +403,7 @@ def _cell_axis(data: pd.DataFrame, name: str, sort: str = "ascending") -> dict[s
     # cells without a value have a place, too
     values = list(dict.fromkeys(data[name])) if _is_named(data, name) else np.unique(data[name]).tolist()
     texts = {} if _is_named(data, name) else {"labelExpr": "format(datum.value, '.3~g')"}
-    axis = alt.Axis(labelAngle=0, labelOverlap=True, **texts)
+    axis = alt.Axis(labelAngle=0, labelOverlap=True, ticks=False, **texts)
     scale = alt.Scale(domain=values if sort == "ascending" else values[::-1])
     return {"field": escaped(name), "type": "ordinal", "scale": scale, "sort": None, "axis": axis, "title": name}
 

@@ -272,7 +272,7 @@ def decode_file(
 
     The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities).
     Further columns are copied. A row with an empty or NaN reading gets the status not_finite. `check` returns the
-    status of each row, which may differ from the decoder's, and warnings. The result has failed if no row has a pose.
+    status of each row, which may differ from the decoder's, and warnings. A row without an answer is a failure.
 
     Raises
     ------
@@ -341,7 +341,7 @@ def _result(
 
     gap = force_gap(coder, level, decoded)
     counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
-    sentences = []
+    remarks, failures = [], []
     for status, count in counts.items():
         why = [WHY[status]]
         if status == "out_of_workspace":
@@ -349,15 +349,18 @@ def _result(
             texts = {limit: limit_sentence(coder, limit, solved=level == RESPONSES) for limit in limits}
             why = [texts[limit] + (f" ({n} of {count})" if len(texts) > 1 else "") for limit, n in limits.items()]
         if status != "ok":
-            sentences.append(f"{count} of {len(statuses)} rows {status}: {'; '.join(why)}")
-    lost = bool(counts) and not WITH_POSE & set(counts)
+            said_of = remarks if status in WITH_POSE else failures
+            said_of.append(f"{count} of {len(statuses)} rows {status}: {'; '.join(why)}")
+    if len(failures) > 1:
+        unknown = sum(count for status, count in counts.items() if status not in WITH_POSE)
+        failures.append(f"{unknown} of {len(statuses)} rows have no answer")
     return Result(
         title="Decoded",
         records=[] if printed else [counts],
         shown=[],
         warnings=([] if gap is None else force_level_check.warnings(level, gap)) + said,
-        remarks=[] if lost else sentences,
-        failures=sentences if lost else [],
+        remarks=remarks,
+        failures=failures,
     )
 
 

@@ -19,6 +19,7 @@ MADE = {
     "recalibrated_force_error_N": "force error after recalibration (N)",
 }
 """Quantities of made sensors that are drawn, by the middle of their columns' names."""
+VALUE, BELOW = "sensitivity or force error", "sensors below (%; dashed: 95)"
 MOST_STEPS = 200
 """Number of points of a distribution: a curve needs no more."""
 
@@ -101,7 +102,7 @@ def made_sensors(table: pd.DataFrame) -> list[Figure]:
             # failed sensors are never below a value: the curve then ends below 100 %
             share = 100 * np.arange(1, len(values) + 1) / len(table)
             shown = np.unique(np.linspace(0, len(values) - 1, min(len(values), MOST_STEPS)).round().astype(int))
-            part = pd.DataFrame({"value": values[shown], "sensors below (%)": share[shown]})
+            part = pd.DataFrame({VALUE: values[shown], BELOW: share[shown]})
             parts.append(part.assign(panel=with_unit(title, unit), series=f"axis {way}"))
             if middle.startswith("zeroed"):
                 sentences.append(f"{way} {np.quantile(values, 0.95):.3g} N")
@@ -110,6 +111,6 @@ def made_sensors(table: pd.DataFrame) -> list[Figure]:
         f"Share of {len(table)} made sensors below a value; {failed} failed and count as above every value. 95 % of "
         f"the sensors that work have a force error after zeroing of at most: {', '.join(sentences)}."
     )
-    data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"value": [], "sensors below (%)": []})
-    look = Look(shared=False, dashed=True, guides=(Guide("y", 95.0, "95 %"),))
-    return [plot("Sensors made within their tolerances", caption, data, "value", "sensors below (%)", look)]
+    data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({VALUE: [], BELOW: []})
+    look = Look(shared=False, dashed=True, guides=(Guide("y", 95.0),))
+    return [plot("Sensors made within their tolerances", caption, data, VALUE, BELOW, look)]
