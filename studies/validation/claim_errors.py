@@ -14,17 +14,20 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analytic import beam, decode, hall
+from analytic import beam, decode
 from geometry.arrays import Array
 from geometry.design import Design, paper
-from geometry.loads import Load, Response
-from studies.validation.claim_states import NAN, Press, Sheared, s1_output
+from geometry.loads import Load
+from studies.validation.claim_states import NAN, Press, s1_output
 from studies.validation.pages import Row
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BOUND = 0.05
 """Largest error that the paper claims."""
@@ -152,7 +155,7 @@ def voltages(press: Press) -> Voltages:
 
 
 def height_row(press: Press) -> Row:
-    """Return what holds for one height of the magnet; NaN unless the presses reach every depth.
+    """Return what holds for one height of the magnet; unknown, NaN, unless the presses reach every depth.
 
     Errors are in %, of the largest force or voltage where the name says so. E_from_MPa to E_to_MPa are the moduli for
     which the force formula is within 5 % of the largest force at every depth. The worst error is relative to the
@@ -163,7 +166,7 @@ def height_row(press: Press) -> Row:
     predicted, force, depth = formula(press.depth), press.force, press.depth
     reached = np.isfinite(force)
     row: Row = {"magnet_height_mm": press.height, "l0_mm": press.design.l0 if press.height else NAN}
-    row["reached_mm"] = float(depth[reached].max(initial=0.0))
+    row |= {"reached_mm": float(depth[reached].max(initial=0.0)), "status": press.status, "message": press.message}
     row |= dict.fromkeys(HEIGHT_FIGURES, NAN)
     if not press.complete:
         return row
@@ -202,11 +205,10 @@ FARTHEST = 3.1
 """Largest shear of the paper's Figure 11, mm."""
 
 
-def compared(sheared: Sheared) -> tuple[Array, Array]:
-    """Return the shears within the paper's range and their forces, without the unsheared state, shape (n,)."""
-    shear, force = np.array(sheared.shear), sheared.force()
-    kept = (shear > 0) & (shear <= FARTHEST + 1e-9) & np.isfinite(force)
-    return shear[kept], force[kept]
+def compared(sheared: pd.DataFrame) -> pd.DataFrame:
+    """Return the states within the paper's range under one condition of the tip, without the unsheared one."""
+    shear = sheared.shear_mm
+    return sheared[(shear > 0) & (shear <= FARTHEST + 1e-9) & np.isfinite(sheared.fem_force_N)]
 
 
 TIP_FIGURES = (
@@ -216,16 +218,17 @@ TIP_FIGURES = (
 """Columns of `tip_row`."""
 
 
-def tip_row(sheared: Sheared) -> Row:
+def tip_row(sheared: pd.DataFrame) -> Row:
     """Return the errors of (6) under one condition of the tip, for E = 1 MPa; NaN without a shear.
 
     The stiffness is the force over the first shear; best_E_MPa makes the largest error least.
     """
-    shear, force = compared(sheared)
-    row: Row = {"tip": sheared.tip} | dict.fromkeys(TIP_FIGURES, NAN)
-    if not len(shear):
+    known = compared(sheared)
+    row: Row = {"tip": sheared.tip.iloc[0]} | dict.fromkeys(TIP_FIGURES, NAN)
+    if not len(known):
         return row
-    predicted = beam.cantilever_stiffness(sheared.design) * shear
+    shear, force = known.shear_mm.to_numpy(), known.fem_force_x_N.to_numpy()
+    predicted = beam.cantilever_stiffness(paper()) * shear
     # forces are proportional to E: error of E is ratio / E - 1, whose extremes balance at the mean of the extremes
     ratio = predicted / force
     error = 100 * (ratio - 1)
@@ -236,34 +239,32 @@ def tip_row(sheared: Sheared) -> Row:
     return row | dict(zip(TIP_FIGURES, (float(force[0] / shear[0]), *errors, *best, *interval), strict=True))
 
 
-def split(sheared: Sheared) -> list[Row]:
-    """Return the parts of the error at each shear of the paper's range that was reached, N; NaN if it has no pose."""
-    design = sheared.design
-    states = [
-        (shear, response)
-        for shear, response in zip(sheared.shear, sheared.responses, strict=True)
-        if response is not None and 0 < shear <= FARTHEST + 1e-9
-    ]
-    shifts = decoded_without_tilt(sheared, [response for _, response in states])
+def split(sheared: pd.DataFrame) -> pd.DataFrame:
+    """Return the parts of the error at each shear of the paper's range that was reached, N.
+
+    The readings are those of tilted magnets, decoded without tilt.
+    """
+    import pandas as pd
+
+    design, known = paper(), compared(sheared)
+    readings = known[[f"fem_S{k}_mT" for k in (1, 2, 3)]].to_numpy() / 1e3
+    shift = decode.decode(_decoder_without_tilt(design), readings, follow=True).shift if len(known) else readings
     stiffness, lever = beam.cantilever_stiffness(design), design.L / design.H
-    rows = []
-    for (shear, response), shift in zip(states, shifts, strict=True):
-        force, law = response.force[0], stiffness * shear
-        geometry = stiffness * lever * response.shift[0]
-        decoded = stiffness * lever * float(shift[0])
-        row = {"shear_mm": shear, "fem_force_x_N": force, "decoded_force_x_N": decoded, "error_N": decoded - force}
-        row |= {"tilt_N": decoded - geometry, "geometry_N": geometry - law, "force_law_N": law - force}
-        rows.append(row | {"fem_tilt_rad": response.tilt})
-    return rows
-
-
-def decoded_without_tilt(sheared: Sheared, responses: Sequence[Response]) -> Array:
-    """Return the shifts that a decoder without tilt finds from the readings of tilted magnets, shape (n, 3), mm."""
-    design = sheared.design
-    if not responses:
-        return np.empty((0, 3))
-    readings = np.array([hall.readings(design, response).B_T for response in responses])
-    return decode.decode(_decoder_without_tilt(design), readings, follow=True).shift
+    force, law = known.fem_force_x_N, stiffness * known.shear_mm
+    geometry, decoded = stiffness * lever * known.fem_shift_x_mm, stiffness * lever * shift[:, 0]
+    return pd.DataFrame(
+        {
+            "tip": known.tip,
+            "shear_mm": known.shear_mm,
+            "fem_force_x_N": force,
+            "decoded_force_x_N": decoded,
+            "error_N": decoded - force,
+            "tilt_N": decoded - geometry,
+            "geometry_N": geometry - law,
+            "force_law_N": law - force,
+            "fem_tilt_rad": known.fem_tilt_rad,
+        }
+    )
 
 
 @functools.cache
@@ -273,12 +274,7 @@ def _decoder_without_tilt(design: Design) -> decode.Decoder:
     return decode.decoder(design, workspace=((-reach, -reach, -reach), (reach, reach, 0.5)))
 
 
-def share(rows: Sequence[Row], part: str) -> float:
-    """Return the size of one part over the sizes of all parts, as sums over the shears, %.
-
-    >>> round(share([{"tilt_N": 0.1, "geometry_N": 0.5, "force_law_N": -0.4}], "tilt_N"))
-    10
-    """
-    sizes = {name: sum(abs(row[name]) for row in rows) for name in ("tilt_N", "geometry_N", "force_law_N")}
-    whole = sum(sizes.values())
-    return 100 * sizes[part] / whole if whole else NAN
+def share(rows: pd.DataFrame, part: str) -> float:
+    """Return the size of one part over the sizes of all parts, as sums over the shears, %; NaN without a shear."""
+    sizes = rows[["tilt_N", "geometry_N", "force_law_N"]].abs().sum()
+    return float(100 * sizes[part] / sizes.sum()) if sizes.sum() else NAN

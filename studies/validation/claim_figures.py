@@ -13,7 +13,7 @@ from geometry.arrays import Array
 from geometry.design import paper
 from studies.output.figures import Figure, Look, bands, heat, plot, save
 from studies.validation.claim_errors import CLAIMED, FARTHEST, compared, error_of_largest, formula, moduli, voltages
-from studies.validation.claim_states import Press, Sheared, States, s1_output, with_magnet
+from studies.validation.claim_states import Press, States, s1_output, with_magnet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +43,7 @@ def pictures(states: States, best_E: float) -> dict[str, Callable[[Path], None]]
     """
     return {
         "modulus_and_height.png": lambda path: save(path, modulus_and_height(states.presses)),
-        "figure_6.png": lambda path: save(path, figure_6(states.sheared[0])),
+        "figure_6.png": lambda path: save(path, figure_6(states.sheared)),
         "figure_8.png": lambda path: save(path, figure_8(states, best_E)),
         "figure_9.png": lambda path: save(path, [figure_9(states.preset, best_E)]),
         "figure_11.png": lambda path: save(path, [figure_11(states.sheared)]),
@@ -59,16 +59,17 @@ def _curves(x: str, y: str, curves: Mapping[str, tuple[Array, Array]], **more: s
     return pd.concat(parts, ignore_index=True)
 
 
-def figure_6(sheared: Sheared) -> list[Figure]:
+def figure_6(sheared: pd.DataFrame) -> list[Figure]:
     """Return |B| at S1 and S2 over the displacement of the tip, pressed by 1 mm: maps of both models, cuts at y = 0.
 
     The formulas are equations (3), without its misprint, and (4). S3 shows what S2 does, with x and y swapped.
     """
     import pandas as pd
 
+    first = sheared[sheared.tip == sheared.tip.iloc[0]]
     side = np.linspace(-3.0, 3.0, POINTS)
     x, y = (grid.ravel() for grid in np.meshgrid(side, side))
-    models = {FORMULA: _magnitudes_by_formula(sheared, x, y), FEM: _magnitudes_by_fem(sheared, x, y)}
+    models = {FORMULA: _magnitudes_by_formula(first.depth_mm.iloc[0], x, y), FEM: _magnitudes_by_fem(first, x, y)}
     field, cuts, figures = "|B| (mT)", [], []
     middle = slice(POINTS * (POINTS // 2), POINTS * (POINTS // 2 + 1))
     for k, name in enumerate(("S1", "S2")):
@@ -86,21 +87,19 @@ def figure_6(sheared: Sheared) -> list[Figure]:
     return [*figures, plot("|B| at y = 0", "", pd.concat(cuts, ignore_index=True), "x (mm)", field, look)]
 
 
-def _magnitudes_by_formula(sheared: Sheared, x: Array, y: Array) -> list[Array]:
+def _magnitudes_by_formula(depth: float, x: Array, y: Array) -> list[Array]:
     """Return |B| at S1 and S2 by (3) and (4) for displacements of the tip, each of shape (n,), mT."""
-    design = sheared.design
-    lever = design.H / design.L
-    shift = np.column_stack([lever * x, lever * y, np.full_like(x, -lever * sheared.depth)])
+    lever = paper().H / paper().L
+    shift = np.column_stack([lever * x, lever * y, np.full_like(x, -lever * depth)])
     return _magnitudes(shift, np.zeros((len(x), 2)), "paper")
 
 
-def _magnitudes_by_fem(sheared: Sheared, x: Array, y: Array) -> list[Array]:
+def _magnitudes_by_fem(sheared: pd.DataFrame, x: Array, y: Array) -> list[Array]:
     """Return |B| at S1 and S2 by finite elements, each of shape (n,), mT; NaN beyond the shears that were reached."""
     from scipy.interpolate import PchipInterpolator
 
-    known = [(s, r) for s, r in zip(sheared.shear, sheared.responses, strict=True) if r is not None]
-    shear = [s for s, _ in known]
-    poses = np.array([(r.shift[0], r.shift[2], r.tilt) for _, r in known])
+    known = sheared[np.isfinite(sheared.fem_force_N)]
+    shear, poses = known.shear_mm, known[["fem_shift_x_mm", "fem_shift_z_mm", "fem_tilt_rad"]].to_numpy()
     size, angle = np.hypot(x, y), np.arctan2(y, x)
     # beyond the farthest state there is no pose: the interpolation returns NaN there
     aside, lower, tilt = PchipInterpolator(shear, poses, extrapolate=False)(size).T
@@ -162,14 +161,14 @@ def figure_9(press: Press, best_E: float) -> Figure:
     return plot("Press force over the change of S1", "", _curves(x, FORCE, curves), x, FORCE)
 
 
-def figure_11(sheared: Sequence[Sheared]) -> Figure:
+def figure_11(sheared: pd.DataFrame) -> Figure:
     """Return F_mu over the displacement of the tip by (6), and by finite elements under each condition of the tip."""
     ends = np.linspace(0.0, FARTHEST, 9)
     curves = {}
-    for each in sheared:
-        shear, force = compared(each)
-        name = f"FEM, {each.tip}".replace("stuck to a plate at depth", "plate at")
-        curves[name] = (np.append(0.0, shear), np.append(0.0, force))
+    for tip, each in sheared.groupby("tip", sort=False):
+        known = compared(each)
+        name = f"FEM, {tip}".replace("stuck to a plate at depth", "plate at")
+        curves[name] = (np.append(0.0, known.shear_mm), np.append(0.0, known.fem_force_x_N))
     curves["formula (6)"] = (ends, beam.cantilever_stiffness(paper()) * ends)
     x, y = "displacement of the tip along x (mm)", "shear force F_mu (N)"
     return plot("Force along the shear", "", _curves(x, y, curves), x, y)
@@ -243,6 +242,6 @@ def interpolated(presses: Sequence[Press], heights: Array) -> list[Press]:
     sinking = PchipInterpolator(solved, [press.sinking for press in presses])(heights)
     depth = presses[0].depth
     return [
-        Press(height, with_magnet(height), depth, by_force, by_sinking, error_estimate=0.0, message="")
+        Press(height, with_magnet(height), depth, by_force, by_sinking)
         for height, by_force, by_sinking in zip(heights.tolist(), force, sinking, strict=True)
     ]

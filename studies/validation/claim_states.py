@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from analytic.magnet import cylinder_field
 from fem.accuracy import FINE, QUICK, STANDARD, Accuracy
 from geometry.arrays import Array
 from geometry.design import Design, paper
-from geometry.loads import Magnet, Response
+from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies import cases
 
@@ -66,8 +67,7 @@ QUICK_EXTENT = Extent(
 """Few loads at accuracy quick: the verdicts of the whole study in some seconds."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Press:
+class Press(NamedTuple):
     """Presses of the sensor with one magnet, for E = 1 MPa; arrays have shape (n,), NaN where no state was reached.
 
     Attributes
@@ -76,7 +76,7 @@ class Press:
     design : the sensor, whose S1 reads 2.87 V at rest.
     depth, force, sinking : depth, mm, press force, N, and sinking of the magnet's centre, mm.
     error_estimate : largest estimated relative error of the forces; NaN if one is unknown.
-    message : why states are missing; "" if none is.
+    status, message : of the first state that is missing; "ok" and "" if none is.
     """
 
     height: float
@@ -84,8 +84,9 @@ class Press:
     depth: Array
     force: Array
     sinking: Array
-    error_estimate: float
-    message: str
+    error_estimate: float = 0.0
+    status: str = "ok"
+    message: str = ""
 
     @property
     def complete(self) -> bool:
@@ -93,35 +94,16 @@ class Press:
         return bool(np.isfinite(self.force).all())
 
 
-@dataclass(frozen=True, slots=True)
-class Sheared:
-    """Shears of the sensor's tip under one condition; a response is None where the state was not reached.
+class States(NamedTuple):
+    """All states: presses by height of the magnet, one press with friction, and the engine's rows.
 
-    Attributes
-    ----------
-    tip : the condition of the tip, in words.
-    depth : depth of the press under the shear, mm; 0 for a grip.
+    `sheared` are the shears, with the condition of the `tip`; `pressed` are the presses without friction.
     """
 
-    tip: str
-    design: Design
-    magnet: Magnet
-    depth: float
-    shear: tuple[float, ...]
-    responses: tuple[Response | None, ...]
-
-    def force(self) -> Array:
-        """Return the force along the shear, shape (n,), N; NaN where no state was reached."""
-        return np.array([NAN if r is None else r.force[0] for r in self.responses])
-
-
-@dataclass(frozen=True, slots=True)
-class States:
-    """All states: presses by height of the magnet, one press with friction, and shears by condition of the tip."""
-
-    presses: tuple[Press, ...]
+    presses: Sequence[Press]
     rubbed: Press
-    sheared: tuple[Sheared, ...]
+    sheared: pd.DataFrame
+    pressed: pd.DataFrame
 
     @property
     def preset(self) -> Press:
@@ -142,7 +124,7 @@ CONDITIONS: tuple[tuple[str, Magnet, float, float], ...] = (
     (f"topmost {GRIP:g} mm gripped, free to sink", "rigid", 0.0, GRIP),
 )
 """Conditions of the tip under a shear: name, magnet, depth of the press and height of the grip, mm."""
-QUANTITIES = ("force", "shift", "tilt", "contact_radius")
+QUANTITIES = ("force", "shift", "tilt", "readings")
 
 
 def solve(extent: Extent, store: Path | None, progress: Progress | None = None) -> States:
@@ -164,49 +146,30 @@ def solve(extent: Extent, store: Path | None, progress: Progress | None = None) 
     designs = {height: with_magnet(height) for height in {*extent.heights, paper().magnet_height}}
     for field in ("magnet_diameter", "magnet_height", "magnet_edge_radius", "l0"):
         rows[f"{field}_mm"] = [getattr(designs[height], field) for height in rows["height"]]
+    rows.loc[rows["tip"] != "", "l0_mm"] = paper().l0
     asked = rows.drop(columns=["tip", "height"])
     model = f"fem:{extent.accuracy.name}"
     answers = cases.answer(asked, [model], quantities=QUANTITIES, store=store, progress=progress)
     answers = answers.assign(tip=rows["tip"], height=rows["height"])
-    pressed = answers[answers.tip == ""]
+    sheared, pressed = answers[answers.tip != ""], answers[answers.tip == ""]
     smooth, rubbed = (pressed[(pressed.friction == "none") == bare] for bare in (True, False))
-    return States(
-        tuple(press_of(designs[height], own) for height, own in smooth.groupby("height", sort=False)),
-        press_of(paper(), rubbed),
-        tuple(
-            Sheared(tip, paper(), magnet, depth, extent.shears, responses(answers[answers.tip == tip]))
-            for tip, magnet, depth, _ in CONDITIONS
-        ),
-    )
+    found = [press_of(designs[height], own) for height, own in smooth.groupby("height", sort=False)]
+    return States(found, press_of(paper(), rubbed), sheared, smooth)
 
 
 def press_of(design: Design, rows: pd.DataFrame) -> Press:
     """Return the presses of a sensor from their rows; depths beyond its silicone are not reached."""
-    reached = np.isfinite(rows.fem_force_N.to_numpy())
-    estimates, messages = rows.error_estimate.to_numpy()[reached], rows.message.to_numpy()[~reached]
+    reached = np.isfinite(rows.fem_force_N)
+    missing = rows[~reached]
     return Press(
         design.magnet_height,
         design,
         rows.depth_mm.to_numpy(),
         rows.fem_force_N.to_numpy() / design.E,
         -rows.fem_shift_z_mm.to_numpy(),
-        float(np.max(estimates)) if len(estimates) else NAN,
-        str(messages[0]) if len(messages) else "",
+        float(rows.error_estimate[reached].max(skipna=False)) if reached.any() else NAN,
+        *(missing[["status", "message"]].iloc[0] if len(missing) else ("ok", "")),
     )
-
-
-def responses(rows: pd.DataFrame) -> tuple[Response | None, ...]:
-    """Return the responses of rows; None where a state was not reached."""
-    found: list[Response | None] = []
-    for row in rows.to_dict("records"):
-        force, shift = (
-            (float(row[f"fem_force{axis}_N"]) for axis in ("_x", "_y", "")),
-            (float(row[f"fem_shift_{axis}_mm"]) for axis in "xyz"),
-        )
-        (fx, fy, fz), (x, y, z) = force, shift
-        response = Response((fx, fy, fz), (x, y, z), float(row["fem_tilt_rad"]), float(row["fem_contact_radius_mm"]))
-        found.append(response if math.isfinite(fz) else None)
-    return tuple(found)
 
 
 def with_magnet(height: float) -> Design:

@@ -11,16 +11,14 @@ import functools
 import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from geometry.design import paper
 from geometry.messages import Progress
 from studies.output import records
-from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.simulation.comparison_findings import spans
@@ -28,6 +26,9 @@ from studies.validation import claim_errors, claim_figures, pages, sensor_figure
 from studies.validation.claim_errors import BOUND, CLAIMED, MODULI, PUBLISHED, formula, relative_errors, share
 from studies.validation.claim_states import FRICTION, QUICK_EXTENT, Extent, Press, States, solve
 from studies.validation.pages import Row
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WORDS = Path(__file__).parent / "templates" / "claims.toml"
 FILES = (
@@ -53,47 +54,26 @@ LOSSES, FULL_SCALE = (0.01, 0.5), 10.0
 Verdict = Literal["reproduced", "refuted", "not decidable"]
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """The answer to one claim.
-
-    Attributes
-    ----------
-    claim : the claim in a few words.
-    paper : the paper's value.
-    computed : our figures, in one cell of a table.
-    verdict : whether the figures reproduce or refute the claim, or why neither is possible: the claim depends on
-        something that the paper does not state or that the models leave out.
-    text : the reasons, in sentences.
-    commands : command lines that show parts of the answer.
-    figures : the figures under names with units.
-    """
-
-    claim: str
-    paper: str
-    computed: str
-    verdict: Verdict
-    text: str
-    commands: tuple[str, ...]
-    figures: dict[str, float]
-
-    def row(self) -> FlatRow:
-        """Return the row for JSON."""
-        return records.flat(self)
-
-    def printed(self) -> FlatRow:
-        """Return the columns of the printed table and of claims.csv."""
-        return {"claim": self.claim, "paper": self.paper, "computed": self.computed, "verdict": self.verdict}
+Answer = Row
+"""The answer to one claim: claim and paper's value in a few words, `computed` figures in one cell, verdict, text with
+the reasons, commands that show parts of the answer, and its figures."""
+PRINTED = ("claim", "paper", "computed", "verdict")
+"""Columns of the printed table and of claims.csv."""
+SHEARS = ("tip", "shear_mm", "fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_tilt_rad")
+PRESSES = ("magnet_height_mm", "depth_mm", "fem_force_N", "fem_shift_z_mm")
 
 
 def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -> Result:
     """Test the paper's claims; states are taken from the store (default: the user's), and added to it."""
+    import pandas as pd
+
     extent = QUICK_EXTENT if quick else Extent()
     states = solve(extent, store, part(progress, 0.0, 0.85))
     heights = [claim_errors.height_row(press) for press in states.presses]
-    tips = [claim_errors.tip_row(sheared) for sheared in states.sheared]
-    stuck = [each for each in states.sheared if each.magnet == "rigid" and each.depth]
-    splits = [(each.tip, claim_errors.split(each)) for each in stuck]
+    conditions = [rows for _, rows in states.sheared.groupby("tip", sort=False)]
+    tips = [claim_errors.tip_row(rows) for rows in conditions]
+    stuck = [rows for rows in conditions if rows.magnet.iloc[0] == "rigid" and rows.depth_mm.iloc[0]]
+    splits = [claim_errors.split(rows) for rows in stuck]
     modes = sensor_figures.mode_rows(extent.accuracy, part(progress, 0.85, 0.88) or progress)
     layouts = sensor_figures.layout_rows(extent.layouts, part(progress, 0.88, 0.97) or progress)
     costs = sensor_figures.cost_rows(extent.reference, part(progress, 0.97, 1.0) or progress)
@@ -114,47 +94,26 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         offset(factor),
         cost(costs),
     ]
-    printed = [each.printed() for each in answers]
+    printed = [{name: each[name] for name in PRINTED} for each in answers]
     estimates = [press.error_estimate for press in states.presses if np.isfinite(press.force).any()]
+    shown = [{name: value for name, value in row.items() if name != "message"} for row in heights]
+    page = {"answers": answers, "verdicts": printed, "heights": shown, "tips": tips}
     largest = 100 * float(np.max(estimates or [math.nan]))
-    pictures = claim_figures.pictures(states, own["best_E_MPa"])
-    page = {"answers": answers, "verdicts": printed, "estimate": largest, "heights": heights, "tips": tips}
+    unknown = [row for row in heights if row["status"] != "ok"]
     return Result(
         title="The paper's claims",
-        records=[each.row() for each in answers],
+        records=answers,
         shown=[Table(title="The paper's claims", rows=printed, first=("claim", "verdict"))],
         tables={
             "claims": printed,
             "heights": heights,
-            "presses": press_table(states),
-            "shears": shear_table(states),
-            "parts": [{"tip": tip} | row for tip, rows in splits for row in rows],
+            "presses": pages.records(states.pressed[list(PRESSES)]),
+            "shears": pages.records(states.sheared[list(SHEARS)]),
+            "parts": pages.records(pd.concat(splits)),
         },
-        files=pictures,
-        pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page)},
+        files=claim_figures.pictures(states, own["best_E_MPa"]),
+        pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page, estimate=largest, unknown=unknown)},
     )
-
-
-def press_table(states: States) -> list[Row]:
-    """Return a row for each press, with the force for E = 1 MPa; NaN where it was not reached."""
-    return [
-        {"magnet_height_mm": press.height, "depth_mm": depth, "fem_force_N": force, "fem_shift_z_mm": -sinking}
-        for press in states.presses
-        for depth, force, sinking in zip(
-            *(a.tolist() for a in (press.depth, press.force, press.sinking)), strict=True
-        )
-    ]
-
-
-def shear_table(states: States) -> list[Row]:
-    """Return a row for each shear under each condition of the tip."""
-    rows = []
-    for sheared in states.sheared:
-        for shear, response in zip(sheared.shear, sheared.responses, strict=True):
-            values = (np.nan,) * 4 if response is None else (*response.force[::2], response.shift[0], response.tilt)
-            names = ("fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_tilt_rad")
-            rows.append({"tip": sheared.tip, "shear_mm": shear} | dict(zip(names, values, strict=True)))
-    return rows
 
 
 # What makes an answer
@@ -188,10 +147,15 @@ def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: A
     def said(text: str) -> str:
         return " ".join(pages.filled(text, time=_time, **values).split())
 
-    commands = tuple(map(said, words["commands"]))
-    return Answer(
-        words["claim"], words["paper"], said(words["computed"]), found, said(words["text"]), commands, dict(figures)
-    )
+    return {
+        "claim": words["claim"],
+        "paper": words["paper"],
+        "computed": said(words["computed"]),
+        "verdict": found,
+        "text": said(words["text"]),
+        "commands": [said(command) for command in words["commands"]],
+        "figures": dict(figures),
+    }
 
 
 @functools.cache
@@ -253,7 +217,7 @@ def of_largest(rows: Sequence[Row], states: States) -> Answer:
     at_one = [row["error_percent_of_largest"] for row in rows if math.isfinite(row["error_percent_of_largest"])]
     holds = all(error < PERCENT for error in at_one)
     ends = [fitting[0], fitting[-1]] if fitting else []
-    heights = [row["magnet_height_mm"] for row in rows]
+    known = [row["magnet_height_mm"] for row in rows if math.isfinite(row["error_percent_of_largest"])]
     preset, rubbed = states.preset, states.rubbed
     names = {row["magnet_height_mm"]: f"at_{row['magnet_height_mm']:g}_mm" for row in fitting}
     return answer(
@@ -270,7 +234,7 @@ def of_largest(rows: Sequence[Row], states: States) -> Answer:
         some_meets=any(error < PERCENT for error in at_one),
         own=own,
         own_between=math.isfinite(own["E_from_MPa"]) and own not in ends,
-        taller=min((h for h in heights if ends and h > ends[-1]["magnet_height_mm"]), default=None),
+        taller=[h for h in known if ends and h > ends[-1]["magnet_height_mm"]],
         tallest=max((row["magnet_height_mm"] for row in published), default=None),
         moduli=MODULI,
         published=PUBLISHED,
@@ -365,16 +329,15 @@ def shear_force(tips: Sequence[Row], best_E: float) -> Answer:
     )
 
 
-def tilt_as_cause(splits: Sequence[tuple[str, Sequence[Row]]]) -> Answer:
+def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Answer:
     """Answer the claim that the ignored tilt causes the error of F_mu."""
-    known = [(tip, rows) for tip, rows in splits if rows]
     # a condition of the tip without a sheared state has an unknown share, and leaves the claim open
-    shares = [share(rows, "tilt_N") for _, rows in splits]
+    shares = [share(rows, "tilt_N") for rows in splits]
     return answer(
         "tilt",
         verdict(holds=least(shares) > 50, figures=shares),
         {"least_tilt_share_percent": least(shares), "largest_tilt_share_percent": most(shares)},
-        known=[(tip, rows[-1]) for tip, rows in known],
+        known=[pages.records(rows)[-1] for rows in splits if len(rows)],
         least=least(shares),
         most=most(shares),
     )
