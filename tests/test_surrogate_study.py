@@ -119,9 +119,17 @@ def row(**changes):
     return {"beam": 1, "kind": "press", "quantity": "force"} | dict.fromkeys(NUMBERS, 0.0) | changes
 
 
-def judged(rows, failed=0):
+def judged(rows, failed=0, *, absent=False):
+    """The missed goals, if asked with those of regions without a beam."""
     table = surrogate_test.summaries(pd.DataFrame(rows))
-    return [str(goal) for goal in missed(surrogate_test.goals(table, failed))]
+    return [str(goal) for goal in missed(surrogate_test.goals(table, failed)) if goal.count or absent]
+
+
+def test_a_region_without_beams_misses_its_goals():
+    good = [row(beam=k, L_over_D=1.0, error_percent=1.0, interval_percent=2.0) for k in range(20)]
+    lost = judged(good, absent=True)
+    assert "press, force, slender, thin magnet: beams that the intervals hold: no data, goal at least 90 %" in lost
+    assert judged(good) == []
 
 
 def test_goals_are_judged_by_percentile_and_covered_beams():

@@ -8,6 +8,7 @@ are.
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -36,6 +37,9 @@ GOALS = {"force": 2.0, "force_x": 2.0, "force_z": 2.0, "tilt": 3.0}
 DOUBT = 0.01
 """Probability that so few beams are covered as a goal refuses, if nine of ten are: a goal for each quantity and group
 is refused by chance about once in as many goals as there are in a table."""
+DEEPER = f"deep, depth above {DEEP:g} D"
+NO_DATA: Row = {"states": 0, "beams": 0, "p95_percent": None, "covered_beams_percent": None}
+NO_DATA["least_covered_percent"] = 100 * COVERAGE
 REGIONS: dict[str, Callable[[Errors], Any]] = {
     "all": lambda rows: rows.beam == rows.beam,
     f"slender, L/D above {SLENDER:g}": lambda rows: rows.L_over_D > SLENDER,
@@ -43,7 +47,7 @@ REGIONS: dict[str, Callable[[Errors], Any]] = {
     f"thick magnet, above {THICK:g} D": lambda rows: rows.magnet_height_over_D > THICK,
     "wide thin magnet": lambda rows: _wide_thin(rows),
     f"wide thin magnet, L/D to {SLENDER:g}": lambda rows: _wide_thin(rows) & (rows.L_over_D <= SLENDER),
-    f"deep, depth above {DEEP:g} D": lambda rows: rows.kind.isin(["press", "shear"]) & (rows.depth_over_D > DEEP),
+    DEEPER: lambda rows: rows.kind.isin(["press", "shear"]) & (rows.depth_over_D > DEEP),
     "nu below 0.49": lambda rows: rows.nu < 0.49,
 }
 
@@ -98,7 +102,9 @@ def least_covered(count: int) -> int:
 
 
 def goals(table: Sequence[Row], failed: int) -> list[Goal]:
-    """Return the goals: no beam of the test is left out; errors and coverage of each quantity and region.
+    """Return the goals: no beam of the test is left out; errors and coverage of each quantity in each region.
+
+    A region without a beam has no data, and misses its goals.
 
     Parameters
     ----------
@@ -106,13 +112,16 @@ def goals(table: Sequence[Row], failed: int) -> list[Goal]:
     """
     count = failed + max((row["beams"] for row in table), default=0)
     found = [Goal("beams left out of the test because a state failed", failed, 0, count)]
-    for row in table:
-        name = f"{row['kind']}, {row['quantity']}, {row['region']}"
-        if row["kind"] in ("press", "shear") and row["quantity"] in GOALS:
-            bound = GOALS[row["quantity"]]
-            found.append(
-                Goal(f"{name}: 95th percentile of the errors", row["p95_percent"], bound, row["states"], "%")
-            )
+    rows = {(row["region"], row["kind"], row["quantity"]): row for row in table}
+    quantities = dict.fromkeys((row["kind"], row["quantity"]) for row in table)
+    for region, (kind, quantity) in itertools.product(REGIONS, quantities):
+        if region == DEEPER and kind not in ("press", "shear"):
+            continue
+        row = rows.get((region, kind, quantity), NO_DATA)
+        name = f"{kind}, {quantity}, {region}"
+        if kind in ("press", "shear") and quantity in GOALS:
+            error, bound = row["p95_percent"], GOALS[quantity]
+            found.append(Goal(f"{name}: 95th percentile of the errors", error, bound, row["states"], "%"))
         covered, least = row["covered_beams_percent"], row["least_covered_percent"]
         found.append(Goal(f"{name}: beams that the intervals hold", covered, least, row["beams"], "%", at_least=True))
     return found
