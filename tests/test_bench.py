@@ -321,7 +321,7 @@ def test_the_field_is_held_against_magpylib(monkeypatch):
 
 
 def test_a_section_is_compared_with_the_half_model_of_its_scene():
-    case = next(case for case in bench.CASES if case.key == "shear")
+    case = next(case for case in bench.cases() if case.key == "shear")
     own = few()
     assert bench.over_half(own, case, answer(0, 1.5)) is None
     own.add(case.name, "magtip", "solid_size 0.14 D", answer(0, 30.0))

@@ -1,6 +1,6 @@
 """Speed: what the finite elements cost at a given error, beside FElupe and CalculiX, and the field beside magpylib.
 
-CASES and PARTS say what is measured and what is promised, templates/bench.md.j2 how.
+bench_cases.toml and PARTS say what is measured and what is promised, templates/bench.md.j2 how.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import os
 import platform
 import shutil
 import statistics
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.accuracy import QUICK, STANDARD
+from fem.accuracy import STANDARD
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Magnet
 from geometry.messages import Progress
@@ -35,13 +36,10 @@ Fields = Mapping[str, float | str]
 
 DEPTHS_MM = tuple(0.25 * k for k in range(1, 13))
 DEPTH_MM = 1.0
-PRESS: tuple[Fields, ...] = ({"depth": DEPTH_MM, "friction": "stick"},)
-SHEAR: tuple[Fields, ...] = (*PRESS, {"depth": DEPTH_MM, "shear_x": 3.0, "friction": "stick"})
-RUB: tuple[Fields, ...] = ({"depth": DEPTH_MM, "friction": 0.5}, {"depth": DEPTH_MM, "shear_x": 5.0, "friction": 0.5})
 SECTIONS = (0.25, 0.22, 0.2, 0.19, 0.18, 0.16, 0.14, 0.12, 0.1, 0.08, 0.06)
-FINE: tuple[str, Fields] = ("axisymmetric", {"section_size": 0.018})
-FINE_SHEAR: tuple[str, Fields] = ("harmonic", {"section_size": 0.05, "section_patch": 0.0015, "harmonics": 5})
-CURVE, HALF, SHEARED = "press curve to 3 mm", "half model, press 1 mm", "press 1 mm, shear 3 mm, rigid magnet"
+CURVE, HALF = "press curve to 3 mm", "half model, press 1 mm"
+"""Names of the cases that have peers."""
+CASES = Path(__file__).with_name("bench_cases.toml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,52 +54,27 @@ class Case:
     tolerance_percent : of the force at every load; infinite where it is only reported.
     reference : model and accuracy of the fine solution, or None.
     goal_s, goal_MB : limits of CPU seconds and peak memory, infinite if there is none.
+    slow_reference : whether a quick run leaves the reference out.
     """
 
     key: str
     name: str
     model: str
     magnet: Magnet
-    loads: tuple[Fields, ...]
-    ladder: tuple[Fields, ...]
-    tolerance_percent: float
-    reference: tuple[str, Fields] | None
+    loads: Sequence[Fields]
+    ladder: Sequence[Fields]
+    tolerance_percent: float = math.inf
+    reference: tuple[str, Fields] | None = None
     goal_s: float = math.inf
     goal_MB: float = math.inf
+    slow_reference: bool = False
 
 
-def _ladder(*names: str, rungs: Iterable[Sequence[float]]) -> tuple[Fields, ...]:
-    return tuple(dict(zip(names, rung, strict=True)) for rung in rungs)
+def cases() -> list[Case]:
+    """Return what is measured of magtip."""
+    return [Case(**case) for case in tomllib.loads(CASES.read_text("utf-8"))["case"]]
 
 
-SOLIDS = _ladder("solid_size", rungs=zip((0.25, 0.2, 0.16, 0.14, 0.12)))
-SOLID_SHEARS = _ladder("solid_size", "solid_patch", rungs=((0.16, 0.04), (0.14, 0.03), (0.16, 0.02), (0.14, 0.015)))
-SECTION_SHEARS = _ladder(
-    *("section_size", "section_patch", "harmonics"),
-    rungs=(
-        *((0.18, 0.032, 3), (0.16, 0.032, 3), (0.16, 0.016, 3), (0.16, 0.008, 3), (0.14, 0.007, 3)),
-        *((0.2, 0.008, 4), (0.12, 0.006, 4)),
-    ),
-)
-LEVEL_QUICK = _ladder("section_size", "harmonics", rungs=[(QUICK.section_size, QUICK.harmonics)])
-PRESS_CURVE: tuple[Fields, ...] = tuple({"depth": depth} for depth in DEPTHS_MM)
-CASES = (
-    Case(
-        "press-curve", CURVE, "axisymmetric", "ignored", PRESS_CURVE, _ladder("section_size", rungs=zip(SECTIONS)),
-        0.5, FINE, goal_s=0.3,
-    ),
-    Case("half-press", HALF, "half", "ignored", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000),
-    Case(
-        "half-press-magnet", f"{HALF}, rigid magnet", "half", "rigid", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000
-    ),
-    Case("half-shear", SHEARED, "half", "rigid", SHEAR, SOLID_SHEARS, 1.0, FINE_SHEAR, goal_s=30),
-    Case("shear", SHEARED, "harmonic", "rigid", SHEAR, SECTION_SHEARS, 0.5, FINE_SHEAR, goal_s=1.5),
-    Case(
-        "friction", "press 1 mm, shear 5 mm, friction 0.5 to full slip", "harmonic", "rigid", RUB, LEVEL_QUICK,
-        math.inf, None, goal_s=10,
-    ),
-)  # fmt: skip
-"""What is measured of magtip; a line more is a case more."""
 TRIANGLES = tuple((size, tip) for size in SECTIONS for tip in (1.0, 0.6))
 """Meshes for FElupe: edge length in units of D, and that at the tip over magtip's."""
 CCX_LADDERS = {0.49: (0.3, 0.25, 0.2, 0.16), 0.4998: (0.2, 0.16, 0.14)}
@@ -217,7 +190,7 @@ def measure_case(bench: Bench, case: Case) -> None:
     """Add magtip's row of one case; its reference also judges the peers."""
     # two models of one scene share its reference; that of a shear takes minutes
     truth = bench.references.get(case.name)
-    if truth is None and case.reference is not None and not (bench.quick and case.reference is FINE_SHEAR):
+    if truth is None and case.reference is not None and not (bench.quick and case.slow_reference):
         bench.say(f"{case.name}: reference")
         found = magtip(spec(case.reference[0], case.magnet, case.loads, case.reference[1]))
         if found["status"] != "ok":
@@ -380,7 +353,7 @@ def field_points(bench: Bench) -> None:
 
 
 PARTS: list[tuple[str, Callable[[Bench], None]]] = [
-    (case.key, functools.partial(measure_case, case=case)) for case in CASES
+    (case.key, functools.partial(measure_case, case=case)) for case in cases()
 ]
 """The parts of the bench by name; a peer has the name of its case and follows it."""
 PARTS[2:2] = [("half-press", press_by_calculix)]

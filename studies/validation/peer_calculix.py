@@ -19,6 +19,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from studies.validation import pages
+
 FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
 """Corners of CalculiX' faces S1 to S4."""
 TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
@@ -56,42 +58,19 @@ def deck(mesh: Any, press: Press) -> str:
     plate = [(1.5 * press.R * x, 1.5 * press.R * y, z) for x, y, z in corners]
     base = _on(points[:, 2])
     mu, K = press.E / 2 / (1 + press.nu), press.E / 3 / (1 - 2 * press.nu)
-    lines = [
-        "*NODE, NSET=BODY",
-        *_numbered(points, 1),
-        "*NODE, NSET=PLATE",
-        *_numbered(plate, n + 1),
-        "*ELEMENT, TYPE=C3D10, ELSET=BODY",
-        *(f"{i}, " + ", ".join(map(str, row)) for i, row in enumerate(cells.tolist(), 1)),
-        "*ELEMENT, TYPE=C3D8, ELSET=PLATE",
-        f"{len(cells) + 1}, " + ", ".join(str(n + k) for k in range(1, 9)),
-        "*NSET, NSET=BASE",
-        *map(str, base),
-        "*NSET, NSET=SYMMETRY",
-        *map(str, np.setdiff1d(_on(points[:, 1]), base)),
-        "*SURFACE, NAME=TIP, TYPE=ELEMENT",
-        *_faces(mesh, cells, press.L, reach),
-        "*SURFACE, NAME=LOWER, TYPE=ELEMENT",
-        f"{len(cells) + 1}, S1",
-        "*MATERIAL, NAME=SILICONE",
-        "*HYPERELASTIC, NEO HOOKE",
-        f"{mu / 2:.12g}, {2 / K:.12g}",
-        "*SOLID SECTION, ELSET=BODY, MATERIAL=SILICONE",
-        "*MATERIAL, NAME=STIFF",
-        "*ELASTIC",
-        f"{1e3 * press.E:.12g}, 0.3",
-        "*SOLID SECTION, ELSET=PLATE, MATERIAL=STIFF",
-        "*SURFACE INTERACTION, NAME=TOUCH",
-        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR",
-        f"{press.stiffness:.12g}",
-        f"*CONTACT PAIR, INTERACTION=TOUCH, TYPE={press.contact}",
-        "TIP, LOWER",
-        *("*BOUNDARY", "BASE, 1, 3", "SYMMETRY, 2, 2", "PLATE, 1, 2"),
-        *("*STEP, NLGEOM, INC=500", "*STATIC", "1.0, 1.0, 1e-4, 1.0"),
-        *("*BOUNDARY", f"PLATE, 3, 3, {-press.depth:.12g}"),
-        *("*NODE PRINT, NSET=BASE, TOTALS=ONLY", "RF", "*END STEP"),
-    ]
-    return "\n".join(lines) + "\n"
+    return pages.rendered(
+        "calculix.inp.j2",
+        body=_numbered(points, 1),
+        plate=_numbered(plate, n + 1),
+        cells=[f"{i}, " + ", ".join(map(str, row)) for i, row in enumerate(cells.tolist(), 1)],
+        block=f"{len(cells) + 1}, " + ", ".join(str(n + k) for k in range(1, 9)),
+        last=len(cells) + 1,
+        base=base.tolist(),
+        symmetry=np.setdiff1d(_on(points[:, 1]), base).tolist(),
+        faces=_faces(mesh, cells, press.L, reach),
+        moduli=(mu / 2, 2 / K),
+        press=press,
+    )
 
 
 def force(printed: str) -> tuple[float, float]:
