@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from analytic import buckling, hall
+from analytic import beam, buckling, hall
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import paper
@@ -56,7 +56,7 @@ def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
     assert {cell for cell in cells if cell[1] not in trade_cases.CALCULATED} == everything - excluded
     surrogate = {(kind, level) for kind, model, level in cells if model == "surrogate"}
     assert surrogate == {("press", "shipped"), ("glued shear", "shipped")}
-    assert {level for kind, model, level in cells if model == "formula"} == set(trade_cases.FORMULAS)
+    assert {level for kind, model, level in cells if model == "formula"} == set(beam.LEVELS)
 
 
 def test_every_run_has_a_reference():

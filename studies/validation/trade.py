@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,10 @@ from studies.validation import pages, trade_cases, trade_rule, trade_study
 from studies.validation.pages import Row
 from studies.validation.trade_cases import CALCULATED, KINDS, SHIPPED, SURROGATE, Kind
 from studies.validation.trade_rule import COUNTED
-from studies.validation.trade_study import QUANTITIES, QUICK_KINDS, errors_of, is_clear
+from studies.validation.trade_study import CLEAR, QUANTITIES, QUICK_KINDS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
 """Files that `write` writes into a folder."""
@@ -110,49 +113,41 @@ def cells(states: Sequence[Row]) -> list[Row]:
     an answer and a reference, `unclear_percent` is the share of errors that are less than three bars of their
     reference. Errors are median, 95th percentile and, over all counted quantities, the largest.
     """
-    groups: dict[tuple[str, ...], list[Row]] = {}
-    for state in states:
-        if not state["confirming"]:
-            groups.setdefault((state["kind"], state["model"], state["level"]), []).append(state)
-    places = product(KINDS, MODELS, LEVELS)
-    return [
-        dict(zip(("kind", "model", "level"), place, strict=True)) | _cell(groups[place])
-        for place in places
-        if place in groups
-    ]
+    import pandas as pd
+
+    frame = pd.DataFrame(states)
+    frame = frame[~frame.confirming.astype(bool)]
+    order = {"kind": KINDS, "model": MODELS, "level": LEVELS}
+    frame = frame.assign(**{name: pd.Categorical(frame[name], values) for name, values in order.items()})
+    groups = frame.groupby(list(order), observed=True, sort=True)
+    return [dict(zip(order, place, strict=True)) | _cell(own) for place, own in groups]
 
 
-def _cell(own: Sequence[Row]) -> Row:
-    inside = [errors_of(s) for s in own if s["model"] != "formula" or not s["message"]]
-    inside = [errors for errors in inside if errors]
-    row: Row = {"designs": len({s["design"] for s in own}), "states": len(own), "solved": len(inside)}
+def _cell(own: pd.DataFrame) -> Row:
+    names = [f"{name}_error_percent" for name in QUANTITIES]
+    inside = own[((own.model != "formula") | (own.message == "")) & own[names].notna().any(axis=1)]
+    row: Row = {"designs": own.design.nunique(), "states": len(own), "solved": len(inside)}
     for name in QUANTITIES:
-        middle, high, _ = _spread([errors[name][0] for errors in inside if name in errors])
+        middle, high, _ = _spread(inside[f"{name}_error_percent"])
         row |= {f"{name}_median_percent": middle, f"{name}_p95_percent": high}
-    unclear = [not is_clear(*errors[name]) for errors in inside for name in COUNTED if name in errors]
-    worst = _spread([max(errors[name][0] for name in COUNTED if name in errors) for errors in inside])
+    counted, bars = (inside[[f"{name}_{kind}_percent" for name in COUNTED]].to_numpy() for kind in ("error", "bar"))
+    known = np.isfinite(counted)
+    unclear = CLEAR * bars[known] > counted[known]
+    worst = _spread(inside[[f"{name}_error_percent" for name in COUNTED]].max(axis=1))
     # the surrogate refuses most paths outside its range as a whole, at no cost
-    answered = [s for s in own if s["model"] != SURROGATE or s["status"] != "refused"] or list(own)
-    ended = [s for s in answered if math.isfinite(s["cpu_s"])]
+    refused = (own.model == SURROGATE) & (own.status == "refused")
+    answered = own if refused.all() else own[~refused]
     row |= dict(zip(("worst_median_percent", "worst_p95_percent", "largest_percent"), worst, strict=True))
-    return row | {
-        "unclear_percent": 100 * float(np.mean(unclear)) if unclear else math.nan,
-        "cpu_s": _spread([s["cpu_s"] for s in ended])[0],
-        "cost": _spread([s["cost"] for s in answered if math.isfinite(s["cost"])])[0],
-        "peak_MB": _spread([s["peak_MB"] for s in ended])[0],
-    }
+    row["unclear_percent"] = 100 * float(unclear.mean()) if len(unclear) else math.nan
+    return row | {name: float(answered[name].median()) for name in ("cpu_s", "cost", "peak_MB")}
 
 
-def _spread(values: Sequence[float]) -> tuple[float, float, float]:
-    """Return median, 95th percentile (the least value that as many do not exceed) and largest value; NaN without any.
-
-    >>> _spread([3.0, 1.0, 2.0])
-    (2.0, 3.0, 3.0)
-    """
-    if not values:
+def _spread(values: pd.Series) -> tuple[float, float, float]:
+    """Return median, 95th percentile (the least value that as many do not exceed) and largest value, if any."""
+    known = np.sort(values.dropna().to_numpy())
+    if not len(known):
         return math.nan, math.nan, math.nan
-    high = sorted(values)[max(math.ceil(0.95 * len(values)) - 1, 0)]
-    return float(np.median(values)), high, max(values)
+    return float(np.median(known)), float(known[math.ceil(0.95 * len(known)) - 1]), float(known[-1])
 
 
 def _designs(table: Sequence[Row], kind: str, model: str) -> Row:

@@ -8,26 +8,23 @@ rule.
 
 from __future__ import annotations
 
-import csv
 import functools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from analytic import beam
 from fem.accuracy import LEVELS, Accuracy
 from fem.results.error_estimates import press_limits
 from fem.scene import Model
-from geometry.design import BadInput, Design, paper
+from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
-from studies.validation.error_study_cases import THINNEST, Trial, rounded
+from studies.validation.error_study_cases import Trial, rounded, rows_of
 
 Kind = Literal["press", "glued shear", "friction"]
 KINDS: tuple[Kind, ...] = ("press", "glued shear", "friction")
 SCENES: dict[Kind, str] = {"press": "press", "glued shear": "stick", "friction": "friction"}
 """Scene of a trial of each kind, see `studies.validation.error_study_cases`."""
 
-FORMULAS = beam.LEVELS
 SURROGATE, SHIPPED = "surrogate", "shipped"
 """Name of the surrogate among the models, and of its one level."""
 CALCULATED = ("formula", SURROGATE)
@@ -45,10 +42,11 @@ STUDIED = 24
 """Number of chosen designs."""
 DRAWN = 26
 """Number of random designs of a draw."""
-DRAWS = ((2018, 20), (2026, 6), (2027, 6))
-"""Draws of random designs: seed, and how many of them lie anywhere in the range; the others lie inside that of the
-formulas. The rule was corrected after each draw but the last."""
-CONFIRMED = DRAWN * len(DRAWS)
+DRAWS = 3
+"""Draws of random designs, with L/D from 0.6 to 6, nu from 0.45 and walls of 0.06 D or more. Of the first draw 20 and
+of the others 6 designs lie anywhere in the range, the rest inside that of the formulas. The rule was corrected after
+each draw but the last."""
+CONFIRMED = DRAWN * DRAWS
 """Number of random designs."""
 
 PRESSES, DEEP = (0.12, 0.4, 1.0), 0.5
@@ -112,6 +110,7 @@ def _loads(number: int, kind: Kind, design: Design, magnet: Magnet) -> tuple[Loa
 
 DESIGNS = Path(__file__).with_name("trade_designs.csv")
 """The chosen designs after the paper's; those from the 18th on lie inside the range of the formulas."""
+RANDOM_DESIGNS = DESIGNS.with_name("trade_random_designs.csv")
 LAWS: dict[str, dict[str, Any]] = {
     "mooney": {"law": "mooney-rivlin", "mooney_share": 0.2},
     "yeoh": {"law": "yeoh", "yeoh_2": 0.05},
@@ -123,55 +122,28 @@ LAWS: dict[str, dict[str, Any]] = {
 @functools.cache
 def designs() -> tuple[Design, ...]:
     """Return the chosen designs, the paper's first."""
-    with DESIGNS.open(encoding="utf-8", newline="") as file:
-        _, *rows = csv.reader(file)
-    chosen = []
-    for *numbers, law in rows:
-        D, ratio, diameter, height, nu = map(float, numbers)
-        chosen.append(_design(D, ratio, diameter, height, nu, LAWS.get(law)))
-    return (paper(), *chosen)
+    return (paper(), *(_design(**row) for row in rows_of(DESIGNS)))
 
 
 def _design(
-    D: float, ratio: float, diameter: float, height: float, nu: float, law: dict[str, Any] | None = None
+    D: float, L_over_D: float, magnet_diameter_over_D: float, magnet_height_over_D: float, nu: float, law: str
 ) -> Design:
-    """Return a design from D and lengths over D; its Hall elements lie as in the paper's sensor, over D."""
-    L = rounded(ratio * D)
+    """Return a design; its Hall elements lie as in the paper's sensor, over D."""
+    L = rounded(L_over_D * D)
     magnet: dict[str, Any] = {
-        "magnet_diameter": rounded(diameter * D),
-        "magnet_height": rounded(height * D),
-        "magnet_edge_radius": rounded(0.1 * height * D),
+        "magnet_diameter": rounded(magnet_diameter_over_D * D),
+        "magnet_height": rounded(magnet_height_over_D * D),
+        "magnet_edge_radius": rounded(0.1 * magnet_height_over_D * D),
     }
     elements: dict[str, Any] = {"l0": rounded(L - D / 2 + 0.275 * D), "f": rounded(0.625 * D), "c": rounded(0.25 * D)}
-    return Design(D=D, L=L, nu=nu, **magnet, **elements, **(law or {}))
+    return Design(D=D, L=L, nu=nu, **magnet, **elements, **LAWS.get(law, {}))
 
 
 @functools.cache
 def confirming_designs() -> tuple[Design, ...]:
     """Return the random designs: L/D and 1/2 - nu uniform in their logarithm; a third has no magnet."""
-    return tuple(design for seed, anywhere in DRAWS for design in _drawn(seed, anywhere))
-
-
-def _drawn(seed: int, anywhere: int) -> list[Design]:
-    """Return the random designs of one draw."""
-    import numpy as np
-
-    random, chosen = np.random.default_rng(seed), list[Design]()
-    while len(chosen) < DRAWN:
-        D, ratio = 4 * 5 ** random.random(), 0.6 * 10 ** random.random()
-        nu = float(f"{0.5 - 0.05 * 2e-3 ** random.random():.4g}")
-        diameter, height = 0.15 + 0.55 * random.random(), 0.1 + 0.5 * random.random()
-        if len(chosen) % 3 == 2:
-            diameter = height = 0.0
-        law = list(LAWS.values())[len(chosen) % 3] if random.random() < 0.3 else None
-        try:
-            design = _design(rounded(D), rounded(ratio), diameter, height, nu, law)
-        except BadInput:
-            continue
-        outside = beam.outside(design, Load(depth=0.05 * design.D), "finite")
-        if design.shape.wall >= THINNEST * design.D and (len(chosen) < anywhere or not outside):
-            chosen.append(design)
-    return chosen
+    rows = [(row, LAWS.get(row.pop("law"), {})) for row in rows_of(RANDOM_DESIGNS)]
+    return tuple(Design(**row, **law) for row, law in rows)
 
 
 Fineness = Literal["rough", "coarser", "usual", "finer"]

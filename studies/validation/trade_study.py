@@ -108,7 +108,7 @@ def plan(
             models = (section,) if quick else MODELS[kind]
             numbers = {(m, level): trade_cases.runs_on(kind, m, level, count) for m in models for level in levels}
             chosen = trade_cases.runs_on(kind, section, "quick", count)
-        calculated = [("formula", level) for level in trade_cases.FORMULAS]
+        calculated = [("formula", level) for level in beam.LEVELS]
         calculated += [] if kind == "friction" else [(SURROGATE, SHIPPED)]
         for (model, level), own in (dict.fromkeys(calculated, chosen) | numbers).items():
             name: Any = "auto" if model in CALCULATED else model
