@@ -52,10 +52,6 @@ GAUSS = 6
 """Number of these Gauss points."""
 ORDER = 27
 """Order of the highest multipole of the field; its slope has one order more."""
-NEAR_HULL = 0.01
-"""Distance from the hull, in radii, within which that distance is computed in doubled precision."""
-SPLIT = 134217729.0
-"""2^27 + 1, which splits a float into two halves of its digits for Dekker's product."""
 LARGE = 1e100
 """Distance from the centre, in radii, beyond which the field, below 1e-300 of J, counts as 0: squares overflow."""
 REGULAR = 0.085
@@ -134,7 +130,7 @@ def set_point(j, x, y, z, radius, half, w):
 
 def correct_gap(j, x, y, radius, w):
     """Correct 1 - r of point j near the hull, (a^2 - x^2 - y^2) / (a (a + rho)), in doubled precision."""
-    if abs(w[GAP + j]) < NEAR_HULL:
+    if abs(w[GAP + j]) < 0.01:
         a2, a2_low = _square(radius)
         x2, x2_low = _square(x)
         y2, y2_low = _square(y)
@@ -401,7 +397,8 @@ def _write_jacobian(x, radius, J, w, jacobian):
 
 def _square(a):
     """Return a^2 and its rounding error (Dekker)."""
-    wide = SPLIT * a
+    # 2^27 + 1 splits a float into two halves of its digits
+    wide = 134217729.0 * a
     high = wide - (wide - a)
     low = a - high
     square = a * a

@@ -35,16 +35,8 @@ Limit = Literal["depth", "shear", "workspace"]
 
 CELLS = (24, 24, 12)
 """Number of the table's cells along x, y and z: half as many along z, because the workspace is half as high."""
-EDGE = 1e-6
-"""Distance outside the workspace up to which a pose still counts as inside, mm: rounding on its faces."""
-PAD = 0.01
-"""Margin of the table around the workspace, over its size, so that poses on its faces lie inside a cell."""
-DOUBT = 5.0
-"""Largest misfit of each of more than three readings over its standard deviation, from noise and tolerances."""
-MISFIT_SHARE = 0.02
-"""Largest misfit of a reading without noise, over its span in the workspace, if there are more than three."""
-WIDER = 1.25
-"""Size of the box in which poses outside the workspace are looked for, over the workspace of the design."""
+EDGE = 1e-7
+"""Distance outside the workspace, over D, up to which a pose still counts as inside: rounding on its faces."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +47,6 @@ class Decoder:
     ----------
     low, high : corners of the workspace, shape (3,), mm.
     table, goal : starts of the search for poses, and what a pose must fit.
-    span : range of each element's readings in the workspace, shape (k,), T.
     sigma : standard deviation of each reading from noise and converter, shape (k,), T.
     """
 
@@ -65,7 +56,6 @@ class Decoder:
     high: Array
     table: StartTable
     goal: Goal
-    span: Array
     sigma: Array
 
 
@@ -139,14 +129,26 @@ def decoder(
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
-    pad = PAD * (high - low)
+    # poses on the faces of the workspace lie inside a cell of the table
+    pad, edge = 0.01 * (high - low), EDGE * design.D
     table, span = pose_search.start_table(forward, low - pad, high + pad, cells)
     sigma = np.array([element.noise_T for element in forward.elements])
     explained = np.hypot(sigma, deviation)
-    tolerance = np.where(explained > 0, DOUBT * explained, MISFIT_SHARE * span)
-    edge, at_rails = (high - low + 2 * pad) / cells, rails(forward.elements)
-    goal = pose_search.goal(low - EDGE, high + EDGE, _weights(sigma), tolerance, edge, at_rails)
-    return Decoder(forward, law, low, high, table, goal, span, sigma)
+    cell = (high - low + 2 * pad) / cells
+    goal = Goal(
+        low=low - edge,
+        high=high + edge,
+        floor=low - 3 * cell,
+        roof=high + 3 * cell,
+        weights=_weights(sigma),
+        # of more than three readings; five standard deviations, or 2 % of the range of a reading without noise
+        tolerance=np.where(explained > 0, 5 * explained, 0.02 * span),
+        # nearly all poses lie within one diagonal of a cell from their start
+        reach=2.5 * float(np.linalg.norm(cell)),
+        D=design.D,
+        rails=rails(forward.elements),
+    )
+    return Decoder(forward, law, low, high, table, goal, sigma)
 
 
 def field_of(elements: Sequence[Element], outputs: ArrayLike) -> Array:
@@ -276,7 +278,7 @@ def poses_outside(coder: Decoder, readings: Array) -> Array:
     shift : shape (n, 3), mm; NaN where no pose is found.
     """
     shifts = np.full((len(readings), 3), np.nan)
-    low, high = (WIDER * end for end in response_surface.workspace(coder.forward.design))
+    low, high = (1.25 * end for end in response_surface.workspace(coder.forward.design))
     goal = coder.goal._replace(low=low, high=high, floor=low, roof=high)
     # beyond the workspace the magnet may overlap an element, where its field can be undefined
     with contextlib.suppress(BadInput):

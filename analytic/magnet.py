@@ -30,10 +30,8 @@ Pair = tuple[Array, Array]
 
 MU_0 = 4e-7 * math.pi
 """Vacuum permeability, T m/A."""
-GRAVITY, GRIP = 9.81, 0.3
-"""Acceleration, m/s^2, and friction of a magnet on the floor of its pocket over its weight, a common value."""
-FACE_RADII, FACE_ANGLES = 16, 24
-"""Points of the integrals over half a face: the force of magnets that nearly touch is exact to 1e-4, else to 1e-7."""
+GRIP = 0.3
+"""Friction of a magnet on the floor of its pocket over its weight, a common value."""
 
 
 def cylinder_field(points: ArrayLike, radius: float, height: float, J: float, *, refuse: bool = True) -> Array:
@@ -226,10 +224,11 @@ def repulsion(radius: float, height: float, J: float, distance: float) -> float:
     """
     if not distance > 2 * radius:
         raise BadInput(f"distance must exceed the magnets' diameter = {2 * radius:g} mm; got {distance:g} mm")
-    nodes, weights = np.polynomial.legendre.leggauss(FACE_RADII)
+    # so many points that the force of magnets that nearly touch is exact to 1e-4, else to 1e-7
+    (nodes, weights), angles = np.polynomial.legendre.leggauss(16), 24
     # half of the face: B_x is the same at y and -y, and on the lower face it has the opposite sign
-    r, turn = radius * (nodes + 1) / 2, math.pi * (np.arange(FACE_ANGLES) + 0.5) / FACE_ANGLES
-    area = np.repeat(r * weights * radius / 2, FACE_ANGLES) * math.pi / FACE_ANGLES
+    r, turn = radius * (nodes + 1) / 2, math.pi * (np.arange(angles) + 0.5) / angles
+    area = np.repeat(r * weights * radius / 2, angles) * math.pi / angles
     x, y = distance + np.outer(r, np.cos(turn)).ravel(), np.outer(r, np.sin(turn)).ravel()
     upper = cylinder_field(np.column_stack([x, y, np.full(len(x), height / 2)]), radius, height, J)[:, 0]
     return float(4e-6 * J / MU_0 * area @ upper)
@@ -237,7 +236,7 @@ def repulsion(radius: float, height: float, J: float, distance: float) -> float:
 
 def weight(design: Design) -> float:
     """Return the weight of a design's magnet, N."""
-    return 1e-9 * magnet_volume(design.shape) * design.magnet_density * GRAVITY
+    return 1e-9 * magnet_volume(design.shape) * design.magnet_density * 9.81
 
 
 def resting_distance(design: Design) -> float | None:

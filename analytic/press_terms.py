@@ -35,10 +35,6 @@ from geometry.design import Design
 
 THIN, SPHERE, CENTRE, INCLUSION, LEAST_COLUMN, THINNING = 1.335, 0.75, 0.18, 1.55, 0.4, 1.4
 """Constants above: of a bonded layer and of a sphere, and those of C and of the thinning layer."""
-NEWTON_STEPS = 200
-"""Most steps of Newton's method, of which a handful suffice."""
-ROUNDING = 1e-15
-"""Rounding error of the depth, over the depth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +78,7 @@ def press(design: Design, depth: float, terms: Terms) -> Press:
         return above + column(dome(above))[0] - depth
 
     # to the last digits: a tolerance would show in derivatives by differences
-    above = false_position(excess, 0.0, depth, ROUNDING * depth)
+    above = false_position(excess, 0.0, depth, 1e-15 * depth)
     force = dome(above)
     below, stretch = column(force)
     contact = math.cbrt(3 * force * design.R / (4 * effective_modulus(design)))
@@ -171,7 +167,7 @@ def neo_hookean_shortening(strain: float) -> float:
     """
     # with 1/lambda = 1 + u no digit is lost at small strain; Newton's method approaches the root from above
     u, rest, triple = 2 * strain, 1 - strain, 3 * strain
-    for _ in range(NEWTON_STEPS):
+    for _ in range(200):
         step = (u**3 + 3 * u**2 + 3 * u * rest - triple) / (3 * (1 + u) ** 2 - triple)
         u -= step
         if abs(step) <= 1e-15 * u:

@@ -37,11 +37,6 @@ from geometry.arrays import Array
 from geometry.loads import Waveform
 from geometry.relaxation import Relaxation
 
-SAMPLES = 2001
-"""Times of half a stroke at which the force of a sine with rests is computed, to find its largest value."""
-SMALL = 1e-2
-"""Below this, 2 z - (1 - E) loses digits and is a series."""
-
 
 @dataclass(frozen=True, slots=True)
 class Loop:
@@ -89,7 +84,8 @@ def _triangle(relaxation: Relaxation, half: float, hold: float) -> Loop:
     gap = g / z * np.expm1(-z) * np.expm1(-z - rest) / (1 + decayed)
     end = g / (2 * z) * moved / (1 + decayed)
     # (1 - E) (1 + H) / (1 + E H) = (1 - E) + (1 - E)^2 H / (1 + E H)
-    straight = np.where(z < SMALL, 2 * z**2 - 4 * z**3 / 3 + 2 * z**4 / 3 - 4 * z**5 / 15, 2 * z - moved)
+    # a series where 2 z - (1 - E) loses digits
+    straight = np.where(z < 1e-2, 2 * z**2 - 4 * z**3 / 3 + 2 * z**4 / 3 - 4 * z**5 / 15, 2 * z - moved)
     area = g / (2 * z**2) * (straight - moved**2 * held / (1 + decayed))
     return Loop(float(gap.sum()), relaxation.rest + 2 * float(end.sum()), float(area.sum()))
 
@@ -115,12 +111,12 @@ def _largest_of_sine(relaxation: Relaxation, half: float, hold: float) -> float:
         return abs(complex(relaxation.complex_modulus(np.pi / half))) / 2
     g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     s = np.pi * tau / half
-    time = np.linspace(half / 2, half, SAMPLES)[:, None]
+    time = np.linspace(half / 2, half, 2001)[:, None]
     angle = np.pi * time / half
     branches = np.sin(angle) - s * np.cos(angle) + s * _rested(tau, half, hold) * np.exp(-time / tau)
     force = -relaxation.rest / 2 * np.cos(angle[:, 0]) + (g / 2 * s / (1 + s**2) * branches).sum(axis=1)
     best = int(force.argmax())
-    if not 0 < best < SAMPLES - 1:
+    if not 0 < best < len(force) - 1:
         return float(force[best])
     # the vertex of the parabola through three neighbours
     left, middle, right = force[best - 1 : best + 2]

@@ -41,9 +41,8 @@ from geometry.design import Design
 
 DOME, ROLLS, PATCH = 0.1, 0.25, 1 / 5
 """Constants above: shear compliance of the dome times G R, growth of a over |omega| R, and the 1/5 of a^2/(5 R)."""
-ROLLED, SETTLED, NUDGE = 4, 1e-10, 1e-4
-"""Updates of the rolled contact radius, relative tolerance of the press force, and
-the relative increment of the press force for dk/dP."""
+NUDGE = 1e-4
+"""Relative increment of the press force for dk/dP."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +118,7 @@ def _inclined(
     @functools.cache
     def follow(P: float) -> tuple[Column, Bent, Press]:
         bent, now = bend(design, column, P), column
-        for _ in range(ROLLED):
+        for _ in range(4):
             now = replace(column, patch=column.patch + ROLLS * abs(bent.omega * shear) * design.R)
             bent = bend(design, now, P)
         nudged = bend(design, now, P + NUDGE * pressed.force)
@@ -127,7 +126,7 @@ def _inclined(
         return now, bent, press(design, max(depth - lean, 0.0), terms)
 
     # the press force P must equal that of the depth which P itself leaves; it is at most that of the upright beam
-    P = false_position(lambda P: P - follow(P)[2].force, 0.0, pressed.force, SETTLED * pressed.force)
+    P = false_position(lambda P: P - follow(P)[2].force, 0.0, pressed.force, 1e-10 * pressed.force)
     now, bent, there = follow(P)
     return now, bent, P, there.below + _lowering(now, bent, P, shear)
 

@@ -194,7 +194,7 @@ def equal_readings(coder: Decoder, shift: Array, readings: Array) -> tuple[NDArr
     np.maximum.at(far, decoded.owner, distance)
     np.minimum.at(near, decoded.owner, distance)
     # right beside a fold the decoder can miss the given pose itself, which has these readings nevertheless
-    return decoded.multiplicity + (near > pose_search.SAME), far
+    return decoded.multiplicity + (near > pose_search.SAME * coder.forward.design.D), far
 
 
 def collisions(coder: Decoder, shift: Array, tilt: Array, clearance: float = 0.0) -> tuple[Bools, Bools, Bools]:

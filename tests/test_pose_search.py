@@ -73,4 +73,4 @@ def test_no_pose_is_found_twice():
     for row in range(100):
         poses = found.poses[found.owner == row]
         distance = np.abs(poses[:, None] - poses).max(axis=2) + np.eye(len(poses))
-        assert distance.min(initial=1) > pose_search.SAME
+        assert distance.min(initial=1) > pose_search.SAME * FOLDED.D

@@ -45,8 +45,6 @@ Vector = tuple[float, float, float]
 
 NO_TILT: Array = np.zeros((1, 1))
 """Coefficients of tau = 0: the magnet does not tilt."""
-SMALL = 1e-6
-"""t^2, rad^2, below which the slope of sin(t)/t is taken from its series: the closed form is 0/0 at t = 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,7 +225,8 @@ def tilt_axis(tau, shift, axis, lean):
     square = t * t * u
     angle = math.sqrt(square)
     cos = math.cos(angle)
-    small = square < SMALL
+    # near t = 0 the closed form of the slope of sin(t)/t is 0/0
+    small = square < 1e-6
     sinc = 1 - square / 6 if small else math.sin(angle) / angle
     bend = square / 60 - 1 / 6 if small else (cos - sinc) / (2 * square)
     k = sinc * t

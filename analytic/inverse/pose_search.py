@@ -18,7 +18,7 @@ succeed. Newton's method converges quadratically, so the error after a step of l
 is about p (p/p')^2. The iteration ends where this estimate is below `GOAL`.
 
 Two rules end iterations that would lead nowhere. A start stands for the poses near it, since every other pose has a
-start of its own: an iteration that moves farther than `REACH` cell diagonals from its start ends. So does one whose
+start of its own: an iteration that moves farther than 2.5 cell diagonals from its start ends. So does one whose
 misfit does not fall to `FALL` of its size in `STALL` evaluations, as next to a minimum of the misfit that is no pose.
 """
 
@@ -44,22 +44,13 @@ BLOCK = PARTS**3
 """Number of cells of a block."""
 CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 """Corners of a unit cell, shape (8, 3)."""
-SAME = 1e-5
-"""Distance below which two poses count as one, mm: far above the error of a converged pose."""
-EXACT = 1e-7
-"""Largest misfit of three readings over the norm of their slopes, mm: three readings determine a pose exactly."""
-APART = 0.8
-"""Starts with the same sign of det J and closer than this many diagonals of their cell lead to the same pose."""
-GOAL = 1e-9
-"""Estimated error of a pose at which the iteration ends, mm: far below `SAME`, far above rounding."""
-STEPS = 40
-"""Largest number of steps from a start; a start that has not converged by then gives no pose."""
-STUCK = 1e-6
-"""Length of a damped step at which the iteration stops without a pose, mm: it has met a minimum of |f| above 0."""
-LONGEST = 0.5
-"""Largest length of a step, mm: close to a fold, undamped steps are far too long."""
-REACH = 2.5
-"""Farthest that an iteration moves from its start, in cell diagonals; nearly all poses lie within 1 of a start."""
+SAME = 1e-6
+"""Distance below which two poses count as one, over D: far above the error of a converged pose."""
+GOAL = 1e-10
+"""Estimated error of a pose at which the iteration ends, over D: far below `SAME`, far above rounding."""
+SHORT = 1e-7
+"""Length of a step, over D, so short that rounding decides whether the misfit falls. A damped step that is as short
+has met a minimum of the misfit above 0."""
 STALL, FALL = 6, 0.8
 """Number of evaluations in which the misfit must fall, and to which part of its size. Near a double root, the slowest
 case, each full step brings it to a quarter."""
@@ -110,6 +101,7 @@ class Goal(NamedTuple):
     weights : of the readings in the misfit, shape (k,).
     tolerance : largest misfit of each reading if there are more than three, shape (k,), T.
     reach : farthest that the iteration moves from a start of the table, mm.
+    D : diameter of the beam, the unit of lengths, mm.
     rails : fields at which each element's output lies at its lower and at its upper rail, shape (k, 2), T.
     """
 
@@ -120,13 +112,8 @@ class Goal(NamedTuple):
     weights: Array
     tolerance: Array
     reach: float
+    D: float
     rails: Array
-
-
-def goal(low: Array, high: Array, weights: Array, tolerance: Array, edge: Array, rails: Array) -> Goal:
-    """Return the goal of a search in a workspace whose cells have the edges `edge`, shape (3,), mm."""
-    pad = 3 * edge
-    return Goal(low, high, low - pad, high + pad, weights, tolerance, REACH * float(np.linalg.norm(edge)), rails)
 
 
 def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> tuple[StartTable, Array]:
@@ -261,7 +248,7 @@ def search(field, kernel, table, goal):
             apart = 0.0
             for j in range(3):
                 apart = max(apart, abs(shifts[i, j] - s[0, j]))
-            known = known or apart < SAME
+            known = known or apart < SAME * goal.D
         if inside and end == POSE and not known:
             shifts[count], slopes[count] = s[0], A[0]
             count += 1
@@ -287,7 +274,8 @@ def starts_of(field, table):
     ]
     for cell in cells:
         c, e, side = centre[cell], edge[cell], sign[cell]
-        apart = APART * math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+        # starts with the same sign of det J that are closer than this lead to the same pose
+        apart = 0.8 * math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
         for i in range(3):
             row = maps[cell, i]
             u[i] = row[0] * r[0] + row[1] * r[1] + row[2] * r[2] + row[3]
@@ -348,29 +336,30 @@ def newton(start, reach, field, kernel, goal):
     mu, last = 0.0, math.inf
     size = misfit_of(s, field, kernel, goal.weights, f, A)
     sizes = np.full(STALL, size)
-    for turn in range(STEPS):
+    short = SHORT * goal.D
+    for turn in range(40):
         p = step(f[0], A[0], goal.weights, mu)
         length = math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
-        error = length * (length / min(last, 1e-2)) ** 2
+        error = length * (length / min(last, 1e-3 * goal.D)) ** 2
         # a damped step is short because of its damping, which says nothing of the error
-        if size == 0 or (mu == 0 and (length < 1e-3 * GOAL or (last < math.inf and error < GOAL))):
+        if size == 0 or (mu == 0 and (length < 1e-3 * GOAL * goal.D or (last < math.inf and error < GOAL * goal.D))):
             for j in range(3):
                 s[0, j] += p[j]
             misfit_of(s, field, kernel, goal.weights, f, A)
-            return POSE if fits(f[0], A[0], goal.tolerance) else MISFIT, s, A
-        if not size < math.inf or (mu > 0 and length < STUCK):
+            return POSE if fits(f[0], A[0], goal) else MISFIT, s, A
+        if not size < math.inf or (mu > 0 and length < short):
             break
-        if turn >= STALL and size > FALL * FALL * sizes[turn % STALL] and length >= 1e-6:
+        if turn >= STALL and size > FALL * FALL * sizes[turn % STALL] and length >= short:
             break
         sizes[turn % STALL] = size
         if (s[0, 0] - start[0]) ** 2 + (s[0, 1] - start[1]) ** 2 + (s[0, 2] - start[2]) ** 2 > reach * reach:
             break
-        short = min(1.0, LONGEST / length) if length > 0 else 1.0
+        # close to a fold, undamped steps are far too long
+        share = min(1.0, goal.D / 16 / length) if length > 0 else 1.0
         for j in range(3):
-            trial[0, j] = min(max(s[0, j] + short * p[j], goal.floor[j]), goal.roof[j])
+            trial[0, j] = min(max(s[0, j] + share * p[j], goal.floor[j]), goal.roof[j])
         size_there = misfit_of(trial, field, kernel, goal.weights, g, B)
-        # next to the solution rounding decides whether the misfit shrinks, so short steps are accepted
-        if size_there < size or (length < 1e-6 and size_there <= 4 * size + 1e-30):
+        if size_there < size or (length < short and size_there <= 4 * size + 1e-30):
             s, trial, f, g, A, B = trial, s, g, f, B, A
             size, last = size_there, length
             mu = mu / 10 if mu > 1e-4 else 0.0
@@ -394,14 +383,17 @@ def misfit_of(shift, field, kernel, weights, f, A):
 
 
 @compiled
-def fits(f, A, tolerance):
-    """Return whether the misfit f, T, at a pose with the slopes A, T/mm, is within its bounds."""
+def fits(f, A, goal):
+    """Return whether the misfit f, T, at a pose with the slopes A, T/mm, is within its bounds.
+
+    Three readings determine a pose exactly, up to the distance `SHORT`.
+    """
     size, norm, good = 0.0, 0.0, True
     for i in range(len(f)):
         size += f[i] * f[i]
         norm += A[i, 0] * A[i, 0] + A[i, 1] * A[i, 1] + A[i, 2] * A[i, 2]
-        good = good and abs(f[i]) <= tolerance[i]
-    return math.sqrt(size) <= EXACT * math.sqrt(norm) if len(f) == 3 else good
+        good = good and abs(f[i]) <= goal.tolerance[i]
+    return math.sqrt(size) <= SHORT * goal.D * math.sqrt(norm) if len(f) == 3 else good
 
 
 @compiled

@@ -37,19 +37,8 @@ Powers = list[tuple[int, int]]
 ORDERS = (2, 6)
 """Highest powers of U and of w or r, if there are enough samples."""
 
-SHARES = (0.25, 0.5, 0.75)
-"""Fractions of the line between two samples at which the signs of a fit and of its slope are checked."""
-MOST_ENDS = 60
-"""Largest number of samples whose connecting lines are checked: 60 samples give 1770 lines, more cost time."""
-
-EXACT = 1e-20
-"""Sum of squares of a fit's errors over that of the values, below which all fits count as exact (rounding)."""
 FORCE_GRID = 41
 """Number of start points along u and along w: neighbours are so close that Newton's steps converge from them."""
-FORCE_STEPS = 30
-"""Largest number of Newton steps; from a start of the grid about five suffice."""
-FORCE_EXACT = 1e-9
-"""Largest difference of the forces over the largest given force: far above rounding, far below any noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,7 +216,8 @@ def shifts_of_forces(
     u, w = _starts(mechanics, low, high, tangential, normal)
     # no step may be longer than some cells of the grid: a polynomial bends too much for more
     reach = np.array([high[0], -low[2]])[:, None] / (FORCE_GRID - 1) * 4
-    for _ in range(FORCE_STEPS):
+    # from a start of the grid about five steps suffice
+    for _ in range(30):
         residual, slopes = _residual(mechanics, u, w, tangential, normal)
         (a, b), (c, d) = slopes
         det = a * d - b * c
@@ -236,7 +226,8 @@ def shifts_of_forces(
         longest = np.maximum((np.abs(step) / reach).max(axis=0), 1.0)
         u, w = u - step[0] / longest, w - step[1] / longest
     residual, slopes = _residual(mechanics, u, w, tangential, normal)
-    good: NDArray[np.bool_] = np.asarray((np.abs(residual) <= FORCE_EXACT * scale).all(axis=0)) & _stable(slopes)
+    # a billionth of the largest force is far above rounding, and far below any noise
+    good: NDArray[np.bool_] = np.asarray((np.abs(residual) <= 1e-9 * scale).all(axis=0)) & _stable(slopes)
     edge = 1e-6 * reach[0]
     good &= (np.abs(u) <= high[0] + edge) & (w >= low[2] - edge) & (w <= high[2] + edge) & (u >= -edge)
     return np.where(good, np.maximum(u, 0.0), np.nan), np.where(good, w, np.nan)
@@ -309,9 +300,10 @@ def _row(load: Load, response: Response) -> list[float]:
 def _between(u: Array, w: Array) -> tuple[Array, Array]:
     """Return U and w, shape (n,), at points below rest on the lines between all samples and rest."""
     points = np.unique(np.column_stack([np.append(u, 0.0), np.append(w, 0.0)]), axis=0)
-    points = points[np.unique(np.linspace(0, len(points) - 1, MOST_ENDS).astype(int))]
+    # the 1770 lines between 60 samples suffice
+    points = points[np.unique(np.linspace(0, len(points) - 1, 60).astype(int))]
     first, second = (points[ends] for ends in np.triu_indices(len(points), 1))
-    places = np.concatenate([second, *(first + share * (second - first) for share in SHARES)])
+    places = np.concatenate([second, *(first + share * (second - first) for share in (0.25, 0.5, 0.75))])
     aside, sunk = places[places[:, 1] < 0].T
     return aside * aside, sunk
 
@@ -347,7 +339,7 @@ def _monotonic_fit(
     """
     best, least = _coefficients(*places, values, [(0, 1)]), math.inf
     # of fits that differ by rounding only, the first and largest set of powers wins: the choice is reproducible
-    exact = float((EXACT * values**2).sum())
+    exact = float((1e-20 * values**2).sum())
     for powers in _choices(*orders):
         if len(powers) <= len(values):
             c = _coefficients(*places, values, powers)

@@ -341,7 +341,8 @@ def _result(
 
     gap = force_gap(coder, level, decoded)
     counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
-    remarks, failures = [], []
+    remarks: list[str] = []
+    failures: list[str] = []
     for status, count in counts.items():
         why = [WHY[status]]
         if status == "out_of_workspace":
