@@ -29,23 +29,11 @@ if TYPE_CHECKING:
 SHAPES = ("square", "round")
 """Outlines of the base."""
 
-DEFAULT_THICKNESS = 3.0
-"""Thickness of the plate, mm, unless the elements need a thicker one."""
-
 LEAST_GAP = 0.1
 """Least gap between an element and the beam at rest, mm."""
 
-PRESS = 3 / 8
-"""Depth down to which a wide flat plate must not touch S2 and S3, in units of D."""
-
 EDGE = 1.5
 """Least distance of the edge of the base from a screw hole and from the beam, mm."""
-
-SCREW = 2.2
-"""Diameter of the holes of a square base, mm: M2 screws."""
-
-RECESS = 0.4
-"""Depth of the recess of a round base, mm: two common layers of filament printing, enough to feel the rim."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,9 +138,10 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
                 "leave thickness out"
             )
         seats = Seats({design.hall_layout: hall_elements.chip_seat(design, where, fit, thickness)}, {}, {})
-    recess = (RECESS if base.is_round else 0.0) if base.recess is None else base.recess
+    # two common layers of filament printing are enough to feel the rim of a recess
+    recess = (0.4 if base.is_round else 0.0) if base.recess is None else base.recess
     recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)
-    screw = (0.0 if base.is_round else SCREW) if base.screw is None else base.screw
+    screw = (0.0 if base.is_round else 2.2) if base.screw is None else base.screw
     half, screw_at = _outline(design, base, seats, recess_radius if recess else design.R, screw)
     if "S1" in seats.passages:
         # only now is the edge known to which the channel for the leads of S1 runs
@@ -293,7 +282,7 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
 
 def _thickness(base: Base, least: float) -> float:
     """Return the chosen or the default thickness of the plate; `least` is what the elements need."""
-    thickness = max(DEFAULT_THICKNESS, least) if base.thickness is None else base.thickness
+    thickness = max(3.0, least) if base.thickness is None else base.thickness
     if not thickness >= least - 1e-9:
         raise BadInput(f"thickness must be at least {least:.3g} mm for the elements' seats; got {thickness:g} mm")
     return thickness
@@ -304,18 +293,17 @@ def warnings(design: Design) -> list[str]:
     if design.hall_layout != "three":
         return []
     depth = round(max(design.L - places(design)["S2"][2] - SS495A.height / 2, 0.0), 9)
-    if depth >= PRESS * design.D:
+    if depth >= 3 / 8 * design.D:
         return []
     return [f"a wide flat plate touches S2 and S3 at a depth of {depth:.3g} mm: lower c or use a smaller plate"]
 
 
 def checks(design: Design, solid: Solid, bodies: dict[str, Solid]) -> list[Check]:
     """Measure the overlaps and gaps of base, beam and Hall elements, and compare them with their bounds."""
-    form, all_bodies = beam(design), list(bodies.values())
-    pairs = [(one, solid) for one in all_bodies] + [(form, solid)] + [(one, form) for one in all_bodies]
-    pairs += list(itertools.combinations(all_bodies, 2))
-    shared = max(overlap(one, other) for one, other in pairs)
-    gap = min(body.distance_to(form) for body in all_bodies)
+    form, elements = beam(design), list(bodies.values())
+    pairs = itertools.combinations([solid, form, *elements], 2)
+    shared = max(itertools.starmap(overlap, pairs))
+    gap = min(body.distance_to(form) for body in elements)
     return [
         at_most("overlap of base, beam and Hall elements", shared, 1e-9, "mm3"),
         at_least("gap between Hall elements and beam", gap, LEAST_GAP),

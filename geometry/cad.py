@@ -23,9 +23,6 @@ Corner = tuple[float, float, float]
 
 Point = tuple[float, float]
 
-COINCIDENT = 1e-7
-"""Distance below which two points are one point for the CAD kernel, mm."""
-
 
 def rounded(profile: Sequence[Corner]) -> list[tuple[Point, Point, Point | None]]:
     """Return the lines and fillet arcs of a profile, in order: start, end, and the centre of an arc or None.
@@ -37,7 +34,8 @@ def rounded(profile: Sequence[Corner]) -> list[tuple[Point, Point, Point | None]
 
     def to(end: Point, centre: Point | None = None) -> None:
         nonlocal last
-        if math.dist(last, end) >= COINCIDENT:
+        # to the CAD kernel, nearer points are one point
+        if math.dist(last, end) >= 1e-7:
             pieces.append((last, end, centre))
             last = end
 
@@ -122,20 +120,20 @@ def moved(solid: Solid, place: tuple[float, float, float]) -> Solid:
     return bd.Solid(solid.wrapped.Moved(bd.Location(place).wrapped))
 
 
-def common(one: Solid, other: Solid) -> list[Solid]:
+def common(first: Solid, second: Solid) -> list[Solid]:
     """Return the solids of the intersection of two solids; none if they only touch."""
-    intersection = one.intersect(other)
+    intersection = first.intersect(second)
     # build123d returns None, one shape or a list of shapes
     shapes = [] if intersection is None else intersection if isinstance(intersection, list) else [intersection]
     return [solid for shape in shapes for solid in shape.solids()]
 
 
-def overlap(one: Solid, other: Solid) -> float:
+def overlap(first: Solid, second: Solid) -> float:
     """Return the volume of the intersection of two solids, mm³."""
     # an intersection takes long; solids whose boxes are apart share nothing
-    if distance(one.bounding_box(optimal=False), other.bounding_box(optimal=False)) > 0:
+    if distance(first.bounding_box(optimal=False), second.bounding_box(optimal=False)) > 0:
         return 0.0
-    return float(sum(solid.volume for solid in common(one, other)))
+    return float(sum(solid.volume for solid in common(first, second)))
 
 
 def distance(box: BoundBox, other: BoundBox) -> float:

@@ -323,7 +323,7 @@ class Design:
             pass
         elif s23 > 0 and not self.f > self.R:
             texts.append(f"S2 and S3 would lie inside the beam: raise f above D/2 = {self.R:g} mm")
-        elif s23 > -1 and self.f - self.R < 1 - 1e-9:
+        elif s23 > -self.D / 8 and self.f - self.R < self.D / 8 * (1 - 1e-9):
             texts.append(
                 f"only {self.f - self.R:.3g} mm separate S2 and S3 from the beam's wall: a sheared beam may touch "
                 f"them; raise f"

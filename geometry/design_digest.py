@@ -31,8 +31,6 @@ PREFIX = "made_for_"
 """Prefix of the field names in files that hold numbers only."""
 LATER: Fields = {"magnet_north": "down"}
 """Keys that labels got after the first ones were written, with the values that older files mean."""
-MOST_NAMED = 3
-"""Most differing fields that one message lists, so that it stays one readable sentence."""
 
 _UNITS = {spec.name: spec.metadata["unit"] for spec in dataclasses.fields(Design)} | {"magnet": "1"}
 KEYS = {name: name if unit == "1" else f"{name}_{unit}" for name, unit in _UNITS.items()}
@@ -146,7 +144,7 @@ def check(header: Mapping[str, Any], needed: Fields, what: str) -> bool:
     if differing:
         # name the fields that both sensors have, such as the law: a parameter that only one law has differs anyway
         differing = [key for key in differing if key in made] or differing
-        named = differing[:MOST_NAMED]
+        named = differing[:3]
         more = f" (and {len(differing) - len(named)} more fields differ)" if len(differing) > len(named) else ""
         raise BadInput(
             f"{what} was made for another sensor, with {_shown(made, named)} where this design has "

@@ -23,14 +23,14 @@ from skfem import MeshTet1, MeshTet2, MeshTri2
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
 from geometry.meshing.mesh_quality import with_exact_volumes
-from geometry.section import TIP, section
+from geometry.section import TIP, edges_of, pair_keys, section
 
 Parts = Literal["regions", "hole", "none"]
 
-AROUND, FEWEST_PAIRS = 5 / 3, 3
-"""Edge length around the axis on the skin, over that along it; and fewest pairs of sectors to the half turn, with
-which the area of the base is exact to 1e-4. Displacements vary like a few harmonics of the angle: at level quick the
-force of the paper's sensor in press and shear is 0.06 % off with six sectors, 0.03 % with ten, 0.44 % with four."""
+AROUND = 5 / 3
+"""Edge length around the axis on the skin, over that along it. Displacements vary like a few harmonics of the angle:
+at level quick the force of the paper's sensor in press and shear is 0.06 % off with six sectors, 0.03 % with ten,
+0.44 % with four."""
 SOLID_GROWTH = 0.6
 """Growth of the edge length per unit of distance from edges of the magnet and the clamp, where most cells are. Forces
 of half at level quick are then up to 0.3 % off on ten designs, whose estimated errors are 0.6 to 3.3 %. A growth of
@@ -95,7 +95,8 @@ def tetrahedra(
         glued=rim is not None,
         growth=SOLID_GROWTH,
     )
-    sectors = 2 * max(math.ceil(math.pi * shape.R / (2 * AROUND * size)), FEWEST_PAIRS)
+    # with three pairs of sectors to the half turn the area of the base is exact to 1e-4
+    sectors = 2 * max(math.ceil(math.pi * shape.R / (2 * AROUND * size)), 3)
     mesh = turned(plane, sectors, half=half)
     return with_exact_volumes(mesh, shape if magnet != "none" else shape.without_magnet())
 
@@ -170,7 +171,7 @@ def _middles(plane: MeshTri2, edges: Ints, vertex: Ints, angle: Array) -> Array:
     (i, j), (start, end) = vertex[edges], angle[edges]
     # an edge around the axis joins two positions of one vertex; every other one is an edge of the section, turned
     node, between = i.copy(), i != j
-    node[between] = plane.nvertices + _edge_of(plane, i[between], j[between])
+    node[between] = plane.nvertices + edges_of(plane, pair_keys(i[between], j[between]))
     r, z = plane.doflocs[:, node]
     # the ends lie in one half-plane or in neighbouring ones; an end on the axis lies in that of the other
     start, end = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
@@ -178,24 +179,13 @@ def _middles(plane: MeshTri2, edges: Ints, vertex: Ints, angle: Array) -> Array:
     return _placed(r, z, np.where(np.isnan(start), 0.0, start + step / 2))
 
 
-def _edge_of(plane: MeshTri2, start: Ints, end: Ints) -> Ints:
-    """Return the edges of the section between two vertices, both of shape (n,)."""
-    keys = _keys(*plane.facets.astype(np.int64))
-    order = np.argsort(keys)
-    return np.asarray(order[np.searchsorted(keys, _keys(start, end), sorter=order)])
-
-
 def _boundaries(plane: MeshTri2, mesh: MeshTet1, vertex: Ints) -> dict[str, Ints]:
     """Return the facets that named edges of the section sweep; the axis sweeps none."""
     low, middle, high = np.sort(vertex[mesh.facets], axis=0)
     swept = (low < high) & ((middle == low) | (middle == high))
-    keys = np.where(swept, _keys(low, high), -1)
+    keys = np.where(swept, pair_keys(low, high), -1)
     return {
-        name: np.flatnonzero(np.isin(keys, _keys(*plane.facets[:, edges].astype(np.int64))))
+        name: np.flatnonzero(np.isin(keys, pair_keys(*plane.facets[:, edges].astype(np.int64))))
         for name, edges in plane.boundaries.items()
         if name != "axis"
     }
-
-
-def _keys(i: Ints, j: Ints) -> Ints:
-    return np.minimum(i, j) * 2**31 + np.maximum(i, j)

@@ -25,23 +25,11 @@ from geometry.fabrication.printability import PROCESSES, Process
 LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
 
-LEAST_FREE = 5.0
-"""Least height of B above its foot, mm, so that the skirt fits even in the mould of a small sensor."""
-
-DOWEL = 2.0
-"""Diameter of the pins that align the halves of a split B unless chosen, mm: a common parallel pin (ISO 8734)."""
-
 BOLT, BOLT_HOLE, WASHER = 3.0, 3.4, 7.0
 """Screws that clamp the halves, mm: thread M3, its clearance hole (ISO 273, medium), and diameter of a washer."""
 
 EAR_DEPTH, EAR_WALL = 5.0, 2.0
 """Thickness of an ear of one half along y, and least wall around its holes, mm."""
-
-BOLT_PITCH = 20.0
-"""Largest distance of the screws of one ear, mm."""
-
-TEARDROP = 1.5
-"""Height of a hole above its centre, in radii: a roof of 45°, which prints without support, ends at 2^(1/2)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,7 +199,8 @@ def sizes(design: Design, mold: Mold) -> Sizes:
             f"sideways; got {fit:g} mm: set a smaller fit, if the printer can hold it, or take a "
             "smaller magnet"
         )
-    free = max(L, LEAST_FREE)
+    # the skirt needs 5 mm, also in the mould of a small sensor
+    free = max(L, 5.0)
     skirt = _skirt(mold, free)
     vent, ring = _vents(mold, R - pin_top, pin_top)
     if not mold.tip_vent <= R:
@@ -266,8 +255,9 @@ def _skirt(mold: Mold, free: float) -> float:
 
 def _dowel(mold: Mold, height: float) -> float:
     """Return the diameter of the pins of a split B, mm; `height` is that of its ears."""
-    dowel = DOWEL if mold.dowel is None else mold.dowel
-    most = 2 * (height - 2) / (1 + TEARDROP) - mold.printing.fit
+    dowel = 2.0 if mold.dowel is None else mold.dowel  # a common parallel pin (ISO 8734)
+    # the roof of 45° of a hole ends 2^(1/2) radii above its centre, here 1.5 with a margin
+    most = 2 * (height - 2) / (1 + 1.5) - mold.printing.fit
     if mold.split and not dowel <= most:
         raise BadInput(
             f"dowel must not exceed {most:.3g} mm, so that its hole keeps a wall in the ears of "
@@ -282,7 +272,7 @@ def _ears(far: float, outer: float, rim: float, bottom: float, web: float, hole:
     bolt = inner + WASHER / 2
     pin = bolt + max(BOLT_HOLE, WASHER - hole) / 2 + EAR_WALL + hole / 2
     height = -bottom
-    count = 1 if height < 12 else max(2, math.ceil(height / BOLT_PITCH))
+    count = 1 if height < 12 else max(2, math.ceil(height / 20))
     return Ears(
         start=far + math.sqrt(max(outer**2 - EAR_DEPTH**2, 0.0)) - 0.2,
         inner=inner,

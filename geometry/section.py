@@ -99,7 +99,7 @@ def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:
         curves.append(Curve("axis", top, bottom))
     tiny = SMALLEST * shape.D
     # an edge radius that equals a, b or 0 up to rounding is set to it: otherwise a curve of almost no length remains
-    rho = next((whole for whole in (a, b, 0.0) if abs(rho - whole) < tiny), rho)
+    rho = next((limit for limit in (a, b, 0.0) if abs(rho - limit) < tiny), rho)
     up, down, upper, lower = complex(a - rho, H + b), complex(a - rho, H - b), H + (b - rho), H - (b - rho)
     parts = [
         Curve("magnet", top, up),
@@ -141,11 +141,11 @@ def room(shape: Shape, x: Points) -> Array:
 
 # The target edge length; all lengths are in units of D
 
-TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
-"""Edge length at a feature as a fraction of the size: at the tip (by default), at the clamped corner (R, 0), at a
-sharp edge and at a rounded edge of the magnet."""
-LEAST_CLAMP, CORNER = 0.012, 0.012
-"""Least edge lengths at the clamped corner and at a sharp edge of the magnet, in units of D.
+TIP, CLAMP, SHARP_EDGE = 1 / 2, 1 / 15, 1 / 5
+"""Edge length at a feature as a fraction of the size: at the tip and at a rounded edge of the magnet, at the clamped
+corner (R, 0), and at a sharp edge of the magnet."""
+CORNER = 0.012
+"""Least edge length at the clamped corner and at a sharp edge of the magnet, in units of D.
 
 Both are singularities: smaller elements there gain no accuracy and become inverted (J <= 0) under load. At the clamp
 this bound changes the force of a press to 3/8 D by less than 0.1 %.
@@ -162,8 +162,6 @@ TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
 For sizes below FULL_TIP_GROWTH and FULL_GROWTH, in units of D, the growth is reduced in proportion to the size, so
 that half the size gives half of every edge length.
 """
-GLUED_GROWTH = 0.5
-"""Growth from the edge of a glued area: more than from the tip, for the elements there are graded themselves."""
 DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
 """Largest edge length along the dome as a fraction of the size, the angle from the tip up to which it applies, rad,
 and its growth inwards.
@@ -242,7 +240,7 @@ def pairs(x: Points) -> Array:
 def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
     """Return the grading of a section: its sources are the features that require edges shorter than the size."""
     from_tip, from_others = TIP_GROWTH * min(1, s.size / FULL_TIP_GROWTH), s.growth * min(1, s.size / FULL_GROWTH)
-    corner = min(s.size, max(LEAST_CLAMP, CLAMP * s.size))
+    corner = min(s.size, max(CORNER, CLAMP * s.size))
     along_dome = np.minimum(s.tip_size + TIP_GROWTH * shape.R * DOME_POINTS.real, DOME * s.size)
     # points, edge lengths there, and growth away from them
     sources: list[tuple[Points, Array | float, float]] = [
@@ -253,7 +251,8 @@ def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
     if s.ring is not None:
         r = min(s.ring[0], shape.R)
         point = np.array([complex(r, shape.H + math.sqrt(shape.R**2 - r**2))])
-        sources.append((point, min(s.ring[1], s.size), GLUED_GROWTH if s.glued else TIP_GROWTH))
+        # elements at the edge of a glued area are graded themselves
+        sources.append((point, min(s.ring[1], s.size), 0.5 if s.glued else TIP_GROWTH))
     for curve in curves:
         x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
         want = _magnet_lengths(shape, curve, x, s) if curve.name == "magnet" else np.full(len(x), curve.length)
@@ -268,7 +267,7 @@ def _magnet_lengths(shape: Shape, curve: Curve, x: Points, s: Settings) -> Array
     want: Array = np.minimum(min(s.size, curve.length), GAP * room(shape.without_magnet(), x))
     if curve.centre is not None:
         radius = abs(curve.start - curve.centre)
-        want = np.minimum(want, min(ROUND_EDGE * s.size, s.fillet * radius, ARC * math.sqrt(radius)))
+        want = np.minimum(want, min(TIP * s.size, s.fillet * radius, ARC * math.sqrt(radius)))
     elif shape.magnet_edge_radius < SMALLEST:
         corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
         want = np.where(corner, np.minimum(want, max(CORNER, SHARP_EDGE * s.size)), want)
@@ -279,8 +278,8 @@ def _magnet_lengths(shape: Shape, curve: Curve, x: Points, s: Settings) -> Array
 
 # The mesh
 
-SPACING, STEPS = 0.85, 10
-"""Least distance of points inside as a fraction of the edge length, and number of smoothing steps."""
+SPACING = 0.85
+"""Least distance of points inside as a fraction of the edge length."""
 NEAR_END = np.geomspace(1e-10, 0.5, 200)
 FRACTIONS = np.unique(np.concatenate([NEAR_END, 1 - NEAR_END, np.linspace(0, 1, 201)]))
 """Fractions of a curve's length at which the edge length is evaluated; dense at the ends, where it may be tiny."""
@@ -461,7 +460,7 @@ def _fill(domain: Shape, border: _Border, sizing: Grading) -> Points:
 
 def _thinned(x: Points, length: Array) -> Points:
     """Return those points, in order, that keep the least distance from all points returned before them."""
-    kept, nearest = [], (SPACING * length) ** 2
+    found, nearest = [], (SPACING * length) ** 2
     while len(x):
         first, rest = pairs(x[:BATCH]), pairs(x[BATCH:])
         clash = cdist(first, first, "sqeuclidean") <= nearest[:BATCH]
@@ -469,10 +468,10 @@ def _thinned(x: Points, length: Array) -> Points:
         for i in range(len(first)):
             if stays[i]:
                 stays[i + 1 :] &= ~clash[i, i + 1 :]
-        kept.append(x[:BATCH][stays])
+        found.append(x[:BATCH][stays])
         far = (cdist(first[stays], rest, "sqeuclidean") > nearest[BATCH:]).all(axis=0)
         x, nearest = x[BATCH:][far], nearest[BATCH:][far]
-    return np.concatenate(kept) if kept else x
+    return np.concatenate(found) if found else x
 
 
 def _delaunay(x: Points, sizing: Grading) -> Ints:
@@ -488,14 +487,21 @@ def _delaunay(x: Points, sizing: Grading) -> Ints:
     return upright
 
 
-def _keys(i: Ints, j: Ints) -> Ints:
+def pair_keys(i: Ints, j: Ints) -> Ints:
     """Return one number for each unordered pair of node indices, which are below 2**31."""
     return np.minimum(i, j) * 2**31 + np.maximum(i, j)
 
 
+def edges_of(mesh: Any, keys: Ints) -> Ints:
+    """Return the facets of a triangular mesh with these `pair_keys`, shape (n,)."""
+    present = pair_keys(*mesh.facets.astype(np.int64))
+    order = np.argsort(present)
+    return np.asarray(order[np.searchsorted(present, keys, sorter=order)])
+
+
 def _sides(t: Ints) -> Ints:
     """Return the keys of all sides of triangles, shape (n, 3), in ascending order and without repetition."""
-    keys = np.sort(_keys(t, t[:, [1, 2, 0]]), axis=None)
+    keys = np.sort(pair_keys(t, t[:, [1, 2, 0]]), axis=None)
     return keys[np.diff(keys, prepend=-1) > 0]
 
 
@@ -532,7 +538,7 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> t
     The points of the border are fixed.
     """
     fixed = len(border.node)
-    for _ in range(STEPS):
+    for _ in range(10):
         x = np.concatenate([border.node, inner])
         keys = _sides(_delaunay(x, sizing))
         bars = np.array([keys >> 31, keys & (2**31 - 1)])
@@ -579,7 +585,7 @@ def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -
     order = np.lexsort((t[:, 1], t[:, 0]))
     t, core = t[order], core[order]
     silicone, magnet = t[~core], t[core & (not domain.has_magnet)]
-    if not np.isin(_keys(*border.segment.T), _sides(np.concatenate([silicone, magnet]))).all():
+    if not np.isin(pair_keys(*border.segment.T), _sides(np.concatenate([silicone, magnet]))).all():
         raise MeshError("the section's outline could not be meshed: take a smaller size")
     return silicone, magnet
 
@@ -588,9 +594,7 @@ def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) ->
     """Return the second-order mesh with middle nodes on the curves and named parts; check that it is valid."""
     corners, t = pairs(np.concatenate([border.node, inner])).T, np.concatenate([silicone, core]).T
     straight = skfem.MeshTri(np.ascontiguousarray(corners), np.ascontiguousarray(t), sort_t=False, validate=False)
-    key = _keys(*straight.facets.astype(np.int64))
-    order = np.argsort(key)
-    facet = order[np.searchsorted(key, _keys(*border.segment.T), sorter=order)]
+    facet = edges_of(straight, pair_keys(*border.segment.T))
     mesh = skfem.MeshTri2.from_mesh(straight)
     doflocs = mesh.doflocs.copy()
     doflocs[:, mesh.nvertices + facet] = pairs(border.middle).T

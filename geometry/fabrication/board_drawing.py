@@ -27,12 +27,6 @@ if TYPE_CHECKING:
 LAYERS = {"OUTLINE": 7, "BEAM": 30, "PADS": 1, "HALL": 5, "AXES": 8, "TEXT": 7}
 """Layers of the drawing, each with its AutoCAD colour index."""
 
-DRILL, PAD = 0.7, 1.0
-"""Diameters of the hole and of the pad of a lead of 0.41 mm square, mm; 0.27 mm remain between pads."""
-
-BEND = 2.0
-"""Distance from the body of S1 to where its leads are bent down, mm; a bend closer to the body may crack it."""
-
 LETTER = 0.8
 """Height of text, mm."""
 
@@ -83,8 +77,9 @@ def pads(design: Design) -> list[tuple[float, float]]:
         pattern, (middle, _, _) = LAND_PATTERNS[design.hall_layout], places(design)[design.hall_layout]
         return [(middle + k * pattern.pitch, side * pattern.rows / 2) for side in (-1, 1) for k in (-1, 0, 1)]
     p = SS495A
-    # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel
-    bend, down = -p.height / 2 - BEND, design.f - p.depth + p.thickness / 2
+    # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel, 2 mm
+    # from the body: a bend closer to it may crack it
+    bend, down = -p.height / 2 - 2.0, design.f - p.depth + p.thickness / 2
     across = [k * p.pitch for k in (-1, 0, 1)]
     return [(bend, y) for y in across] + [(down, y) for y in across] + [(x, down) for x in across]
 
@@ -102,8 +97,9 @@ def _leaded(space: Any, design: Design) -> None:
         beside = (x - p.depth + p.thickness + 0.15, y + 0.3) if name == "S2" else (x + 0.3, y + p.thickness)
         _text(space, name, *((x - p.height / 2 + 0.3, y - p.width / 2 + 0.3) if name == "S1" else beside))
     for x, y in pads(design):
-        _circle(space, "PADS", x, y, PAD / 2)
-        _circle(space, "PADS", x, y, DRILL / 2)
+        # a pad of 1 mm and a hole of 0.7 mm for a lead of 0.41 mm square; 0.27 mm remain between pads
+        _circle(space, "PADS", x, y, 0.5)
+        _circle(space, "PADS", x, y, 0.35)
 
 
 def _chip(space: Any, design: Design) -> None:

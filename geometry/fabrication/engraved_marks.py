@@ -49,12 +49,6 @@ DEPTH = 0.4
 MARGIN = 0.4
 """Least distance of a letter from the edges of its face, mm."""
 
-GROOVE = 2.0
-"""Length of a groove of the base where the rim has room, mm."""
-
-SHORTEST = 0.4
-"""Least length of a groove that is found by eye and nail, mm."""
-
 
 def strokes(letter: str, centre: Point, height: float, width: float, top: float) -> list[Solid]:
     """Return the strokes of a letter that is to be cut into a level face at z = `top`, seen from above.
@@ -120,11 +114,11 @@ def base_marks(
     hollows : all that a groove must not meet: seats, passages, posts, and boxes around the screw holes.
     """
     width = STROKES[process]
-    one = _groove(0.0, half, is_round, top, foot, hollows, width)
+    along_x = _groove(0.0, half, is_round, top, foot, hollows, width)
     # along y the base is its image about the plane x = y
     mirrored = [swapped(hollow) for hollow in hollows]
-    two = [_groove(side * width, half, is_round, top, foot, mirrored, width) for side in (-1, 1)]
-    grooves = [one, *(groove and swapped(groove) for groove in two)]
+    along_y = [_groove(side * width, half, is_round, top, foot, mirrored, width) for side in (-1, 1)]
+    grooves = [along_x, *(groove and swapped(groove) for groove in along_y)]
     return tuple(groove for groove in grooves if groove) if all(grooves) else ()
 
 
@@ -140,8 +134,9 @@ def _groove(
         if hollow.corner[1] < middle + width / 2 + WEB
         and hollow.corner[1] + hollow.sides[1] > middle - width / 2 - WEB
     ]
-    start = max(half - GROOVE, max([foot, *reaches]) + WEB)
-    if not edge - start >= SHORTEST:
+    # 2 mm long where the rim has room; 0.4 mm are still found by eye and nail
+    start = max(half - 2.0, max([foot, *reaches]) + WEB)
+    if not edge - start >= 0.4:
         return None
     # the groove ends beyond the edge, so that the cut leaves no film there
     return Block((start, middle - width / 2, top - DEPTH), (half - start + width, width, DEPTH))

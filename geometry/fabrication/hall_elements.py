@@ -276,19 +276,18 @@ def three_elements(design: Design, where: dict[str, Vector], fit: float, wall: f
 
 def _refuse_meeting(design: Design, bodies: dict[str, Block], passage: Block) -> None:
     """Raise BadInput if the seat of S2 meets that of S1, or that of S3, its mirror image about x = y."""
-    one, other = bodies["S1"], bodies["S2"]
-    hollows = [hollow for hollow in (other, passage) if hollow.sides[2] > 0]
-    short = [
-        WEB - hollow.corner[0] + one.corner[0] + one.sides[0] for hollow in hollows if one.meets(hollow, WEB - CLOSE)
-    ]
+    centre, beside = bodies["S1"], bodies["S2"]
+    hollows = [hollow for hollow in (beside, passage) if hollow.sides[2] > 0]
+    edge = centre.corner[0] + centre.sides[0]
+    short = [WEB - hollow.corner[0] + edge for hollow in hollows if centre.meets(hollow, WEB - CLOSE)]
     if short:
         raise BadInput(
             f"f must be at least {design.f + max(short):.4g} mm to leave {WEB:g} mm between the seats of S1 and S2; "
             f"got {design.f:g} mm"
         )
     # the hollows may open into each other at their corners, but the bodies need the whole of their hollows
-    if not neck(other) >= -CLOSE:
-        raise BadInput(f"f must be at least {design.f - neck(other):.4g} mm, or S2 and S3 meet; got {design.f:g} mm")
+    if not neck(beside) >= -CLOSE:
+        raise BadInput(f"f must be at least {design.f - neck(beside):.4g} mm, or S2 and S3 meet; got {design.f:g} mm")
 
 
 def neck(seat: Block) -> float:

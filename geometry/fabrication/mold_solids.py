@@ -30,12 +30,6 @@ if TYPE_CHECKING:
 ROUNDING = 1e-9
 """Share of the cavity's volume below which an overlap or a difference counts as none."""
 
-LARGEST_GRIP = 0.15
-"""Largest interference of a pocket that grips its magnet, as a fraction of the magnet's radius."""
-
-LARGEST_PLAY = 0.05
-"""Largest gap between magnet and pocket, as a fraction of D: the magnet may end up off the axis by this gap."""
-
 UP = (0.0, 0.0, 1.0)
 
 TURNED = ("CYLINDER", "CONE", "SPHERE", "TORUS")
@@ -46,9 +40,6 @@ STEPS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 
 CLOSE = 1e-6
 """Accuracy of bounding boxes and distances, mm; also the fraction of a face's extent that is skipped at both ends."""
-
-UPRIGHT = 1e-9
-"""A face is parallel to an axis if the component of its unit normal along the axis is at most this."""
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]
 Direction = tuple[float, float, float]
@@ -280,7 +271,8 @@ def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
     inside = pocket.intersect(ray)
     width = sum(float(edge.length) for edge in (inside if isinstance(inside, list) else [inside] if inside else []))
     gap = width - radius
-    low, high = -LARGEST_GRIP * radius, LARGEST_PLAY * design.D
+    # a pocket may grip its magnet by 0.15 of its radius, and a magnet may end up off the axis by 0.05 D
+    low, high = -0.15 * radius, 0.05 * design.D
     results = [
         Check("distance of the magnet's end from the pocket's", deep, "|.| <= 1e-06", "mm", abs(deep) <= 1e-6),
         Check("gap around the magnet in its pocket", gap, f"{low:.3g} to {high:.3g}", "mm", low <= gap <= high),
@@ -347,7 +339,7 @@ def _may_face(face: Face, axis: int, sense: float) -> bool:
         places = [CLOSE, 1 - CLOSE, *((v - low) / (high - low) for v in turns if low < v < high)]
     else:
         return True
-    return any(sense * tuple(face.normal_at(0.5, v))[axis] > UPRIGHT for v in places)
+    return any(sense * tuple(face.normal_at(0.5, v))[axis] > 1e-9 for v in places)
 
 
 def _box(face: Face) -> Box:

@@ -42,9 +42,6 @@ PROCESSES = {
     "sla": Process("resin", fit=0.1, wall=2.0, bridge=5.0, detail=0.3),
 }
 
-STEEPEST = math.cos(math.radians(45))
-"""A facet overhangs if the downward component of its unit normal exceeds this value."""
-
 TURNS = [math.radians(15 * k) for k in range(12)]
 """Directions of the lines along which bridges are measured, rad."""
 
@@ -99,7 +96,7 @@ def overhangs(mesh: Any) -> tuple[float, float]:
     bottom, height = mesh.vertices[:, 2].min(), np.ptp(mesh.vertices[:, 2])
     on_bed = (mesh.vertices[mesh.faces][:, :, 2] < bottom + FLAT * height).all(axis=1)
     level = (down > 1 - FLAT) & ~on_bed
-    steep = (down > STEEPEST + FLAT) & ~on_bed & ~level
+    steep = (down > math.cos(math.radians(45)) + FLAT) & ~on_bed & ~level
     return float(mesh.area_faces[steep].sum()), _widest_bridge(mesh, level) if level.any() else 0.0
 
 

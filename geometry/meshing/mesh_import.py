@@ -40,15 +40,8 @@ from geometry.meshing.mesh_quality import determinants, quality
 
 OFF = 5e-3
 """Greatest distance of a node from the surface to which it belongs, in units of D."""
-ENVELOPE = 1e-3
-"""Greatest distance of pytetwild's cells from the given triangles, over the diagonal of the body: within OFF."""
 VOLUME = 2e-3
 """Greatest relative error of a region's volume."""
-LEAST_JACOBIAN = 0.05
-"""Least ratio, in a cell, of the least to the greatest Jacobian at its quadrature points: below it, a cell is nearly
-folded, and strains in it are wrong by orders of magnitude."""
-STEPS = 20
-"""Steps in which the middle nodes of a distorted cell move back: 0.75^20 of the way to the curved surface is none."""
 LEVEL = 0.7
 """Least vertical component of a facet's unit normal on base and lids; a facet of a wall has less."""
 SIDES = ("base", "skin", "symmetry", "magnet")
@@ -129,8 +122,9 @@ def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
     surface = tetrahedra(shape, min(size / 2, shape.D / 16), half=half, magnet=magnet)
     # fTetWild writes a file of its own into the working folder
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        # cells may leave the triangles by 1e-3 of the body's diagonal, which is within OFF
         points, cells = pytetwild.tetrahedralize(
-            *_outward(surface), edge_length_abs=size, epsilon=ENVELOPE, num_threads=1
+            *_outward(surface), edge_length_abs=size, epsilon=1e-3, num_threads=1
         )
     nowhere = np.full(len(cells), -1)
     source = _Cells(np.asarray(points, np.float64), np.asarray(cells, np.int64), nowhere, {}, "of pytetwild")
@@ -389,10 +383,12 @@ def _linear(mesh: MeshTet1, source: _Cells, shape: Shape) -> MeshTet2:
     straight = replace(straight, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
     bend = _projected(straight.doflocs, on, shape) - straight.doflocs
     middles, share = straight.dofs.element_dofs[4:], np.ones(bend.shape[1])
-    for _ in range(STEPS):
+    # 0.75^20 of the way to the curved surface is none
+    for _ in range(20):
         curved = replace(straight, doflocs=straight.doflocs + share * bend)
         det = determinants(curved)
-        bad = (det <= 0).any(axis=0) | (det[4:].min(axis=0) < LEAST_JACOBIAN * det[4:].max(axis=0))
+        # in a cell that is nearly folded strains are wrong by orders of magnitude
+        bad = (det <= 0).any(axis=0) | (det[4:].min(axis=0) < 0.05 * det[4:].max(axis=0))
         if not bad.any():
             return mesh_quality.with_exact_volumes(curved, shape)
         share[middles[:, bad]] *= 0.75
