@@ -32,7 +32,7 @@ def test_a_bonded_incompressible_base_is_stiffer_than_the_theory_and_only_that_b
     assert not any(comparison["passed"] for comparison in missed)
     assert all(comparison["note"].startswith("in beam theory the clamped") for comparison in missed)
     bonded, free = (
-        [static_problems.tip_stiffness(ratio, 0.4998, rows=3, bonded=way) - 1 for ratio in (6, 12)]
+        [static_problems.tip_stiffness(3, 0.4998, slenderness=ratio, bonded=way) - 1 for ratio in (6, 12)]
         for way in (True, False)
     )
     assert 1.9 < bonded[0] / bonded[1] < 2.1
@@ -102,9 +102,9 @@ def test_a_turned_section_has_no_energy_and_no_forces(harmonics):
 
 def test_the_penalty_costs_its_inverse(monkeypatch):
     """F falls by C / kappa: a tenth of the penalty costs ten times as much."""
-    weak = 1 - static_problems.penalty("standard", 0.1, "ignored")
+    weak = 1 - static_problems.penalty(2, 0.1, "ignored")
     monkeypatch.setattr("fem.solve.path_state.SECTION_KAPPA", SECTION_KAPPA / 10)
-    assert 1 - static_problems.penalty("standard", 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
+    assert 1 - static_problems.penalty(2, 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
 
 
 def test_fourier_fields_of_the_manufactured_solution_lie_in_the_space():

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -61,9 +60,6 @@ COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
 """Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
 LEAST_STATES = 8
 """Coverage and sharpness of fewer states are not compared with their goals."""
-REPEATS, NUDGE = 3, 1e-4
-"""Number of meshes of tetrahedra for each state, and relative change of their size from one to the next: even a tiny
-change gives another section."""
 FINE_SHEARS = (0, 1, 2, 3)
 FAR_SHEARS: dict[Magnet, Sequence[int]] = {"rigid": range(error_study_cases.DESIGNS), "ignored": range(2)}
 SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_study_cases.DESIGNS, 2)
@@ -81,12 +77,11 @@ DISAGREES = "disagrees"
 
 
 class Task(NamedTuple):
-    """A trial at one level, and the accuracy of its reference; `repeat` is the number of the mesh of tetrahedra."""
+    """A trial at one level, and the accuracy of its reference."""
 
     trial: Trial
     level: Accuracy
     reference: Accuracy
-    repeat: int = 0
 
 
 def tasks(*, quick: bool = False) -> list[Task]:
@@ -95,7 +90,7 @@ def tasks(*, quick: bool = False) -> list[Task]:
         chosen = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
         chosen += [_task(0, "rigid", scene, "quick") for scene in TANGENT_SCENES]
         return [one._replace(reference=error_study_cases.reference(one.trial.scene, 0)) for one in chosen]
-    names, numbers, repeats = ("quick", "standard", "fine"), range(error_study_cases.DESIGNS), range(REPEATS)
+    names, numbers = ("quick", "standard", "fine"), range(error_study_cases.DESIGNS)
     magnets: Sequence[Magnet] = ("rigid", "ignored")
     chosen = [_task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
     checked = [error_study_cases.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
@@ -108,9 +103,7 @@ def tasks(*, quick: bool = False) -> list[Task]:
         chosen += [_task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in names[:2]]
         chosen += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
         for scene, solids in (("press", PRESSED), ("stick", SOLIDS)):
-            chosen += [
-                _task(n, magnet, scene, name, "half", i) for name in names[:2] for n in solids for i in repeats
-            ]
+            chosen += [_task(n, magnet, scene, name, "half") for name in names[:2] for n in solids]
     held: tuple[tuple[Magnet, Sequence[int]], ...] = (("rigid", numbers), ("ignored", UNHELD))
     for scene in TANGENT_SCENES:
         for magnet, these in held:
@@ -119,9 +112,9 @@ def tasks(*, quick: bool = False) -> list[Task]:
     return chosen
 
 
-def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto", repeat: int = 0) -> Task:
+def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto") -> Task:
     trial = error_study_cases.trial(number, magnet, scene, model)
-    return Task(trial, LEVELS[level], error_study_cases.reference(scene), repeat)
+    return Task(trial, LEVELS[level], error_study_cases.reference(scene))
 
 
 def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
@@ -151,10 +144,9 @@ def solved(
     asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in paths)
     levels, references = [], []
     for one, _ in paths:
-        size = one.level.solid_size * (1 + NUDGE * one.repeat)
         model: Model = "auto" if one.trial.scene in ("press", "deep") else "harmonic"
         own = "half" if one.trial.model == "half" else model
-        levels.append(FemModel(one.level.name, replace(one.level, solid_size=size), own))
+        levels.append(FemModel(one.level.name, one.level, own))
         # the section model resolves the same state on a far finer mesh than tetrahedra can
         references.append(FemModel("reference", one.reference, model))
     models = dict.fromkeys([*levels, *references])
@@ -233,7 +225,6 @@ def place(one: Task, load: Load) -> Row:
         "path": trial.scene,
         "model": "half" if trial.model == "half" else section,
         "level": one.level.name,
-        "repeat": one.repeat,
         "depth_mm": load.depth,
         "shear_mm": 0.0 if tangent else load.shear_x,
     }
@@ -420,30 +411,6 @@ def goals(states: pd.DataFrame) -> list[Goal]:
     return posed + [_goal(row) for row in summary(states)]
 
 
-def noise(states: pd.DataFrame) -> list[Row]:
-    """Return the spread of the half model's answers over meshes of practically the same size.
-
-    It is their relative standard deviation, percent: mean and maximum over the states.
-    """
-    import pandas as pd
-
-    half = states[(states.model == "half") & (states.status == "ok")]
-    spreads = []
-    where = ["level", "scene", "design", "magnet", "depth_mm", "shear_mm"]
-    for (level, scene, *_), repeats in half.groupby(where, sort=False) if len(half) else ():
-        for name, columns in RESPONSES.items():
-            # a press has neither; a relative deviation would divide by mesh noise
-            if len(repeats) < 2 or (scene in ("press", "pressed") and name in ("tilt", "sideways")):
-                continue
-            values = repeats[list(columns)].astype(float)
-            spread = 100 * math.hypot(*values.std()) / math.hypot(*values.mean())
-            spreads.append({"level": level, "scene": scene, "quantity": name, "spread": spread})
-    if not spreads:
-        return []
-    found = pd.DataFrame(spreads).groupby(["level", "scene", "quantity"], sort=False)["spread"]
-    return pages.records(found.agg(states="size", mean_percent="mean", max_percent="max").reset_index())
-
-
 def rules(states: pd.DataFrame) -> list[Row]:
     """Return the rows of fem/results/error_rules.csv, with c so wide that each covers COVERAGE of its states.
 
@@ -480,7 +447,6 @@ def result(states: pd.DataFrame, *, quick: bool) -> Result:
         verdict=page_lines(posed),
         estimates=estimates,
         levels=levels,
-        noise=noise(states),
         references=references(states),
         meshes=[f"{name}: `{error_study_cases.reference(scene, 0 if quick else 1)}`" for name, scene in scenes],
         designs=[

@@ -273,11 +273,6 @@ def touched_beam(n: int, law: ViscousLaw, friction: Friction) -> tuple[float, fl
     return 1 - float(error / np.max([one.work for one in states])), 1 - negative
 
 
-def touching(n: int, friction: Friction = "none") -> tuple[float, ...]:
-    """Return the values of `touched_beam` for both laws."""
-    return (*touched_beam(n, "prony", friction), *touched_beam(n, "finite", friction))
-
-
 def change(n: int) -> tuple[float, float]:
     """Return how the forces in `sheared_beam` change with steps of half the length, N, for both laws."""
     coarse, fine = sheared_beam(n), sheared_beam(2 * n)

@@ -346,23 +346,21 @@ def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(value / slenderness for w, u in motions for value in (w, -u))
 
 
-def tip_stiffness(slenderness: int, nu: float, *, rows: int = 4, bonded: bool = True) -> float:
+def tip_stiffness(n: int, nu: float, *, slenderness: int = 0, bonded: bool = True) -> float:
     """Return the tip stiffness at small strain over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A)).
+
+    The radius has n rows of elements; without a slenderness it has 4, and n is L / D.
 
     Timoshenko's clamp lets the cross-section change its shape. A bonded base does not: it stiffens about one diameter
     of the beam, and more so for larger nu. If not bonded, the base only stays plane with its centre fixed, and the
     reaction is a uniform traction on it.
     """
+    rows, slenderness = (n, slenderness) if slenderness else (4, n)
     system, e = cylinder(slenderness, nu, across=rows, along=rows * slenderness, bonded=bonded)
     force = SMALL / slenderness**2
     system.dead = force * system.dead
     deflection = _tip_motion(solve(system).state, _tip(e))[0]
     return force / deflection * compliance(slenderness, nu)
-
-
-def tip_stiffnesses(rows: int, nu: float, *, bonded: bool = True) -> list[float]:
-    """Return `tip_stiffness` at L / D of 6 and 12."""
-    return [tip_stiffness(ratio, nu, rows=rows, bonded=bonded) for ratio in (6, 12)]
 
 
 def vibration(rows: int, slenderness: int, nu: float, count: int) -> list[float]:
@@ -480,14 +478,8 @@ def hertz(n: int) -> tuple[float, ...]:
     return (*ratios, slope)
 
 
-def penalties(n: int) -> list[float]:
-    """Return `penalty` at level n without and with the magnet at depths of 0.01, 0.1 and 0.3 D."""
-    magnets: tuple[Magnet, ...] = ("ignored", "rigid")
-    return [penalty(LEVEL[n - 1], depth, magnet) for magnet in magnets for depth in (0.01, 0.1, 0.3)]
-
-
-def penalty(level: str, depth: float, magnet: Magnet) -> float:
-    """Return the force on the paper's sensor with the plate's penalty SECTION_KAPPA over that on a rigid plate.
+def penalty(n: int, depth: float, magnet: Magnet) -> float:
+    """Return the force on the paper's sensor at level n with the penalty SECTION_KAPPA over that on a rigid plate.
 
     The force is solved with 1, 3 and 10 times the penalty. It is linear in the inverse of the penalty, so that a line
     through the three forces gives that on a rigid plate, at inverse 0.
@@ -496,7 +488,7 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     ----------
     depth : of the press, over D.
     """
-    design, size = paper(), LEVELS[level].section_size
+    design, size = paper(), LEVELS[LEVEL[n - 1]].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
     path = Path(PathModels(MeshSpecification(shape, design.nu, magnet, size, tip)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import time
 import tomllib
@@ -60,13 +59,15 @@ def _target(problem: dict[str, Any], meshes: Sequence[int]) -> Target:
     """Return the target of an entry of PROBLEMS."""
     places = (static_problems, motion_problems, manufactured_solutions)
     function = next(getattr(place, problem["solve"]) for place in places if hasattr(place, problem["solve"]))
-    given = problem.get("arguments", {})
-    given = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+    sets = [
+        {name: tuple(value) if isinstance(value, list) else value for name, value in (common | own).items()}
+        for common, own in ((problem.get("arguments", {}), own) for own in problem.get("each", [{}]))
+    ]
     relative = problem.get("relative")
     return Target(
         problem["name"],
         problem["source"],
-        functools.partial(function, **given),
+        lambda n: [value for given in sets for value in np.atleast_1d(function(n, **given))],
         tuple(
             (name, published, tolerance[0] if tolerance else relative * abs(published))
             for name, published, *tolerance in problem["quantities"]
