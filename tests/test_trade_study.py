@@ -30,7 +30,6 @@ from studies.validation.trade_study import (
     components,
     extrapolate,
     full_scales,
-    is_clear,
     true_errors,
     with_errors,
 )
@@ -186,11 +185,6 @@ def test_errors_of_vectors_are_relative_to_the_length_of_the_reference():
     reference = truth({"force": (3.0, 0.0, 4.0)}, {"force": (0.0, 0.0, 0.01)})
     error = errors({"force": (3.0, 0.05, 4.0)}, reference, ())["force"]
     assert error == pytest.approx((1.0, 0.2))
-    assert is_clear(*error)
-
-
-def test_an_error_below_three_bars_is_unclear():
-    assert not is_clear(0.29, 0.1)
 
 
 def test_readings_are_relative_to_full_scale():

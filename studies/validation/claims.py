@@ -51,6 +51,23 @@ NEODYMIUM = (1.0, 1.4)
 LOSSES, FULL_SCALE = (0.01, 0.5), 10.0
 """Loss factors from resilient silicones to those that are made to damp; the paper's bound of the hysteresis, %."""
 
+CONSTANTS: dict[str, Any] = {
+    "moduli": MODULI,
+    "published": PUBLISHED,
+    "friction": FRICTION,
+    "entries": sensor_figures.table_entries(),
+    "claimed": FREQUENCY,
+    "band": BAND,
+    "half_power": HALF_POWER,
+    "vibration_depth": sensor_figures.VIBRATION_DEPTH,
+    "losses": LOSSES,
+    "depth": sensor_figures.CYCLE_DEPTH,
+    "speed": sensor_figures.CYCLE_SPEED,
+    "factor": sensor_figures.FACTOR,
+    "neodymium": NEODYMIUM,
+}
+"""What the words of all answers may name; the paper gives neither its plate's friction nor the speed of a loading."""
+
 Verdict = Literal["reproduced", "refuted", "not decidable"]
 
 
@@ -141,11 +158,11 @@ def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Seque
 
 
 def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: Any) -> Answer:
-    """Return the answer to a claim of WORDS, whose templates get these values."""
+    """Return the answer to a claim of WORDS, whose templates get CONSTANTS, figures and these values."""
     words = _words()[claim]
 
     def said(text: str) -> str:
-        return " ".join(pages.filled(text, time=_time, **values).split())
+        return " ".join(pages.filled(text, time=_time, **(CONSTANTS | dict(figures) | values)).split())
 
     return {
         "claim": words["claim"],
@@ -202,10 +219,7 @@ def at_each_depth(rows: Sequence[Row]) -> Answer:
         "each_depth",
         verdict(holds=holds, holds_for_other_values=anywhere, figures=errors),
         figures | {"each_depth_from_mm": first},
-        least=least(errors),
-        most=most(errors),
         at=shallowest,
-        first=first,
     )
 
 
@@ -236,11 +250,7 @@ def of_largest(rows: Sequence[Row], states: States) -> Answer:
         own_between=math.isfinite(own["E_from_MPa"]) and own not in ends,
         taller=[h for h in known if ends and h > ends[-1]["magnet_height_mm"]],
         tallest=max((row["magnet_height_mm"] for row in published), default=None),
-        moduli=MODULI,
-        published=PUBLISHED,
-        # the plate's friction is not given by the paper
         rubbing=100 * (rubbed.force[-1] / preset.force[-1] - 1),
-        friction=FRICTION,
         deepest=preset.depth[-1],
     )
 
@@ -258,9 +268,6 @@ def voltage(rows: Sequence[Row], own_height: float) -> Answer:
         verdict(holds=error < PERCENT, holds_for_other_values=free < PERCENT, figures=[error, free]),
         figures,
         own=own,
-        best=best,
-        free=free,
-        moduli=MODULI,
         with_force=with_force,
         both=least(row["best_E_S1_error_any_gain_percent"] for row in with_force),
     )
@@ -288,7 +295,6 @@ def largest_forces(states: States) -> Answer:
         figures | {"largest_force_N_at_1_MPa": reach},
         forces=forces,
         runs=_spans_within(bare),
-        reach=reach,
         never_with_magnet=np.abs(relative_errors(states.preset)).min() > PERCENT,
     )
 
@@ -324,8 +330,6 @@ def shear_force(tips: Sequence[Row], best_E: float) -> Answer:
         gripped=next((tip for tip in tips if tip not in stuck), None),
         needed=[tip["best_E_MPa"] for tip in stuck if math.isfinite(tip["best_E_MPa"])],
         best_E=best_E,
-        least=least(worst),
-        most=most(worst),
     )
 
 
@@ -338,8 +342,6 @@ def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Answer:
         verdict(holds=least(shares) > 50, figures=shares),
         {"least_tilt_share_percent": least(shares), "largest_tilt_share_percent": most(shares)},
         known=[pages.records(rows)[-1] for rows in splits if len(rows)],
-        least=least(shares),
-        most=most(shares),
     )
 
 
@@ -353,12 +355,9 @@ def uniqueness(rows: Sequence[Row]) -> Answer:
     return answer(
         "uniqueness",
         verdict(holds=not failing, holds_for_other_values=bool(unique), figures=shares),
-        {"unique_cases": float(unique), "cases": float(len(rows))},
-        unique=unique,
-        cases=len(rows),
+        {"unique_cases": unique, "cases": len(rows)},
         failing=failing,
         holds_here=not any(row["ambiguous_percent"] for row in own),
-        entries=sensor_figures.table_entries(),
     )
 
 
@@ -379,7 +378,7 @@ def frequency(rows: Sequence[Row], formulas: dict[str, float]) -> Answer:
         "spring_mass_Hz": formulas["third_of_silicone"],
         "spring_mass_with_magnet_Hz": formulas["with_magnet"],
     }
-    found = {"free": free, "bare": bare, "pressed": pressed, "claimed": FREQUENCY, "published": PUBLISHED}
+    found = {"free": free, "bare": bare, "pressed": pressed}
     return answer("frequency", verdict(holds=near, figures=[free["bending_Hz"]]), figures, **found, **formulas)
 
 
@@ -403,14 +402,8 @@ def band(rows: Sequence[Row], vibration: Row) -> Answer:
             figures=[slow, accurate, along_z, along_x],
         ),
         figures,
-        free=free,
-        pressed=pressed,
         pressed_depth=deepest,
         inside=min(free, pressed) < BAND,
-        slow=slow,
-        band=BAND,
-        half_power=HALF_POWER,
-        vibration_depth=sensor_figures.VIBRATION_DEPTH,
         **vibration,
     )
 
@@ -425,11 +418,6 @@ def hysteresis(figures: Row) -> Answer:
         "hysteresis",
         verdict(**bounds, figures=[allowed, sine]),
         found | {"allowed_loss_factor": allowed, "allowed_loss_factor_sine": sine},
-        allowed=allowed,
-        allowed_sine=sine,
-        losses=LOSSES,
-        depth=sensor_figures.CYCLE_DEPTH,
-        speed=sensor_figures.CYCLE_SPEED,
         **figures,
     )
 
@@ -442,7 +430,7 @@ def hall_factor(figures: Row) -> Answer:
     polarisation = figures["polarisation_T"]
     found = verdict(holds=NEODYMIUM[0] <= polarisation <= NEODYMIUM[1], figures=[polarisation])
     own = {name: figures[name] for name in ("polarisation_T", "rest_V", "face_V")}
-    return answer("hall_factor", found, own, factor=sensor_figures.FACTOR, neodymium=NEODYMIUM, **own)
+    return answer("hall_factor", found, own)
 
 
 def offset(figures: Row) -> Answer:
@@ -451,7 +439,7 @@ def offset(figures: Row) -> Answer:
     below = sum(l0 > paper().H for _, l0 in pairs)
     found = {f"l0_mm_at_{height:g}_mm": l0 for height, l0 in pairs} | {"rest_mT": figures["rest_mT"]}
     plausible = verdict(holds=below > 0, figures=[l0 for _, l0 in pairs])
-    return answer("offset", plausible, found, pairs=pairs, below=below, rest_mT=figures["rest_mT"])
+    return answer("offset", plausible, found, pairs=pairs, below=below)
 
 
 def cost(rows: Sequence[Row]) -> Answer:

@@ -260,11 +260,6 @@ def true_errors(
     return errors
 
 
-def is_clear(percent: float, bar_percent: float) -> bool:
-    """Return whether the bar of the reference is at most a third of an error."""
-    return CLEAR * bar_percent <= percent
-
-
 def errors_of(state: Row) -> dict[str, tuple[float, float]]:
     """Return the true errors of a state by quantity, with the error bars of the reference, percent."""
     pairs = {name: (state[f"{name}_error_percent"], state[f"{name}_bar_percent"]) for name in QUANTITIES}
