@@ -47,7 +47,7 @@ def test_readings_of_the_loads_decode_to_the_loads(coder):
 
 def test_the_worst_load_is_a_row_of_the_table(coder):
     answer = evaluated(coder)
-    rows = list(force_range.table(force_range.loads(coder, 4.0, 1.0)))
+    rows = force_range.table(force_range.loads(coder, 4.0, 1.0)).to_dict("records")
     assert len(rows) == answer["loads"] == 4 * (1 + 2 * 4)
     for k, axis in enumerate("xyz"):
         column = [row[f"resolution_{axis}_N"] for row in rows if row["usable"]]

@@ -109,8 +109,8 @@ def level_name(level: str | None, file: Path | None, default: str = "paper") -> 
     return RESPONSES if file is not None else level or default
 
 
-def force_gap(coder: Decoder, level: str, decoded: Decoded) -> Gap | None:
-    """Compare the decoded forces with those of level finite; None without forces, or if they need no comparison."""
+def force_gap(coder: Decoder, level: str, shift: Array, force: Array) -> Gap | None:
+    """Compare forces (n, 3), N, at shifts (n, 3), mm, with level finite; None if there is nothing to compare."""
     from studies.sensing import force_level_check
 
     if coder.mechanics is None or level == RESPONSES:
@@ -119,7 +119,7 @@ def force_gap(coder: Decoder, level: str, decoded: Decoded) -> Gap | None:
     # level finite refuses some designs; the gap is then of unknown size
     with contextlib.suppress(BadInput):
         law = law or of_level(design, force_level_check.BEST)
-    return force_level_check.gap(design, law, decoded.shift, decoded.force)
+    return force_level_check.gap(design, law, shift, force)
 
 
 def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
@@ -183,14 +183,14 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
     (status,) = decoded.status
     message, limit, outside = WHY[status], None, None
     if status == "out_of_workspace":
-        limit, outside = _limit_of(coder, field)
+        ((limit, outside),) = _limits_of(coder, field)
         message = limit_sentence(coder, limit, solved=level == RESPONSES)
     tilt, tilt_y = tilts_of(*decoded.tilt[0].tolist())
     depth, shear, shear_y = decoded.load[0].tolist()
     contact = None if math.isnan(depth) else depth > 0
     if contact is False:
         message = "; ".join(filter(None, [message, NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))]))
-    gap, size = force_gap(coder, level, decoded), math.hypot(*decoded.force[0].tolist())
+    gap, size = force_gap(coder, level, decoded.shift, decoded.force), math.hypot(*decoded.force[0].tolist())
     record = {
         "status": status,
         "message": message,
@@ -222,12 +222,11 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
     return record, field, decoded
 
 
-def _limit_of(coder: Decoder, field: Array) -> tuple[Limit | None, list[float]]:
-    """Return the limit that a pose outside the workspace exceeds, and its shift, mm; None and NaN without a pose."""
+def _limits_of(coder: Decoder, field: Array) -> list[tuple[Limit | None, list[float]]]:
+    """Return which limit each pose outside the workspace exceeds, and its shift, mm; None and NaN without one."""
     from analytic.decode import exceeded_limit, poses_outside
 
-    pose = poses_outside(coder, field)[0]
-    return exceeded_limit(coder, pose), pose.tolist()
+    return [(exceeded_limit(coder, pose), pose.tolist()) for pose in poses_outside(coder, field)]
 
 
 def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Array:
@@ -339,14 +338,15 @@ def _result(
     """Return the counts of each status with their reasons; `printed`: whether the rows were printed, not written."""
     from studies.sensing import force_level_check
 
-    gap = force_gap(coder, level, decoded)
+    gap = force_gap(coder, level, decoded.shift, decoded.force)
     counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
     remarks: list[str] = []
     failures: list[str] = []
     for status, count in counts.items():
         why = [WHY[status]]
         if status == "out_of_workspace":
-            limits = _count_limits(coder, decoded, field)
+            rows = [k for k, word in enumerate(decoded.status) if word == "out_of_workspace"][:MOST_SEARCHED]
+            limits = Counter(limit for limit, _ in _limits_of(coder, field[rows]))
             texts = {limit: limit_sentence(coder, limit, solved=level == RESPONSES) for limit in limits}
             why = [texts[limit] + (f" ({n} of {count})" if len(texts) > 1 else "") for limit, n in limits.items()]
         if status != "ok":
@@ -363,12 +363,3 @@ def _result(
         remarks=remarks,
         failures=failures,
     )
-
-
-def _count_limits(coder: Decoder, decoded: Decoded, field: Array) -> dict[Limit | None, int]:
-    """Count the rows that exceed each limit of the workspace."""
-    from analytic.decode import exceeded_limit, poses_outside
-
-    rows = [k for k, status in enumerate(decoded.status) if status == "out_of_workspace"][:MOST_SEARCHED]
-    limits = [exceeded_limit(coder, pose) for pose in poses_outside(coder, field[rows])]
-    return dict(Counter(limits))

@@ -7,7 +7,7 @@ mechanics give the magnet's shift under each load, and a survey of that pose giv
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from studies.sensing.layout_metrics import percent_text
 
 if TYPE_CHECKING:
     import numpy as np
+    import pandas as pd
     from numpy.typing import NDArray
 
     from analytic.decode import Decoder
@@ -214,8 +215,6 @@ def _limits(reached: float, ambiguous: float, blocked: float, *, folded: bool) -
 
 def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
     """Return warnings: forces that differ from those of the best level, or loads outside the range of that level."""
-    import contextlib
-
     import numpy as np
 
     from analytic import beam
@@ -230,40 +229,36 @@ def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
         depth, shear = float(grid.plate[0, reached].max()), float(np.hypot(*grid.plate[1:, reached]).max())
         remark = beam.outside(coder.forward.design, Load(depth=depth, shear_x=shear, friction="stick"), level)
         return [f"{remark}: give states solved by finite elements with --responses"] if remark else []
-    law = None
-    # level finite refuses some designs; the error of the forces is then unknown
-    with contextlib.suppress(BadInput):
-        law = decode_readings.of_level(coder.forward.design, force_level_check.BEST)
     # the rows of force_range.csv; those that are not reached have no force to compare
     shift, force = (np.where(reached, v, np.nan).T[grid.distinct] for v in (grid.poses.shift, grid.force))
-    return force_level_check.warnings(level, force_level_check.gap(coder.forward.design, law, shift, force))
+    gap = decode_readings.force_gap(coder, level, shift, force)
+    return [] if gap is None else force_level_check.warnings(level, gap)
 
 
-def table(grid: Loads) -> Iterator[FlatRow]:
-    """Yield the row of each distinct load of a range; None where the load is not reached.
+def table(grid: Loads) -> pd.DataFrame:
+    """Return the table of the distinct loads of a range; NaN where a load is not reached.
 
     reached, usable, saturated : 0 or 1; a usable load is reached, and neither blocked nor saturated.
-    multiplicity : number of poses with the same readings; None where it was not computed.
-    resolution_*_N_per_N : over the size of the force; None without a force.
+    multiplicity : number of poses with the same readings; NaN where it was not computed.
+    resolution_*_N_per_N : over the size of the force; NaN without a force.
     """
     import numpy as np
+    import pandas as pd
 
-    poses = grid.poses
-    sizes = np.linalg.norm(grid.force, axis=0)
-    for k in np.flatnonzero(grid.distinct).tolist():
-        size, reached = float(sizes[k]), bool(grid.reached[k])
-        none, sigma = [None] * 3, poses.axis_noise_N[:, k].tolist()
-        yield {
-            **_by_axis("force", "N", grid.force[:, k].tolist()),
-            **_by_axis("shift", "mm", poses.shift[:, k].tolist() if reached else none),
-            "reached": int(reached),
-            "usable": int(poses.usable[k]),
-            "saturated": int(reached and poses.saturated[k]),
-            "multiplicity": int(poses.multiplicity[k]) or None,
-            **_by_axis("resolution", "N", sigma if reached else none),
-            **_by_axis("resolution", "N_per_N", [value / size for value in sigma] if reached and size else none),
-        }
+    poses, reached = grid.poses, grid.reached
+    sigma = np.where(reached, poses.axis_noise_N, np.nan)
+    size = np.linalg.norm(grid.force, axis=0)
+    flags = {"reached": reached, "usable": poses.usable, "saturated": reached & poses.saturated}
+    columns = {
+        **_by_axis("force", "N", grid.force),
+        **_by_axis("shift", "mm", np.where(reached, poses.shift, np.nan)),
+        **{name: flag.astype(int) for name, flag in flags.items()},
+        "multiplicity": np.where(poses.multiplicity, poses.multiplicity, np.nan),
+        **_by_axis("resolution", "N", sigma),
+        **_by_axis("resolution", "N_per_N", sigma / np.where(size, size, np.nan)),
+    }
+    return pd.DataFrame(columns)[grid.distinct]
 
 
-def _by_axis(name: str, unit: str, values: Sequence[float | None]) -> FlatRow:
-    return {f"{name}_{axis}_{unit}": value for axis, value in zip("xyz", values, strict=True)}
+def _by_axis(name: str, unit: str, values: Array) -> dict[str, Array]:
+    return {f"{name}_{axis}_{unit}": column for axis, column in zip("xyz", values, strict=True)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,8 @@ from studies.sensing import (
 )
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from analytic.decode import Decoder
     from analytic.survey import Survey
     from studies.output.records import FlatRow
@@ -64,6 +66,7 @@ def run(job: Job, progress: Progress) -> Result:
         The design has no magnet, a layout or range is impossible, or `layout_metrics.mechanics_of` refuses.
     """
     from analytic import survey
+    from studies.output.table_files import write_table
 
     design, basis = job.design, job.basis
     law = layout_metrics.mechanics_of(design, basis.level, basis.responses)
@@ -86,7 +89,7 @@ def run(job: Job, progress: Progress) -> Result:
     search = layout_search.run(design, law, basis, bounds, job.count, progress) if job.search else None
     claim = layout_uniqueness.run(design, progress) if job.claim else None
     files: dict[str, Writer] = {
-        "layout.csv": lambda path: _write_map(path, coder, poses),
+        "layout.csv": lambda path: write_table(path, map_table(coder, poses).to_dict("records")),
         "layout.png": lambda path: save(path, layout_figures.maps(coder, poses, basis.clearance)),
     }
     record, shown, tables = dict(layout), [Table(title="Layout", rows=[_shown(layout)])], {}
@@ -98,7 +101,7 @@ def run(job: Job, progress: Progress) -> Result:
         files["claim.png"] = partial(picture, rows=tables["claim"], draw=partial(layout_figures.claim, c=design.c))
         shown.append(Table(title="Claim", rows=_shown_claim(claim)))
     if loads is not None and forces is not None:
-        record["force_range"], tables["force_range"] = forces, list(force_range.table(loads))
+        record["force_range"], tables["force_range"] = forces, force_range.table(loads).to_dict("records")
         shown.append(Table(title="Range of loads", rows=[_shown_forces(forces)]))
     warnings = [*layout["hits"], *layout["warnings"], *(forces["warnings"] if forces else ())]
     said = design.value_warnings()  # by the reader of the design
@@ -113,44 +116,33 @@ def run(job: Job, progress: Progress) -> Result:
     )
 
 
-def _write_map(path: Path, coder: Decoder, poses: Survey) -> None:
-    from studies.output.table_files import write_table
-
-    write_table(path, map_rows(coder, poses))
-
-
-def map_rows(coder: Decoder, poses: Survey) -> Iterator[FlatRow]:
-    """Yield the row of each pose of the map.
+def map_table(coder: Decoder, poses: Survey) -> pd.DataFrame:
+    """Return the table of the poses of the map.
 
     known, saturated, blocked : 0 or 1; `known` is 1 if the pose lies within the range of the mechanics.
     det_sign : sign of det J.
-    multiplicity : number of poses with these readings; None if they were not searched.
+    multiplicity : number of poses with these readings; NaN if they were not searched.
     """
+    import numpy as np
+    import pandas as pd
+
     from analytic.parts import columns
 
-    names = columns(coder.forward.elements)
-    known, blocked = poses.weight > 0, poses.blocked
     tilt, tilt_y = tilts_of(*poses.tilt)
-    for k in range(len(known)):
-        x, y, z = poses.shift[:, k].tolist()
-        readings = zip(names, poses.readings[:, k].tolist(), strict=True)
-        yield {
-            "x_mm": x,
-            "y_mm": y,
-            "z_mm": z,
-            "tilt_rad": tilt[k],
-            "tilt_y_rad": tilt_y[k],
-            **{f"{name}_mT": 1e3 * b for name, b in readings},
-            "known": int(known[k]),
-            "blocked": int(blocked[k]),
-            "saturated": int(poses.saturated[k]),
-            "det_sign": int(poses.sign[k]),
-            "condition": poses.condition[k],
-            "multiplicity": int(poses.multiplicity[k]) or None,
-            "alike_apart_mm": poses.alike_mm[k],
-            "noise_um": 1e3 * poses.noise_mm[k],
-            "noise_N": poses.noise_N[k],
-        }
+    flags = {"known": poses.weight > 0, "blocked": poses.blocked, "saturated": poses.saturated}
+    return pd.DataFrame({
+        **{f"{axis}_mm": shift for axis, shift in zip("xyz", poses.shift, strict=True)},
+        "tilt_rad": tilt,
+        "tilt_y_rad": tilt_y,
+        **{f"{name}_mT": 1e3 * b for name, b in zip(columns(coder.forward.elements), poses.readings, strict=True)},
+        **{name: flag.astype(int) for name, flag in flags.items()},
+        "det_sign": poses.sign,
+        "condition": poses.condition,
+        "multiplicity": np.where(poses.multiplicity, poses.multiplicity, np.nan),
+        "alike_apart_mm": poses.alike_mm,
+        "noise_um": 1e3 * poses.noise_mm,
+        "noise_N": poses.noise_N,
+    })  # fmt: skip
 
 
 def text(layout: FlatRow, search: list[FlatRow] | None, claim: Claim | None, forces: FlatRow | None) -> str:

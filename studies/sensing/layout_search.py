@@ -31,6 +31,11 @@ GRID = {1: 21, 2: 21, 3: 10}
 STARTS, HALVINGS, FINALISTS = 12, 4, MOST_FOUND
 APART_STARTS, APART_FOUND = 1.5, 0.75
 """Least difference between two starts, and between two layouts of the table, in steps of the first grid."""
+FIGURES = (
+    *("unique_percent", "ambiguous_percent", "saturated_percent", "blocked_percent"),
+    *("condition_worst", "noise_worst_um", "noise_median_um", "noise_worst_N"),
+)
+"""Figures of `layout_metrics.figures` that the table has."""
 HOPELESS: Score = (2.0, math.inf)
 """Score of a layout that cannot be evaluated; every other layout has a better one."""
 
@@ -61,7 +66,8 @@ def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float,
         if len(numbers) > 2 or not numbers[0] <= numbers[-1]:
             raise BadInput(f"--range {name} takes LOW,HIGH in ascending order, or one value; got {values!r}")
         for value in numbers:
-            _with(design, {name: value})
+            changed: dict[str, Any] = {name: value}
+            dataclasses.replace(design, **changed)
         bounds[name] = (numbers[0], numbers[-1])
     return bounds
 
@@ -84,7 +90,8 @@ def run(
     names = list(bounds)
 
     def design_at(place: Place) -> Design:
-        return _with(design, dict(zip(names, place, strict=True)))
+        changes: dict[str, Any] = dict(zip(names, place, strict=True))
+        return dataclasses.replace(design, **changes)
 
     def score(place: Place) -> Score:
         return _score(design_at, place, law, basis)
@@ -110,10 +117,6 @@ def run(
     progress(1.0, "survey of the best")
     ranked = [row | {"rank": rank} for rank, row in enumerate(rows[:count], 1)]
     return [_row(0, design, names, law, basis), *ranked]
-
-
-def _with(design: Design, changes: dict[str, Any]) -> Design:
-    return dataclasses.replace(design, **changes)
 
 
 def _search(
@@ -220,14 +223,7 @@ def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis:
     return {
         "rank": rank,
         **{f"{name}_mm": getattr(design, name) for name in names},
-        "unique_percent": figures["unique_percent"],
-        "ambiguous_percent": figures["ambiguous_percent"],
-        "saturated_percent": figures["saturated_percent"],
-        "blocked_percent": figures["blocked_percent"],
-        "condition_worst": figures["condition_worst"],
-        "noise_worst_um": figures["noise_worst_um"],
-        "noise_median_um": figures["noise_median_um"],
-        "noise_worst_N": figures["noise_worst_N"],
+        **{name: figures[name] for name in FIGURES},
         "settings": settings(design, names),
     }
 

@@ -22,10 +22,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from analytic.batch_readings import ELEMENTS, batch_readings
+from analytic.batch_readings import ELEMENTS, BatchReadings, batch_readings
 from analytic.hall import converted, rotated
 from analytic.parts import common_values
 from geometry.arrays import Array
@@ -267,24 +266,10 @@ def share_with_error(count: int, total: int, level: float = 0.95) -> tuple[float
     return (count / total if total else math.nan), low, high
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MadeReadings:
-    """Readings of n made sensors in k states; NaN, and not saturated, where there is no pose or no sensor.
+def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> BatchReadings:
+    """Return the readings of n sensors in k states, shape (n, k, 3), with outputs that are not rounded.
 
-    Attributes
-    ----------
-    field_T : flux density that each element measures, shape (n, k, 3), T.
-    output : output of each element within the rails, not rounded, shape (n, k, 3), V, or T for a chip.
-    saturated : whether the output lies at a rail, shape (n, k, 3).
-    """
-
-    field_T: Array
-    output: Array
-    saturated: NDArray[np.bool_]
-
-
-def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> MadeReadings:
-    """Return the readings of each sensor in its states.
+    They are NaN, and not saturated, where there is no pose or no sensor.
 
     Parameters
     ----------
@@ -308,4 +293,4 @@ def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> MadeReadin
     gain, null, low, high, *_ = common_values(sensors.nominal)
     raw = null + sensors.null_shift[:, None] + gain * sensors.gain_factor[:, None] * field
     output, saturated = converted(raw, np.array(low), np.array(high), np.array(0.0))
-    return MadeReadings(field, output, saturated)
+    return BatchReadings(field, output, saturated)
