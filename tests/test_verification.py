@@ -1,7 +1,6 @@
 """Published problems at a reduced size, and how `verify` judges them. Full size: `magtip validate verify`."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from studies.output.result import FAILED, GOOD
 from studies.validation import manufactured_solutions, motion_problems, static_problems, verify
 from studies.validation.static_problems import NotSolvedError
 
-QUICK = {target.name: target for target in verify.targets(quick=True)}
+QUICK = {target["name"]: target for target in verify.targets(quick=True)}
 BONDED = "clamped cylinder, bonded base, nu = 0.4998"
 RNG = np.random.default_rng(3)
 
@@ -50,9 +49,9 @@ def test_frequencies_of_a_slender_beam_are_euler_s():
 
 
 def test_the_full_run_has_the_same_targets_and_some_more_on_finer_meshes():
-    full = {target.name: target for target in verify.targets()}
+    full = {target["name"]: target for target in verify.targets()}
     assert [name for name in full if name in QUICK] == list(QUICK)
-    assert all(full[name].meshes[-1] >= target.meshes[-1] for name, target in QUICK.items())
+    assert all(full[name]["meshes"][-1] >= target["meshes"][-1] for name, target in QUICK.items())
     # test_timed_path.py has energy and order at a reduced size
     contact = ("a press in contact", "a glued plate", "a sliding plate")
     balances = {f"energy of {name}" for name in ("a sheared beam", *contact)}
@@ -139,15 +138,21 @@ def test_richardson_gives_up_where_the_meshes_tell_nothing():
         assert all(math.isnan(value) for value in verify.richardson((1, 2, 4)[: len(values)], values))
 
 
+def pose(monkeypatch, problems, meshes):
+    """Let `verify` have these problems, whose one quantity is 1 within 0.1."""
+    rows = []
+    for name, solve in problems.items():
+        monkeypatch.setattr(static_problems, name, solve, raising=False)
+        rows.append({"name": name, "source": "me", "solve": name, "quantities": [["q", 1.0, 0.1]], "meshes": meshes})
+    monkeypatch.setattr(verify, "targets", lambda quick: rows)
+
+
 def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, capsys):
     def unsolved(_):
         raise NotSolvedError("no convergence in 30 iterations")
 
-    good = verify.Target("good", "me", lambda n: (1.0,), (("q", 1.0, 0.1),))
-    missed = replace(good, name="missed", solve=lambda n: (1.2,))
-    monkeypatch.setattr(
-        verify, "targets", lambda quick: [good, missed, replace(good, name="unsolved", solve=unsolved)]
-    )
+    problems = {"good": lambda n: 1.0, "missed": lambda n: 1.2, "unsolved": unsolved}
+    pose(monkeypatch, problems, meshes=[1])
     assert entry_point.main(["validate", "verify", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
     assert "2 of 3 targets are missed: missed (q), unsolved (q)" in said.err
@@ -160,8 +165,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
 
 
 def test_all_met_is_status_zero(monkeypatch, capsys):
-    good = verify.Target("good", "me", lambda n: (1 + n**-2.0,), (("q", 1.0, 0.1),), meshes=(4, 8, 16))
-    monkeypatch.setattr(verify, "targets", lambda quick: [good])
+    pose(monkeypatch, {"good": lambda n: 1 + n**-2.0}, meshes=[4, 8, 16])
     assert entry_point.main(["validate", "verify"]) == GOOD
     assert "good" in capsys.readouterr().out
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import time
 import tomllib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -28,54 +27,23 @@ PRECISE = ("published", "computed", "extrapolated")
 FILES = ("VERIFY.md", "verify.csv")
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
-    """A problem with published quantities.
-
-    Attributes
-    ----------
-    solve : returns the quantities, or the only one, on mesh n.
-    quantities : name of each, its published value and the tolerance of the computed one, in the same unit.
-    judged : which number is checked: value on the finest mesh, extrapolated value, or order of convergence.
-    """
-
-    name: str
-    source: str
-    solve: Callable[[int], Sequence[float] | float]
-    quantities: tuple[tuple[str, float, float], ...]
-    meshes: tuple[int, ...] = (1,)
-    judged: Literal["finest", "extrapolated", "order"] = "finest"
-    note: str = ""
-
-
-def targets(*, quick: bool = False) -> list[Target]:
-    """Return the targets of a full or a quick run, fast ones first."""
+def targets(*, quick: bool = False) -> list[Row]:
+    """Return the targets of a full or a quick run as rows of PROBLEMS, with the meshes of this run, fast ones first."""
     found = tomllib.loads(PROBLEMS.read_text("utf-8"))["target"]
-    chosen = [(problem, problem.get("quick" if quick else "meshes", [1])) for problem in found]
-    return [_target(problem, meshes) for problem, meshes in chosen if meshes]
+    chosen = [problem | {"meshes": problem.get("quick" if quick else "meshes", [1])} for problem in found]
+    return [problem for problem in chosen if problem["meshes"]]
 
 
-def _target(problem: dict[str, Any], meshes: Sequence[int]) -> Target:
-    """Return the target of an entry of PROBLEMS."""
+def solved(target: Row, n: int) -> list[float]:
+    """Return the quantities of a target on mesh n."""
     places = (static_problems, motion_problems, manufactured_solutions)
-    function = next(getattr(place, problem["solve"]) for place in places if hasattr(place, problem["solve"]))
-    sets = [
-        {name: tuple(value) if isinstance(value, list) else value for name, value in (common | own).items()}
-        for common, own in ((problem.get("arguments", {}), own) for own in problem.get("each", [{}]))
-    ]
-    relative = problem.get("relative")
-    return Target(
-        problem["name"],
-        problem["source"],
-        lambda n: [value for given in sets for value in np.atleast_1d(function(n, **given))],
-        tuple(
-            (name, published, tolerance[0] if tolerance else relative * abs(published))
-            for name, published, *tolerance in problem["quantities"]
-        ),
-        tuple(meshes),
-        problem.get("judged", "finest"),
-        problem.get("note", ""),
-    )
+    function = next(getattr(place, target["solve"]) for place in places if hasattr(place, target["solve"]))
+    values: list[float] = []
+    for own in target.get("each", [{}]):
+        given = target.get("arguments", {}) | own
+        given = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+        values += np.atleast_1d(function(n, **given)).tolist()
+    return values
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
@@ -101,46 +69,47 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     )
 
 
-def evaluate(target: Target, done: float = 0.0, progress: Progress = lambda share, text: None) -> list[Row]:
+def evaluate(target: Row, done: float = 0.0, progress: Progress = lambda share, text: None) -> list[Row]:
     """Comparisons of one target; a problem that finds no solution fails with the reason in `message`.
 
     Parameters
     ----------
     done : share of the targets solved before, for the progress.
     """
-    begin, message = time.perf_counter(), ""
+    begin, message, meshes = time.perf_counter(), "", target["meshes"]
     values: list[Sequence[float]] = []
-    for n in target.meshes:
-        progress(done, target.name + (f", mesh {n}" if len(target.meshes) > 1 else ""))
+    for n in meshes:
+        progress(done, target["name"] + (f", mesh {n}" if len(meshes) > 1 else ""))
         try:
-            values.append(np.atleast_1d(target.solve(n)).tolist())
+            values.append(solved(target, n))
         except SolveFailed as error:
-            message = f"mesh {n}: {error}"
+            message, values = f"mesh {n}: {error}", []
             break
-    seconds = time.perf_counter() - begin
-    families = [[] if message else [answer[i] for answer in values] for i in range(len(target.quantities))]
+    words = {"seconds": time.perf_counter() - begin, "meshes": "-".join(map(str, meshes))}
+    words |= {"source": target["source"], "note": target.get("note", ""), "message": message}
     return [
-        _comparison(target, quantity, family) | {"seconds": seconds, **_words(target), "message": message}
-        for quantity, family in zip(target.quantities, families, strict=True)
+        _comparison(target, quantity, [answer[i] for answer in values]) | words
+        for i, quantity in enumerate(target["quantities"])
     ]
 
 
-def _comparison(target: Target, quantity: tuple[str, float, float], family: Sequence[float]) -> Row:
+def _comparison(target: Row, quantity: Sequence[Any], family: Sequence[float]) -> Row:
     """Compare a quantity's values on the family of meshes, the finest last, with the published one.
 
     `computed` is the value on the finest mesh, or the order of convergence if that is checked; `extrapolated` and
     `order` are limit and order of Richardson's extrapolation; NaN where nothing was computed.
     """
-    name, published, tolerance = quantity
-    computed = family[-1] if family else NAN
-    extrapolated, order = richardson(target.meshes, family)
-    if target.judged == "order" and family:
-        (n0, n1), (e0, e1) = target.meshes[-2:], family[-2:]
+    name, published, *given = quantity
+    tolerance = given[0] if given else target["relative"] * abs(published)
+    computed, judged = family[-1] if family else NAN, target.get("judged", "finest")
+    extrapolated, order = richardson(target["meshes"], family)
+    if judged == "order" and family:
+        (n0, n1), (e0, e1) = target["meshes"][-2:], family[-2:]
         computed, extrapolated = math.log(e0 / e1) / math.log(n1 / n0), NAN
         order = computed
-    checked = extrapolated if target.judged == "extrapolated" and math.isfinite(extrapolated) else computed
+    checked = extrapolated if judged == "extrapolated" and math.isfinite(extrapolated) else computed
     return {
-        "target": target.name,
+        "target": target["name"],
         "quantity": name,
         "published": published,
         "computed": computed,
@@ -148,13 +117,9 @@ def _comparison(target: Target, quantity: tuple[str, float, float], family: Sequ
         "order": order,
         "error_percent": 100 * (checked - published) / published,
         "tolerance_percent": 100 * tolerance / published,
-        "judged": target.judged,
+        "judged": judged,
         "passed": abs(checked - published) <= tolerance,
     }
-
-
-def _words(target: Target) -> Row:
-    return {"meshes": "-".join(map(str, target.meshes)), "source": target.source, "note": target.note}
 
 
 def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
