@@ -268,8 +268,14 @@ def test_the_help_names_all_cases(run):
 
 
 def quick_case(goal_s):
-    loads, fine = ({"depth": 1.0},), ("axisymmetric", {})
-    return bench.Case("one", "quick one", "axisymmetric", "ignored", loads, ({},), 0.5, fine, goal_s)
+    case = {
+        "name": "quick one",
+        "model": "axisymmetric",
+        "magnet": "ignored",
+        "loads": [{"depth": 1.0}],
+        "ladder": [{}],
+    }
+    return case | {"tolerance_percent": 0.5, "reference": ["axisymmetric", {}], "goal_s": goal_s, "goal_MB": np.inf}
 
 
 @pytest.mark.parametrize(("cpu", "met"), [(0.2, True), (0.4, False)])
@@ -321,10 +327,10 @@ def test_the_field_is_held_against_magpylib(monkeypatch):
 
 
 def test_a_section_is_compared_with_the_half_model_of_its_scene():
-    case = next(case for case in bench.cases() if case.key == "shear")
+    case = next(case for case in bench.cases() if case["key"] == "shear")
     own = few()
     assert bench.over_half(own, case, answer(0, 1.5)) is None
-    own.add(case.name, "magtip", "solid_size 0.14 D", answer(0, 30.0))
+    own.add(case["name"], "magtip", "solid_size 0.14 D", answer(0, 30.0))
     assert bench.over_half(own, case, answer(0, 1.5)) == 20
 
 

@@ -21,7 +21,6 @@ import numpy as np
 
 from fem.accuracy import STANDARD
 from geometry.design import BadInput, Design, paper
-from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.output import provenance
 from studies.output.goals import Goal, failures, page_lines
@@ -42,37 +41,10 @@ CURVE, HALF = "press curve to 3 mm", "half model, press 1 mm"
 CASES = Path(__file__).with_name("bench_cases.toml")
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
-    """A scene that magtip solves.
-
-    Attributes
-    ----------
-    key : name of the case for `--cases`.
-    name, model, magnet, loads : the scene; a load holds the fields of `geometry.loads.Load`.
-    ladder : accuracies to choose from, fields of `fem.accuracy.Accuracy`; the cheapest within tolerance counts.
-    tolerance_percent : of the force at every load; infinite where it is only reported.
-    reference : model and accuracy of the fine solution, or None.
-    goal_s, goal_MB : limits of CPU seconds and peak memory, infinite if there is none.
-    slow_reference : whether a quick run leaves the reference out.
-    """
-
-    key: str
-    name: str
-    model: str
-    magnet: Magnet
-    loads: Sequence[Fields]
-    ladder: Sequence[Fields]
-    tolerance_percent: float = math.inf
-    reference: tuple[str, Fields] | None = None
-    goal_s: float = math.inf
-    goal_MB: float = math.inf
-    slow_reference: bool = False
-
-
-def cases() -> list[Case]:
-    """Return what is measured of magtip."""
-    return [Case(**case) for case in tomllib.loads(CASES.read_text("utf-8"))["case"]]
+def cases() -> list[Row]:
+    """Return what is measured of magtip: rows of CASES, with infinite bounds where there is none."""
+    found: list[Row] = tomllib.loads(CASES.read_text("utf-8"))["case"]
+    return [dict.fromkeys(("tolerance_percent", "goal_s", "goal_MB"), math.inf) | case for case in found]
 
 
 TRIANGLES = tuple((size, tip) for size in SECTIONS for tip in (1.0, 0.6))
@@ -186,26 +158,26 @@ def spec(model: str, magnet: str, loads: Sequence[Fields], accuracy: Fields) -> 
     return {"task": "trace", "model": model, "magnet": magnet, "loads": list(loads), "accuracy": accuracy}
 
 
-def measure_case(bench: Bench, case: Case) -> None:
+def measure_case(bench: Bench, case: Row) -> None:
     """Add magtip's row of one case; its reference also judges the peers."""
     # two models of one scene share its reference; that of a shear takes minutes
-    truth = bench.references.get(case.name)
-    if truth is None and case.reference is not None and not (bench.quick and case.slow_reference):
-        bench.say(f"{case.name}: reference")
-        found = magtip(spec(case.reference[0], case.magnet, case.loads, case.reference[1]))
+    truth = bench.references.get(case["name"])
+    if truth is None and "reference" in case and not (bench.quick and case.get("slow_reference")):
+        bench.say(f"{case['name']}: reference")
+        found = magtip(spec(case["reference"][0], case["magnet"], case["loads"], case["reference"][1]))
         if found["status"] != "ok":
             lost = {"status": "no reference", "message": f"the reference failed: {found['message']}"}
-            bench.add(case.name, "magtip", "", lost, goal=f"within {case.tolerance_percent:g} %", met=False)
+            bench.add(case["name"], "magtip", "", lost, goal=f"within {case['tolerance_percent']:g} %", met=False)
             return
-        truth = bench.references[case.name] = compared(found)
-    bench.say(f"{case.name}: magtip")
+        truth = bench.references[case["name"]] = compared(found)
+    bench.say(f"{case['name']}: magtip")
 
     def solve(accuracy: Fields) -> Answer:
-        return magtip(spec(case.model, case.magnet, case.loads, accuracy))
+        return magtip(spec(case["model"], case["magnet"], case["loads"], accuracy))
 
-    rung, answer = measured(solve, case.ladder, truth, case.tolerance_percent, bench.runs)
-    bench.chosen[case.name] = spec(case.model, case.magnet, case.loads, rung)
-    limits = ((case.goal_s, "cpu_s", "s"), (case.goal_MB, "peak_MB", "MB"))
+    rung, answer = measured(solve, case["ladder"], truth, case["tolerance_percent"], bench.runs)
+    bench.chosen[case["name"]] = spec(case["model"], case["magnet"], case["loads"], rung)
+    limits = ((case["goal_s"], "cpu_s", "s"), (case["goal_MB"], "peak_MB", "MB"))
     goals = [
         (f"at most {limit:g} {unit}", answer.get(key, math.inf) <= limit)
         for limit, key, unit in limits
@@ -215,14 +187,14 @@ def measure_case(bench: Bench, case: Case) -> None:
     if faster is not None:
         goals.append((f"{TIMES:g} times faster than the half model", faster >= TIMES))
     met = answer["status"] == "ok" and all(good for _, good in goals)
-    goal = ", ".join([text for text, _ in goals] + ([f"within {case.tolerance_percent:g} %"] if truth else []))
+    goal = ", ".join([text for text, _ in goals] + ([f"within {case['tolerance_percent']:g} %"] if truth else []))
     setting = ", ".join(f"{name} {value:g}{'' if name == 'harmonics' else ' D'}" for name, value in rung.items())
-    bench.add(case.name, "magtip", setting, answer, goal=goal, met=met, faster=faster)
+    bench.add(case["name"], "magtip", setting, answer, goal=goal, met=met, faster=faster)
 
 
-def over_half(bench: Bench, case: Case, answer: Answer) -> float | None:
+def over_half(bench: Bench, case: Row, answer: Answer) -> float | None:
     """Return how many times faster than the half model a section answers the same scene; None if not measured."""
-    half = next((row for row in bench.rows if row["case"] == case.name and "solid_size" in row["setting"]), None)
+    half = next((row for row in bench.rows if row["case"] == case["name"] and "solid_size" in row["setting"]), None)
     if half is None or not half["cpu_s"] or half["status"] != "ok" or answer["status"] != "ok":
         return None
     return float(half["cpu_s"] / answer["cpu_s"])
@@ -353,7 +325,7 @@ def field_points(bench: Bench) -> None:
 
 
 PARTS: list[tuple[str, Callable[[Bench], None]]] = [
-    (case.key, functools.partial(measure_case, case=case)) for case in cases()
+    (case["key"], functools.partial(measure_case, case=case)) for case in cases()
 ]
 """The parts of the bench by name; a peer has the name of its case and follows it."""
 PARTS[2:2] = [("half-press", press_by_calculix)]
