@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from browser import Browser, executable
+from browser import executable, launched
 
 from geometry.design import BadInput, paper
 from studies.cli import entry_point
@@ -138,7 +138,7 @@ def chromium():
         if os.environ.get("MAGTIP_NEEDS_BROWSER"):
             pytest.fail(NO_BROWSER)
         pytest.skip(NO_BROWSER)
-    with Browser() as browser:
+    with launched() as browser:
         yield browser
 
 

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from urllib.parse import urlencode
 
-from browser import Browser
+from browser import launched, opened, said, wait
 from explorer_scripts import DRAG, GO, REST, SET, SETTLED
 
 from fem.accuracy import QUICK
@@ -25,8 +25,6 @@ from geometry.design import paper
 from geometry.loads import Load
 
 ROOT = Path(__file__).resolve().parent.parent
-NOISE = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Network.loadingFailed")
-"""Events of a page that has something to complain of."""
 
 
 @contextlib.contextmanager
@@ -45,12 +43,12 @@ def server(port=0, design="paper"):
 
 def ask(page, function, *values):
     """Call a JavaScript function with values."""
-    return page.run(f"{function}({', '.join(map(json.dumps, values))})")
+    return page.evaluate(f"{function}({', '.join(map(json.dumps, values))})")
 
 
 def click(page, name):
     """Click a button of a name."""
-    page.run(f"document.getElementById({json.dumps(name)}).click()")
+    page.evaluate(f"document.getElementById({json.dumps(name)}).click()")
 
 
 def move(page, name, value):
@@ -60,31 +58,31 @@ def move(page, name, value):
 
 def go(page, state):
     """Show the state of an address in a page, and wait for its picture."""
-    page.run(f"{GO}({json.dumps(state)})")
+    page.evaluate(f"{GO}({json.dumps(state)})")
     rest(page)
 
 
 def rest(page):
     """Wait until the page shows the answer to its newest request."""
-    page.wait(REST)
+    wait(page, REST)
 
 
 def rest_a_while(page, seconds=20.0):
     """Wait for the picture, but go on after a while, as a hand does before a design whose solve takes minutes."""
     end = time.monotonic() + seconds
-    while time.monotonic() < end and not page.run(f"Boolean({REST})"):
+    while time.monotonic() < end and not page.evaluate(f"Boolean({REST})"):
         time.sleep(0.05)
 
 
 def drawn(page, selector="figure.section[data-side=a] canvas"):
     """A digest of a canvas' pixels."""
     script = f"document.querySelector({json.dumps(selector)}).toDataURL('image/png')"
-    return hashlib.sha256(page.run(script).encode()).hexdigest()
+    return hashlib.sha256(page.evaluate(script).encode()).hexdigest()
 
 
 def shown(page):
     """A digest of all that the page shows: canvases, tables and texts."""
-    return hashlib.sha256(page.run("document.querySelector('main').innerText").encode()).hexdigest(), *(
+    return hashlib.sha256(page.evaluate("document.querySelector('main').innerText").encode()).hexdigest(), *(
         drawn(page, selector)
         for selector in ("figure.section[data-side=a] canvas", "figure.sensor[data-side=a] canvas")
     )
@@ -92,8 +90,13 @@ def shown(page):
 
 def heap(page):
     """Bytes of the page's JavaScript heap after a garbage collection."""
-    page.call("HeapProfiler.collectGarbage")
-    return page.call("Runtime.getHeapUsage")["usedSize"]
+    page.request_gc()
+    return protocol(page).send("Runtime.getHeapUsage")["usedSize"]
+
+
+def protocol(page):
+    """Chromium's own protocol, for what Playwright has no word for."""
+    return page.context.new_cdp_session(page)
 
 
 def memory(process):
@@ -112,7 +115,7 @@ def memory(process):
 def random_moves(page, count, seed=20):
     """Make moves at random, at the pace of a quick hand: sliders, choices, plate, undo, views, a second design."""
     choose = random.Random(seed)
-    fields = [field for field in page.run("Explorer.fields()") if field["name"] != "friction"]
+    fields = [field for field in page.evaluate("Explorer.fields()") if field["name"] != "friction"]
     for k in range(count):
         kind = choose.random()
         if kind < 0.6:
@@ -123,13 +126,13 @@ def random_moves(page, count, seed=20):
                 move(page, field["name"], choose.choice(["", "0.1:1"]))
             else:
                 slider = f"document.getElementById('field-{field['name']}-slider')"
-                low, high = page.run(f"[Number({slider}.min), Number({slider}.max)]")
+                low, high = page.evaluate(f"[Number({slider}.min), Number({slider}.max)]")
                 move(page, field["name"], low + (high - low) * choose.random())
         elif kind < 0.65:
             move(page, "friction", choose.choice(["none", "stick", "coefficient"]))
         elif kind < 0.8:
-            page.run("document.querySelector('figure.section .plate').focus()")
-            page.key(choose.choice(["ArrowDown", "ArrowUp", "ArrowLeft", "ArrowRight", "Home"]))
+            page.evaluate("document.querySelector('figure.section .plate').focus()")
+            page.keyboard.press(choose.choice(["ArrowDown", "ArrowUp", "ArrowLeft", "ArrowRight", "Home"]))
         elif kind < 0.9:
             button = choose.choice(["undo", "redo", "cut", "view-lines", "view-mesh"])
             click(page, button)
@@ -139,7 +142,7 @@ def random_moves(page, count, seed=20):
             click(page, "reset")
         else:
             field = choose.choice(["displacement", "pressure", "stretch"])
-            page.run(f"Explorer.look('field', {json.dumps(field)})")
+            page.evaluate(f"Explorer.look('field', {json.dumps(field)})")
         if k % 20 == 19:
             rest_a_while(page)
         else:
@@ -149,13 +152,13 @@ def random_moves(page, count, seed=20):
 def effects(page):
     """What each control changes: the request, and what the page shows, by the name of the control."""
     table = {}
-    for field in page.run("Explorer.fields()"):
+    for field in page.evaluate("Explorer.fields()"):
         begin(page, field)
-        before, sent = shown(page), page.run("JSON.stringify(Explorer.message('a'))")
+        before, sent = shown(page), page.evaluate("JSON.stringify(Explorer.message('a'))")
         value = other_value(field)
         move(page, field["name"], value)
-        page.wait("Explorer.complete()")
-        request = page.run("JSON.stringify(Explorer.message('a'))")
+        wait(page, "Explorer.complete()")
+        request = page.evaluate("JSON.stringify(Explorer.message('a'))")
         table[field["name"]] = {"request": sent != request, "page": before != shown(page)}
     return table
 
@@ -178,7 +181,7 @@ def begin(page, field):
     needs |= {"shear": 0.5, "level": "quick"} if field["group"] == "Load" else {"level": "quick"}
     needs |= {"hall_noise_density": 1e-5} if field["name"] == "hall_bandwidth" else {}
     go(page, "#" + urlencode({"preset": "paper", **needs}))
-    page.wait(f"!document.querySelector('[data-name={field['name']}]').hidden && Explorer.complete()")
+    wait(page, f"!document.querySelector('[data-name={field['name']}]').hidden && Explorer.complete()")
 
 
 def percentile(values, share):
@@ -194,7 +197,7 @@ def drag_times(page):
     table = {}
     for name, start, field, low, high, _ in DRAGS:
         go(page, f"#preset=paper&level=quick&{start}")
-        page.wait("Explorer.complete()")
+        wait(page, "Explorer.complete()")
         ask(page, DRAG, f"field-{field}-slider", low, high, 20)
         times = sorted(ask(page, DRAG, f"field-{field}-slider", low, high, 150), key=lambda one: one["total"])
         totals = [one["total"] for one in times]
@@ -213,14 +216,14 @@ def drag_times(page):
 def latency():
     """The times from slider to picture of a new server, and of a page that is composed without OpenGL.
 
-    Chromium does so by itself where there is no graphics card. `Browser` composes whole pages by SwiftShader, an
+    Chromium does so by itself where there is no graphics card. `launched` composes whole pages by SwiftShader, an
     OpenGL in software, which occupies a processor.
     """
-    with Browser(*WITHOUT_OPENGL) as browser, server() as (_, address):
-        page = browser.page(address, 1400, 900)
+    with launched(*WITHOUT_OPENGL) as browser, server() as (_, address):
+        page = opened(browser, address, 1400, 900)
         rest(page)
         # the first answers of an installation wait for compiled functions
-        page.wait(SETTLED)
+        wait(page, SETTLED)
         return drag_times(page)
 
 
@@ -229,11 +232,11 @@ def main(out, moves=1000):
     out.mkdir(parents=True, exist_ok=True)
     evidence = {"cores": os.cpu_count(), "load_average_at_start": round(os.getloadavg()[0], 1)}
     evidence["slider_to_picture"] = latency()
-    with Browser() as browser, server() as (process, address):
-        page = browser.page(address, 1400, 900)
+    with launched() as browser, server() as (process, address):
+        page = opened(browser, address, 1400, 900)
         rest(page)
         # the first answers of an installation wait for compiled functions
-        page.wait(SETTLED)
+        wait(page, SETTLED)
         evidence["controls"] = effects(page)
         memories = []
         for part in range(5):
@@ -247,13 +250,13 @@ def main(out, moves=1000):
                 }
             )
         evidence["memory"] = memories
-        evidence["console"] = page.of(*NOISE)
+        evidence["console"] = said(page)
         for name, width, state in SCREENS:
-            sheet = browser.page(f"{address}{state}", width, 900)
+            sheet = opened(browser, f"{address}{state}", width, 900)
             rest(sheet)
-            sheet.wait(SETTLED)
-            (out / f"{name}.png").write_bytes(sheet.picture(whole=True))
-            sheet.call("Page.close")
+            wait(sheet, SETTLED)
+            (out / f"{name}.png").write_bytes(sheet.screenshot(full_page=True))
+            sheet.close()
     (out / "session.json").write_text(json.dumps(evidence, indent=1) + "\n")
     (out / "EXPLORER.md").write_text(in_words(evidence))
 

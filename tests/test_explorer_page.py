@@ -5,7 +5,6 @@ import http.client
 import io
 import json
 import re
-import time
 import tomllib
 import webbrowser
 from itertools import pairwise
@@ -13,8 +12,22 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from browser import drag, opened, said, wait
 from explorer_scripts import BOXES, CLIPPED, CONTRAST, COUNT, DRAG, LATE, PLATE, RESPONSE, TYPE
-from explorer_session import NOISE, ask, click, drawn, go, heap, memory, move, other_value, random_moves, rest, server
+from explorer_session import (
+    ask,
+    click,
+    drawn,
+    go,
+    heap,
+    memory,
+    move,
+    other_value,
+    protocol,
+    random_moves,
+    rest,
+    server,
+)
 
 from geometry.design import BadInput, Design
 from studies.cli import exploration_commands
@@ -32,7 +45,7 @@ def served(chromium):
 
 @pytest.fixture(scope="module")
 def page(chromium, served):
-    page = chromium.page(served[1] + QUICK, 1400, 900)
+    page = opened(chromium, served[1] + QUICK, 1400, 900)
     rest(page)
     return page
 
@@ -49,49 +62,47 @@ def start(page):
 
 
 @pytest.fixture
-def download(chromium, page, tmp_path):
+def download(page, tmp_path):
     """Click an export and return the path of its file."""
-    chromium.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
 
     def get(name):
-        page.run(f"document.querySelector('[data-export=\"{name}\"]').click()")
-        deadline = time.monotonic() + 30
-        while not (files := [path for path in tmp_path.glob("[!.]*") if path.suffix != ".crdownload"]):
-            assert time.monotonic() < deadline, text(page, "#notice")
-            time.sleep(0.05)
-        return files[0]
+        with page.expect_download(timeout=30_000) as started:
+            page.evaluate(f"document.querySelector('[data-export=\"{name}\"]').click()")
+        path = tmp_path / started.value.suggested_filename
+        started.value.save_as(path)
+        return path
 
     return get
 
 
 def text(page, selector):
     """The text of an element."""
-    return page.run(f"document.querySelector({json.dumps(selector)}).innerText")
+    return page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
 
 
 def colours(page, selector):
     """The different colours of a canvas, shape (n, 4)."""
     from PIL import Image
 
-    data = page.run(f"document.querySelector({json.dumps(selector)}).toDataURL('image/png')").partition(",")[2]
+    data = page.evaluate(f"document.querySelector({json.dumps(selector)}).toDataURL('image/png')").partition(",")[2]
     image = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGBA")
     return np.unique(np.asarray(image).reshape(-1, 4), axis=0)
 
 
 def request(page, side="a"):
     """The message that the page sends for its present state."""
-    return page.run(f"Explorer.message({json.dumps(side)})")
+    return page.evaluate(f"Explorer.message({json.dumps(side)})")
 
 
 @pytest.mark.parametrize("selector", [SECTION, SENSOR, "[data-chart=force] canvas", "[data-chart=readings] canvas"])
 def test_pictures_are_drawn(page, selector):
-    page.wait("Explorer.complete()")
+    wait(page, "Explorer.complete()")
     assert len(colours(page, selector)) > 20
 
 
 def test_every_control_changes_the_request(start):
     page = start("&shear=0.5")
-    for field in page.run("Explorer.fields()"):
+    for field in page.evaluate("Explorer.fields()"):
         before = request(page)
         move(page, field["name"], other_value(field))
         assert request(page) != before, field["name"]
@@ -124,7 +135,7 @@ def test_field_lines_and_mesh_are_drawn_on_demand(start):
     digests = {drawn(page, SECTION)}
     for button in ("view-lines", "view-mesh"):
         click(page, button)
-        page.wait("Explorer.resting() && (Explorer.view.lines === 'no' || Explorer.answers.a.field_lines)")
+        wait(page, "Explorer.resting() && (Explorer.view.lines === 'no' || Explorer.answers.a.field_lines)")
         digests.add(drawn(page, SECTION))
     assert len(digests) == 3
 
@@ -133,85 +144,86 @@ def test_impossible_design_greys_the_picture_and_says_what_the_command_line_says
     page = start("&depth=0.5")
     before = drawn(page, SECTION)
     ask(page, TYPE, "field-L", "3", "input")
-    page.wait("Explorer.refusals.a && document.querySelector('figure.section').classList.contains('stale')")
+    stale = "document.querySelector('figure.section').classList.contains('stale')"
+    wait(page, f"Explorer.refusals.a && {stale}")
     with pytest.raises(BadInput) as error:
         Design(L=3.0)
     assert text(page, "#field-L-refusal") == str(error.value)
-    assert page.run("document.getElementById('field-L').getAttribute('aria-invalid')") == "true"
-    assert page.run("Explorer.answers.a.state.data.load.depth") == 0.5
+    assert page.evaluate("document.getElementById('field-L').getAttribute('aria-invalid')") == "true"
+    assert page.evaluate("Explorer.answers.a.state.data.load.depth") == 0.5
     ask(page, TYPE, "field-L", "9", "change")
-    page.wait("!document.querySelector('figure.section').classList.contains('stale')")
+    wait(page, f"!{stale}")
     rest(page)
     assert drawn(page, SECTION) == before
 
 
 def test_late_and_coarser_answers_are_dropped(start):
-    assert start("&depth=0.7").run(LATE) == [True, True, -1]
+    assert start("&depth=0.7").evaluate(LATE) == [True, True, -1]
 
 
 def test_newest_state_is_drawn_after_a_drag(start):
     page = start("&depth=0.5")
-    page.run(COUNT)
+    page.evaluate(COUNT)
     times = ask(page, DRAG, "field-depth-slider", 0.5, 1.5, 30)
     rest(page)
-    asked = page.run("window.asked")
+    asked = page.evaluate("window.asked")
     assert all(a < b for a, b in pairwise(asked))
     assert len(asked) <= 32
-    assert page.run("Explorer.answers.a.state.data.load.depth") == pytest.approx(1.5)
+    assert page.evaluate("Explorer.answers.a.state.data.load.depth") == pytest.approx(1.5)
     assert all(one["total"] > 0 for one in times)
 
 
 def test_plate_follows_pointer_and_keys(start):
     page = start()
-    page.wait("Explorer.complete()")
-    x, y = page.run(PLATE)
-    page.drag((x, y), (x + 30, y + 30))
+    wait(page, "Explorer.complete()")
+    x, y = page.evaluate(PLATE)
+    drag(page, (x, y), (x + 30, y + 30))
     rest(page)
     load = request(page)["state"]["load"]
     assert 1.2 < load["depth"] < 3
     assert 0.2 < load["shear"] < 2
-    page.run("document.querySelector('.plate').focus()")
+    page.evaluate("document.querySelector('.plate').focus()")
     for key in ("Home", "ArrowDown", "ArrowDown", "ArrowRight"):
-        page.key(key)
+        page.keyboard.press(key)
     rest(page)
     load = request(page)["state"]["load"]
     assert (load["depth"], load["shear"], load["friction"]) == (0.1, 0.05, "stick")
-    assert "depth 0.1 mm" in page.run("document.querySelector('.plate').getAttribute('aria-valuetext')")
+    assert "depth 0.1 mm" in page.evaluate("document.querySelector('.plate').getAttribute('aria-valuetext')")
 
 
 def test_undo_redo_and_back_lead_through_the_states(start):
     page = start("&depth=0.6")
     for depth in (0.8, 1.1):
         move(page, "depth", depth)
-        page.run("Explorer.commit()")
+        page.evaluate("Explorer.commit()")
     for step, depth in (
         ("document.getElementById('undo').click()", 0.8),
         ("history.back()", 0.6),
         ("history.forward()", 0.8),
         ("document.getElementById('redo').click()", 1.1),
     ):
-        page.run(step)
-        page.wait(f"Explorer.sides.a.depth === {depth}")
+        page.evaluate(step)
+        wait(page, f"Explorer.sides.a.depth === {depth}")
     for key, depth in (("z", 0.8), ("y", 1.1)):
-        page.call("Input.dispatchKeyEvent", type="keyDown", key=key, code=f"Key{key.upper()}", modifiers=2)
-        page.wait(f"Explorer.sides.a.depth === {depth}")
-    assert page.run("document.getElementById('redo').disabled")
+        page.keyboard.press(f"Control+{key}")
+        wait(page, f"Explorer.sides.a.depth === {depth}")
+    assert page.evaluate("document.getElementById('redo').disabled")
 
 
 def test_address_gives_the_same_page_and_tabs_are_independent(chromium, served, start):
     page = start("&D=10&L=12&law=yeoh&yeoh_2=0.1&depth=1.5&shear=0.4&direction=40&friction=none&view.field=stretch")
-    other = chromium.page(served[1] + page.run("location.hash"), 1400, 900)
+    other = opened(chromium, served[1] + page.evaluate("location.hash"), 1400, 900)
     try:
         rest(other)
         assert request(other) == request(page)
-        assert other.run("Explorer.address()") == page.run("Explorer.address()")
-        assert other.run(RESPONSE) == pytest.approx(page.run(RESPONSE), rel=1e-4)
+        assert other.evaluate("Explorer.address()") == page.evaluate("Explorer.address()")
+        assert other.evaluate(RESPONSE) == pytest.approx(page.evaluate(RESPONSE), rel=1e-4)
         move(other, "depth", 0.5)
         rest(other)
-        assert page.run("Explorer.answers.a.state.data.load.depth") == 1.5
-        assert other.run("Explorer.answers.a.state.data.load.depth") == 0.5
+        assert page.evaluate("Explorer.answers.a.state.data.load.depth") == 1.5
+        assert other.evaluate("Explorer.answers.a.state.data.load.depth") == 0.5
     finally:
-        other.call("Page.close")
+        other.close()
 
 
 def test_unknown_parts_of_the_address_are_named(start):
@@ -224,36 +236,36 @@ def test_two_designs_side_by_side(start):
     move(page, "D", 10)
     rest(page)
     assert [request(page, side)["state"]["design"] for side in "ab"] == [{}, {"D": 10}]
-    a, b = (page.run(f"Explorer.answers.{side}.state.data.response.force[2]") for side in "ab")
+    a, b = (page.evaluate(f"Explorer.answers.{side}.state.data.response.force[2]") for side in "ab")
     difference = text(page, "[data-table=response] tbody tr td:last-child").replace("\N{MINUS SIGN}", "-")
     assert float(difference) == pytest.approx(b - a, rel=1e-3)
     assert drawn(page, "figure.section[data-side=b] canvas") != drawn(page, SECTION)
-    assert "b.D=10" in page.run("Explorer.address()")
+    assert "b.D=10" in page.evaluate("Explorer.address()")
     click(page, "compare")
-    page.wait("document.querySelector('figure.section[data-side=b]').hidden")
+    wait(page, "document.querySelector('figure.section[data-side=b]').hidden")
 
 
 def test_boxes_stay_while_numbers_change(start):
     page = start("&depth=0.5")
-    page.wait("Explorer.complete()")
-    before = page.run(BOXES)
+    wait(page, "Explorer.complete()")
+    before = page.evaluate(BOXES)
     move(page, "depth", 3)
     move(page, "shear", -1.2)
-    page.wait("Explorer.complete()")
-    assert page.run(BOXES) == before
+    wait(page, "Explorer.complete()")
+    assert page.evaluate(BOXES) == before
 
 
 def test_speed_and_frequency_fill_their_panels(start):
     page = start("&frequency=300&speed=2")
-    page.wait("Explorer.complete()")
+    wait(page, "Explorer.complete()")
     assert "force along z, over static" in text(page, "[data-table=vibration]")
     assert "contact is frozen" in text(page, "#vibration-note")
     assert "gap of a linear spring" in text(page, "[data-table=loop]")
-    page.wait(r"/normal force is 0\.\d+ N off the finite/.test(document.querySelector('#decoded-note').innerText)")
+    wait(page, r"/normal force is 0\.\d+ N off the finite/.test(document.querySelector('#decoded-note').innerText)")
     lines = text(page, "[data-command=shell]").splitlines()
     assert [line.split()[1] for line in lines] == ["solve", "response", "cycle"]
     move(page, "speed", 0)
-    page.wait("Explorer.complete()")
+    wait(page, "Explorer.complete()")
     assert "A speed above 0 mm/s" in text(page, "[data-table=loop]")
 
 
@@ -261,24 +273,24 @@ def test_speed_and_frequency_fill_their_panels(start):
 @pytest.mark.parametrize("state", ["", "&frequency=300&b.preset=paper&b.D=10&b.frequency=300&view.edit=b"])
 def test_panels_fit_and_do_not_overlap(start, width, state):
     page = start(state)
-    page.size(width, 900)
+    page.set_viewport_size({"width": width, "height": 900})
     try:
-        page.wait("Explorer.complete()")
-        boxes = page.run(BOXES)
-        assert page.run("document.documentElement.scrollWidth") <= width
+        wait(page, "Explorer.complete()")
+        boxes = page.evaluate(BOXES)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert all(0 <= left < right <= width for left, _, right, _ in boxes)
         for k, (a, b, c, d) in enumerate(boxes):
             assert all(c <= e or g <= a or d <= f or h <= b for e, f, g, h in boxes[k + 1 :])
-        assert page.run(CLIPPED) == []
+        assert page.evaluate(CLIPPED) == []
     finally:
-        page.size(1400, 900)
+        page.set_viewport_size({"width": 1400, "height": 900})
 
 
 def test_all_controls_have_names_and_keys_reach_them(page):
     def focusable(node):
         return any(one["name"] == "focusable" and one["value"]["value"] for one in node.get("properties", []))
 
-    nodes = [node for node in page.call("Accessibility.getFullAXTree")["nodes"] if focusable(node)]
+    nodes = [node for node in protocol(page).send("Accessibility.getFullAXTree")["nodes"] if focusable(node)]
     roles = {node["role"]["value"] for node in nodes}
     assert {"button", "slider", "textbox", "combobox", "checkbox"} <= roles
     unnamed = [node for node in nodes if node["role"]["value"] != "RootWebArea" and not node["name"]["value"]]
@@ -287,9 +299,9 @@ def test_all_controls_have_names_and_keys_reach_them(page):
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_texts_have_enough_contrast(page, theme):
-    page.run(f"document.documentElement.dataset.theme = '{theme}'")
-    ratios = page.run(CONTRAST)
-    page.run("delete document.documentElement.dataset.theme")
+    page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
+    ratios = page.evaluate(CONTRAST)
+    page.evaluate("delete document.documentElement.dataset.theme")
     assert min(ratios) >= 4.5
 
 
@@ -305,7 +317,7 @@ def test_exported_numbers_are_those_of_the_page(start, download):
     names, values = (line.split(",") for line in download("state.csv").read_text().splitlines())
     row = dict(zip(names, values, strict=True))
     assert float(row["depth_mm"]) == 1.25
-    assert float(row["force_N_3"]) == pytest.approx(page.run(RESPONSE)[2], rel=1e-6)
+    assert float(row["force_N_3"]) == pytest.approx(page.evaluate(RESPONSE)[2], rel=1e-6)
 
 
 def test_exported_fields_open_as_a_mesh(start, download):
@@ -323,14 +335,14 @@ def test_exported_picture_shows_the_page(start, download):
     page = start()
     with Image.open(download("picture.png")) as image:
         shown = np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)
-        assert image.width > page.run(f"document.querySelector('{SECTION}').width")
+        assert image.width > page.evaluate(f"document.querySelector('{SECTION}').width")
     assert len(shown) > 200
 
 
 def test_commands_of_the_state_are_shown(start):
     page = start("&depth=1.25&D=10&L=12")
-    page.wait("Explorer.complete()")
-    shell, python = page.run("[...document.querySelectorAll('[data-command]')].map((node) => node.textContent)")
+    wait(page, "Explorer.complete()")
+    shell, python = page.evaluate("[...document.querySelectorAll('[data-command]')].map((node) => node.textContent)")
     assert re.search(r"magtip solve paper .*--depth 1.25", shell)
     assert "--set D=10" in shell
     compile(python, "lines", "exec")
@@ -355,30 +367,29 @@ def test_other_origins_and_requests_without_the_token_are_refused(served):
 
 
 def test_file_for_the_browser_leads_to_the_page(chromium, served, tmp_path, monkeypatch):
-    opened = []
-    monkeypatch.setattr(webbrowser, "open", lambda address: not opened.append(address))
+    asked = []
+    monkeypatch.setattr(webbrowser, "open", lambda address: not asked.append(address))
     exploration_commands._open(f"{served[1]}#preset=paper&D=3&L=8&depth=0.2", tmp_path / "explorer.html")
-    assert "token" not in opened[0]
-    sheet = chromium.page(opened[0], 1400, 900)
+    assert "token" not in asked[0]
+    sheet = opened(chromium, asked[0], 1400, 900)
     try:
-        sheet.wait("typeof Explorer !== 'undefined' && Explorer.sides.a !== null")
-        assert sheet.run("[Explorer.sides.a.D, Explorer.sides.a.depth]") == [3, 0.2]
+        wait(sheet, "typeof Explorer !== 'undefined' && Explorer.sides.a !== null")
+        assert sheet.evaluate("[Explorer.sides.a.D, Explorer.sides.a.depth]") == [3, 0.2]
     finally:
-        sheet.call("Page.close")
+        sheet.close()
 
 
 def test_page_of_another_origin_cannot_open_the_connection(chromium, served):
-    target = chromium.call("Target.createTarget", url="about:blank")["targetId"]
-    session = chromium.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+    blank = chromium.new_page()
     address = f"ws://{urlsplit(served[1]).netloc}/live?{urlsplit(served[1]).query}"
     script = f"""new Promise((done) => {{
       const socket = new WebSocket({json.dumps(address)});
       socket.onopen = () => done("open");
       socket.onerror = () => done("refused");
     }})"""
-    answer = chromium.call("Runtime.evaluate", session, expression=script, awaitPromise=True, returnByValue=True)
-    chromium.call("Target.closeTarget", targetId=target)
-    assert answer["result"]["value"] == "refused"
+    answer = blank.evaluate(script)
+    blank.close()
+    assert answer == "refused"
 
 
 MOST_MB = 2000
@@ -398,8 +409,8 @@ def test_random_moves_leave_page_and_memory_as_they_were(served, start):
 
 
 def test_page_says_nothing_on_the_console_and_asks_no_other_server(page, served):
-    assert page.of(*NOISE) == []
-    hosts = {urlsplit(event["request"]["url"]).netloc for event in page.of("Network.requestWillBeSent")}
+    assert said(page) == []
+    hosts = {urlsplit(request.url).netloc for request in page.requests()}
     assert hosts <= {urlsplit(served[1]).netloc, ""}
 
 
@@ -407,9 +418,9 @@ def test_killed_server_is_said_on_the_page(served, start):
     page = start("&depth=0.9")
     before = drawn(page, SECTION)
     served[0].kill()
-    page.wait("document.body.dataset.server === 'gone' && !document.getElementById('notice').hidden")
+    wait(page, "document.body.dataset.server === 'gone' && !document.getElementById('notice').hidden")
     assert "start it again" in text(page, "#notice")
     assert drawn(page, SECTION) == before
     with server(urlsplit(served[1]).port):
-        page.wait("document.body.dataset.server === 'token'")
+        wait(page, "document.body.dataset.server === 'token'")
         assert "another token" in text(page, "#notice")

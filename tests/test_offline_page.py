@@ -8,6 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from browser import opened, said, wait
 
 from analytic import hall
 from fem.accuracy import QUICK
@@ -37,14 +38,14 @@ def file(grid, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(chromium, file):
-    return chromium.page(file)
+    return opened(chromium, file)
 
 
 def answer(page, depth, shear=0.0, direction=0.0, part="state"):
     """The part of an answer of the page's engine to a load."""
     load = {"depth": depth, "shear": shear, "direction": direction}
     request = {"number": 1, "side": "a", "formula_level": FORMULA, "parts": [part], "state": {"load": load}}
-    return page.run(f"""new Promise((done) => {{
+    return page.evaluate(f"""new Promise((done) => {{
       const engine = OfflineEngine(MAGTIP_OFFLINE);
       engine.onAnswer((one) => done(JSON.parse(JSON.stringify(one.error ? one : one.data))));
       engine.ask({json.dumps(request)});
@@ -139,8 +140,8 @@ def test_the_page_is_one_small_file_without_addresses(file):
 
 
 def test_the_page_asks_no_network_and_writes_no_message(page, file):
-    assert [each["request"]["url"] for each in page.of("Network.requestWillBeSent")] == [file.resolve().as_uri()]
-    assert page.of("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded") == []
+    assert [request.url for request in page.requests()] == [file.resolve().as_uri()]
+    assert said(page) == []
 
 
 PICTURE = "document.querySelector('figure.section canvas').toDataURL()"
@@ -148,28 +149,28 @@ NUMBER = "document.querySelector('[data-table=response] .value').textContent"
 
 
 def test_only_the_load_moves_and_moves_numbers_and_picture(page):
-    page.wait("Explorer.complete()")
-    names = page.run("[...document.querySelectorAll('.control')].map((node) => node.dataset.name)")
+    wait(page, "Explorer.complete()")
+    names = page.evaluate("[...document.querySelectorAll('.control')].map((node) => node.dataset.name)")
     assert names == list(offline_page.MOVED)
-    before, force = page.run(PICTURE), page.run(NUMBER)
-    page.run("document.querySelector('#groups input[type=range]').focus()")
-    page.key("ArrowRight")
-    page.wait(f"({NUMBER}) !== {json.dumps(force)}")
-    page.wait(f"({PICTURE}) !== {json.dumps(before)}")
-    assert page.run("document.querySelector('[data-table=response] .width').textContent").startswith("±")
+    before, force = page.evaluate(PICTURE), page.evaluate(NUMBER)
+    page.evaluate("document.querySelector('#groups input[type=range]').focus()")
+    page.keyboard.press("ArrowRight")
+    wait(page, f"({NUMBER}) !== {json.dumps(force)}")
+    wait(page, f"({PICTURE}) !== {json.dumps(before)}")
+    assert page.evaluate("document.querySelector('[data-table=response] .width').textContent").startswith("±")
 
 
 def test_a_design_in_the_address_is_named_and_left_out(page):
-    page.run("location.hash = '#preset=paper&D=10&depth=0.5'")
-    page.wait("document.querySelector('#notice').textContent.includes('leaves out: D')")
-    page.run("location.hash = '#preset=paper'")
-    page.wait("document.querySelector('#notice').hidden")
+    page.evaluate("location.hash = '#preset=paper&D=10&depth=0.5'")
+    wait(page, "document.querySelector('#notice').textContent.includes('leaves out: D')")
+    page.evaluate("location.hash = '#preset=paper'")
+    wait(page, "document.querySelector('#notice').hidden")
 
 
 def test_the_page_fits_a_narrow_screen(page):
-    page.size(390, 800)
-    assert page.run("document.documentElement.scrollWidth") <= 390
-    page.size(1280, 900)
+    page.set_viewport_size({"width": 390, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.set_viewport_size({"width": 1280, "height": 900})
 
 
 def test_commands_and_files_are_those_of_the_state(page):
@@ -179,7 +180,7 @@ def test_commands_and_files_are_those_of_the_state(page):
     assert 'Load(depth=1.25, shear_x=0, shear_y=-0.5, friction="stick")' in commands["python"]
     request = json.dumps({"state": {"load": {"depth": 1.0, "shear": 0, "direction": 0}}, "formula_level": FORMULA})
     text, table, curve = (
-        page.run(f"Explorer.engine.file('{name}', {request}).then((blob) => blob.text())")
+        page.evaluate(f"Explorer.engine.file('{name}', {request}).then((blob) => blob.text())")
         for name in ("design.toml", "state.csv", "curve.csv")
     )
     assert tomllib.loads(text) == {"base": "paper"}

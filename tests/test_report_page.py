@@ -1,6 +1,5 @@
 """The page of a report in headless Chromium: what it draws, loads, says by keys and pointer, and prints."""
 
-import base64
 import io
 import json
 import shutil
@@ -8,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Browser
+from browser import drag, launch, opened, said, wait
 
 from fem import equilibrium
 from fem.accuracy import QUICK
@@ -61,18 +60,18 @@ def report(folder, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(chromium, report):
-    return chromium.page(report.out)
+    return opened(chromium, report.out)
 
 
 @pytest.fixture(scope="module")
 def data(page):
-    return json.loads(page.run("document.getElementById('report-data').textContent"))
+    return json.loads(page.evaluate("document.getElementById('report-data').textContent"))
 
 
 def show(page, selector):
     """Scroll to an element, and wait until the page knows: it hides what the pointer showed when it scrolls."""
-    page.run(f"document.querySelector({json.dumps(selector)}).scrollIntoView({{block: 'center'}})")
-    page.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.evaluate(f"document.querySelector({json.dumps(selector)}).scrollIntoView({{block: 'center'}})")
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
 def colours(page):
@@ -80,25 +79,21 @@ def colours(page):
     from PIL import Image
 
     show(page, ".stage")
-    x, y, width, height = middle(page, ".stage canvas")
-    clip = {"x": x - width / 2, "y": y - height / 2, "width": width, "height": height, "scale": 1}
-    clip["y"] += page.run("scrollY")
-    answer = page.call("Page.captureScreenshot", clip=clip, captureBeyondViewport=True)
-    return np.asarray(Image.open(io.BytesIO(base64.b64decode(answer["data"]))).convert("RGB")).astype(int)
+    picture = page.locator(".stage canvas").screenshot()
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
 
 
 def middle(page, selector):
     """Centre and size of an element in the window, pixels."""
-    return page.run(
+    return page.evaluate(
         f"(() => {{ const r = document.querySelector({json.dumps(selector)}).getBoundingClientRect();"
         "return [r.x + r.width / 2, r.y + r.height / 2, r.width, r.height]; })()"
     )
 
 
 def test_page_loads_nothing_and_says_nothing_on_the_console(page):
-    said = page.of("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Network.loadingFailed")
-    requests = {event["request"]["url"].partition(":")[0] for event in page.of("Network.requestWillBeSent")}
-    assert said == []
+    requests = {request.url.partition(":")[0] for request in page.requests()}
+    assert said(page) == []
     assert "file" in requests
     assert requests <= {"file", "data", "blob"}
 
@@ -111,7 +106,7 @@ def table_of(figure):
 
 
 def test_every_point_and_cell_is_drawn(page, data):
-    drawn = page.run(
+    drawn = page.evaluate(
         "Object.fromEntries([...document.querySelectorAll('[data-figure]')].map((box) => [box.dataset.figure, "
         "[...box.querySelectorAll('.mark-symbol.role-mark path, .mark-rect.role-mark path')]"
         ".filter((node) => node.__data__.tooltip).length]))"
@@ -126,52 +121,52 @@ def test_every_point_and_cell_is_drawn(page, data):
 
 
 def test_sensor_is_drawn_and_a_drag_turns_it(page):
-    assert page.run("document.querySelector('[data-surface]').dataset.renderer") == "webgl"
+    assert page.evaluate("document.querySelector('[data-surface]').dataset.renderer") == "webgl"
     before = colours(page)
     assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100
     x, y, *_ = middle(page, ".stage canvas")
-    page.drag((x, y), (x + 120, y + 20))
+    drag(page, (x, y), (x + 120, y + 20))
     after = colours(page)
     assert (np.abs(after - before).sum(axis=2) > 30).mean() > 0.02
 
 
 def test_arrow_keys_turn_the_sensor(page):
-    page.run("document.querySelector('.stage canvas').focus()")
+    page.evaluate("document.querySelector('.stage canvas').focus()")
     before = colours(page)
     for _ in range(5):
-        page.key("ArrowLeft")
+        page.keyboard.press("ArrowLeft")
     assert (np.abs(colours(page) - before).sum(axis=2) > 30).mean() > 0.02
 
 
 def test_sensor_is_drawn_without_webgl(chromium, report):
-    with Browser("--disable-3d-apis") as plain:
+    with launch(chromium.browser_type, "--disable-3d-apis") as plain:
         # drawing without a graphics processor takes time in proportion to the area
-        page = plain.page(report.out, width=500, height=700)
-        assert page.run("document.querySelector('[data-surface]').dataset.renderer") == "canvas"
+        page = opened(plain, report.out, width=500, height=700)
+        assert page.evaluate("document.querySelector('[data-surface]').dataset.renderer") == "canvas"
         before = colours(page)
         assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100
         x, y, *_ = middle(page, ".stage canvas")
-        page.drag((x, y), (x + 120, y))
+        drag(page, (x, y), (x + 120, y))
         assert (np.abs(colours(page) - before).sum(axis=2) > 30).mean() > 0.02
 
 
 def test_pointer_reads_a_point_off(page, data):
     show(page, "[data-figure] svg.panel")
     x, y, *_ = middle(page, "[data-figure] svg.panel .mark-symbol.role-mark path:nth-of-type(12)")
-    page.move(x, y)
-    text = page.run("document.getElementById('tip').textContent")
-    assert not page.run("document.getElementById('tip').hidden")
+    page.mouse.move(x, y)
+    text = page.evaluate("document.getElementById('tip').textContent")
+    assert not page.evaluate("document.getElementById('tip').hidden")
     assert "press force" in text
     assert "depth (mm): 3" in text
 
 
 def test_keys_read_points_off_in_order(page):
-    page.run("document.querySelector('[data-figure] svg.panel').focus()")
-    page.key("Escape")
+    page.evaluate("document.querySelector('[data-figure] svg.panel').focus()")
+    page.keyboard.press("Escape")
     texts = []
     for key in ("ArrowRight", "ArrowRight", "End", "ArrowDown", "Home"):
-        page.key(key)
-        texts.append(page.run("document.getElementById('live').textContent"))
+        page.keyboard.press(key)
+        texts.append(page.evaluate("document.getElementById('live').textContent"))
     depths = [text.partition("depth (mm): ")[2].partition(",")[0] for text in texts]
     assert depths == ["0.25", "0.5", "3", "3", "0.25"]
     assert texts[2].startswith("finite elements, rigid magnet")
@@ -179,55 +174,56 @@ def test_keys_read_points_off_in_order(page):
 
 
 def test_tab_reaches_everything_in_the_order_of_the_page(page):
-    page.run("document.activeElement.blur(); window.scrollTo(0, 0); document.querySelector('.skip').focus()")
-    count = page.run("document.querySelectorAll('svg.panel, canvas, button, nav a').length")
-    page.run("window.visited = []; document.addEventListener('focusin', (e) => window.visited.push(e.target))")
+    page.evaluate("document.activeElement.blur(); window.scrollTo(0, 0); document.querySelector('.skip').focus()")
+    count = page.evaluate("document.querySelectorAll('svg.panel, canvas, button, nav a').length")
+    page.evaluate("window.visited = []; document.addEventListener('focusin', (e) => window.visited.push(e.target))")
     for _ in range(min(count, 60)):
-        page.key("Tab")
-    assert page.run("window.visited.length") >= min(count, 60)
-    assert page.run(
+        page.keyboard.press("Tab")
+    assert page.evaluate("window.visited.length") >= min(count, 60)
+    assert page.evaluate(
         "window.visited.every((node, k, all) => !k || "
         "all[k - 1].compareDocumentPosition(node) & Node.DOCUMENT_POSITION_FOLLOWING)"
     )
-    assert page.run(
+    assert page.evaluate(
         "window.visited.some((n) => n.matches('svg.panel')) && window.visited.some((n) => n.matches('canvas'))"
     )
 
 
 def test_csv_of_a_figure_has_its_numbers(page, data):
-    page.run("window.saved = null; URL.createObjectURL = (blob) => { window.saved = blob.text(); return 'blob:x'; }")
-    page.run("HTMLAnchorElement.prototype.click = function () { window.name_of_file = this.download; }")
-    page.run("document.querySelector('[data-figure] button[data-csv]').click()")
-    lines = page.run("window.saved").strip().split("\r\n")
+    with page.expect_download() as started:
+        page.evaluate("document.querySelector('[data-figure] button[data-csv]').click()")
+    lines = started.value.path().read_text("utf-8").splitlines()
     figure = next(iter(data["figures"].values()))
     assert lines[0] == "depth (mm),press force (N),series"
     assert len(lines) - 1 == len(table_of(figure))
     assert lines[1] == '0.25,0.472051,"finite elements, rigid magnet"'
-    assert page.run("window.name_of_file") == "demo-press-force.csv"
+    assert started.value.suggested_filename == "demo-press-force.csv"
 
 
 def test_table_of_a_figure_opens_with_all_rows(page, data):
-    page.run("document.querySelector('[data-figure] details.data').open = true")
-    page.wait("document.querySelector('[data-figure] details.data tbody')")
-    rows = page.run("document.querySelectorAll('[data-figure] details.data')[0].querySelectorAll('tbody tr').length")
+    page.evaluate("document.querySelector('[data-figure] details.data').open = true")
+    wait(page, "document.querySelector('[data-figure] details.data tbody')")
+    rows = page.evaluate(
+        "document.querySelectorAll('[data-figure] details.data')[0].querySelectorAll('tbody tr').length"
+    )
     figure = next(iter(data["figures"].values()))
     assert rows == len(table_of(figure))
 
 
 def test_texts_of_files_are_never_executed(page):
-    assert page.run("window.hacked === undefined")
-    assert page.run("document.querySelectorAll('script').length") == 5
-    assert page.run("document.querySelectorAll('img[onerror]').length") == 0
-    assert "window.hacked" in page.run("document.body.textContent")
+    assert page.evaluate("window.hacked === undefined")
+    assert page.evaluate("document.querySelectorAll('script').length") == 5
+    assert page.evaluate("document.querySelectorAll('img[onerror]').length") == 0
+    assert "window.hacked" in page.evaluate("document.body.textContent")
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_contrast_suffices_in_both_themes(chromium, report, dark):
-    page = chromium.page(report.out, dark=dark)
-    ratios = page.run(CONTRAST)
+    page = opened(chromium, report.out, color_scheme="dark" if dark else "light")
+    ratios = page.evaluate(CONTRAST)
     assert min(ratios[name] for name in ("--ink", "--soft", "--link")) >= 4.5
     assert min(ratios.values()) >= 3
-    assert page.run("getComputedStyle(document.body).backgroundColor") == (
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == (
         "rgb(20, 23, 27)" if dark else "rgb(255, 255, 255)"
     )
 
@@ -235,28 +231,28 @@ def test_contrast_suffices_in_both_themes(chromium, report, dark):
 def test_button_changes_the_theme(page):
     grounds = set()
     for _ in range(3):
-        page.run("document.getElementById('theme').click()")
-        grounds.add(page.run("getComputedStyle(document.body).backgroundColor"))
+        page.evaluate("document.getElementById('theme').click()")
+        grounds.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
     assert grounds == {"rgb(255, 255, 255)", "rgb(20, 23, 27)"}
 
 
 def test_narrow_screen_does_not_scroll_sideways(chromium, report):
-    page = chromium.page(report.out, width=390, height=800)
-    page.run("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
-    page.wait("document.querySelectorAll('details.data tbody').length > 0")
-    assert page.run("document.documentElement.scrollWidth") <= 390
+    page = opened(chromium, report.out, width=390, height=800)
+    page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    wait(page, "document.querySelectorAll('details.data tbody').length > 0")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
 def test_page_prints_black_on_white_with_all_figures(chromium, report, data):
-    page = chromium.page(report.out, dark=True)
-    pdf = page.pdf()
+    page = opened(chromium, report.out, color_scheme="dark")
+    pdf = page.pdf(prefer_css_page_size=True)
     assert pdf.startswith(b"%PDF")
-    page.call("Emulation.setEmulatedMedia", media="print")
-    assert page.run("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
+    page.emulate_media(media="print")
+    assert page.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
     shown = (
         "[...document.querySelectorAll('figure svg.panel, figure canvas')].filter((n) => n.getClientRects().length)"
     )
-    assert page.run(f"{shown}.length") == len(data["figures"]) + len(data["surfaces"])
+    assert page.evaluate(f"{shown}.length") == len(data["figures"]) + len(data["surfaces"])
 
 
 def test_nothing_is_evaluated(report):
@@ -275,9 +271,9 @@ def test_ticks_of_a_narrow_range_differ(chromium, tmp_path):
     """Four digits of 0.90001, 0.90002 ... all read 0.9."""
     rows = "".join(f"{0.1 * k:.1f},{0.90001 + 4e-6 * k:.6f},ok\n" for k in range(5))
     (tmp_path / "sweep.csv").write_text("depth_mm,fem_force_N,status\n" + rows)
-    page = chromium.page(report_page.report(tmp_path, solve=False).out)
+    page = opened(chromium, report_page.report(tmp_path, solve=False).out)
     script = "[...document.querySelectorAll('.panel .role-axis-label text')].map((text) => text.textContent)"
-    labels = page.run(script)
+    labels = page.evaluate(script)
     high = [label for label in labels if label.startswith("0.9")]
     assert len(high) > 2
     assert len(set(high)) == len(high)
