@@ -58,7 +58,7 @@ def closest(word: str, words: Iterable[str]) -> str | None:
 
     known = list(words)
     # difflib distinguishes case, and would rate "d" and "D" as entirely different
-    same = [other for other in known if other.casefold() == word.casefold()]
+    same = [candidate for candidate in known if candidate.casefold() == word.casefold()]
     return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)
 
 
@@ -75,9 +75,9 @@ def in_range(spec: dataclasses.Field[Any], value: object) -> float:
     """Return the value of a field made by `quantity`; raise BadInput if its type is wrong or it is out of range."""
     about = spec.metadata
     low, high, unit = about["low"], about["high"], "" if about["unit"] == "1" else f" {about['unit']}"
-    whole = about.get("whole", False)
-    if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
-        kind = "whole number" if whole else "number"
+    is_count = about.get("whole", False)
+    if isinstance(value, bool) or not isinstance(value, int if is_count else (int, float)):
+        kind = "whole number" if is_count else "number"
         kind += f" ({about['text']})" if about["text"] else f" from {low:g} to {high:g}{unit}"
         raise BadInput(f"{spec.name} must be a {kind}; got {value!r}")
     try:

@@ -136,10 +136,14 @@ def overlap(first: Solid, second: Solid) -> float:
     return float(sum(solid.volume for solid in common(first, second)))
 
 
-def distance(box: BoundBox, other: BoundBox) -> float:
+def distance(first: BoundBox, second: BoundBox) -> float:
     """Return the distance of two bounding boxes, mm: a lower bound for the distance of the bodies in them."""
     gaps = [
-        max(getattr(other.min, axis) - getattr(box.max, axis), getattr(box.min, axis) - getattr(other.max, axis), 0.0)
+        max(
+            getattr(second.min, axis) - getattr(first.max, axis),
+            getattr(first.min, axis) - getattr(second.max, axis),
+            0.0,
+        )
         for axis in "XYZ"
     ]
     return math.hypot(*gaps)

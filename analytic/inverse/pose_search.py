@@ -141,10 +141,10 @@ def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, in
     at_nodes, sign_at_nodes = _projected(basis, readings, slopes)
     corners, sign = at_nodes[corner_nodes], sign_at_nodes[corner_nodes]
     centre = low + edge * (nodes[corner_nodes[:, 0]] + 0.5)
-    whole = (sign == sign[:, :1]).all(axis=1)
+    unfolded = (sign == sign[:, :1]).all(axis=1)
 
     part_nodes, part_corners = _nodes((PARTS,) * 3)
-    shifts = centre[~whole, None] + edge * (part_nodes / PARTS - 0.5)
+    shifts = centre[~unfolded, None] + edge * (part_nodes / PARTS - 0.5)
     r, s = _projected(basis, *readings_with_slopes(forward, shifts.reshape(-1, 3).T))
     part_readings = r.reshape(-1, len(part_nodes), 3)[:, part_corners].reshape(-1, 8, 3)
     part_sign = s.reshape(-1, len(part_nodes))[:, part_corners].reshape(-1, 8)
@@ -152,9 +152,9 @@ def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, in
     # the folded parts come last
     alike = (part_sign == part_sign[:, :1]).all(axis=1)
     order = np.argsort(~alike, kind="stable")
-    corners = np.concatenate([corners[whole], part_readings[order]])
-    sign = np.concatenate([sign[whole], part_sign[order]])
-    alike = np.concatenate([np.full(whole.sum(), True), alike[order]])
+    corners = np.concatenate([corners[unfolded], part_readings[order]])
+    sign = np.concatenate([sign[unfolded], part_sign[order]])
+    alike = np.concatenate([np.full(unfolded.sum(), True), alike[order]])
     maps = _maps(corners, alike)
     least, most = corners.min(axis=1), corners.max(axis=1)
     reach = np.where(alike, MARGIN, FOLD_MARGIN)[:, None] * (most - least)
@@ -167,8 +167,8 @@ def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, in
         block_high=np.maximum.reduceat(most, blocks),
         maps=maps,
         sign=sign[:, 0] * alike,
-        centre=np.concatenate([centre[whole], middle[order]]),
-        edge=np.where(np.arange(len(sign))[:, None] < whole.sum(), edge, edge / PARTS),
+        centre=np.concatenate([centre[unfolded], middle[order]]),
+        edge=np.where(np.arange(len(sign))[:, None] < unfolded.sum(), edge, edge / PARTS),
         corners=np.einsum("mij,mcj->mci", maps[~alike, :, :3], corners[~alike]) + maps[~alike, None, :, 3],
         corner_sign=sign[~alike],
     )

@@ -186,12 +186,12 @@ class Block:
 
         return bd.Solid.make_box(*self.sides, bd.Plane(self.corner))
 
-    def meets(self, other: Block, gap: float) -> bool:
+    def meets(self, second: Block, gap: float) -> bool:
         """Return True if two boxes are closer than `gap` along all three axes."""
         return all(
             start < other_start + other_side + gap and other_start < start + side + gap
             for start, side, other_start, other_side in zip(
-                self.corner, self.sides, other.corner, other.sides, strict=True
+                self.corner, self.sides, second.corner, second.sides, strict=True
             )
         )
 

@@ -108,8 +108,8 @@ def _widest_bridge(mesh: Any, level: Any) -> float:
     inside = level[mesh.face_adjacency]
     rims = inside.any(axis=1) & ~inside.all(axis=1)
     ends = mesh.vertices[mesh.face_adjacency_edges[rims]]
-    other = np.where(inside[rims, 0], mesh.face_adjacency[rims, 1], mesh.face_adjacency[rims, 0])
-    walled = mesh.triangles_center[other, 2] < ends[:, :, 2].mean(axis=1)
+    neighbour = np.where(inside[rims, 0], mesh.face_adjacency[rims, 1], mesh.face_adjacency[rims, 0])
+    walled = mesh.triangles_center[neighbour, 2] < ends[:, :, 2].mean(axis=1)
     a, along = ends[:, 0, :2], ends[:, 1, :2] - ends[:, 0, :2]
     height = ends[:, 0, 2]
     widest = 0.0

@@ -178,8 +178,8 @@ def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
     facets = np.frombuffer(text, dtype=FACET, offset=84)
     # at the pole of a sphere two corners of a triangle coincide: such triangles would leave the mesh open
     a, b, c = np.moveaxis(facets["corners"], 1, 0)
-    kept = facets[(a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)]
-    return bytes(text[:80] + np.uint32(len(kept)).tobytes() + kept.tobytes())
+    proper = facets[(a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)]
+    return bytes(text[:80] + np.uint32(len(proper)).tobytes() + proper.tobytes())
 
 
 def _read(text: bytes) -> Any:

@@ -190,9 +190,9 @@ def _label(content: Any) -> dict[str, Any]:
 
 def _parsed(content: Any, text: str) -> _Cells:
     """Return the tetrahedra of a file with the names of regions and sides."""
-    others = set(content.cells_dict) - {*KINDS, "vertex", "line", "line3", "triangle", "triangle6"}
+    foreign = set(content.cells_dict) - {*KINDS, "vertex", "line", "line3", "triangle", "triangle6"}
     kinds = [kind for kind in KINDS if kind in content.cells_dict]
-    if others or len(kinds) != 1:
+    if foreign or len(kinds) != 1:
         present = ", ".join(sorted(content.cells_dict)) or "no cells"
         raise BadInput(f"the mesh {text} must consist of tetrahedra, all linear or all quadratic; got {present}")
     kind = kinds[0]

@@ -29,10 +29,10 @@ def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mappi
     side.section(parts["base"], "rigid")
     above.projection(parts["base"])
     # projections are slow: both sheets start from copies of the same lines
-    own = View(side.title, list(side.paths)), View(above.title, list(above.paths))
+    sheets = View(side.title, list(side.paths)), View(above.title, list(above.paths))
     return {
         "sensor": _sensor_sheet(design, plan, parts, bodies, side, above),
-        "base": _base_sheet(design, plan, parts["base"], *own),
+        "base": _base_sheet(design, plan, parts["base"], *sheets),
     }
 
 

@@ -235,8 +235,8 @@ def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Arr
 
     from analytic.decode import field_of
 
-    own = elements[0].unit
-    if units in (None, own):
+    unit = elements[0].unit
+    if units in (None, unit):
         return field_of(elements, values)
     if units == "V":
         raise BadInput(
@@ -287,13 +287,13 @@ def decode_file(
     unit = units or elements[0].unit
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
     heads = {kind: [f"{name}_{kind}" for name in columns(elements)] for kind in ("V", "T")}
-    other = "T" if unit == "V" else "V"
+    second_unit = "T" if unit == "V" else "V"
     head, rows, values = read_rows(
         path,
         heads[unit],
         COLUMNS,
         holes=True,
-        instead={f"--units {other}": heads[other]} if elements[0].unit == "V" else {},
+        instead={f"--units {second_unit}": heads[second_unit]} if elements[0].unit == "V" else {},
     )
     field = in_tesla(elements, values, unit)
     with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:

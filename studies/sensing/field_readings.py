@@ -252,17 +252,17 @@ def resolutions(
 def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> FlatRow:
     """Return the readings of one state; `where` names its line in messages."""
     resolution = dict.fromkeys(("resolution_N", "resolution_N_per_N"))
-    own = {"status": state.status, "message": state.message}
+    said = {"status": state.status, "message": state.message}
     if state.load is None or state.response is None:
         missing = dict.fromkeys((*SHOWN[1:], "tilt_rad", "tilt_y_rad"))
-        return own | missing | resolution | {"warnings": []}
+        return said | missing | resolution | {"warnings": []}
     load, response = state.load, state.response
     try:
         readings = read_pose(design, response.shift, response.rotation, sensing)
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
     moved = dict(zip(MOVED, (load.depth, load.shear_x, load.shear_y), strict=True))
-    return readings | own | moved | resolution
+    return readings | said | moved | resolution
 
 
 def study(design: Design, file: Path, sensing: Sensing, *, wide: bool) -> Result:

@@ -107,9 +107,9 @@ def _check_head(
     names = ",".join(wanted)
     missing = [name for name in wanted if name not in head]
     if missing:
-        for option, others in instead.items():
-            if all(name in head for name in others):
-                raise BadInput(f"{path}: the columns are {','.join(others)}, not {names}: add {option}")
+        for option, alternatives in instead.items():
+            if all(name in head for name in alternatives):
+                raise BadInput(f"{path}: the columns are {','.join(alternatives)}, not {names}: add {option}")
         raise BadInput(
             f"{path}: column {missing[0]} is missing: the first line must name {names}; got {','.join(head)}"
         )

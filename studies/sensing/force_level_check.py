@@ -37,13 +37,13 @@ class Gap:
 
     Attributes
     ----------
-    own, best : sizes of the forces, shape (n,), N; NaN for no force, and for a pose outside level finite's range.
+    chosen, best : sizes of the forces, shape (n,), N; NaN for no force, and for a pose outside level finite's range.
     apart : size of their difference, shape (n,), N.
     finite : force of level finite, (F_x, F_y, F_n), shape (n, 3), N.
     slack : error of the polynomials by which the decoder represents level finite, N.
     """
 
-    own: Array
+    chosen: Array
     best: Array
     apart: Array
     finite: Array
@@ -57,7 +57,7 @@ class Gap:
     @property
     def unknown(self) -> NDArray[np.bool_]:
         """Rows with a force outside the range of level finite, so that its error is unknown, shape (n,)."""
-        return np.asarray((self.own > 0) & np.isnan(self.best))
+        return np.asarray((self.chosen > 0) & np.isnan(self.best))
 
 
 def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
@@ -84,26 +84,26 @@ def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
 def gap(design: Design, law: Mechanics | None, shift: Array, force: Array) -> Gap:
     """Compare forces (n, 3), N, of a level at shifts (n, 3), mm, with level finite; `law` as in `finite_force`."""
     best = finite_force(design, law, shift)
-    own, size, apart = (np.sqrt((values**2).sum(axis=1)) for values in (force, best, force - best))
-    return Gap(own, size, apart, best, max(law.errors[1:3]) if law else 0.0)
+    chosen, size, apart = (np.sqrt((values**2).sum(axis=1)) for values in (force, best, force - best))
+    return Gap(chosen, size, apart, best, max(law.errors[1:3]) if law else 0.0)
 
 
 def warnings(level: str, found: Gap) -> list[str]:
     """Return warnings: forces that differ much from level finite, and forces whose error is unknown."""
-    said, count = [], len(found.own)
+    said, count = [], len(found.chosen)
     wide, unknown = np.flatnonzero(found.wide), np.flatnonzero(found.unknown)
     if len(wide):
         shares = found.apart[wide] / np.maximum(found.best[wide], found.slack)
         worst, share = int(wide[shares.argmax()]), 100 * shares.max()
-        own, best = found.own[worst], found.best[worst]
+        chosen, best = found.chosen[worst], found.best[worst]
         if count == 1:
-            where = f"level {level} gives a force of {own:.3g} N at this pose, level {BEST} {best:.3g} N"
+            where = f"level {level} gives a force of {chosen:.3g} N at this pose, level {BEST} {best:.3g} N"
             said.append(f"{where} (they differ by {share:.3g} %): {REMEDY}")
         else:
             where = (
                 f"in {len(wide)} of {count} rows the force of level {level} differs by more than {100 * APART:g} %"
             )
-            most = f"by {share:.3g} % in row {worst + 1} ({own:.3g} N, not {best:.3g} N)"
+            most = f"by {share:.3g} % in row {worst + 1} ({chosen:.3g} N, not {best:.3g} N)"
             said.append(f"{where} from that of level {BEST}, at most {most}: {REMEDY}")
     if len(unknown):
         what = "this pose is" if count == 1 else f"poses of {len(unknown)} of {count} rows are"

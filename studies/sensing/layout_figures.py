@@ -25,17 +25,17 @@ NONE = 0.01
 """Share at which none is drawn on a logarithmic axis, %."""
 
 
-def maps(coder: Decoder, whole: Survey, room: float = 0.0) -> list[Figure]:
+def maps(coder: Decoder, box: Survey, room: float = 0.0) -> list[Figure]:
     """Return condition number, sign of det J, multiplicity and noise over x and z: at y = 0, and the worst over y."""
     import pandas as pd
 
     from analytic import survey
 
-    x, _, z = (np.unique(axis) for axis in whole.shift)
+    x, _, z = (np.unique(axis) for axis in box.shift)
     shift = np.stack(np.meshgrid(x, [0.0], z, indexing="ij")).reshape(3, -1)
     plane = survey.at_poses(coder, shift, np.ones(shift.shape[1]), (len(x), 1, len(z)), clearance=room)
     cells = pd.concat(
-        [_cells(plane).assign(panel="plane y = 0"), _cells(whole).assign(panel="worst over all y")], ignore_index=True
+        [_cells(plane).assign(panel="plane y = 0"), _cells(box).assign(panel="worst over all y")], ignore_index=True
     )
     axes = ("shift x (mm)", "shift z (mm)")
     values = {

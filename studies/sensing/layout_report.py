@@ -215,7 +215,9 @@ def _shown(layout: FlatRow) -> FlatRow:
 def _shown_forces(forces: FlatRow) -> FlatRow:
     """Return the row of a range of loads for the terminal."""
     row = {name: value for name, value in forces.items() if value not in (None, []) and name != "warnings"}
-    places = {name: ["; ".join(f"{v + 0.0:.3g}" for v in one) for one in row[name]] for name in PLACES if name in row}
+    places = {
+        name: ["; ".join(f"{v + 0.0:.3g}" for v in vector) for vector in row[name]] for name in PLACES if name in row
+    }
     return row | places
 
 

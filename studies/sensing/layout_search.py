@@ -164,9 +164,9 @@ def _compass(
                 for way in (-step, step):
                     value = _rounded(min(max(place[k] + way / 2**halving, low), high))
                     near.append((*place[:k], value, *place[k + 1 :]))
-            for other in near:
-                if other not in scores:
-                    scores[other] = score(other)
+            for neighbour in near:
+                if neighbour not in scores:
+                    scores[neighbour] = score(neighbour)
             best = min(near, key=lambda p: scores[p])
             if not scores[best] < scores[place]:
                 break
@@ -180,13 +180,13 @@ def _rounded(value: float) -> float:
 
 def _distinct(places: Sequence[Place], apart: Sequence[float], most: int) -> list[Place]:
     """Return the first `most` places that differ from every earlier one by `apart` in some parameter."""
-    kept: list[Place] = []
+    distinct: list[Place] = []
     for place in places:
-        if len(kept) == most:
+        if len(distinct) == most:
             break
-        if all(any(abs(a - b) > d for a, b, d in zip(place, other, apart, strict=True)) for other in kept):
-            kept.append(place)
-    return kept
+        if all(any(abs(a - b) > d for a, b, d in zip(place, earlier, apart, strict=True)) for earlier in distinct):
+            distinct.append(place)
+    return distinct
 
 
 def _score(design_at: Callable[[Place], Design], place: Place, law: Mechanics, basis: Basis) -> Score:

@@ -80,9 +80,9 @@ def check(design: Design) -> None:
 def answer(claim: Claim) -> list[str]:
     """Return the answer to the claim in sentences: for the design's layout, and over c."""
     lines = _answer_for_the_layout(claim["forms"])
-    own = claim["limits"][0]["magnet_height_mm"]
-    for limit in (row for row in claim["limits"] if row["magnet_height_mm"] == own):
-        same = [(r["magnet_height_mm"], r["readings"]) == (own, limit["readings"]) for r in claim["heights"]]
+    given = claim["limits"][0]["magnet_height_mm"]
+    for limit in (row for row in claim["limits"] if row["magnet_height_mm"] == given):
+        same = [(r["magnet_height_mm"], r["readings"]) == (given, limit["readings"]) for r in claim["heights"]]
         worst = max(itertools.compress(claim["heights"], same), key=lambda row: row["alike_percent"])
         if worst["alike_percent"]:
             limits = (("below", limit["unique_from_c_mm"]), ("above", limit["unique_to_c_mm"]))
@@ -92,7 +92,7 @@ def answer(claim: Claim) -> list[str]:
                 f" {_shared(worst)}"
             )
     for limit in claim["limits"]:
-        if limit["magnet_height_mm"] != own and limit["below"] and not limit["unique"]:
+        if limit["magnet_height_mm"] != given and limit["below"] and not limit["unique"]:
             lines.append(
                 f"{limit['readings']}, with a magnet {limit['magnet_height_mm']:g} mm high that gives S1 the same"
                 f" reading at rest (l0 = {limit['l0_mm']:g} mm): fails at c = {limit['below']['c_mm']:g} mm, for"
@@ -229,13 +229,16 @@ def _at(design: Design, form: str, law: Mechanics, c: float) -> FlatRow | None:
 
 def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[FlatRow]) -> FlatRow:
     """Return the range of c in which the readings of a form are unique, and the rows just outside."""
-    own = min(range(len(rows)), key=lambda k: abs(rows[k]["c_mm"] - design.c), default=None)
-    unique = own is not None and not rows[own]["alike_percent"]
-    ends: list[tuple[float | None, FlatRow | None]] = [(None, None if own is None else rows[own]), (None, None)]
-    if own is not None and unique:
+    nearest = min(range(len(rows)), key=lambda k: abs(rows[k]["c_mm"] - design.c), default=None)
+    unique = nearest is not None and not rows[nearest]["alike_percent"]
+    ends: list[tuple[float | None, FlatRow | None]] = [
+        (None, None if nearest is None else rows[nearest]),
+        (None, None),
+    ]
+    if nearest is not None and unique:
         ends = []
         for step in (-1, 1):
-            k = own
+            k = nearest
             while 0 <= k < len(rows) and not rows[k]["alike_percent"]:
                 k += step
             ends.append(_bisected(design, form, law, rows[k - step], rows[k]) if 0 <= k < len(rows) else (None, None))

@@ -153,9 +153,9 @@ def _predicted(beams: Beams, depth: Array, shear: Array) -> dict[str, tuple[Arra
         moves, sign = shear != 0, np.sign(shear)
         sheared = beams.shear(depth, np.abs(shear))
         for name, (value, half_width) in result.items():
-            own = sign if name in ("force_x", "shift_x", "tilt") else 1.0
-            one = sheared[name]
-            result[name] = np.where(moves, own * one.value, value), np.where(moves, one.half_width, half_width)
+            factor = sign if name in ("force_x", "shift_x", "tilt") else 1.0
+            moved = sheared[name]
+            result[name] = np.where(moves, factor * moved.value, value), np.where(moves, moved.half_width, half_width)
     # the surrogate counts the magnet's sinking as positive
     sinking, half_width = result["shift_z"]
     return result | {"shift_z": (-sinking, half_width)}
@@ -213,9 +213,11 @@ def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, A
     causes = [name for name in ("shift_x", "shift_z", "tilt") if moved.half_widths[name].any()]
     changed = [dict(moved.values) | {name: moved.values[name] + moved.half_widths[name]} for name in causes]
     # all variants at once: a design's magnet is then evaluated once
-    stacked = {name: np.hstack([one[name] for one in (moved.values, *changed)]) for name in moved.values}
-    outputs, *others = np.split(_outputs(designs, stacked), len(changed) + 1, axis=1)
-    squares = [(other - outputs) ** 2 for other in others]
+    stacked = {
+        name: np.hstack([varied_values[name] for varied_values in (moved.values, *changed)]) for name in moved.values
+    }
+    outputs, *varied_outputs = np.split(_outputs(designs, stacked), len(changed) + 1, axis=1)
+    squares = [(output - outputs) ** 2 for output in varied_outputs]
     return outputs, np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros_like(outputs)
 
 

@@ -127,7 +127,7 @@ def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, f
     """Return the readings of the second element over the force along x, and of the third along y."""
     depths = REACH * load.depth * np.linspace(0, 1, STATES) ** 2
     pressed = _pressed(model, sensors, depths).values["force_z"]
-    depth = np.array([_over(one, depths, np.array([press]))[0] for one in pressed])
+    depth = np.array([_over(force_of_sensor, depths, np.array([press]))[0] for force_of_sensor in pressed])
     shear = REACH * load.shear * np.linspace(0, 1, STATES)
     count = len(sensors)
     moved = motions(model, sensors.designs, np.tile(depth[:, None], len(shear)), np.tile(shear, (count, 1)))
@@ -137,12 +137,12 @@ def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, f
         name: np.hstack([signs.get(name, 1.0) * values[:, :0:-1], values]) for name, values in moved.values.items()
     }
     both_refusals = np.hstack([moved.refusals[:, :0:-1], moved.refusals])
-    whole = Motions(both, {}, both_refusals)
+    both_sides = Motions(both, {}, both_refusals)
     axes = []
     for element, towards_y in ((1, False), (2, True)):
         read = made_readings(sensors, *poses(both, towards_y))
         output, rail = read.output[..., element], read.saturated[..., element]
-        axes.append(_curves(sensors, whole, both["force_x"], output, rail, force, len(shear) - 1))
+        axes.append(_curves(sensors, both_sides, both["force_x"], output, rail, force, len(shear) - 1))
     return axes[0], axes[1]
 
 

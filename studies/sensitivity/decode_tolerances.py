@@ -131,6 +131,6 @@ def _read(
         poses = np.broadcast_to(shift, (count, 1, 3)), np.broadcast_to(tilt, (count, 1, 2))
         return np.asarray((made_readings(sensors, *poses).output[:, 0] - null) / gain)
 
-    own = fields(nominal)[0]
-    deviations = fields(made) - own
-    return own, deviations[np.isfinite(deviations).all(axis=1)]
+    nominal_field = fields(nominal)[0]
+    deviations = fields(made) - nominal_field
+    return nominal_field, deviations[np.isfinite(deviations).all(axis=1)]

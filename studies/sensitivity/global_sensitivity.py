@@ -127,14 +127,14 @@ def indices(
     """
     values, d = np.where(np.isfinite(values), values, np.nan), len(ranges)
     known = values[~np.isnan(values)]
-    filled = [one for one in fillings(values) if _varies(one)]
+    filled = [filling for filling in fillings(values) if _varies(filling)]
     if not filled or not _varies(known):
         return _orders(ranges, *np.full((3, 2, d), np.nan))
     estimate, sampling = _resampled(ranges, filled[0], RESAMPLES, seed)
     low, high = _interval(sampling)
     with_errors = [
-        _resampled(ranges, one, RESAMPLES_WITH_ERROR, seed)[1]
-        for one in error_variants(ranges, filled[0], half_width, seed, error_lengths)
+        _resampled(ranges, filling, RESAMPLES_WITH_ERROR, seed)[1]
+        for filling in error_variants(ranges, filled[0], half_width, seed, error_lengths)
     ]
     if with_errors:
         pooled = _interval(np.concatenate(with_errors, axis=1))
@@ -145,10 +145,10 @@ def indices(
         low, high = np.minimum(low, 0.0), np.maximum(high, 1.0)
     if len(known) < len(values):
         # the sampling error comes on top of the bounds of what the failed points may be
-        others = [_resampled(ranges, one, 2, seed)[0] for one in filled[1:]]
+        of_fillings = [_resampled(ranges, filling, 2, seed)[0] for filling in filled[1:]]
         least, most = _pairwise_bounds(values, d)
-        low = low - estimate + np.min([estimate, least, *others], axis=0)
-        high = high - estimate + np.max([estimate, most, *others], axis=0)
+        low = low - estimate + np.min([estimate, least, *of_fillings], axis=0)
+        high = high - estimate + np.max([estimate, most, *of_fillings], axis=0)
     return _orders(ranges, estimate, low, high)
 
 
@@ -379,19 +379,19 @@ def fillings(values: Array, substitute: Array | None = None) -> list[Array]:
     estimate = np.full_like(values, np.median(known))
     if substitute is not None:
         estimate = np.where(np.isfinite(substitute), substitute, estimate)
-    return [np.where(failed, one, values) for one in (estimate, known.min(), known.max())]
+    return [np.where(failed, stand_in, values) for stand_in in (estimate, known.min(), known.max())]
 
 
-def squared_differences(one: Array, other: Array, low: float, high: float) -> tuple[Array, Array]:
-    """Return the least and the largest square of one - other, with every NaN any number from low to high.
+def squared_differences(first: Array, second: Array, low: float, high: float) -> tuple[Array, Array]:
+    """Return the least and the largest square of first - second, with every NaN any number from low to high.
 
     >>> squared_differences(np.array([1.0, 1.0]), np.array([3.0, np.nan]), 0.0, 5.0)
     (array([4., 0.]), array([ 4., 16.]))
     """
-    from_one, to_one = np.where(np.isfinite(one), one, low), np.where(np.isfinite(one), one, high)
-    from_other, to_other = np.where(np.isfinite(other), other, low), np.where(np.isfinite(other), other, high)
-    apart = np.maximum(np.maximum(from_one - to_other, from_other - to_one), 0.0)
-    farthest = np.maximum(to_one - from_other, to_other - from_one)
+    first_low, first_high = np.where(np.isfinite(first), first, low), np.where(np.isfinite(first), first, high)
+    second_low, second_high = np.where(np.isfinite(second), second, low), np.where(np.isfinite(second), second, high)
+    apart = np.maximum(np.maximum(first_low - second_high, second_low - first_high), 0.0)
+    farthest = np.maximum(first_high - second_low, second_high - first_low)
     return apart**2, farthest**2
 
 

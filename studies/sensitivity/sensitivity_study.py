@@ -261,12 +261,12 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
         progress=progress,
     )
     ok = table["status"].isin(ANSWERED)
-    other = substitutes(request, points, ~ok.to_numpy())
+    stand_ins = substitutes(request, points, ~ok.to_numpy())
     unit_of = {name: heading(name)[1] or name.rpartition("_")[2] for name in output_names(request)}
     rows = []
     for name, unit in unit_of.items():
         values = np.where(ok, table[f"fem_{name}"].astype(float), np.nan)
-        effects = global_sensitivity.effects(ranges, points, values, other.get(name), request.seed)
+        effects = global_sensitivity.effects(ranges, points, values, stand_ins.get(name), request.seed)
         effects["effect_unit"] = f"{unit} per full range"
         rows += _rows("morris", ranges, name, effects, values, {"model": f"fem {request.accuracy}"})
     failed, unstable = table[~ok], table["message"][table["status"] == "unstable"]
@@ -277,7 +277,7 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
         count=len(table),
         reasons=failure_reasons((failed["status"] + ": " + failed["message"]).tolist()),
         doubt=doubt if len(unstable) else "",
-        replaced=int(np.isfinite(other["force_N"]).sum()) if other else 0,
+        replaced=int(np.isfinite(stand_ins["force_N"]).sum()) if stand_ins else 0,
     )
 
 
