@@ -65,7 +65,7 @@ def test_a_pose_beyond_level_finite_is_said_to_be_unchecked(run, strict):
 def test_a_table_names_its_level_and_the_worst_row(run, strict, tmp_path):
     (tmp_path / "r.csv").write_text(f"S1_V,S2_V,S3_V\n{AT_REST}\n{PRESSED}\n2.5,2.5,2.5\n")
     status, out, err = run("decode", "paper", "--file", "r.csv")
-    assert status == 0
+    assert status == 3
     assert [row["level"] for row in csv.DictReader(out.splitlines())] == ["paper"] * 3
     assert "in 1 of 3 rows the force of level paper differs by more than 10 % from that of level finite" in err
     assert "by 67.9 % in row 2 (3.04 N, not 9.29 N)" in err
