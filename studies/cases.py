@@ -8,7 +8,7 @@
 A row is a sensor and a load; columns are fields of `geometry.design.Design` and of the load with their units in the
 name, the rest is the base design's. Rows that differ only in what the mechanics do not depend on (f, the elements,
 the remanence, E without an imperfection) share a solve, and solved states are kept for all tables of a user
-(`studies.exploration.store`).
+(`studies.mechanics.store`).
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from geometry.bad_input import nearest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.exploration import store as stores
-from studies.exploration import sweep
-from studies.exploration.needed_paths import Processes
-from studies.exploration.plate_motion import check_motion
-from studies.exploration.study_cases import (
+from studies.inputs import study_axes, study_input
+from studies.inputs.study_axes import AXES, Factor
+from studies.mechanics import store as stores
+from studies.mechanics.plate_motion import check_motion
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.study_cases import (
     DEFAULT_QUANTITIES,
     FemModel,
     Plan,
@@ -39,8 +40,7 @@ from studies.exploration.study_cases import (
     model_name,
     models_of,
 )
-from studies.inputs import study_axes, study_input
-from studies.inputs.study_axes import AXES, Factor
+from studies.sweeps import sweep
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,11 +14,12 @@ from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.fabrication import sensor_parts
 from studies.fabrication.fabrication_rows import FabricationRow
+from studies.mechanics.path_solver import LoadOutcome
 from studies.output import atomic_files, result, vtk_files
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary
-from studies.simulation.compare import Comparison, Outcome, part
+from studies.simulation.compare import Comparison, part
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "altair")
 """Packages whose versions the report names, besides those of the finite elements: solids, meshes, tables, plots."""
@@ -116,7 +117,7 @@ def _part(show: Progress, low: float, high: float, name: str) -> Progress:
     return part(show, low, high, name) or _silent
 
 
-def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcome]) -> None:
+def _write_last(folder: Path, name: str, design: Design, states: Sequence[LoadOutcome]) -> None:
     """Write the last converged state as a .vtu file and as a picture of its section."""
     from studies.output.solution_pictures import section_picture
 

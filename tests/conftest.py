@@ -182,7 +182,7 @@ def traced(monkeypatch):
 @pytest.fixture
 def kept(tmp_path):
     """An open store of solved states."""
-    from studies.exploration import store
+    from studies.mechanics import store
 
     with store.opened(tmp_path / "store" / "solved.sqlite") as states:
         yield states

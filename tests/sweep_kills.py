@@ -23,13 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from studies.exploration import needed_paths, path_keys, store, store_check, sweep_request
-from studies.exploration.needed_paths import Paths, Target
-from studies.exploration.solved_paths import Task, solve_task
-from studies.exploration.store import State
-from studies.exploration.study_cases import Cases
+from studies.mechanics import path_keys, solve_plan, store, store_check
+from studies.mechanics.path_solver import Task, solve_task
+from studies.mechanics.solve_plan import Paths, Target
+from studies.mechanics.store import State
+from studies.mechanics.study_cases import Cases
 from studies.output import console
 from studies.output.provenance import ROOT
+from studies.sweeps import sweep_request
 
 LOG = "MAGTIP_SWEEP_KILLS_LOG"
 """Environment variable with the file in which solves note that they begin."""
@@ -87,7 +88,7 @@ class Kill:
 
 def note_solves() -> None:
     """Let this process hand solves to its workers that note in the log that they begin."""
-    setattr(needed_paths, "solve_task", noted_solve)  # noqa: B010
+    setattr(solve_plan, "solve_task", noted_solve)  # noqa: B010
 
 
 def noted_solve(task: Task) -> list[State]:

@@ -6,6 +6,7 @@ import pytest
 from analytic import beam, hall
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.mechanics import surrogate_response
 from studies.sensitivity.beam_motions import (
     QUANTITIES,
     Press,
@@ -17,7 +18,6 @@ from studies.sensitivity.beam_motions import (
     sampled_cases,
     sampled_outputs,
 )
-from studies.surrogate import surrogate_response
 
 DEPTH, SHEAR = np.array([[0.5, 1.0], [0.4, 0.8]]), np.array([[0.0, 0.3], [0.0, -0.3]])
 LONGER = Design(L=12.0, l0=10.2, E=0.5)

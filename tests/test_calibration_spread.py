@@ -11,8 +11,8 @@ from fem.accuracy import QUICK
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.exploration import store
-from studies.exploration.solved_paths import solved
+from studies.mechanics import store
+from studies.mechanics.path_solver import solved
 from studies.sensitivity.beam_motions import Press
 from studies.sensitivity.calibration import (
     calibration_spread,

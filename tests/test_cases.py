@@ -15,7 +15,7 @@ from fem.equilibrium import solve
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from studies import cases
-from studies.surrogate import surrogate_response
+from studies.mechanics import surrogate_response
 
 
 @pytest.fixture

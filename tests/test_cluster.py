@@ -18,9 +18,9 @@ from worker_tasks import gone, until
 
 from fem.physics_version import PHYSICS
 from geometry.design import BadInput
-from studies.exploration import cluster, workers
-from studies.exploration.worker_process import SchedulerLost
-from studies.exploration.workers import finished
+from studies.mechanics import cluster, workers
+from studies.mechanics.worker_process import SchedulerLost
+from studies.mechanics.workers import finished
 from studies.output.provenance import installed
 
 pytest.importorskip("distributed", reason="the extra cluster is not installed")

@@ -15,6 +15,7 @@ from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
+from studies.mechanics import path_solver
 from studies.output import result
 from studies.simulation import compare, comparison_findings, comparison_rows
 from studies.simulation.comparison_rows import with_reading_errors
@@ -105,7 +106,7 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
 
     monkeypatch.setattr(equilibrium, "trace", stops)
     loads = [Load(depth=depth) for depth in (7.5, 0.5, 1.0, 1.5)]
-    outcomes = compare.follow(paper(), loads, QUICK, "rigid")
+    outcomes = path_solver.follow(paper(), loads, QUICK, "rigid")
     assert [outcome.status for outcome in outcomes] == ["bad_input", "ok", "not_converged", "not_converged"]
     rows = compare.rows_of("press", paper(), loads, outcomes, outcomes)
     assert [math.isnan(row["fem_force_N"]) for row in rows] == [True, False, True, True]
@@ -116,8 +117,11 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
 
 
 def test_a_failed_solve_is_not_hidden_by_an_unstable_one():
-    unstable, lost = compare.Outcome(None, "unstable", "leans"), compare.Outcome(None, "not_converged", "stopped")
-    ended = compare.Outcome(None, "ok", "")
+    unstable, lost = (
+        path_solver.LoadOutcome(None, "unstable", "leans"),
+        path_solver.LoadOutcome(None, "not_converged", "stopped"),
+    )
+    ended = path_solver.LoadOutcome(None, "ok", "")
     load = [Load(depth=0.5)]
     for rigid, bare, status in (
         (unstable, lost, "not_converged"),
@@ -135,7 +139,7 @@ def test_a_mesh_that_fails_is_a_status(monkeypatch):
         raise MeshError("the section could not be meshed")
 
     monkeypatch.setattr(equilibrium, "trace", fails)
-    (outcome,) = compare.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
+    (outcome,) = path_solver.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
     assert (outcome.solution, outcome.status, outcome.message) == (
         None,
         "not_converged",
@@ -150,7 +154,7 @@ def test_a_bug_in_the_finite_elements_is_no_state(monkeypatch, error):
 
     monkeypatch.setattr(equilibrium, "trace", fails)
     with pytest.raises(error, match="a bug"):
-        compare.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
+        path_solver.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
 
 
 def test_a_beam_without_a_magnet_has_forces_but_no_readings():
@@ -291,7 +295,7 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
         states = [
             SimpleNamespace(response=beam.solve(design, load), estimates=Estimates(force=0.01)) for load in loads
         ]
-        outcomes = [compare.Outcome(state, "ok", "") for state in states]
+        outcomes = [path_solver.LoadOutcome(state, "ok", "") for state in states]
         return compare.rows_of(kind, design, loads, outcomes, outcomes)
 
     press = solved("press", [Load(depth=d) for d in DEPTHS])

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from studies.exploration import sweep_request
 from studies.output import console, text_tables
 from studies.output.result import Destination, Result, show
 from studies.simulation import load_cases
+from studies.sweeps import sweep_request
 
 RESULTS = Path(__file__).parents[1] / "results"
 TABLES = sorted(str(path.relative_to(RESULTS)) for path in RESULTS.rglob("*.csv"))

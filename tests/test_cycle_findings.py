@@ -4,9 +4,9 @@ import dataclasses
 
 from fem.analyses.timed_path import TimedState
 from geometry.loads import Response
+from studies.mechanics.cycle_motion import Motion, stops
+from studies.mechanics.loading_cycles import Cycles, CycleState, Loop, Static
 from studies.simulation.cycle_findings import doubts
-from studies.simulation.cycle_motion import Motion, stops
-from studies.simulation.cycle_report import Cycles, CycleState, Loop, Static
 
 LOOP = Loop(1, 4.0, 4.0, 0.4, 10.0, 0.3, 0.3, 0.0, None, None)
 SOLVED = Static(None, 0.001)

@@ -8,8 +8,8 @@ import pytest
 from fem.analyses.timed_path import TimedState
 from geometry.design import paper
 from geometry.loads import Response
-from studies.simulation.cycle_motion import Motion, stops
-from studies.simulation.cycle_report import CycleState, StaticCurve, loops_of, outputs_of, with_readings
+from studies.mechanics.cycle_motion import Motion, stops
+from studies.mechanics.loading_cycles import CycleState, StaticCurve, loops_of, outputs_of, with_readings
 
 SHIFTS = np.array([[-0.2, 0.0, -0.3], [0.2, 0.0, -0.3]])
 TILTS = np.array([-0.02, 0.02])

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from geometry.design import BadInput
-from studies.simulation.cycle_motion import Motion, frequency_of, stops
+from studies.mechanics.cycle_motion import Motion, frequency_of, stops
 
 
 def test_triangle_passes_mid_stroke_and_holds_at_both_ends() -> None:

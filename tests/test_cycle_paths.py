@@ -11,13 +11,14 @@ from fem.scene import Scene
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
-from studies.exploration import store, sweep
-from studies.exploration.needed_paths import Processes
-from studies.exploration.path_keys import place
-from studies.exploration.plate_motion import PlateMotion
-from studies.exploration.study_cases import FemModel, Plan
-from studies.exploration.study_rows import flat_rows
 from studies.inputs.study_axes import Factor
+from studies.mechanics import store
+from studies.mechanics.path_keys import place
+from studies.mechanics.plate_motion import PlateMotion
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.study_cases import FemModel, Plan
+from studies.sweeps import sweep
+from studies.sweeps.study_rows import flat_rows
 
 BRANCHES = replace(paper(), prony="0.1:0.05 0.1:0.5 0:1e-3 0:1e3", modulus="instantaneous")
 

@@ -12,10 +12,10 @@ import pytest
 
 from geometry.base import Base, plan
 from geometry.design import BadInput, paper
-from studies.exploration import worker_process
-from studies.exploration.study_cases import varied
 from studies.fabrication import design_variants
 from studies.fabrication.fabrication_rows import FabricationRow
+from studies.mechanics import worker_process
+from studies.mechanics.study_cases import varied
 
 
 def test_sentences_of_a_batch_name_the_variants():
@@ -92,7 +92,7 @@ def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_a
 
 def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
     code = (
-        "import os; from studies.exploration import worker_process\n"
+        "import os; from studies.mechanics import worker_process\n"
         "from studies.fabrication import design_variants as variants\n"
         "def fabricate(job):\n"
         "    if job[1]['L'] == 9: os._exit(7)\n"
@@ -108,7 +108,7 @@ def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeyp
 
 def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
     code = (
-        "from studies.exploration import worker_process\n"
+        "from studies.mechanics import worker_process\n"
         "from studies.fabrication import design_variants as variants\n"
         "def fabricate(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
         "variants.fabricate = fabricate; worker_process.main()\n"

@@ -5,10 +5,8 @@ import pytest
 from analytic import beam
 from geometry.design import paper
 from geometry.loads import Load
-from studies.exploration import store
-from studies.simulation import model_choice
-from studies.simulation.model_choice import Statement
-from studies.surrogate import surrogate_response
+from studies.mechanics import model_choice, store, surrogate_response
+from studies.mechanics.model_choice import Statement
 
 
 def test_sweeps_in_different_folders_share_the_user_s_store(run, tmp_path):

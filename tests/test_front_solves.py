@@ -9,9 +9,9 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.exploration import store
-from studies.exploration.needed_paths import Processes, Solver
-from studies.exploration.solved_paths import Answer
+from studies.mechanics import store
+from studies.mechanics.path_solver import Answer
+from studies.mechanics.solve_plan import Processes, Solver
 from studies.sizing.candidate_performance import LEAST, Performance
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.front_search import Effort

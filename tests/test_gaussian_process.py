@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from studies.surrogate.gaussian_process import GaussianProcess, correlation, with_constant
+from studies.mechanics.gaussian_process import GaussianProcess, correlation, with_constant
 from studies.validation import surrogate_fit
 
 RNG = np.random.default_rng(0)

@@ -9,9 +9,8 @@ from analytic import beam, buckling
 from fem.physics_version import PHYSICS
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.simulation import model_choice
-from studies.simulation.model_choice import Choice, Statement, choose, region, statements, unmet
-from studies.surrogate import surrogate_response
+from studies.mechanics import model_choice, surrogate_response
+from studies.mechanics.model_choice import Choice, Statement, choose, region, statements, unmet
 
 PRESS, SHEAR = Load(depth=0.4), Load(depth=0.8, shear_x=0.8, friction="stick")
 RUB, TILTED = Load(depth=0.8, shear_x=0.8, friction=0.4), Load(depth=0.8, plate_tilt=0.1)

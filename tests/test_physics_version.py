@@ -19,7 +19,7 @@ from fem.physics_version import PHYSICS
 from fem.scene import Model, Scene
 from geometry.design import paper
 from geometry.loads import Load
-from studies.exploration import response_paths
+from studies.mechanics import response_paths
 
 ROUGH = replace(
     QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1

@@ -15,9 +15,8 @@ from fem.equilibrium import solve, trace
 from fem.physics_version import PHYSICS
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.exploration.solved_paths import frequency_unit
-from studies.simulation import model_choice
-from studies.surrogate import prediction, surrogate_file, surrogate_range, surrogate_response
+from studies.mechanics import model_choice, prediction, surrogate_file, surrogate_range, surrogate_response
+from studies.mechanics.path_solver import frequency_unit
 from studies.validation.surrogate_training import random_beams
 
 PAPER = (np.array([1.125]), np.array([0.5]), np.array([0.25]), np.array([0.4998]))

@@ -11,9 +11,9 @@ from fem.accuracy import QUICK
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
-from studies.exploration import path_keys, repeated_solves, solved_paths, store, store_check, store_fields, store_file
-from studies.exploration.plate_motion import STILL, PlateMotion
-from studies.exploration.store import State
+from studies.mechanics import path_keys, path_solver, repeated_solves, store, store_check, store_fields, store_file
+from studies.mechanics.plate_motion import STILL, PlateMotion
+from studies.mechanics.store import State
 
 ROUGH = replace(QUICK, name="rough", section_size=0.25, section_patch=0.03, harmonics=1)
 SHORT = replace(paper(), D=6.0, l0=paper().l0 + 1.0)
@@ -52,7 +52,7 @@ def test_a_problem_is_rebuilt_from_what_is_stored(name):
     """The rebuilt problem has the same key, so it is the same problem."""
     place = place_of(name)
     content = json.loads(json.dumps(place.content))
-    state = State(*place.at, "ok", "ok", solved_paths.units_of(place.scene, place.kind), 0.0, "")
+    state = State(*place.at, "ok", "ok", path_solver.units_of(place.scene, place.kind), 0.0, "")
     again = path_keys.place(
         repeated_solves._scene(content, state), content["quantity"], repeated_solves._motion(content, state)
     )
@@ -63,8 +63,8 @@ def test_a_problem_is_rebuilt_from_what_is_stored(name):
 @pytest.fixture(scope="module")
 def solved():
     """A press and a grip as they are solved."""
-    tasks = {name: solved_paths.task(1, place_of(name), [place_of(name).at]) for name in ("press", "grip")}
-    return {name: solved_paths.solve_task(task) for name, task in tasks.items()}
+    tasks = {name: path_solver.task(1, place_of(name), [place_of(name).at]) for name in ("press", "grip")}
+    return {name: path_solver.solve_task(task) for name, task in tasks.items()}
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analytic.oscillator import accurate_to, receptance
-from studies.simulation.resonance_peaks import bandwidth, flat_to, peaks
+from studies.mechanics.resonance_peaks import bandwidth, flat_to, peaks
 
 
 def oscillator(natural, loss):

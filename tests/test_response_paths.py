@@ -12,14 +12,15 @@ from fem.analyses.vibration import vibrating_sensor
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.exploration import repeated_solves, solved_paths, store, sweep
-from studies.exploration.needed_paths import Processes
-from studies.exploration.path_keys import place
-from studies.exploration.plate_motion import PlateMotion
-from studies.exploration.study_cases import FemModel, Plan
-from studies.exploration.study_rows import flat_rows
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
+from studies.mechanics import path_solver, repeated_solves, store
+from studies.mechanics.path_keys import place
+from studies.mechanics.plate_motion import PlateMotion
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.study_cases import FemModel, Plan
+from studies.sweeps import sweep
+from studies.sweeps.study_rows import flat_rows
 
 ROUGH = replace(QUICK, name="rough", section_size=0.25, section_patch=0.03, harmonics=1)
 LOSSY = replace(paper(), loss_high=2500.0)
@@ -58,8 +59,8 @@ def test_gain_and_phase_are_those_of_the_vibration():
 
 def test_a_stored_vibration_is_solved_again_to_the_same_numbers():
     content = place(Scene(LOSSY, (Load(depth=0.5),), ROUGH, "rigid"), "response").content
-    task = solved_paths.Task(1, Scene(LOSSY, (Load(depth=0.5),), ROUGH, "rigid"), "response")
-    (state,) = solved_paths.solve_task(task)
+    task = path_solver.Task(1, Scene(LOSSY, (Load(depth=0.5),), ROUGH, "rigid"), "response")
+    (state,) = path_solver.solve_task(task)
     stored = json.loads(json.dumps(state.answer, sort_keys=True))
     assert repeated_solves._difference(store.key(content), content, replace(state, answer=stored)) == ""
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from geometry.design import BadInput
-from studies.exploration import store, store_file
-from studies.exploration.store import State
+from studies.mechanics import store, store_file
+from studies.mechanics.store import State
 
 ROOT = Path(__file__).parent.parent
 PATH = {"model": "axisymmetric", "physics": 1, "nu": 0.4998, "lengths": [1.125, 0.5, 0.25]}
@@ -80,7 +80,7 @@ def test_whole_numbers_and_floats_are_one_case():
 
 def test_a_process_that_is_killed_loses_nothing_that_was_added(file):
     code = (
-        "import sys; from pathlib import Path; from studies.exploration import store\n"
+        "import sys; from pathlib import Path; from studies.mechanics import store\n"
         "with store.opened(Path(sys.argv[1])) as kept:\n"
         "    for k in range(100000):\n"
         "        kept.add({'k': k}, [store.State(0.1, 0.0, 'ok', 'ok', {}, 0.0, '')])\n"
@@ -132,7 +132,7 @@ FILL = """
 import resource, sys
 from pathlib import Path
 from geometry.design import BadInput
-from studies.exploration import store
+from studies.mechanics import store
 large, small = int(sys.argv[2]), int(sys.argv[3])
 with store.opened(Path(sys.argv[1])) as kept:
     # like a full disk: a file can grow to so many bytes; the write-ahead log is the first to fail
@@ -240,7 +240,7 @@ def test_a_damaged_journal_is_named_and_stays(file):
 
 def test_processes_that_make_one_store_at_once_all_keep_their_states(file):
     code = (
-        "import sys; from pathlib import Path; from studies.exploration import store\n"
+        "import sys; from pathlib import Path; from studies.mechanics import store\n"
         "with store.opened(Path(sys.argv[1])) as kept:\n"
         "    kept.add({'k': sys.argv[2]}, [store.State(0.1, 0.0, 'ok', 'ok', {}, 0.0, '')])\n"
     )

@@ -5,8 +5,8 @@ import sqlite3
 
 import pytest
 
-from studies.exploration import store, store_check
-from studies.exploration.store import State
+from studies.mechanics import store, store_check
+from studies.mechanics.store import State
 
 CONTENT = {"model": "harmonic", "physics": 1, "nu": 0.45}
 PRESSED = State(0.125, 0.0, "ok", "ok", {"response": {"force": [0.0, 0.0, 1.0]}}, 0.02, "on Python 3")

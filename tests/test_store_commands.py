@@ -7,8 +7,8 @@ import sqlite3
 
 import pytest
 
-from studies.exploration import store, store_check
-from studies.exploration.store import State
+from studies.mechanics import store, store_check
+from studies.mechanics.store import State
 
 CONTENT = {"model": "harmonic", "physics": 1, "nu": 0.45, "shape": {"L": 1.5}}
 ANSWER = {"D_mm": 1.0, "E_MPa": 1.0, "response": {"force": [0.0, 0.0, 2.0]}, "message": ""}

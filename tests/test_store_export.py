@@ -8,10 +8,10 @@ import sqlite3
 
 import pytest
 
-from studies.exploration import store, store_export
-from studies.exploration.store import State
-from studies.exploration.store_fields import FIELDS
 from studies.inputs.option_groups import Selection
+from studies.mechanics import store, store_export
+from studies.mechanics.store import State
+from studies.mechanics.store_fields import FIELDS
 from studies.output import atomic_files
 
 CONTENT = {

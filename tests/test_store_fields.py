@@ -10,11 +10,11 @@ from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
-from studies.exploration import path_keys, store, store_fields
-from studies.exploration.plate_motion import PlateMotion
-from studies.exploration.store import State
-from studies.exploration.store_file import LISTED
 from studies.inputs.option_groups import Selection
+from studies.mechanics import path_keys, store, store_fields
+from studies.mechanics.plate_motion import PlateMotion
+from studies.mechanics.store import State
+from studies.mechanics.store_file import LISTED
 
 PRESSED = State(0.125, 0.0, "ok", "ok", {}, 0.5, "")
 

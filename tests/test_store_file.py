@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from studies.exploration import store, store_file
-from studies.exploration.store import State
+from studies.mechanics import store, store_file
+from studies.mechanics.store import State
 
 CONTENT = {"model": "harmonic", "physics": 1, "law": ["yeoh", 0.1], "nu": 0.45, "shape": {"L": 1.125}}
 PRESSED = State(0.125, 0.0, "ok", "ok", {"force": 0.3}, 0.02, "on Python 3")

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from studies.exploration import store, store_fields, store_listing
-from studies.exploration.store import State
 from studies.inputs.option_groups import Selection
+from studies.mechanics import store, store_fields, store_listing
+from studies.mechanics.store import State
 
 ACCURACY = {
     "section_size": 0.16,

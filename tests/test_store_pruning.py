@@ -5,9 +5,9 @@ import sqlite3
 
 import pytest
 
-from studies.exploration import store, store_file, store_pruning
-from studies.exploration.store import State
 from studies.inputs.option_groups import Selection
+from studies.mechanics import store, store_file, store_pruning
+from studies.mechanics.store import State
 
 CONTENT = {"model": "harmonic", "physics": 1, "nu": 0.45}
 PRESSED = State(0.125, 0.0, "ok", "ok", {"response": {"force": [0.0, 0.0, 1.0]}, "message": "x" * 500}, 0.5, "")

@@ -6,11 +6,12 @@ import pytest
 
 from fem.accuracy import QUICK
 from geometry.design import paper
-from studies.exploration import store, sweep
-from studies.exploration.needed_paths import Processes
-from studies.exploration.study_cases import FemModel, Plan
-from studies.exploration.study_rows import flat_rows
 from studies.inputs.study_input import grid
+from studies.mechanics import store
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.study_cases import FemModel, Plan
+from studies.sweeps import sweep
+from studies.sweeps.study_rows import flat_rows
 
 
 def rows_of(axes, **changes):

@@ -6,7 +6,7 @@ import pytest
 
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.surrogate.surrogate_response import respond
+from studies.mechanics.surrogate_response import respond
 
 STICK = Load(depth=1.0, shear_x=1.5, friction="stick")
 

@@ -10,13 +10,12 @@ import pytest
 
 from fem.accuracy import QUICK
 from geometry.design import Design
-from studies.exploration import store
-from studies.exploration.needed_paths import Processes
+from studies.mechanics import prediction, store, surrogate_range
+from studies.mechanics.gaussian_process import GaussianProcess
+from studies.mechanics.prediction import Beams, first_zero
+from studies.mechanics.solve_plan import Processes
 from studies.output.goals import missed
 from studies.output.result import write
-from studies.surrogate import prediction, surrogate_range
-from studies.surrogate.gaussian_process import GaussianProcess
-from studies.surrogate.prediction import Beams, first_zero
 from studies.validation import surrogate_study, surrogate_test
 from studies.validation.surrogate_fit import conformal_quantile, press_outputs, shear_outputs
 from studies.validation.surrogate_study import Extent, recalibrated, scores, widest_points

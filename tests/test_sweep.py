@@ -18,13 +18,14 @@ from fem.physics_version import PHYSICS
 from geometry.bad_input import MeshError, SolveFailed
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.exploration import needed_paths, store, sweep
-from studies.exploration.needed_paths import Processes
-from studies.exploration.study_cases import FemModel, Plan, varied
-from studies.exploration.study_rows import flat_rows
 from studies.inputs import study_axes
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
+from studies.mechanics import solve_plan, store
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.study_cases import FemModel, Plan, varied
+from studies.sweeps import sweep
+from studies.sweeps.study_rows import flat_rows
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 PRESS = ("force", "shift", "contact_radius", "readings")
@@ -350,14 +351,14 @@ def dies(task):
     """A solve whose process dies for beams of 10 mm."""
     if task.scene.design.L == 10.0:
         os.kill(os.getpid(), signal.SIGKILL)
-    from studies.exploration.solved_paths import solve_task
+    from studies.mechanics.path_solver import solve_task
 
     return solve_task(task)
 
 
 def test_a_case_that_kills_its_worker_is_a_row_and_is_retried_only_if_asked(kept, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(needed_paths, "solve_task", dies)
+        patch.setattr(solve_plan, "solve_task", dies)
         patch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{Path(__file__).parent.parent}")
         rows = run(BARE, AXES, kept=kept, processes=Processes(2))
     assert [row["status"] for row in rows] == ["ok", "ok", "worker_died", "worker_died"]
@@ -372,7 +373,7 @@ KINDS = {
     "critical_depth": "fem.analyses.stability.critical",
     "modes": "fem.analyses.modes.modes",
     "response": "fem.analyses.vibration.vibrating_sensor",
-    "cycle": "studies.simulation.cycle_report.run",
+    "cycle": "studies.mechanics.loading_cycles.run",
 }
 """The function that solves for a quantity of each kind of path."""
 
@@ -402,7 +403,7 @@ def fails_in_a_worker(task):
 
 
 def test_a_bug_in_a_worker_ends_the_sweep_and_is_stored_nowhere(kept, monkeypatch):
-    monkeypatch.setattr(needed_paths, "solve_task", fails_in_a_worker)
+    monkeypatch.setattr(solve_plan, "solve_task", fails_in_a_worker)
     monkeypatch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{Path(__file__).parent.parent}")
     with pytest.raises(ValueError, match="a bug in a worker") as caught:
         run(BARE, AXES, kept=kept, processes=Processes(2))

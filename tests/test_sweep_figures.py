@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.exploration import sweep_figures
-from studies.exploration.sweep_figures import View
+from studies.sweeps import sweep_figures
+from studies.sweeps.sweep_figures import View
 
 
 def table(axes, **results):

@@ -5,10 +5,10 @@ import pytest
 
 from fem.accuracy import QUICK
 from geometry.design import paper
-from studies.exploration import sweep_pictures
-from studies.exploration.study_cases import Cases, FemModel, Plan
 from studies.inputs.study_input import grid
+from studies.mechanics.study_cases import Cases, FemModel, Plan
 from studies.output import figures
+from studies.sweeps import sweep_pictures
 
 
 def plan_of(factors, load=None, quantities=("force",)):

@@ -7,7 +7,7 @@ import pytest
 
 from fem.accuracy import FINE, QUICK, STANDARD
 from geometry.design import paper
-from studies.exploration.sweep_request import Options, idle_axes, plan_of
+from studies.sweeps.sweep_request import Options, idle_axes, plan_of
 
 STUDY = 'depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n'
 

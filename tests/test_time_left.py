@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from studies.exploration.time_left import Unfinished, clock_text
+from studies.mechanics.time_left import Unfinished, clock_text
 
 
 def estimates(costs, seconds, workers):

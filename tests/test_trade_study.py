@@ -16,9 +16,9 @@ from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load, Response
 from studies.cli import entry_point
+from studies.mechanics import model_choice
+from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
-from studies.simulation import model_choice
-from studies.simulation.model_choice import Statement
 from studies.validation import bench_programs, trade, trade_cases, trade_rule, trade_study
 from studies.validation.trade import FILES
 from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, references, runs_on, trial

@@ -9,9 +9,9 @@ from fem.solution import Estimates
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.inputs.option_groups import Method
-from studies.simulation import load_cases, model_choice, within_tolerance
-from studies.simulation.model_choice import Statement
-from studies.surrogate import surrogate_response
+from studies.mechanics import model_choice, surrogate_response
+from studies.mechanics.model_choice import Statement
+from studies.simulation import load_cases, within_tolerance
 
 WITHOUT_SURROGATE = ("--set", "magnet_edge_radius=0.4")
 """A magnet with rounder edges than the surrogate knows."""

@@ -13,9 +13,9 @@ import pytest
 import worker_tasks
 from worker_tasks import gone, until
 
-from studies.exploration import worker_process
-from studies.exploration.worker_process import processes
-from studies.exploration.workers import finished
+from studies.mechanics import worker_process
+from studies.mechanics.worker_process import processes
+from studies.mechanics.workers import finished
 
 TESTS = Path(__file__).parent
 
@@ -117,7 +117,7 @@ def test_closing_the_generator_ends_the_workers_and_what_they_started(tmp_path):
 
 RUN = """
 import worker_tasks
-from studies.exploration.workers import finished
+from studies.mechanics.workers import finished
 
 list(finished([{folder!r}] * 8, worker_tasks.noted, workers=2))
 """
@@ -145,7 +145,7 @@ def test_a_process_that_dies_while_it_loads_is_no_death_of_a_task(monkeypatch):
 
 def test_processes_that_the_system_kills_while_they_load_are_started_again(monkeypatch, tmp_path):
     code = (
-        "import os, pathlib; from studies.exploration import worker_process\n"
+        "import os, pathlib; from studies.mechanics import worker_process\n"
         f"folder = pathlib.Path({str(tmp_path)!r}); (folder / str(os.getpid())).touch()\n"
         "if len(list(folder.iterdir())) < 5: os.kill(os.getpid(), 9)\n"
         "worker_process.main()\n"
@@ -156,7 +156,7 @@ def test_processes_that_the_system_kills_while_they_load_are_started_again(monke
 
 
 def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):
-    monkeypatch.setattr("studies.exploration.worker_process.cores", lambda: 8)
+    monkeypatch.setattr("studies.mechanics.worker_process.cores", lambda: 8)
     for name, value in {"OMP_NUM_THREADS": "3", "MKL_NUM_THREADS": "16", "OPENBLAS_NUM_THREADS": "x"}.items():
         monkeypatch.setenv(name, value)
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)

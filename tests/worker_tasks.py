@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.exploration import worker_process
+from studies.mechanics import worker_process
 
 
 def echo(task):

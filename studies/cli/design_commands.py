@@ -273,7 +273,7 @@ def size(
         Number of processes that solve; default: one for each core.
     """
     from fem.accuracy import LEVELS
-    from studies.exploration.needed_paths import Processes
+    from studies.mechanics.solve_plan import Processes
     from studies.output.provenance import versions
     from studies.sizing import sizing_export, sizing_study
     from studies.sizing.front_search import Effort

@@ -35,7 +35,7 @@ from studies.output.records import FlatRow
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
 
 if TYPE_CHECKING:
-    from studies.exploration.study_cases import Plan
+    from studies.mechanics.study_cases import Plan
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
 
@@ -105,10 +105,10 @@ def sweep(
     retry_failed
         Solve again the cases whose process died.
     """
-    from studies.exploration import sweep_request
-    from studies.exploration.needed_paths import Processes
-    from studies.exploration.study_rows import flat_rows
-    from studies.exploration.worker_process import SchedulerLost
+    from studies.mechanics.solve_plan import Processes
+    from studies.mechanics.worker_process import SchedulerLost
+    from studies.sweeps import sweep_request
+    from studies.sweeps.study_rows import flat_rows
 
     here = destination(sweep, locals(), sweep_request.FILES, [design])
     processes = Processes(workers, scheduler, retry_failed)
@@ -185,7 +185,7 @@ class _Printed:
 
 def _shown(printed: _Printed, case: tuple[str, ...], plan: Plan) -> Result:
     """Return the rows as a table with their remarks, or their number if there are many; JSON has been printed."""
-    from studies.exploration import sweep_request
+    from studies.sweeps import sweep_request
 
     rows = printed.rows
     if printed.count > MOST_SHOWN:

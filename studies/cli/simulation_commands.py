@@ -400,8 +400,9 @@ def cycle(
     from fem.analyses.timed_path import LEAST_TOLERANCE
     from geometry.loads import check_load
     from geometry.relaxation import check_range
-    from studies.simulation import cycle_findings, cycle_report
-    from studies.simulation.cycle_motion import Motion, frequency_of
+    from studies.mechanics import loading_cycles
+    from studies.mechanics.cycle_motion import Motion, frequency_of
+    from studies.simulation import cycle_findings
     from studies.simulation.load_cases import friction_of
 
     here = destination(cycle, locals(), cycle_findings.FILES)
@@ -412,7 +413,7 @@ def cycle(
     if not LEAST_TOLERANCE <= tolerance < 1:
         raise BadInput(f"--tolerance must be at least {LEAST_TOLERANCE:g} and below 1; got {tolerance:g}")
     if gap is not None:
-        cycle_report.check_gap(design, gap)
+        loading_cycles.check_gap(design, gap)
     # a load that is impossible comes first: its stroke decides the frequency
     check_load(design, motion.largest, magnet)
     say_if_without_magnet(design)

@@ -40,7 +40,7 @@ def list_(
     limit
         Largest number of rows, the newest first; 0 for all.
     """
-    from studies.exploration import store_listing
+    from studies.mechanics import store_listing
 
     if limit < 0:
         raise BadInput(f"--limit must be at least 0 (all rows); got {limit}")
@@ -81,7 +81,7 @@ def export(
     as_json: AsJson = False,
 ) -> int:
     """Write the states that meet the filters as a table, lengths over D and forces over E D^2."""
-    from studies.exploration import store, store_export
+    from studies.mechanics import store, store_export
 
     file = selection.store or store.default()
     atomic_files.check_apart([out], [file])
@@ -110,8 +110,8 @@ def check(
     seed
         Number that fixes which states are chosen.
     """
-    from studies.exploration import store as user_store
-    from studies.exploration import store_check
+    from studies.mechanics import store as user_store
+    from studies.mechanics import store_check
 
     if resolve < 0:
         raise BadInput(f"--resolve must be at least 0; got {resolve}")
@@ -140,7 +140,7 @@ def prune(
     yes
         Remove the states.
     """
-    from studies.exploration import store_pruning
+    from studies.mechanics import store_pruning
 
     pruning = store_pruning.prune(selection, yes=yes)
     remarks = ["nothing is removed yet: add --yes to remove these states"] if not yes and pruning.states else []

@@ -191,7 +191,7 @@ def assumption(
     out
         Folder for ASSUMPTION.md, tables and maps.
     """
-    from studies.exploration.needed_paths import Processes
+    from studies.mechanics.solve_plan import Processes
     from studies.validation import assumption as about
 
     source = study or about.STUDY
@@ -280,7 +280,7 @@ def surrogate(
     """Build the surrogate from finite elements, and test it on beams that it has not seen.
 
     From an empty store it took some 70 minutes on two busy cores; what is solved is kept, so that an interrupted
-    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate.
+    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/mechanics.
 
     Parameters
     ----------
@@ -289,8 +289,8 @@ def surrogate(
     out
         Folder for surrogate.npz, SURROGATE.md, tables and the picture.
     """
-    from studies.exploration import store as stores
-    from studies.exploration.needed_paths import Processes
+    from studies.mechanics import store as stores
+    from studies.mechanics.solve_plan import Processes
     from studies.validation import surrogate_study
     from studies.validation import surrogate_test as study
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from fem.accuracy import QUICK
 from fem.analyses.force_targets import solve_force
-from studies.exploration.needed_paths import Processes
+from studies.mechanics.solve_plan import Processes
 from studies.sizing.front_search import Effort
 from studies.sizing.requirements import Requirements
 from studies.sizing.sizing_study import Settings, run

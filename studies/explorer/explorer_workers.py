@@ -2,7 +2,7 @@
 
 Of the requests of one page and side only the newest waits; older ones are dropped, and a running one is given up at
 the next load increment or part. Its first picture is still finished if that takes less than `GRACE`; otherwise a hand
-that never rests would see no picture. The processes (`studies.exploration.worker_process`) stay: their imports,
+that never rests would see no picture. The processes (`studies.mechanics.worker_process`) stay: their imports,
 compiled functions, meshes and factorisations serve the next request.
 """
 
@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from geometry.design import BadInput
-from studies.exploration import worker_process
-from studies.exploration.worker_process import NotStarted, WorkerDied, WorkerProcesses
 from studies.explorer.explorer_state import Request, request_of
+from studies.mechanics import worker_process
+from studies.mechanics.worker_process import NotStarted, WorkerDied, WorkerProcesses
 
 if TYPE_CHECKING:
     from studies.explorer.explorer_answers import Answers

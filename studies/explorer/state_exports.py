@@ -22,9 +22,9 @@ from analytic import buckling
 from geometry import design_digest
 from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Load, Magnet
-from studies.exploration.worker_process import WorkerDied, processes
 from studies.explorer.explorer_state import OPENING_DEPTH, ExplorerState, Level, plain
 from studies.inputs.option_groups import Motion
+from studies.mechanics.worker_process import WorkerDied, processes
 
 if TYPE_CHECKING:
     from fem.solution import Solution

@@ -26,8 +26,9 @@ from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.explorer.explorer_state import ExplorerState
 from studies.explorer.state_answers import number
-from studies.simulation import resonance_peaks, response_curves
-from studies.simulation.cycle_motion import Motion, frequency_of
+from studies.mechanics import resonance_peaks
+from studies.mechanics.cycle_motion import Motion, frequency_of
+from studies.simulation import response_curves
 from studies.simulation.response_curves import At, Complex
 
 Data = dict[str, Any]
@@ -210,13 +211,13 @@ def linear_loop(state: ExplorerState, motion: Motion) -> Data:
 
 def loop(state: ExplorerState, motion: Motion) -> Data:
     """Return the part `loop` by finite elements; every time step calls the watch of `fem.solve.load_increments`."""
-    from studies.simulation import cycle_report
+    from studies.mechanics import loading_cycles
 
-    cycles = cycle_report.run(
+    cycles = loading_cycles.run(
         state.design,
         motion,
         "prony",
-        cycle_report.Static(None, None),
+        loading_cycles.Static(None, None),
         LOOP_LEVEL,
         state.magnet,
         TOLERANCE,

@@ -12,11 +12,11 @@ from pathlib import Path
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.exploration.worker_process import Executor, WorkerDied, processes
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.inputs import study_axes, study_input
+from studies.mechanics.worker_process import Executor, WorkerDied, processes
 from studies.output import atomic_files, console
 
 Job = tuple[Design, dict[str, float], Path, FabricationChoices, str]
@@ -123,7 +123,7 @@ def _clean_up(folders: Sequence[Path]) -> Iterator[None]:
 
 def fabricate(job: Job) -> FabricationRow:
     """Fabricate one variant of a batch; an impossible one gives a row with status bad_input."""
-    from studies.exploration.study_cases import varied
+    from studies.mechanics.study_cases import varied
 
     design, fields, folder, choices, command = job
     try:

@@ -105,8 +105,8 @@ def solved(design: Design, load: Load | None) -> Surface:
         The solve stopped before this state.
     """
     from fem.accuracy import STANDARD
+    from studies.mechanics.path_solver import follow
     from studies.output.vtk_files import field_grid
-    from studies.simulation.compare import follow
 
     chosen = load is None
     load = load or Load(depth=design.D / 8, shear_x=design.D / 8, friction="stick")

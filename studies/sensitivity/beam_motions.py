@@ -23,11 +23,11 @@ from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
-from studies.exploration.study_cases import varied
 from studies.inputs import study_axes
+from studies.mechanics import prediction, surrogate_range, surrogate_response
+from studies.mechanics.prediction import Beams
+from studies.mechanics.study_cases import varied
 from studies.sensing.field_readings import columns as element_columns
-from studies.surrogate import prediction, surrogate_range, surrogate_response
-from studies.surrogate.prediction import Beams
 
 SURROGATE = "surrogate"
 MODELS = (SURROGATE, *beam.LEVELS)

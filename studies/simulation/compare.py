@@ -15,20 +15,16 @@ from functools import partial
 from typing import Any
 
 from analytic import beam
-from fem import equilibrium
 from fem.accuracy import LEVELS, STANDARD, Accuracy
-from fem.scene import Model
-from fem.solution import Solution
-from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
+from geometry.loads import ANSWERED, Load, Response
 from geometry.messages import Progress
+from studies.mechanics.path_solver import LoadOutcome, follow
 from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, failure_of
 from studies.simulation import comparison_figures, comparison_findings
 from studies.simulation.comparison_rows import (
-    NAN,
     Kind,
     check_rate,
     rate_sentence,
@@ -43,31 +39,6 @@ FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """Outcome of one load: its solution, or None with a status and a message."""
-
-    solution: Solution | None
-    status: str
-    message: str
-
-    @property
-    def response(self) -> Response | None:
-        return None if self.solution is None else self.solution.response
-
-    @property
-    def error_estimate(self) -> float:
-        """Estimated relative error of the force, a vector; NaN without an estimate."""
-        estimate = self.solution.estimates.force if self.solution else None
-        return NAN if estimate is None else estimate
-
-    @property
-    def sideways_error_estimate(self) -> float:
-        """Estimated relative error of the force along the shear alone; NaN without an estimate."""
-        estimate = self.solution.estimates.sideways if self.solution else None
-        return NAN if estimate is None else estimate
-
-
-@dataclass(frozen=True, slots=True)
 class Comparison:
     """Rows of both tables, their summary, and the outcomes of the finite elements with the magnet, one for each row.
 
@@ -77,8 +48,8 @@ class Comparison:
     press: list[FlatRow]
     shear: list[FlatRow]
     summary: dict[str, Any]
-    pressed: list[Outcome]
-    sheared: list[Outcome]
+    pressed: list[LoadOutcome]
+    sheared: list[LoadOutcome]
 
 
 def run(
@@ -196,52 +167,10 @@ def part(progress: Progress | None, low: float, high: float, name: str = "") -> 
 # Finite elements
 
 
-def follow(
-    design: Design,
-    loads: Sequence[Load],
-    accuracy: Accuracy,
-    magnet: Magnet,
-    progress: Progress | None = None,
-    *,
-    model: Model = "auto",
-) -> list[Outcome]:
-    """Return the outcome of each load of a path; a refused load does not stop the others."""
-    refused = [_refusal(design, load, magnet) for load in loads]
-    possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
-    try:
-        states = (
-            equilibrium.trace(design, possible, accuracy, magnet=magnet, model=model, progress=progress)
-            if possible
-            else []
-        )
-        failed = Outcome(None, states[-1].status, states[-1].message) if states else None
-    except SolveFailed as error:
-        states, failed = [], Outcome(None, "not_converged", str(error))
-    remaining = iter(states)
-    outcomes = []
-    for reason in refused:
-        state = None if reason else next(remaining, None)
-        if reason or failed is None:
-            outcomes.append(Outcome(None, "bad_input", reason))
-        elif state is None:
-            outcomes.append(failed)
-        else:
-            outcomes.append(Outcome(state if state.status in ANSWERED else None, state.status, state.message))
-    return outcomes
-
-
-def _refusal(design: Design, load: Load, magnet: Magnet) -> str:
-    try:
-        check_load(design, load, magnet)
-    except BadInput as error:
-        return str(error)
-    return ""
-
-
 def _both(
     design: Design, loads: Sequence[Load], accuracy: Accuracy, progress: Progress | None
-) -> tuple[list[Outcome], list[Outcome]]:
-    """Outcomes with the rigid magnet and of the homogeneous beam."""
+) -> tuple[list[LoadOutcome], list[LoadOutcome]]:
+    """LoadOutcomes with the rigid magnet and of the homogeneous beam."""
     if not design.shape.has_magnet:
         bare = follow(design, loads, accuracy, "ignored", progress)
         return bare, bare
@@ -250,7 +179,7 @@ def _both(
 
 
 def rows_of(
-    kind: Kind, design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]
+    kind: Kind, design: Design, loads: Sequence[Load], rigid: Sequence[LoadOutcome], bare: Sequence[LoadOutcome]
 ) -> list[FlatRow]:
     """Return one row for each load, without the errors of the readings.
 
@@ -283,7 +212,7 @@ def formulas(design: Design, load: Load) -> tuple[Response | None, str]:
         return None, f"no formula: {error}"
 
 
-def _verdict(fem: Outcome, homogeneous: Outcome, remark: str) -> tuple[str, str]:
+def _verdict(fem: LoadOutcome, homogeneous: LoadOutcome, remark: str) -> tuple[str, str]:
     """Return status and message of a row: the status of the first solve that failed, else of one that is unstable."""
     both = sorted((fem, homogeneous), key=lambda outcome: (outcome.status in ANSWERED, outcome.status == "ok"))
     texts = dict.fromkeys(text for text in (fem.message, homogeneous.message, remark) if text)

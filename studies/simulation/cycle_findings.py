@@ -13,12 +13,13 @@ from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes, relaxation_of
+from studies.mechanics import loading_cycles
+from studies.mechanics.cycle_motion import Motion
+from studies.mechanics.loading_cycles import Cycles, Static
 from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Interrupted, Result, Table, failure_of
-from studies.simulation import cycle_report, time_figures
-from studies.simulation.cycle_motion import Motion
-from studies.simulation.cycle_report import Cycles, Static
+from studies.simulation import time_figures
 
 if TYPE_CHECKING:
     from fem.analyses.timed_path import ViscousLaw
@@ -59,17 +60,17 @@ def study(
         progress(0.0, "the lowest natural frequency")
         lowest = lowest_frequency(design, magnet)
         progress(0.0, "the curve of slow loading")
-        static = cycle_report.static_curve(design, motion, accuracy, magnet)
+        static = loading_cycles.static_curve(design, motion, accuracy, magnet)
 
         def follow(sensor: Design, law: ViscousLaw = "prony") -> Cycles:
-            return cycle_report.run(sensor, motion, law, static, accuracy, magnet, tolerance, progress)
+            return loading_cycles.run(sensor, motion, law, static, accuracy, magnet, tolerance, progress)
 
         for law in laws:
             followed.append(follow(design, law))
         found = {} if gap is None else _loss_factor(design, motion, gap, follow)
     except KeyboardInterrupt as stop:
         # a run of the search for a gap has another loss factor: its loops are not those of the design
-        if isinstance(stop, cycle_report.Interrupted) and len(followed) < len(laws):
+        if isinstance(stop, loading_cycles.Interrupted) and len(followed) < len(laws):
             followed.append(stop.cycles)
         raise _interrupted(followed, motion) from None
     sentences = notes(design, motion, static, followed[0], lowest)
@@ -118,7 +119,7 @@ def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:
 def _loss_factor(design: Design, motion: Motion, gap: float, follow: Callable[[Design], Cycles]) -> FlatRow:
     """Return the loss factor with a gap, percent, its loop and a sentence, or why there is none."""
     try:
-        factor, row = cycle_report.loss_factor_of_gap(design, motion, gap, follow)
+        factor, row = loading_cycles.loss_factor_of_gap(design, motion, gap, follow)
     except OutOfReach as error:
         return {"status": "failed", "message": str(error), "sentence": str(error)}
     return {

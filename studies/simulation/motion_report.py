@@ -35,10 +35,10 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.loads import Load
+from studies.mechanics.resonance_peaks import ACCURATE, BAND, Gain, Peak, bandwidth, flat_to, peaks
 from studies.output.records import FlatRow
 from studies.output.text_tables import shown
 from studies.simulation import response_curves
-from studies.simulation.resonance_peaks import ACCURATE, BAND, Gain, Peak, bandwidth, flat_to, peaks
 from studies.simulation.response_curves import At, Complex, Curves
 
 if TYPE_CHECKING:

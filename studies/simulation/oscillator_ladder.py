@@ -11,9 +11,9 @@ from analytic.oscillator import moving_mass, natural_frequency, receptance
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.relaxation import Relaxation
+from studies.mechanics import resonance_peaks
+from studies.mechanics.resonance_peaks import BAND
 from studies.output.records import FlatRow
-from studies.simulation import resonance_peaks
-from studies.simulation.resonance_peaks import BAND
 
 Response = Callable[[Array], NDArray[np.complex128]]
 """Complex amplitude at frequencies (f,), Hz."""

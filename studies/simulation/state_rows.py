@@ -18,7 +18,7 @@ from studies.output.records import FlatRow
 if TYPE_CHECKING:
     from analytic.hall import Readings
     from fem.solution import Facts, Solution
-    from studies.surrogate.surrogate_response import Estimate
+    from studies.mechanics.surrogate_response import Estimate
 
 FACTS = (
     "stop",
@@ -95,6 +95,8 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
 
 def surrogate_row(load: Load, estimate: Estimate, model: str, made_for: Fields, seconds: float) -> FlatRow:
     """Return the row of a state by the surrogate: its error estimates are the half widths of its 90 % intervals."""
+    from studies.mechanics.surrogate_response import surrogate_message
+
     return state_row(
         load,
         estimate.response,
@@ -108,14 +110,6 @@ def surrogate_row(load: Load, estimate: Estimate, model: str, made_for: Fields, 
         seconds=seconds,
         largest_strain_percent=100 * estimate.strain,
     )
-
-
-def surrogate_message(estimate: Estimate) -> str:
-    """Return which model a state is from, and its 90 % intervals, in a sentence."""
-    widths = {"force": estimate.force_error, "shift": estimate.shift_error, "tilt": estimate.tilt_error}
-    widths["force along the shear"] = estimate.sideways_error
-    shown = ", ".join(f"{name} +-{100 * width:.2g} %" for name, width in widths.items() if width is not None)
-    return f"by the surrogate; 90 % intervals: {shown}"
 
 
 def formula_row(

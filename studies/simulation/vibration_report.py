@@ -16,12 +16,13 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes
+from studies.mechanics import resonance_peaks
+from studies.mechanics.resonance_peaks import BAND
 from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
 from studies.output.result import Block, Lines, Result, Table, Writer, failure_of
-from studies.simulation import oscillator_ladder, resonance_peaks, response_curves, time_figures
+from studies.simulation import oscillator_ladder, response_curves, time_figures
 from studies.simulation.motion_report import lines, mesh_warnings, report_motion
-from studies.simulation.resonance_peaks import BAND
 from studies.simulation.response_curves import At, Curves
 
 if TYPE_CHECKING:

@@ -19,10 +19,11 @@ from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.inputs.option_groups import Method
 from studies.inputs.user_input import AccuracyName, parse_tolerance
+from studies.mechanics import model_choice
+from studies.mechanics.model_choice import UNMET, Choice, percent
 from studies.output import console
 from studies.output.records import FlatRow
-from studies.simulation import load_cases, model_choice, state_rows
-from studies.simulation.model_choice import UNMET, Choice, percent
+from studies.simulation import load_cases, state_rows
 
 if TYPE_CHECKING:
     from fem.analyses.force_targets import ForceTarget
@@ -197,7 +198,7 @@ def _formula_row(design: Design, load: Load, method: Method, choice: Choice) -> 
 
 
 def _surrogate_row(design: Design, load: Load, method: Method, choice: Choice) -> FlatRow:
-    from studies.surrogate import surrogate_response
+    from studies.mechanics import surrogate_response
 
     begin = time.perf_counter()
     estimate = surrogate_response.respond(design, load, method.magnet)

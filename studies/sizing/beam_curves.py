@@ -22,7 +22,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from geometry.arrays import Array
-from studies.surrogate import surrogate_range
+from studies.mechanics import surrogate_range
 
 PRESS_DEPTHS = 8
 """Number of depths under a press."""
@@ -52,7 +52,7 @@ class Quantity(Protocol):
 
 
 class Beams(Protocol):
-    """Responses of n dimensionless beams, see `studies.surrogate.prediction`."""
+    """Responses of n dimensionless beams, see `studies.mechanics.prediction`."""
 
     def press(self, depth: Array) -> Mapping[str, Quantity]: ...
     def shear(self, depth: Array, shear: Array) -> Mapping[str, Quantity]: ...

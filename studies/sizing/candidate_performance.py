@@ -35,12 +35,12 @@ from geometry.cad import element_positions
 from geometry.design import BadInput
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold, sizes
-from studies.exploration.solved_paths import frequency_unit
+from studies.mechanics import surrogate_range
+from studies.mechanics.path_solver import frequency_unit
 from studies.sensitivity.made_sensors import MadeSensors, made_readings
 from studies.sizing.beam_curves import Beams, PressCurves, ShearCurves, press_curves, shear_curves
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.requirements import Requirements
-from studies.surrogate import surrogate_range
 
 
 class Reader(Protocol):

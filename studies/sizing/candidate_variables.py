@@ -13,10 +13,10 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.fabrication.hall_elements import CHIPS, SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
+from studies.mechanics import surrogate_range
 from studies.sizing.catalogues import FILTER, Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.front_search import Variable
 from studies.sizing.requirements import Requirements
-from studies.surrogate import surrogate_range
 
 ROUNDING = 0.1
 """Lengths of a design are whole multiples of this, mm: a finer drawing asks for more than printers hold."""

@@ -23,8 +23,8 @@ from fem.scene import Scene
 from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load
-from studies.exploration.needed_paths import Solver
-from studies.exploration.solved_paths import Answer
+from studies.mechanics.path_solver import Answer
+from studies.mechanics.solve_plan import Solver
 from studies.output.records import FlatRow
 from studies.sizing.candidate_performance import CHECKED, LEAST, Performance, performance
 from studies.sizing.variant_search import beams_of, objectives

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from fem.accuracy import Accuracy
 from geometry.messages import Progress
-from studies.exploration import store as stores
-from studies.exploration.needed_paths import Processes, Solver
+from studies.mechanics import store as stores
+from studies.mechanics.solve_plan import Processes, Solver
 from studies.output import page_templates
 from studies.output.atomic_files import write_json
 from studies.output.figures import picture

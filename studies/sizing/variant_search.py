@@ -13,10 +13,10 @@ import numpy as np
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
+from studies.mechanics import prediction
 from studies.sizing.candidate_performance import Performance, performance
 from studies.sizing.candidate_variables import Variant, shortage, variables, variant
 from studies.sizing.front_search import Effort, Generation, search
-from studies.surrogate import prediction
 
 if TYPE_CHECKING:
     from studies.sizing.catalogues import Catalogues

@@ -27,13 +27,13 @@ from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies import cases
 from studies.cases import FemModel
+from studies.mechanics.model_choice import rounded_up
 from studies.output import provenance
 from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
 from studies.report import verdict_figures
 from studies.simulation.compare import part
-from studies.simulation.model_choice import rounded_up
 from studies.validation import error_study_cases, pages
 from studies.validation.error_study_cases import TANGENT_SCENES, Trial
 from studies.validation.pages import Row

@@ -19,12 +19,12 @@ from analytic import beam
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.exploration import sweep_request
-from studies.exploration.needed_paths import Processes
-from studies.exploration.study_cases import Cases, Plan
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.study_cases import Cases, Plan
 from studies.output.result import Result, Table
 from studies.simulation import beam_cells
 from studies.simulation.beam_cells import QUANTITIES, Body, Bools, Cells, Columns, all_errors, errors
+from studies.sweeps import sweep_request
 from studies.validation import assumption_maps, pages, reading_split
 from studies.validation.pages import Row
 from studies.validation.reading_split import PARTS
@@ -112,7 +112,7 @@ def run(progress: Progress, plan: Plan, processes: Processes = Processes(), stor
 
 def result(table: Columns, design: Design) -> Result:
     """Return what follows from the table of a sweep over a design."""
-    from studies.exploration.study_rows import flat_rows
+    from studies.sweeps.study_rows import flat_rows
 
     pairs = product(beam_cells.bodies(table), QUANTITIES)
     grids = [grid for body, kind in pairs if (grid := beam_cells.cells(table, body, kind)).row.size]

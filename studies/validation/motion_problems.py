@@ -36,7 +36,7 @@ from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation, relaxation_of
-from studies.simulation import resonance_peaks
+from studies.mechanics import resonance_peaks
 from studies.validation.static_problems import LEVEL, SKIN, Mask, NotSolvedError, solve
 
 TWO = Branches(np.array([0.3, 0.2]), np.array([0.5, 4.0]), 1.0)

@@ -23,8 +23,8 @@ from analytic import hall
 from analytic.parts import of_design
 from geometry.arrays import Array
 from geometry.design import Design
-from studies.exploration.study_cases import varied
 from studies.inputs.user_input import Value
+from studies.mechanics.study_cases import varied
 from studies.simulation.beam_cells import Body, Cells, Columns
 from studies.validation.pages import Row
 

@@ -22,9 +22,10 @@ from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_of
+from studies.mechanics import loading_cycles
+from studies.mechanics.cycle_motion import Motion
 from studies.sensing import layout_uniqueness
-from studies.simulation import cycle_report, vibration_report
-from studies.simulation.cycle_motion import Motion
+from studies.simulation import vibration_report
 from studies.validation.claim_states import S1_AT_REST, with_magnet
 from studies.validation.pages import Row
 
@@ -77,8 +78,8 @@ def loop_figures() -> Row:
     """
     design = paper()
     motion = Motion(CYCLE_DEPTH, 0.0, "none", CYCLE_SPEED / (2 * CYCLE_DEPTH), cycles=2)
-    cycles = cycle_report.run(
-        design, motion, "prony", cycle_report.Static(None, None), "quick", "rigid", 1e-3, lambda share, text: None
+    cycles = loading_cycles.run(
+        design, motion, "prony", loading_cycles.Static(None, None), "quick", "rigid", 1e-3, lambda share, text: None
     )
     relaxation = relaxation_of(design)
     spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))

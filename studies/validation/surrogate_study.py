@@ -24,13 +24,13 @@ from scipy import linalg
 from fem.accuracy import QUICK, STANDARD, Accuracy
 from geometry.arrays import Array
 from geometry.messages import Progress
-from studies.exploration.needed_paths import Processes, Solver
-from studies.exploration.store import Store
+from studies.mechanics import prediction, surrogate_range
+from studies.mechanics.gaussian_process import GaussianProcess, correlation
+from studies.mechanics.prediction import CRITICAL, Quantity
+from studies.mechanics.solve_plan import Processes, Solver
+from studies.mechanics.store import Store
+from studies.mechanics.surrogate_file import Group, Surrogate
 from studies.output.provenance import versions
-from studies.surrogate import prediction, surrogate_range
-from studies.surrogate.gaussian_process import GaussianProcess, correlation
-from studies.surrogate.prediction import CRITICAL, Quantity
-from studies.surrogate.surrogate_file import Group, Surrogate
 from studies.validation.surrogate_fit import TrainingSet, quantiles_by_region, surrogate_of
 from studies.validation.surrogate_training import (
     Beams,

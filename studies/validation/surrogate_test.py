@@ -19,13 +19,13 @@ import numpy as np
 from scipy import stats
 
 from geometry.messages import Progress
-from studies.exploration.needed_paths import Processes
-from studies.exploration.store import Store
+from studies.mechanics import surrogate_file
+from studies.mechanics.prediction import DEEP, SLENDER, THICK, WIDE, Beams
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.store import Store
 from studies.output.figures import Figure, Look, plot, save, table_of
 from studies.output.goals import Goal, missed, verdict
 from studies.output.result import Result, Table
-from studies.surrogate import surrogate_file
-from studies.surrogate.prediction import DEEP, SLENDER, THICK, WIDE, Beams
 from studies.validation import pages, surrogate_study
 from studies.validation.pages import Row
 from studies.validation.surrogate_fit import COVERAGE

@@ -29,11 +29,11 @@ from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load, Response
-from studies.exploration.needed_paths import Solver
-from studies.exploration.solved_paths import Answer
-from studies.surrogate import prediction, surrogate_range
-from studies.surrogate.prediction import first_zero
-from studies.surrogate.surrogate_range import DENSITY_RATIO, DIAMETER, EDGE, HEIGHT, LEAST_WALL, LENGTH, POISSON
+from studies.mechanics import prediction, surrogate_range
+from studies.mechanics.path_solver import Answer
+from studies.mechanics.prediction import first_zero
+from studies.mechanics.solve_plan import Solver
+from studies.mechanics.surrogate_range import DENSITY_RATIO, DIAMETER, EDGE, HEIGHT, LEAST_WALL, LENGTH, POISSON
 
 DIAMETER_MM = 10.0
 """D of the designs that are solved; the answers hold for every D."""

@@ -13,6 +13,7 @@ import numpy as np
 from analytic import beam
 from geometry.design import BadInput
 from geometry.messages import Progress
+from studies.mechanics.model_choice import Statement
 from studies.output.atomic_files import write_text
 from studies.output.figures import picture
 from studies.output.goals import failures, page_lines
@@ -21,7 +22,6 @@ from studies.output.result import Result, Table
 from studies.output.text_tables import cell as number
 from studies.report import verdict_figures
 from studies.simulation.compare import part
-from studies.simulation.model_choice import Statement
 from studies.validation import pages, trade_cases, trade_rule, trade_study
 from studies.validation.pages import Row
 from studies.validation.trade_cases import CALCULATED, KINDS, SHIPPED, SURROGATE, Kind

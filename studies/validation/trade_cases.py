@@ -2,7 +2,7 @@
 
 Twenty-four chosen designs span the range: the paper's, L/D from 0.6 to 6, magnets from none to the largest that
 fits, nu from 0.45 to 0.4999, four laws; six of them lie inside the range of the formulas. The rule of
-`studies.simulation.model_choice` follows from them. Further designs, drawn at random in the same range, confirm the
+`studies.mechanics.model_choice` follows from them. Further designs, drawn at random in the same range, confirm the
 rule.
 """
 

@@ -14,11 +14,11 @@ from dataclasses import asdict
 import numpy as np
 
 from geometry.design import BadInput
+from studies.mechanics import model_choice
+from studies.mechanics.model_choice import ANY_REGION, Choice, Statement
 from studies.output import records
 from studies.output.atomic_files import json_line
 from studies.output.goals import Goal
-from studies.simulation import model_choice
-from studies.simulation.model_choice import ANY_REGION, Choice, Statement
 from studies.validation import trade_cases
 from studies.validation.pages import Row
 from studies.validation.trade_cases import CALCULATED, SURROGATE, Kind

@@ -25,8 +25,8 @@ from geometry.loads import Load, Response
 from geometry.messages import Progress
 from studies import cases
 from studies.cases import FemModel
+from studies.mechanics import surrogate_response
 from studies.simulation.compare import part
-from studies.surrogate import surrogate_response
 from studies.validation import bench_programs, pages, trade_cases
 from studies.validation.error_study_cases import Trial
 from studies.validation.pages import Row

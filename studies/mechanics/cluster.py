@@ -1,0 +1,223 @@
+"""Tasks done by the workers of a Dask cluster, each of which hands them to worker processes of its own.
+
+A thread of a Dask worker does a task in a separate process (`worker_process`), as a run on one machine does. If that
+process dies, the Dask worker lives on, so it is known which task is the cause, and tasks in other threads or assigned
+to the same Dask worker are not affected. Dask alone would suspect all of them. It also could not stop a task that
+runs. If a Dask worker itself is lost, for which no task is to blame, the scheduler hands its tasks to others.
+
+Everything passes as pickles between client, scheduler and workers: whoever reaches the scheduler can execute code on
+all of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import itertools
+import logging
+import pickle
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
+from typing import Any
+
+from fem.physics_version import PHYSICS
+from geometry.design import BadInput
+from studies.mechanics.worker_process import Answer, Executor, SchedulerLost, WorkerProcesses, WorkersLost
+from studies.output import provenance
+
+CONNECT = 10.0
+"""Time within which a scheduler answers and has a worker, s."""
+REFRESH = 2.0
+"""Time after which the number of workers is asked again, s."""
+ABSENCE = 60.0
+"""Time that a run waits for another Dask worker when none is left, s."""
+ATTEMPTS = 2
+"""Times that a task is handed to the scheduler, which gives it up when four Dask workers were lost (its default)."""
+
+Models = tuple[str | None, dict[Any, int]]
+"""Version of magtip, and physics version of each model."""
+
+_processes = WorkerProcesses(threads=1)
+"""Worker processes of this Dask worker, shared by all runs, so that an interrupted run leaves none behind."""
+
+
+@functools.cache
+def installed_models() -> Models:
+    """Return the version of magtip in this process and those of its models."""
+    return provenance.installed(provenance.OWN), dict(PHYSICS)
+
+
+def do_job(job: bytes, run: str, models: Models) -> bytes:
+    """Do a job of a run in a process of this Dask worker; return its pickled `Answer`."""
+    if installed_models() != models:
+        # workers that join later are not checked when the run begins
+        raise BadInput(_mismatch("a worker of the cluster", installed_models(), models))
+    return _processes.call(job, run)
+
+
+def end_run(run: str) -> None:
+    """End the processes of a run, and the idle ones, on this Dask worker."""
+    _processes.end(run)
+
+
+@contextlib.contextmanager
+def connected(address: str) -> Iterator[Executor]:
+    """Yield the workers of a cluster; tasks that are unfinished at the end of the context are ended.
+
+    Raises
+    ------
+    BadInput
+        Dask is missing, the scheduler cannot be reached, has no worker, or a worker has other versions.
+    """
+    client = _client(address)
+    jobs = _Jobs(client, address)
+    try:
+        _check_workers(client, address)
+        yield Executor(jobs.submit, jobs.size, jobs.check)
+    finally:
+        # what cannot be told to a scheduler that is gone needs no telling: Dask workers end with it
+        with contextlib.suppress(OSError, TimeoutError):
+            if client.status == "running":
+                client.cancel(list(jobs.futures), force=True)
+                client.run(end_run, jobs.run, on_error="ignore")
+        with contextlib.suppress(OSError, TimeoutError):
+            client.close(timeout=1)
+
+
+def _client(address: str) -> Any:
+    """Connect to a scheduler."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise BadInput("a Dask scheduler needs Dask: install it with `pip install 'magtip[cluster]'`") from None
+    # the run itself says in a sentence what happens to the connection
+    for name in ("client", "batched", "core", "comm"):
+        logging.getLogger(f"distributed.{name}").setLevel(logging.CRITICAL)
+    try:
+        # a client would wait without limit for the first words of another server that is silent
+        _greet(address)
+        return Client(address, timeout=CONNECT, set_as_default=False, name="magtip")
+    except (OSError, ValueError, TypeError) as error:
+        message = (
+            f"no Dask scheduler answers at {address!r}: "
+            "check the address, which `dask scheduler` prints, such as tcp://127.0.0.1:8786"
+        )
+        raise BadInput(message) from error
+
+
+def _greet(address: str) -> None:
+    """Connect to a scheduler and hang up, in a thread of its own: this one may have an event loop."""
+    from distributed.comm import connect
+    from distributed.security import Security
+
+    async def greet() -> None:
+        security = Security().get_connection_args("client")
+        comm = await asyncio.wait_for(connect(address, timeout=CONNECT, **security), CONNECT)
+        comm.abort()
+
+    def run() -> None:
+        try:
+            reply.set_result(asyncio.run(greet()))
+        except BaseException as error:
+            reply.set_exception(error)
+
+    reply: Future[None] = Future()
+    threading.Thread(target=run, daemon=True).start()  # Ctrl-C does not wait for a daemon
+    reply.result()
+
+
+def _check_workers(client: Any, address: str) -> None:
+    """Refuse a cluster without workers, or with workers that have another version of magtip."""
+    try:
+        client.wait_for_workers(1, timeout=CONNECT)
+    except TimeoutError:
+        message = f"the scheduler at {address} has no workers: start some with `dask worker {address}`"
+        raise BadInput(message) from None
+    models = installed_models()
+    for worker, theirs in client.run(installed_models, on_error="return").items():
+        if isinstance(theirs, ImportError):
+            raise BadInput(
+                f"the worker at {worker} cannot import magtip ({theirs}): install magtip {models[0]} there"
+            )
+        if isinstance(theirs, Exception):
+            raise BadInput(f"the worker at {worker} does not answer: {theirs}")
+        if theirs != models:
+            raise BadInput(_mismatch(f"the worker at {worker}", theirs, models))
+
+
+def _mismatch(worker: str, theirs: Models, ours: Models) -> str:
+    """Say which version a worker has."""
+    same = theirs[0] == ours[0]
+    other = f"magtip {theirs[0]} with other physics versions" if same else f"magtip {theirs[0]}, not {ours[0]}"
+    return f"{worker} has {other}: install the version of this machine on all workers"
+
+
+class _Jobs:
+    """The jobs of a run: for each a future of Dask, which passes its answer to the future that the run waits for."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self.client, self.address = client, address
+        self.run, self.models = f"magtip-{client.id}", installed_models()
+        self.futures: dict[Any, None] = {}
+        self.numbers = itertools.count()
+        self.threads, self.asked, self.present = 0, -REFRESH, time.monotonic()
+
+    def submit(self, function: Callable[[Any], Any], task: Any) -> Future[Answer]:
+        """Hand over a task."""
+        reply: Future[Answer] = Future()
+        self._send(pickle.dumps((function, task)), reply, 1)
+        return reply
+
+    def size(self) -> int:
+        """Return the number of threads of all workers, as of a moment ago."""
+        now = time.monotonic()
+        if now - self.asked > REFRESH and self.client.status == "running":
+            self.asked = now
+            with contextlib.suppress(OSError, TimeoutError):
+                self.threads = sum(self.client.nthreads().values())
+        if self.threads:
+            self.present = now
+        return self.threads
+
+    def check(self) -> None:
+        """Refuse to wait any longer for a first worker after the last one was lost."""
+        if time.monotonic() - self.present > ABSENCE:
+            raise SchedulerLost(f"the scheduler at {self.address} has had no worker for {ABSENCE:g} s")
+
+    def _send(self, job: bytes, reply: Future[Answer], attempt: int) -> None:
+        """Hand over a job; its answer, or the reason why there is none, becomes that of the reply."""
+        key = f"{self.run}-{next(self.numbers)}"
+        future = self.client.submit(do_job, job, self.run, self.models, key=key, pure=False)
+        self.futures[future] = None  # Dask forgets a task whose future is deleted
+
+        def receive(future: Any) -> None:
+            from distributed import KilledWorker
+
+            try:
+                try:
+                    reply.set_result(self._answer(future))
+                except KilledWorker as lost:
+                    if attempt == ATTEMPTS:
+                        count = ATTEMPTS * (lost.allowed_failures + 1)
+                        raise WorkersLost(f"the cluster lost {count} workers to which it was assigned") from None
+                    self._send(job, reply, attempt + 1)
+            except BaseException as error:
+                reply.set_exception(error)
+            finally:
+                self.futures.pop(future, None)
+
+        future.add_done_callback(receive)
+
+    def _answer(self, future: Any) -> Answer:
+        """Return the answer of a Dask future that is done."""
+        try:
+            result: Answer = pickle.loads(future.result())
+        except (CancelledError, OSError, TimeoutError):
+            # Dask cancels all futures when the connection breaks; an error of a worker comes over a good connection
+            if future.status == "error":
+                raise
+            raise SchedulerLost(f"the scheduler at {self.address} is gone") from None
+        return result

@@ -1,0 +1,483 @@
+"""Loading cycles of a viscoelastic sensor: the motion followed in time, its readings, and the measures of each loop.
+
+Gap and full scale of a loop are those of the paper's Figure 13: the difference of the forces on both ways at
+mid-stroke, over the difference of the largest and the least force. The decoded force is read from the outputs by the
+sensor's static inverse: the point nearest to them on the curve of outputs that slow, fully relaxed loading passes
+through, and the force there.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analytic.batch_readings import batch_readings
+from analytic.relaxation_loops import loop
+from fem.analyses.timed_path import TimedState
+from geometry.arrays import Array
+from geometry.bad_input import OutOfReach
+from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED, Load, Magnet, check_load
+from geometry.messages import Progress
+from geometry.relaxation import moduli, relaxation_of
+from studies.mechanics.cycle_motion import Motion, Phase, Stop, stops
+from studies.output.records import FlatRow
+
+if TYPE_CHECKING:
+    from fem.analyses.timed_path import ViscousLaw
+
+STEPS = 32
+"""Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
+CURVE, BEYOND = 24, 0.25
+"""States of the static curve, and the share of its way by which it goes on straight beyond its end."""
+SEARCHES, GAP_TOLERANCE = 6, 0.05
+"""Most runs of the search for a loss factor, and the difference from the wanted gap at which it ends, percentage
+points."""
+EXPECTED = ("part_slips", "full_slip", "idle_stick", "touch_lost")
+"""Remarks on single states of a motion that limit nothing."""
+MOST_LOSS = 1.0
+"""Largest loss factor of the search, the bound of the design's field."""
+
+
+# States and loops
+
+
+@dataclass(frozen=True, slots=True)
+class CycleState:
+    """A state with its place in the cycle, the elements' outputs (V, or T for a chip), and the decoded force."""
+
+    stop: Stop
+    state: TimedState
+    at_stop: bool
+    outputs: Array
+    decoded: float
+
+    def row(self, unit: str) -> FlatRow:
+        """Return the row of cycle.csv."""
+        s, r = self.state, self.state.response
+        return {
+            "time_s": s.time,
+            "cycle": self.stop.cycle,
+            "phase": self.stop.phase,
+            "depth_mm": s.load.depth,
+            "shear_mm": s.load.shear_x,
+            **{f"force_{axis}_N": value for axis, value in zip("xyz", r.force, strict=True)},
+            **{f"shift_{axis}_mm": value for axis, value in zip("xyz", r.shift, strict=True)},
+            "tilt_rad": r.tilt,
+            "contact_radius_mm": r.contact_radius,
+            **{f"S{i}_{unit}": float(value) for i, value in enumerate(self.outputs, 1)},
+            "decoded_force_N": self.decoded,
+            "time_error": s.time_error,
+            "work_mJ": s.work,
+            "stored_mJ": s.stored,
+            "dissipated_mJ": s.dissipated,
+            "friction_dissipated_mJ": s.friction_dissipated,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """The loop of one cycle.
+
+    Attributes
+    ----------
+    largest_N, full_scale_N : largest force along the motion, and its difference to the least one.
+    gap_N, gap_percent : difference of the forces at mid-stroke, in and out, also in percent of full scale.
+    area_mJ : work of the plate in the cycle, the area of the loop.
+    material_mJ, friction_mJ : what silicone and friction dissipated in it; the rest was stored, or, if negative,
+        stored before and released.
+    decoded_gap_percent : gap of the decoded force, in percent of its full scale; None without a magnet.
+    decoded_error_percent : largest difference of the decoded force and the force, in percent of full scale.
+    """
+
+    cycle: int
+    largest_N: float
+    full_scale_N: float
+    gap_N: float
+    gap_percent: float
+    area_mJ: float
+    material_mJ: float
+    friction_mJ: float
+    decoded_gap_percent: float | None
+    decoded_error_percent: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class StaticCurve:
+    """Forces (n,) along the motion of slow loading, and the outputs (n, 3) of the elements; None without a magnet."""
+
+    forces: Array
+    outputs: Array
+
+    def decode(self, outputs: Array) -> Array:
+        """Return the forces (m,) of outputs (m, 3): those of the nearest points of the curve."""
+        begin, along = self.outputs[:-1], np.diff(self.outputs, axis=0)
+        length = np.maximum((along**2).sum(axis=1), 1e-300)
+        share = np.clip(np.einsum("mnk,nk->mn", outputs[:, None] - begin, along) / length, 0, 1)
+        off = ((outputs[:, None] - begin - share[..., None] * along) ** 2).sum(axis=2)
+        best = off.argmin(axis=1)
+        part = share[np.arange(len(outputs)), best]
+        return np.asarray(self.forces[best] + part * np.diff(self.forces)[best])
+
+
+def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
+    """Return the outputs (n, 3) of the elements for shifts (n, 3), mm, and tilts (n,) towards x, rad."""
+    rotations = np.stack([np.zeros(len(tilts)), tilts], axis=1)
+    return batch_readings([design], np.zeros(len(shifts), dtype=np.int64), shifts, rotations).output
+
+
+def with_readings(
+    design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], curve: StaticCurve | None
+) -> list[CycleState]:
+    """Return the states with their outputs and decoded forces."""
+    shifts = np.array([state.response.shift for _, state, _ in passed])
+    outputs = outputs_of(design, shifts, np.array([state.response.tilt for _, state, _ in passed]))
+    decoded = np.full(len(passed), np.nan) if curve is None else curve.decode(outputs)
+    # the curve is that of the strokes: it knows no press before a shear
+    decoded[[stop.phase == "press" and not state.load.shear_x for stop, state, _ in passed]] = np.nan
+    return [
+        CycleState(stop, state, at_stop, one, float(force))
+        for (stop, state, at_stop), one, force in zip(passed, outputs, decoded, strict=True)
+    ]
+
+
+def loops_of(motion: Motion, states: Sequence[CycleState]) -> list[Loop]:
+    """Return the loops of all complete cycles."""
+    rows = []
+    for cycle in range(1, motion.cycles + 1):
+        own = [one for one in states if one.stop.cycle == cycle]
+        ends = [one for one in own if one.at_stop and one.stop.place == "end"]
+        if len(ends) == 2:
+            rows.append(_loop(motion, cycle, own, _before(states, own)))
+    return rows
+
+
+def _before(states: Sequence[CycleState], own: Sequence[CycleState]) -> TimedState | None:
+    """Return the state before a cycle; None at rest."""
+    at = states.index(own[0])
+    return states[at - 1].state if at else None
+
+
+def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedState | None) -> Loop:
+    axis, last = 0 if motion.shear else 2, own[-1].state
+    # forces count along the first way of the plate
+    way = -1.0 if motion.shear < 0 else 1.0
+    force = way * np.array([one.state.response.force[axis] for one in own])
+    decoded = way * np.array([one.decoded for one in own])
+    # a shear passes its ends outside of a cycle too
+    gap, scale = _gap(own, force), _scale(force, None if before is None else way * before.response.force[axis])
+    known = bool(np.isfinite(decoded).all())
+    start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.friction_dissipated)
+    most = max(abs(one.state.work) for one in own)
+    return Loop(
+        cycle=cycle,
+        largest_N=float(np.abs(force).max()),
+        full_scale_N=scale,
+        gap_N=_rounded(gap, scale),
+        gap_percent=100 * _rounded(gap, scale) / scale if scale else 0.0,
+        area_mJ=_rounded(last.work - start[0], most),
+        material_mJ=_rounded(last.dissipated - start[1], most),
+        friction_mJ=_rounded(last.friction_dissipated - start[2], most),
+        decoded_gap_percent=100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
+        if known and np.ptp(decoded)
+        else None,
+        decoded_error_percent=100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
+    )
+
+
+def _rounded(value: float, scale: float) -> float:
+    """Return a value rounded to a millionth of a scale: far below the errors, but in sight where it should be 0."""
+    return round(value, 5 - math.floor(math.log10(scale))) + 0.0 if scale else value
+
+
+def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
+    """Return the difference of the forces at mid-stroke, on the way in and on the way out."""
+    middle: dict[Phase, float] = {
+        one.stop.phase: float(value)
+        for one, value in zip(own, force, strict=True)
+        if one.at_stop and one.stop.place == "middle"
+    }
+    return middle["in"] - middle["out"]
+
+
+def _scale(force: Array, before: float | None) -> float:
+    """Return the difference of the largest and the least force of a cycle, with that before it."""
+    return float(np.ptp(force if before is None else np.append(force, before)))
+
+
+# Motion in time
+
+
+@dataclass(frozen=True, slots=True)
+class Cycles:
+    """The states and loops of a motion by one law.
+
+    Attributes
+    ----------
+    law : "prony" or "finite", see `fem.model.viscoelasticity`.
+    status, message : "ok", "unstable" with the first such state, or why the path ended.
+    unit : unit of the outputs.
+    seconds : processor time.
+    """
+
+    law: str
+    status: str
+    message: str
+    states: list[CycleState]
+    loops: list[Loop]
+    unit: str
+    seconds: float
+
+    @property
+    def time_error(self) -> float:
+        """Largest estimated error of the force from the time steps, over the largest force."""
+        return max((one.state.time_error for one in self.states), default=math.nan)
+
+    @property
+    def balance_error(self) -> float:
+        """Largest work that is neither stored nor dissipated, an error of the time steps, over the largest work."""
+        largest = max((one.state.work for one in self.states), default=0.0)
+        return max(abs(one.state.balance) for one in self.states) / largest if largest > 0 else math.nan
+
+    @property
+    def drift_percent(self) -> float | None:
+        """Change of the largest force from the first to the last cycle, percent; None for a single one."""
+        if len(self.loops) < 2:
+            return None
+        return 100 * (self.loops[-1].largest_N / self.loops[0].largest_N - 1)
+
+    def row(self) -> FlatRow:
+        """Return status, the loops and the errors for JSON."""
+        steps = self.states[-1].state if self.states else None
+        return {
+            "law": self.law,
+            "status": self.status,
+            "message": self.message,
+            "loops": [asdict(one) for one in self.loops],
+            "drift_percent": self.drift_percent,
+            "time_error": self.time_error if self.states else None,
+            "balance_error": self.balance_error if self.states else None,
+            "time_steps": steps.step if steps else 0,
+            "dofs": steps.dofs if steps else 0,
+            "seconds": self.seconds,
+        }
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a motion, with the results of the states that were reached."""
+
+    def __init__(self, cycles: Cycles) -> None:
+        super().__init__(cycles)
+        self.cycles = cycles
+
+    def __str__(self) -> str:
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Static:
+    """The slow, fully relaxed sensor.
+
+    Attributes
+    ----------
+    curve : its curve; None where it cannot be decoded or does not reach the end of the stroke.
+    mesh_error : estimated relative error of the force at the end of the stroke, from the mesh.
+    stop : why slow loading does not reach that end; empty if it does.
+    """
+
+    curve: StaticCurve | None
+    mesh_error: float | None
+    stop: str = ""
+
+
+def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) -> Static:
+    """Return force and outputs of slow loading along the motion; a shear sticks to the plate.
+
+    Poses do not depend on the modulus, so the relaxed forces are those of E times the long-term modulus over E.
+    """
+    from fem.accuracy import LEVELS
+    from fem.equilibrium import trace
+
+    way = motion.shear or motion.depth
+    shares = np.linspace(0, 1, CURVE + 1)[1:]
+    loads = [
+        Load(motion.depth, way * share, friction="stick") if motion.shear else Load(way * share) for share in shares
+    ]
+    solved = trace(design, loads, LEVELS[accuracy], magnet=magnet, estimate=False)
+    if len(solved) < CURVE or solved[-1].status not in ("ok", "unstable"):
+        return Static(None, None, solved[-1].message.split(";")[0] or solved[-1].status)
+    axis, relaxed = 0 if motion.shear else 2, moduli(design)[1] / design.E
+    force = relaxed * np.array([0.0, *(state.response.force[axis] for state in solved)])
+    shift = np.array([np.zeros(3), *(state.response.shift for state in solved)])
+    tilt = np.array([0.0, *(state.response.tilt for state in solved)])
+    # estimated at the end alone, by a solve of its own: estimates at all loads would take twice as long as the curve
+    estimates = trace(design, loads[-1:], LEVELS[accuracy], magnet=magnet)[-1].estimates
+    error = estimates.sideways if motion.shear else estimates.force
+    if motion.shear:
+        # at shear 0 the pressed sensor is between both sides, which are mirror images
+        shift[0] = (0.0, 0.0, 2 * shift[1, 2] - shift[2, 2])
+        mirror = shift[:0:-1] * [-1, 1, 1]
+        force, shift, tilt = (
+            np.concatenate([-force[:0:-1], force]),
+            np.concatenate([mirror, shift]),
+            np.concatenate([-tilt[:0:-1], tilt]),
+        )
+    force, shift, tilt = (_extended(one, both=bool(motion.shear)) for one in (force, shift, tilt))
+    outputs = outputs_of(design, shift, tilt)
+    known = bool(np.isfinite(outputs).all())
+    return Static(StaticCurve(force, outputs) if known else None, error)
+
+
+def _extended(values: Array, *, both: bool) -> Array:
+    """Return values (n, ...) along a curve that goes on straight beyond its end, or both of its ends.
+
+    In a fast motion the magnet can go a little further than in slow loading to the same end.
+    """
+    beyond = values[-1] + BEYOND * CURVE * (values[-1] - values[-2])
+    if not both:
+        return np.concatenate([values, [beyond]])
+    return np.concatenate([[values[0] + BEYOND * CURVE * (values[0] - values[1])], values, [beyond]])
+
+
+def run(
+    design: Design,
+    motion: Motion,
+    law: ViscousLaw,
+    static: Static,
+    accuracy: str,
+    magnet: Magnet,
+    tolerance: float,
+    progress: Progress,
+) -> Cycles:
+    """Follow a motion; the states that were reached are returned even if the path ends early.
+
+    Raises
+    ------
+    Interrupted
+        After Ctrl-C, with the same results of the states that were reached.
+    """
+    begin = time.process_time()
+    passed: list[tuple[Stop, TimedState, bool]] = []
+    try:
+        passed.extend(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
+    except KeyboardInterrupt:
+        if not passed:
+            raise
+        raise Interrupted(_results(design, motion, law, static, passed, begin)) from None
+    return _results(design, motion, law, static, passed, begin)
+
+
+def _results(
+    design: Design,
+    motion: Motion,
+    law: ViscousLaw,
+    static: Static,
+    passed: list[tuple[Stop, TimedState, bool]],
+    begin: float,
+) -> Cycles:
+    """Return readings, loops and status of states; `begin` is the processor time before the first one, s."""
+    states = with_readings(design, passed, static.curve)
+    failed = [state for _, state, _ in passed if state.status == "not_converged"]
+    unstable = [state for _, state, _ in passed if state.status == "unstable"]
+    # of stable states the one with the largest strain says what limits the use of all
+    strained = max((state for _, state, _ in passed), key=lambda state: state.facts.largest_strain or 0.0)
+    doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
+    status, message = "ok", strained.message if doubtful else ""
+    if unstable:
+        status, message = "unstable", f"{unstable[0].message}, first at {unstable[0].time:.4g} s"
+    if failed:
+        status, message = failed[0].status, failed[0].message
+    unit = "V" if design.hall_layout == "three" else "T"
+    return Cycles(law, status, message, states, loops_of(motion, states), unit, time.process_time() - begin)
+
+
+def _follow(
+    design: Design,
+    motion: Motion,
+    law: ViscousLaw,
+    accuracy: str,
+    magnet: Magnet,
+    tolerance: float,
+    progress: Progress,
+) -> Iterator[tuple[Stop, TimedState, bool]]:
+    """Yield each state with the load of the motion that it moves to, and whether it has reached that."""
+    from fem.accuracy import LEVELS
+    from fem.analyses.timed_path import TimeControl, follow
+
+    path = stops(motion)
+    check_load(design, motion.largest, magnet)
+    ahead = iter(path)
+    stop = next(ahead)
+    longest = motion.half / STEPS if not motion.hold else max(motion.half / STEPS, motion.hold / STEPS)
+    states = follow(
+        design,
+        [one.timed for one in path],
+        LEVELS[accuracy],
+        law=law,
+        steps=TimeControl(tolerance, longest),
+        magnet=magnet,
+        every_step=True,
+    )
+    for state in states:
+        progress(state.time / path[-1].timed.time, f"cycle {max(stop.cycle, 1)} of {motion.cycles}")
+        reached = state.time >= stop.timed.time and state.status != "not_converged"
+        yield stop, state, reached
+        if reached and (following := next(ahead, None)) is not None:
+            stop = following
+
+
+def check_gap(design: Design, gap_percent: float) -> None:
+    """Refuse a gap, percent of full scale, to which no loss factor of the design belongs."""
+    if design.prony:
+        raise BadInput(
+            "--gap searches for a loss factor, but the design has measured branches (prony): empty that field"
+        )
+    if not 0 < gap_percent < 100:
+        raise BadInput(f"--gap must be above 0 and below 100 percent of full scale; got {gap_percent:g}")
+
+
+def loss_factor_of_gap(
+    design: Design,
+    motion: Motion,
+    gap_percent: float,
+    followed: Callable[[Design], Cycles],
+) -> tuple[float, Loop]:
+    """Return the constant loss factor with which the last loop has this gap, percent, and that loop, by secants.
+
+    The first guess is that of a linear spring, whose gap is nearly proportional to the loss factor.
+
+    Parameters
+    ----------
+    followed : returns the cycles of a design in this motion.
+
+    Raises
+    ------
+    OutOfReach
+        No loss factor has this gap, or a motion ended early.
+    """
+    check_gap(design, gap_percent)
+    known = relaxation_of(replace(design, loss_factor=0.1))
+    tried: list[tuple[float, float]] = [(0.0, 0.0)]
+    factor = 0.1 * gap_percent / (100 * loop(known, motion.frequency, motion.waveform, motion.hold).hysteresis)
+    factor = min(factor, MOST_LOSS)
+    for _ in range(SEARCHES):
+        cycles = followed(replace(design, loss_factor=factor))
+        if cycles.status not in ANSWERED or not cycles.loops:
+            raise OutOfReach(f"with a loss factor of {factor:.3g} {cycles.message or 'the path ended early'}")
+        last = cycles.loops[-1]
+        if abs(last.gap_percent - gap_percent) < GAP_TOLERANCE:
+            return factor, last
+        if factor == MOST_LOSS and last.gap_percent < gap_percent:
+            raise OutOfReach(
+                f"no loss factor up to {MOST_LOSS:g} has a gap of {gap_percent:g} %: with {MOST_LOSS:g} the loop has "
+                f"{last.gap_percent:.3g} %"
+            )
+        tried.append((factor, last.gap_percent))
+        (f0, g0), (f1, g1) = tried[-2:]
+        factor = min(max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1), MOST_LOSS)
+    raise OutOfReach(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")

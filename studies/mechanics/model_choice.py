@@ -1,0 +1,524 @@
+"""The cheapest model whose measured error meets a tolerance, for a design and its loads (option --tolerance).
+
+The errors come from `magtip validate trade`: every model on twenty-four designs against extrapolated references, by
+kind of scene and by region of the loads. They are frozen in model_choice.json beside this module, with the versions
+of the models: statements of another version do not count. Force, shift and tilt count
+as vectors, relative to the reference; readings in percent of full scale; and of a shear the force along it, relative
+to itself. A choice meets the tolerance in all of them.
+
+The force along a shear vanishes where the press buckles, so that its relative error has no bound that holds for all
+loads. Its measured bound is therefore relative to the larger one of this force and that of the unpressed beam
+(`analytic.buckling.sideways_stiffness`), and `unmet` compares the answer with it: finite elements that do not meet
+the tolerance are solved again at a finer accuracy.
+
+Formulas and the surrogate are chosen only inside their ranges and those of the study. The surrogate must meet the
+tolerance twice: its measured bound, as that of every model, because few of the study's designs lie near any other
+one; and the half widths of its 90 % intervals for the loads in question, because these are wide where its training
+beams are sparse. Half widths alone would not do: one case in ten lies beyond them, and they do not contain readings.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from analytic import beam, buckling
+from fem import physics_version
+from fem.physics_version import PHYSICS
+from fem.results.error_estimates import press_limits
+from fem.scene import Model, choose_model
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load, Magnet, Response
+
+Kind = Literal["press", "glued shear", "friction"]
+
+DATA = Path(__file__).with_name("model_choice.json")
+"""Statements of the rule, written by `magtip validate trade` and copied here by hand after a look at its report."""
+LIGHT, NEAR = 0.06, 0.15
+"""Depth of a light press and largest shear of region "near", over D."""
+SHALLOWEST, FARTHEST, DEEPEST = 0.01, 0.3, 0.5
+"""Least depth and largest shear of the study over D; its deep press, as a share of the way to the deepest one."""
+THIN = 0.2
+"""Thickness over D of the silicone between magnet and base, below which the base is thin: the magnet then moves so
+little that its shift is hard to resolve."""
+LENGTHS, LEAST_NU = (0.6, 6.0), 0.45
+"""Range of L/D, and least Poisson's ratio, of the study."""
+SMALL = 0.13
+"""Largest section of a small magnet, diameter times height over D^2: the error of formulas grows with the section."""
+ANY_REGION = "any"
+"""Region of the statements about tetrahedra, which ran on too few designs to tell regions apart."""
+SURROGATE = "surrogate"
+"""Name of the surrogate among the models."""
+SOLVED: tuple[Model, ...] = ("axisymmetric", "harmonic", "half", "full")
+REFERENCE: dict[Kind, Model] = {"press": "axisymmetric", "glued shear": "harmonic", "friction": "harmonic"}
+"""Finite-element models of the rule, and the model of the references of each kind."""
+VERSION_LOADS = (Load(depth=0.4), Load(depth=0.8, shear_x=0.8, friction="stick"))
+"""Loads whose answers tell versions of formulas and of the surrogate apart."""
+UNMET = "beyond_tolerance"
+"""Status of a state that is not known to meet its tolerance."""
+FINER = {"quick": "standard", "standard": "fine"}
+"""Next finer accuracy of the finite elements."""
+BEYOND = 2.0
+"""Factor on a bound for designs, loads or scenes that the study does not contain."""
+CONTACT_POWER = 0.75
+"""Power of the depth with which the error of a light press grows: as in the rules of
+`fem.results.error_estimates`, it grows about with the contact radius to the power -1.5."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """Bounds of the errors of one model, for one kind of scene in one region; fractions.
+
+    Attributes
+    ----------
+    model, level : finite-element model and its accuracy, "formula" and its level, or "surrogate" and "shipped".
+    cost : CPU seconds over those of the section model at level standard, median.
+    force, shift, tilt, readings : bounds of the errors; None where the scene has no such quantity.
+    sideways : bound of the error of the force along the shear, over the larger one of it and that of the unpressed
+        beam.
+    """
+
+    kind: Kind
+    region: str
+    model: str
+    level: str
+    designs: int
+    states: int
+    cost: float
+    force: float
+    shift: float
+    tilt: float | None = None
+    readings: float | None = None
+    sideways: float | None = None
+
+    def bound(self, *, readings: bool) -> float:
+        """Return the largest bound; that of the readings counts only for a design with a magnet."""
+        others = (self.tilt, self.sideways, self.readings if readings else None)
+        return max(self.force, self.shift, *(value for value in others if value is not None))
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The model that a tolerance asks for.
+
+    Attributes
+    ----------
+    model_kind : formulas, surrogate or finite elements.
+    level_or_accuracy : level of the formulas, accuracy of the finite elements, or "shipped" for the surrogate.
+    model : model of the finite elements, "formula" for formulas, "surrogate" for the surrogate.
+    bound : largest expected error of force, shift, tilt, readings and, with a shear, the force along it: a fraction.
+    sideways : expected error of the force along the shear, over the larger one of it and that of the unpressed beam.
+    reason : one sentence.
+    """
+
+    model_kind: Literal["formula", "surrogate", "fem"]
+    level_or_accuracy: str
+    model: str
+    bound: float
+    reason: str
+    sideways: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Model and level, as tables and JSON show them."""
+        return f"{self.model} {self.level_or_accuracy}"
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Where a load lies in the study.
+
+    Attributes
+    ----------
+    growth : factor on the bounds for what lies beyond the study; 1 inside.
+    beyond : what lies beyond the study, in words; empty inside.
+    """
+
+    kind: Kind
+    name: str
+    growth: float = 1.0
+    beyond: str = ""
+
+
+@functools.cache
+def _shipped() -> dict[str, Any]:
+    return dict(json.loads(DATA.read_text("utf-8")))
+
+
+@functools.cache
+def statements() -> tuple[Statement, ...]:
+    """Return the statements of the rule about models of today's version, with references of today's version."""
+    old, every = outdated(), (Statement(**each) for each in _shipped()["statements"])
+    return tuple(each for each in every if not {each.model, REFERENCE[each.kind]} & set(old))
+
+
+@functools.cache
+def outdated() -> tuple[str, ...]:
+    """Return the models whose version is another one today than that on which the rule rests."""
+    return tuple(physics_version.outdated(_shipped().get("versions", {}), versions()))
+
+
+@functools.cache
+def versions() -> dict[str, str]:
+    """Return the version of each model on which the rule rests.
+
+    That of finite elements is the version of their physics. Formulas and the surrogate have a digest of their answers
+    to a few loads, half widths included, to five digits.
+    """
+    from studies.mechanics import surrogate_response
+
+    found: dict[str, str] = {model: str(PHYSICS[model]) for model in SOLVED}
+    cases = [(design, load) for design in (paper(), replace(paper(), L=14.0)) for load in VERSION_LOADS]
+    formulas = [beam.solve(*case, level) for case in cases for level in beam.LEVELS]
+    found["formula"] = _digest([value for one in formulas for value in (*one.force, *one.shift, one.tilt)])
+    try:
+        estimates = [surrogate_response.respond(*case) for case in cases]
+    except BadInput as refusal:
+        return found | {SURROGATE: str(refusal)}
+    values = [value for one in estimates for value in (*one.response.force, *one.response.shift, one.response.tilt)]
+    widths = [width or 0.0 for one in estimates for width in (one.force_error, one.shift_error, one.sideways_error)]
+    return found | {SURROGATE: _digest([*values, *widths])}
+
+
+def _digest(values: Sequence[float]) -> str:
+    return hashlib.sha256(" ".join(f"{value:.5g}" for value in values).encode()).hexdigest()[:16]
+
+
+def choose(
+    design: Design,
+    loads: Sequence[Load],
+    tolerance: float,
+    magnet: Magnet = "rigid",
+    *,
+    formulas: bool = True,
+    rule: Sequence[Statement] | None = None,
+) -> Choice:
+    """Return the cheapest model whose measured errors meet a tolerance under all loads of a path.
+
+    Parameters
+    ----------
+    tolerance : largest relative error of force, shift, tilt, readings and force along a shear, between 0 and 1.
+    formulas : whether formulas and the surrogate may be chosen, which compute no deformed body.
+    rule : default: the shipped one.
+
+    Raises
+    ------
+    BadInput
+        No model meets the tolerance; the sentence names the smallest one that is met, and by which model.
+    """
+    if not 0 < tolerance < 1:
+        raise BadInput(f"tolerance must lie between 0 and 1; got {tolerance:g}")
+    choices = []
+    for choice in _choices(statements() if rule is None else rule, design, loads, magnet, formulas=formulas):
+        if choice.bound <= tolerance:
+            if rule is None and outdated():
+                left_out = f"; the study has other versions of {', '.join(outdated())}, which are left out"
+                return replace(choice, reason=choice.reason + left_out)
+            return choice
+        choices.append(choice)
+    if not choices:
+        old = f", and those of {', '.join(outdated())} are of another version" if outdated() else ""
+        raise BadInput(
+            f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}{old}: "
+            "choose --accuracy instead of a tolerance"
+        )
+    best = min(choices, key=lambda choice: choice.bound)
+    raise BadInput(
+        f"no model is known to meet the tolerance {percent(tolerance)} for these loads: the smallest tolerance "
+        f"that is met is {percent(rounded_up(best.bound, 2))}, by model {best.name}"
+    )
+
+
+def finer(
+    design: Design,
+    loads: Sequence[Load],
+    choice: Choice,
+    magnet: Magnet = "rigid",
+    *,
+    rule: Sequence[Statement] | None = None,
+) -> Choice | None:
+    """Return the finite elements at the next finer accuracy; None if there is none whose errors are known."""
+    choices = _choices(statements() if rule is None else rule, design, loads, magnet, formulas=False)
+    by_level = {each.level_or_accuracy: each for each in choices}
+    return by_level.get(FINER.get(choice.level_or_accuracy, ""))
+
+
+def unmet(
+    choice: Choice,
+    tolerance: float,
+    design: Design,
+    load: Load,
+    along_N: float | None,
+    estimates: Mapping[str, float | None] | None = None,
+) -> str:
+    """Return why an answer is not known to meet a tolerance, "" if it is.
+
+    Parameters
+    ----------
+    along_N : force along the shear by the answer.
+    estimates : relative error estimates of the answer by quantity: force, shift and, with a shear, tilt and sideways.
+        One that is unknown does not meet the tolerance. None for formulas, which have none.
+    """
+    errors: dict[str, float | None] = {}
+    if load.shears_tip:
+        expected = math.inf if along_N is None else sideways_error(choice.sideways, design, load, along_N)
+        errors["the expected error of the force along the shear"] = expected
+    if estimates is not None:
+        names = {"force": "force", "shift": "shift"}
+        if load.shears_tip:
+            names |= {"tilt": "tilt", "sideways": "force along the shear"}
+        errors |= {f"the error estimate of the {word}": estimates.get(name) for name, word in names.items()}
+    for name, error in errors.items():
+        if error is None or math.isnan(error):
+            return f"{name} is unknown"
+        if error > tolerance:
+            size = "that of a force which nearly vanishes" if math.isinf(error) else percent(rounded_up(error, 2))
+            return f"{name}, {size}, exceeds the tolerance {percent(tolerance)}"
+    return ""
+
+
+def sideways_error(share: float, design: Design, load: Load, along_N: float) -> float:
+    """Return the expected relative error of a force along the shear.
+
+    Parameters
+    ----------
+    share : bound of the error over the larger one of this force and that of the unpressed beam.
+    along_N : the force by the answer, whose true value may be smaller by the error.
+
+    >>> from geometry.design import paper
+    >>> sideways_error(0.01, paper(), Load(1.0, 1.0, friction="stick"), 0.0)
+    inf
+    """
+    lost = share * max(abs(along_N), buckling.sideways_stiffness(design) * load.shear)
+    return lost / (abs(along_N) - lost) if abs(along_N) > lost else math.inf
+
+
+def _choices(
+    rule: Sequence[Statement], design: Design, loads: Sequence[Load], magnet: Magnet, *, formulas: bool
+) -> Iterator[Choice]:
+    """Yield every model that can carry the loads with its largest bound, the cheapest first."""
+    fem = choose_model(loads, "auto")
+    kind = kind_of(loads)
+    places = [(load, region(design, load, magnet, kind)) for load in loads]
+    costs: dict[tuple[str, str], float] = {}
+    for each in rule:
+        if each.kind == kind:
+            costs[each.model, each.level] = max(costs.get((each.model, each.level), 0.0), each.cost)
+    names = sorted(costs, key=lambda name: costs[name])
+
+    def choice(model: str, level: str, bounds: Sequence[Bound | None]) -> list[Choice]:
+        known = [bound for bound in bounds if bound is not None]
+        designs = max(each.designs for each in rule if (each.kind, each.model, each.level) == (kind, model, level))
+        own = [place for _, place in places]
+        return [_choice(model, level, known, own, designs)] if len(known) == len(bounds) else []
+
+    if formulas:
+        cheap = []
+        for _, level in (name for name in names if name[0] == "formula"):
+            cheap += choice(
+                "formula",
+                level,
+                [_formula_bound(rule, design, load, place, magnet, level) for load, place in places],
+            )
+        # all formulas take milliseconds: of these the most accurate one counts
+        yield from sorted(cheap, key=lambda each: each.bound)[:1]
+    for model, level in names:
+        if model == SURROGATE and formulas:
+            yield from choice(
+                model, level, [_surrogate_bound(rule, design, load, place, magnet, level) for load, place in places]
+            )
+        elif model == fem:
+            yield from choice(
+                model, level, [_fem_bound(rule, place, model, level, design, magnet) for _, place in places]
+            )
+
+
+def _choice(model: str, level: str, bounds: Sequence[Bound], places: Sequence[Region], designs: int) -> Choice:
+    largest, sideways = max(bound.largest for bound in bounds), max(bound.sideways for bound in bounds)
+    beyond = list(dict.fromkeys(place.beyond for place in places if place.beyond))
+    names = list(dict.fromkeys(place.name for place in places))
+    where = f"{places[0].kind} ({', '.join(names)})"
+    shown = percent(rounded_up(largest, 2)) if math.isfinite(largest) else "no bound"
+    reason = f"this is the cheapest model whose measured error for {where} is within {shown}"
+    if beyond:
+        reason += f"; the study does not contain {', '.join(beyond)}, so its errors are multiplied"
+    if model == SURROGATE:
+        reason += ", and so are the half widths of its 90 % intervals for these loads"
+    if places[0].kind == "friction" and designs:
+        reason += f"; Coulomb friction was studied on {designs} designs only"
+    if model in ("formula", SURROGATE):
+        return Choice("formula" if model == "formula" else "surrogate", level, model, largest, reason, sideways)
+    return Choice("fem", level, model, largest, reason, sideways)
+
+
+def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None) -> Region:
+    """Return kind and region of a load, with a factor for what lies beyond the study.
+
+    Parameters
+    ----------
+    kind : of the whole path; default: that of the load.
+
+    >>> from geometry.design import paper
+    >>> region(paper(), Load(depth=0.4), "rigid").name
+    'depth to 0.06 D'
+    """
+    first, most = press_limits(design, magnet)
+    deepest = first + DEEPEST * (most - first)
+    kind = kind or kind_of([load])
+    # loads of the study are rounded to four digits
+    slack = 1 + 1e-3
+    factors = {
+        f"L/D = {design.L / design.D:.3g}": 1.0
+        if LENGTHS[0] <= design.L / design.D * slack and LENGTHS[1] * slack >= design.L / design.D
+        else BEYOND,
+        f"nu = {design.nu:g}": 1.0 if design.nu >= LEAST_NU else BEYOND,
+        "grips": 1.0 if load.grip is None else BEYOND,
+        "tilted plates": BEYOND if load.plate_tilt else 1.0,
+        "imperfections": BEYOND if load.imperfection else 1.0,
+        f"depths below {SHALLOWEST:g} D": 1.0
+        if load.depth == 0
+        else max(SHALLOWEST * design.D / load.depth / slack, 1.0) ** CONTACT_POWER,
+        f"depths beyond {deepest / design.D:.2g} D": max(load.depth / deepest / slack, 1.0),
+        f"shears beyond {FARTHEST:g} D": max(load.shear / (FARTHEST * design.D) / slack, 1.0)
+        if load.shears_tip
+        else 1.0,
+    }
+    growth = math.prod(factors.values())
+    beyond = ", ".join(name for name, factor in factors.items() if factor > 1)
+    return Region(kind, _region_name(design, load, magnet, kind, slack), growth, beyond)
+
+
+def kind_of(loads: Sequence[Load]) -> Kind:
+    """Return the kind of scene of a path of loads; grips count as glued shears.
+
+    >>> kind_of([Load(depth=1.0, shear_x=1.0, friction=0.3)]), kind_of([Load(depth=1.0, shear_x=1.0)])
+    ('friction', 'press')
+    """
+    if any(load.coulomb is not None for load in loads):
+        return "friction"
+    return "glued shear" if any(load.shears_tip for load in loads) else "press"
+
+
+def _region_name(design: Design, load: Load, magnet: Magnet, kind: Kind, slack: float) -> str:
+    """Return the name of a load's region, see `region`."""
+    D = design.D
+    if kind == "friction":
+        return "friction"
+    height = design.magnet_height if magnet == "rigid" and design.shape.has_magnet else 0.0
+    if design.H - height / 2 < THIN * D:
+        return "thin base"
+    if kind == "glued shear":
+        return f"shear to {NEAR if load.shear <= NEAR * D * slack else FARTHEST:g} D"
+    if load.depth > press_limits(design, magnet)[0] * slack:
+        return "deep"
+    return f"depth to {LIGHT:g} D" if load.depth <= LIGHT * D * slack else "depth to D/4"
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Largest bound of the errors under a load, and that of the force along the shear as in `Statement`."""
+
+    largest: float
+    sideways: float
+
+
+def _fem_bound(
+    rule: Sequence[Statement], place: Region, model: str, level: str, design: Design, magnet: Magnet
+) -> Bound | None:
+    """Return the bound of a finite-element model; None if the study has no such run.
+
+    A model that the study ran on a few designs only may lack a region: then the largest bound of the kind holds.
+    """
+    own = [each for each in rule if (each.kind, each.model, each.level) == (place.kind, model, level)]
+    exact = [each for each in own if each.region in (place.name, ANY_REGION)] or own
+    if not exact:
+        return None
+    readings = magnet == "rigid" and design.shape.has_magnet
+    return Bound(
+        place.growth * max(each.bound(readings=readings) for each in exact),
+        place.growth * max(each.sideways or 0.0 for each in exact),
+    )
+
+
+def _formula_bound(
+    rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
+) -> Bound | None:
+    """Return the bound of a level of the formulas; None outside its range, where its error has no bound."""
+    if magnet == "ignored" and design.shape.has_magnet:
+        return None
+    if place.beyond or beam.outside(design, load, level):
+        return None
+    wanted = place.kind, formula_region(design, place.name), "formula", level
+    own = next((each for each in rule if (each.kind, each.region, each.model, each.level) == wanted), None)
+    if own is None:
+        return None
+    largest = own.bound(readings=design.shape.has_magnet)
+    return _with_sideways(own, largest, design, load, beam.solve(design, load, level))
+
+
+def _with_sideways(own: Statement, largest: float, design: Design, load: Load, response: Response) -> Bound | None:
+    """Return the bound of an answer that is known already, with the force along the shear relative to itself.
+
+    None if the study has no error of this force.
+    """
+    if not load.shears_tip:
+        return Bound(largest, 0.0)
+    if own.sideways is None:
+        return None
+    along = sideways_error(own.sideways, design, load, along_shear(load, response))
+    return Bound(max(largest, along), own.sideways)
+
+
+def along_shear(load: Load, response: Response) -> float:
+    """Return the force along the shear, N."""
+    x, y = load.direction
+    return x * response.force[0] + y * response.force[1]
+
+
+def _surrogate_bound(
+    rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
+) -> Bound | None:
+    """Return the larger one of the surrogate's measured bound and its half widths; None where it refuses the load."""
+    from studies.mechanics import surrogate_response
+
+    wanted = place.kind, place.name, SURROGATE, level
+    own = [each for each in rule if (each.kind, each.region, each.model, each.level) == wanted]
+    if not own or place.beyond or surrogate_response.refusal(design, load, magnet):
+        return None
+    estimate = surrogate_response.respond(design, load, magnet)
+    widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error, estimate.sideways_error)
+    largest = max(own[0].bound(readings=True), *(width for width in widths if width is not None))
+    return _with_sideways(own[0], largest, design, load, estimate.response)
+
+
+def formula_region(design: Design, name: str) -> str:
+    """Return the region of a formula: that of the load, without a magnet, with a small one or with a large one."""
+    if not design.shape.has_magnet:
+        return f"{name}, no magnet"
+    small = design.magnet_diameter * design.magnet_height <= SMALL * design.D**2 * (1 + 1e-9)
+    return f"{name}, small magnet" if small else f"{name}, large magnet"
+
+
+def rounded_up(value: float, digits: int) -> float:
+    """Return a positive number rounded up to some significant digits, so that it holds as printed.
+
+    >>> rounded_up(0.01231, 2)
+    0.013
+    """
+    places = digits - 1 - math.floor(math.log10(value))
+    return round(math.ceil(value * math.pow(10, places) - 1e-9) / math.pow(10, places), 12)
+
+
+def percent(value: float) -> str:
+    """Return a fraction in percent.
+
+    >>> percent(0.0123), percent(0.2)
+    ('1.2 %', '20 %')
+    """
+    return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:.0f} %"

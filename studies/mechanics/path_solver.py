@@ -1,0 +1,414 @@
+"""Answers of stored states, and the solves of missing ones.
+
+An answer holds the D and E of the design that was solved, and `Answer.of` scales it to a similar one. A `Task` is all
+that is missing of one path (see `path_keys`); a worker process solves it, and returns its states for the store.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from fem import equilibrium
+from fem.accuracy import Accuracy
+from fem.scene import Model, Scene, choose_model
+from fem.solution import Solution
+from geometry.bad_input import SolveFailed
+from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
+from geometry.messages import Progress
+from studies.mechanics import cycle_paths, response_paths
+from studies.mechanics.path_keys import MODES, Kind, Place, place, position_of, unit_vector
+from studies.mechanics.plate_motion import STILL, PlateMotion
+from studies.mechanics.store import Outcome, Position, State, Store, key, position
+from studies.output.provenance import versions
+
+NAN = math.nan
+SMALLER_STEPS = 4
+"""Number of increments, from the nearest solved state, in which a load is tried again on which a solve has failed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A state that was solved, or the reason why it could not be, for the design that was solved.
+
+    Attributes
+    ----------
+    D, E : of the design that was solved, mm and MPa.
+    response : None if the solve did not reach the state; `status` and `message` give the reason.
+    error_estimate : estimated relative error of the force; NaN if there is no estimate.
+    seconds : time of the solve from the previous state, s.
+    estimates : estimated relative errors of shift, tilt and the force along the shear (`fem.solution.Estimates`).
+    values : of a state its largest strain and its sideways stiffness ratio (`fem.solution.Facts`); of other kinds
+        their results: lengths over D, forces over E D^2, frequencies over `frequency_unit`.
+    """
+
+    D: float
+    E: float
+    response: Response | None
+    status: str
+    message: str
+    error_estimate: float
+    seconds: float
+    estimates: Mapping[str, float | None] = dataclasses.field(default_factory=dict)
+    values: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def of(self, D: float, E: float, direction: tuple[float, float] = (1.0, 0.0)) -> Answer:
+        """Return the answer for a geometrically similar design: lengths scale with D, forces with E D^2.
+
+        Parameters
+        ----------
+        direction : unit vector of the shear; the answer is turned from x to it.
+        """
+        message = self.message
+        if message and D != self.D:
+            message = f"solved at D = {self.D:g} mm: {message}"
+        if self.response is None:
+            return replace(self, D=D, E=E, message=message)
+        length = D / self.D
+        response = _turned(self.response.scaled(length, E / self.E * length**2), direction)
+        return replace(self, D=D, E=E, response=response, message=message)
+
+
+def _turned(response: Response, direction: tuple[float, float]) -> Response:
+    """Return a response to a shear along x, turned to a shear in another direction."""
+    if direction == (1.0, 0.0):
+        return response
+    c, s = direction
+    (fx, fy, fz), (x, y, z) = response.force, response.shift
+    return replace(
+        response,
+        force=(c * fx - s * fy, s * fx + c * fy, fz),
+        shift=(c * x - s * y, s * x + c * y, z),
+        tilt=c * response.tilt - s * response.tilt_y,
+        tilt_y=s * response.tilt + c * response.tilt_y,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A solve for a worker: the missing states of a path.
+
+    Attributes
+    ----------
+    number : number of the path in its study, from 1.
+    scene : the missing states as loads, in rising order; their design is that of the path's first case.
+    solved : positions of the path that are stored already, from which smaller steps can start.
+    motion : of the plate, of cycles.
+    """
+
+    number: int
+    scene: Scene
+    kind: Kind
+    solved: tuple[Position, ...] = ()
+    motion: PlateMotion = STILL
+
+
+def answers(path: Place, store: Store) -> dict[Position, Answer]:
+    """Return the stored answers of a path by their positions."""
+    return {at: answer(state) for at, state in store.states(path.content).items()}
+
+
+def missing(
+    path: Place, wanted: Sequence[Position], store: Store, *, retry: bool
+) -> tuple[list[Position], list[Position]]:
+    """Return the positions of a path that are to be solved, in rising order, and those that are solved.
+
+    Parameters
+    ----------
+    retry : solve again the states whose process has died or has run out of memory.
+    """
+    states = store.states(path.content)
+    kept = {at for at, state in states.items() if not (retry and state.outcome == "transient")}
+    reached = [at for at, state in states.items() if state.outcome == "ok"]
+    return sorted(set(wanted) - kept), sorted(reached)
+
+
+def task(number: int, path: Place, positions: Sequence[Position], reached: Sequence[Position] = ()) -> Task:
+    """Return the solve of some positions of a path, of which others have been `reached` before."""
+    if path.kind != "states":
+        return Task(number, path.scene, path.kind, motion=path.motion)
+    D, load = path.scene.design.D, path.scene.loads[0]
+    scene = replace(path.scene, loads=tuple(_at(load, at, D) for at in positions))
+    return Task(number, scene, path.kind, tuple(reached))
+
+
+def _at(load: Load, at: Position, D: float) -> Load:
+    """Return the load of a path's position."""
+    depth, shear = at[0] * D, at[1] * D
+    # the same load to the last bit if it is the path's own
+    if position(load.depth / D, 0.0)[0] == at[0]:
+        depth = load.depth
+    if not load.shears_tip:
+        return replace(load, depth=depth)
+    if position_of(load, D)[1] == at[1]:
+        return replace(load, depth=depth)
+    x, y = unit_vector(load)
+    return replace(load, depth=depth, shear_x=shear * x, shear_y=shear * y)
+
+
+def solve_task(task: Task, progress: Progress | None = None) -> list[State]:
+    """Solve a task and return its states for the store."""
+    if task.kind == "critical depth":
+        return [_critical(task.scene)]
+    if task.kind == "modes":
+        return [_modes(task.scene)]
+    if task.kind == "response":
+        return [_timed(task.scene, task.kind, response_paths.solve)]
+    if task.kind == "cycle":
+        return [_timed(task.scene, task.kind, functools.partial(cycle_paths.solve, motion=task.motion))]
+    scene = task.scene
+    D = scene.design.D
+
+    def followed(loads: Sequence[Load]) -> list[LoadOutcome]:
+        return follow(scene.design, loads, scene.accuracy, scene.magnet, progress, model=scene.model)
+
+    outcomes = dict(zip(scene.loads, followed(scene.loads), strict=True))
+    failed = [load for load, outcome in outcomes.items() if outcome.status == "not_converged"]
+    # an axisymmetric press without friction starts from rest, whatever the steps before it
+    if failed and (scene.model != "axisymmetric" or scene.coulomb is not None):
+        reached = [position_of(load, D) for load, outcome in outcomes.items() if outcome.status in ANSWERED]
+        between = _smaller_steps(failed[0], [*task.solved, *reached], D)
+        again = followed([*between, *failed])[len(between) :] if between else []
+        for load, outcome in zip(failed, again, strict=False):
+            if outcome.status in ANSWERED:
+                outcomes[load] = replace(outcome, message=outcome.message or "reached by smaller steps")
+    return [_state(scene, load, outcome) for load, outcome in outcomes.items()]
+
+
+@dataclass(frozen=True, slots=True)
+class LoadOutcome:
+    """Outcome of one load: its solution, or None with a status and a message."""
+
+    solution: Solution | None
+    status: str
+    message: str
+
+    @property
+    def response(self) -> Response | None:
+        return None if self.solution is None else self.solution.response
+
+    @property
+    def error_estimate(self) -> float:
+        """Estimated relative error of the force, a vector; NaN without an estimate."""
+        estimate = self.solution.estimates.force if self.solution else None
+        return NAN if estimate is None else estimate
+
+    @property
+    def sideways_error_estimate(self) -> float:
+        """Estimated relative error of the force along the shear alone; NaN without an estimate."""
+        estimate = self.solution.estimates.sideways if self.solution else None
+        return NAN if estimate is None else estimate
+
+
+def follow(
+    design: Design,
+    loads: Sequence[Load],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    progress: Progress | None = None,
+    *,
+    model: Model = "auto",
+) -> list[LoadOutcome]:
+    """Return the outcome of each load of a path; a refused load does not stop the others."""
+    refused = [_refusal(design, load, magnet) for load in loads]
+    possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
+    try:
+        states = (
+            equilibrium.trace(design, possible, accuracy, magnet=magnet, model=model, progress=progress)
+            if possible
+            else []
+        )
+        failed = LoadOutcome(None, states[-1].status, states[-1].message) if states else None
+    except SolveFailed as error:
+        states, failed = [], LoadOutcome(None, "not_converged", str(error))
+    remaining = iter(states)
+    outcomes = []
+    for reason in refused:
+        state = None if reason else next(remaining, None)
+        if reason or failed is None:
+            outcomes.append(LoadOutcome(None, "bad_input", reason))
+        elif state is None:
+            outcomes.append(failed)
+        else:
+            outcomes.append(LoadOutcome(state if state.status in ANSWERED else None, state.status, state.message))
+    return outcomes
+
+
+def _refusal(design: Design, load: Load, magnet: Magnet) -> str:
+    try:
+        check_load(design, load, magnet)
+    except BadInput as error:
+        return str(error)
+    return ""
+
+
+def solved(scene: Scene, store: Store, progress: Progress | None = None) -> tuple[list[Answer], str]:
+    """Return the answers to all loads of a scene, on whatever paths they lie; what the store lacks is solved here.
+
+    Returns
+    -------
+    An answer for each load, and a warning if the store could not take new states, else "".
+    """
+    # each load by itself takes the smallest model that can carry it, unless the scene has another one on purpose
+    model = "auto" if scene.model == choose_model(scene.loads, "auto") else scene.model
+    places = [place(replace(scene, loads=(load,), model=model)) for load in scene.loads]
+    paths: dict[str, list[Place]] = {}
+    for one in places:
+        paths.setdefault(key(one.content), []).append(one)
+    found: dict[str, dict[Position, Answer]] = {}
+    trouble = ""
+    for k, (name, members) in enumerate(paths.items()):
+        report = None if progress is None else functools.partial(_report, progress, k, len(paths))
+        positions, reached = missing(members[0], [one.at for one in members], store, retry=False)
+        states = solve_task(task(k + 1, members[0], positions, reached), report) if positions else []
+        if states:
+            trouble = store.add(members[0].content, states) or trouble
+        found[name] = answers(members[0], store) | {state.position: answer(state) for state in states}
+    D, E = scene.design.D, scene.design.E
+    return [found[key(one.content)][one.at].of(D, E, one.direction) for one in places], trouble
+
+
+def _report(progress: Progress, done: int, count: int, share: float, text: str) -> None:
+    """Report the progress of one of several paths."""
+    progress((done + share) / count, text)
+
+
+def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Load]:
+    """Return the nearest solved state below a failed one, and loads in small steps from there to the failed one."""
+    end = position_of(load, D)
+    along = 1 if load.shears_tip else 0
+    start = max((at[along] for at in solved if at[along] < end[along]), default=0.0)
+    steps = [start + (end[along] - start) * k / SMALLER_STEPS for k in range(SMALLER_STEPS)]
+    positions = [(end[0], step) if along else (step, 0.0) for step in steps if step > 0]
+    return [_at(load, at, D) for at in positions]
+
+
+@functools.cache
+def _origin() -> str:
+    """Return versions and commit, which take longer to find than some presses to solve, once per process."""
+    return versions()
+
+
+def _state(scene: Scene, load: Load, outcome: Any) -> State:
+    """Return the outcome of a load as a state for the store."""
+    response, error = outcome.response, outcome.error_estimate
+    result: Outcome = "ok" if response is not None else "failed"
+    seconds = outcome.solution.seconds if outcome.solution else 0.0
+    values = {
+        "response": None if response is None else dataclasses.asdict(response),
+        "error_estimate": None if math.isnan(error) else error,
+        "message": outcome.message,
+    }
+    if outcome.solution is not None:
+        facts = outcome.solution.facts
+        estimates = outcome.solution.estimates
+        values["estimates"] = {name: getattr(estimates, name) for name in ("force", "shift", "tilt", "sideways")}
+        values["values"] = {
+            "largest_strain": facts.largest_strain,
+            "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
+        }
+    at = position_of(load, scene.design.D)
+    return State(*at, result, outcome.status, units_of(scene) | values, seconds, _origin())
+
+
+def units_of(scene: Scene, kind: Kind = "states") -> dict[str, Any]:
+    """Return the values of the design that was solved, which scale its answers to similar designs."""
+    density = {"density_kg_per_m3": scene.design.density} if kind == "response" else {}
+    return {"D_mm": scene.design.D, "E_MPa": scene.design.E} | density
+
+
+def unsolved(task: Task, reason: str) -> list[State]:
+    """Return the states of a task that has no answer because its process died."""
+    D = task.scene.design.D
+    loads = task.scene.loads if task.kind == "states" else ()
+    positions = [position_of(load, D) for load in loads] or [(0.0, 0.0)]
+    values = {"response": None, "error_estimate": None, "message": reason}
+    return [
+        State(*at, "transient", "worker_died", units_of(task.scene, task.kind) | values, 0.0, _origin())
+        for at in positions
+    ]
+
+
+def _critical(scene: Scene) -> State:
+    """Return the critical depth of a frictionless press as a state: lengths over D, force over E D^2."""
+    import time
+
+    from fem.analyses import stability
+
+    begin, design = time.perf_counter(), scene.design
+    D, unit = design.D, design.E * design.D**2
+    try:
+        state = stability.critical(design, scene.magnet, accuracy=scene.accuracy)
+    except SolveFailed as error:
+        return _other(scene, "failed", "not_converged", {}, str(error), time.perf_counter() - begin)
+    found = {
+        "critical_depth_over_D": None if state.depth is None else state.depth / D,
+        "critical_force_over_ED2": None if state.force is None else state.force / unit,
+        "stable_to_over_D": state.stable_to / D,
+    }
+    return _other(scene, "ok", "ok", found, state.message, time.perf_counter() - begin)
+
+
+def _modes(scene: Scene) -> State:
+    """Return the lowest natural frequencies about a press as a state: f D (rho / E)^(1/2), with rho in kg/m^3."""
+    import time
+
+    from fem.analyses.modes import modes
+
+    begin, design = time.perf_counter(), scene.design
+    try:
+        lowest = modes(design, scene.magnet, MODES, depth=scene.loads[0].depth, accuracy=scene.accuracy)
+    except SolveFailed as error:
+        return _other(scene, "failed", "failed", {}, str(error), time.perf_counter() - begin)
+    unit = frequency_unit(design.D, design.E, design.density)
+    values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
+    return _other(scene, "ok", lowest.status, values, lowest.message, time.perf_counter() - begin)
+
+
+def _timed(scene: Scene, kind: Kind, solve: Callable[[Scene], dict[str, Any]]) -> State:
+    """Return the vibration or the cycles of a scene as a state, see `response_paths` and `cycle_paths`."""
+    import time
+
+    begin = time.perf_counter()
+    try:
+        values = solve(scene)
+        result: Outcome = "ok"
+        status, message = values.pop("status"), values.pop("message")
+    except SolveFailed as error:
+        values, result, status, message = {}, "failed", "failed", str(error)
+    estimate = {"error_estimate": values.pop("time_error", None)}
+    state = _other(scene, result, status, values, message, time.perf_counter() - begin)
+    return replace(state, answer=state.answer | units_of(scene, kind) | estimate)
+
+
+def frequency_unit(D: float, E: float, density: float) -> float:
+    """Return (E / rho)^(1/2) / D, to which frequencies are proportional; mm, MPa, kg/m^3."""
+    return math.sqrt(E / density) / D
+
+
+def _other(scene: Scene, result: Outcome, status: str, values: dict[str, Any], message: str, seconds: float) -> State:
+    """Return a state of another kind than states of a path."""
+    answer = units_of(scene) | {"response": None, "error_estimate": None, "message": message, "values": values}
+    return State(0.0, 0.0, result, status, answer, seconds, _origin())
+
+
+def answer(state: State) -> Answer:
+    """Return the answer of a stored state."""
+    values = state.answer
+    estimate = values["error_estimate"]
+    return Answer(
+        D=values["D_mm"],
+        E=values["E_MPa"],
+        response=None if values["response"] is None else Response.restored(values["response"]),
+        status=state.status,
+        message=values["message"],
+        error_estimate=NAN if estimate is None else estimate,
+        seconds=state.seconds,
+        estimates=values.get("estimates", {}),
+        values=values.get("values", {}),
+    )

@@ -1,0 +1,327 @@
+"""The paths that a study needs: where the answers to its cases are stored, and the solves of what is missing.
+
+All places are known before the first solve, so that each path is solved once, to all states that the study needs and
+the store lacks. Memory grows with the number of distinct problems, not with the number of cases.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from analytic import beam
+from fem.accuracy import LEVELS, Accuracy, coarser
+from fem.scene import Scene
+from fem.solve.load_case_models import harmonics_at
+from geometry.compiled import cores
+from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED, Load, Magnet
+from geometry.messages import Progress
+from studies.mechanics import store as store_module
+from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
+from studies.mechanics.path_keys import Kind, Place, place
+from studies.mechanics.path_solver import NAN, Answer, Task, answer, answers, missing, solve_task, task, unsolved
+from studies.mechanics.store import Position, Store
+from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
+from studies.mechanics.workers import finished
+from studies.output import console
+
+KINDS: dict[str, Kind] = {
+    "critical_depth": "critical depth",
+    "modes": "modes",
+    "response": "response",
+    "cycle": "cycle",
+}
+"""Quantities that are paths of their own in the store."""
+INLINE = 4.0
+"""Expected time of all solves, s, up to which this process solves them; others take about a second to start."""
+AT_ONCE = 8192
+"""Problems that are looked at at a time."""
+MOST_WORKERS = 1024
+"""Largest number of processes; a larger one is taken for a mistake."""
+IMPOSSIBLE = Answer(1.0, 1.0, None, "bad_input", "", NAN, 0.0)
+"""Stands for the answer to an impossible problem."""
+
+
+@dataclass(frozen=True, slots=True)
+class Processes:
+    """What solves: processes of this machine (None: as many as pay), or the workers of a Dask scheduler.
+
+    `retry_failed`: what failed because a process died is solved again.
+    """
+
+    workers: int | None = None
+    scheduler: str | None = None
+    retry_failed: bool = False
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.scheduler is not None:
+            raise BadInput(
+                "--workers is for processes on this machine and --scheduler for a cluster: give one of them"
+            )
+        if self.workers is not None and not 0 <= self.workers <= MOST_WORKERS:
+            raise BadInput(f"--workers must be a whole number from 0 to {MOST_WORKERS}; got {self.workers}")
+
+
+@dataclass(slots=True)
+class NeededPath:
+    """A path that a study needs: its first place, its number from 1, and the positions of the states."""
+
+    place: Place
+    number: int
+    wanted: dict[Position, None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where the answer of a problem by one model is.
+
+    Attributes
+    ----------
+    key, at, direction : key of its path, position there, direction of the shear; the key of an impossible problem, or
+        of one that a formula or the surrogate answers, is empty.
+    message : why the problem is impossible.
+    formula : the answer of a level of the formulas, or of the surrogate.
+    choice, tolerance : the model that a tolerance has chosen, and the tolerance.
+    """
+
+    key: str
+    at: Position = (0.0, 0.0)
+    direction: tuple[float, float] = (1.0, 0.0)
+    message: str = ""
+    formula: Answer | None = None
+    choice: Choice | None = None
+    tolerance: float = NAN
+
+
+class Paths:
+    """All paths that a study needs, by the keys of the store, in the order in which its cases need them."""
+
+    def __init__(self, plan: Plan, cases: Cases) -> None:
+        self.plan = plan
+        self.paths: dict[str, NeededPath] = {}
+        self._targets: Recent[dict[str, Target]] = Recent()
+        firsts = cases.distinct_problems()
+        for start in range(0, len(firsts), AT_ONCE):
+            batch = cases.batch(firsts[start : start + AT_ONCE])
+            for k in batch.problem.tolist():
+                for target, stored in self._places(batch.problems[k]).values():
+                    if stored is not None:
+                        path = self.paths.setdefault(target.key, NeededPath(stored, len(self.paths) + 1))
+                        path.wanted[target.at] = None
+
+    def targets(self, code: int, problem: Problem) -> Mapping[str, Target]:
+        """Return where the answers to a problem are, by the names of the models and other quantities."""
+        return self._targets.get(code, lambda: {name: target for name, (target, _) in self._places(problem).items()})
+
+    def number(self, key: str) -> int:
+        """Return the number of a path, 0 for none."""
+        return self.paths[key].number if key else 0
+
+    def _places(self, problem: Problem) -> dict[str, tuple[Target, Place | None]]:
+        """Return target and place of each answer to a problem; no place where it is impossible."""
+        kinds: dict[str, tuple[FemModel, Kind]] = {
+            model.name: (model, "states") for model in self.plan.fem if not model.surrogate
+        }
+        if self.plan.reference is not None:
+            kinds |= {name: (self.plan.reference, KINDS[name]) for name in self.plan.quantities if name in KINDS}
+        return {name: self._place(problem, *kind) for name, kind in kinds.items()}
+
+    @staticmethod
+    def _place(problem: Problem, model: FemModel, kind: Kind) -> tuple[Target, Place | None]:
+        if problem.design is None or problem.load is None:
+            return Target("", message=problem.message), None
+        choice, tolerance = None, NAN
+        try:
+            if model.tolerance is not None and kind == "states":
+                tolerance = model.tolerance
+                choice = choose(problem.design, [problem.load], tolerance, problem.magnet)
+                if choice.model_kind != "fem":
+                    answer = _unsolved_answer(problem.design, problem.load, problem.magnet, choice)
+                    return Target("", formula=answer, choice=choice, tolerance=tolerance), None
+                model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
+            scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
+            stored = place(scene, kind, problem.motion)
+        except BadInput as error:
+            return Target("", message=str(error)), None
+        key = store_module.key(stored.content)
+        return Target(key, stored.at, stored.direction, choice=choice, tolerance=tolerance), stored
+
+
+def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice) -> Answer:
+    """Return the answer of a model that needs no solve: a level of the formulas, or the surrogate."""
+    if choice.model_kind == "formula":
+        response = beam.solve(design, load, choice.level_or_accuracy)
+        return Answer(design.D, design.E, response, "ok", "", choice.bound, 0.0)
+    (answer,) = surrogate_answers([Problem(design, load, magnet, "")])
+    return answer
+
+
+def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
+    """Return the surrogate's answers; their error estimates are half widths of 90 % intervals."""
+    from studies.mechanics import surrogate_response
+
+    possible = [(k, (p.design, p.load, p.magnet)) for k, p in enumerate(problems) if p.design and p.load]
+    answers = [replace(IMPOSSIBLE, message=problem.message) for problem in problems]
+    estimates = surrogate_response.respond_all([case for _, case in possible])
+    for (k, (design, _, _)), estimate in zip(possible, estimates, strict=True):
+        if isinstance(estimate, str):
+            answers[k] = replace(IMPOSSIBLE, message=estimate)
+            continue
+        answers[k] = Answer(
+            design.D,
+            design.E,
+            estimate.response,
+            "ok",
+            surrogate_response.surrogate_message(estimate),
+            estimate.force_error,
+            0.0,
+            {"shift": estimate.shift_error, "tilt": estimate.tilt_error, "sideways": estimate.sideways_error},
+            {"largest_strain": estimate.strain},
+        )
+    return answers
+
+
+def _checked(answer: Answer, target: Target, design: Design, load: Load) -> Answer:
+    """Return the answer, with status "beyond_tolerance" and the reason if it is not known to meet the tolerance."""
+    if target.choice is None or answer.response is None or answer.status not in ANSWERED:
+        return answer
+    estimates = {"force": answer.error_estimate, **answer.estimates}
+    along = along_shear(load, answer.response)
+    reason = unmet(target.choice, target.tolerance, design, load, along, estimates)
+    if not reason:
+        return answer
+    return replace(answer, status=UNMET, message="; ".join(filter(None, (answer.message, reason))))
+
+
+class Solves:
+    """The missing states of a study's paths: they are solved by workers, and written to the store as they arrive."""
+
+    def __init__(
+        self, paths: Mapping[str, NeededPath], store: Store, processes: Processes, progress: Progress | None
+    ) -> None:
+        self.store, self.paths = store, paths
+        self._answers: Recent[dict[Position, Answer]] = Recent()
+        self._unsaved: dict[str, dict[Position, Answer]] = {}
+        tasks = []
+        for path in paths.values():
+            positions, solved = missing(path.place, list(path.wanted), store, retry=processes.retry_failed)
+            if positions:
+                tasks.append(task(path.number, path.place, positions, solved))
+        keys = list(paths)
+        self._open = {keys[one.number - 1] for one in tasks}
+        self._keys, self.count = keys, len(tasks)
+        workers = processes.workers
+        if workers is None:
+            workers = 0 if sum(map(cost, tasks)) <= INLINE else min(cores(), len(tasks))
+        self._finished = finished(
+            tasks, solve_task, workers=workers, scheduler=processes.scheduler, cost=cost, progress=progress
+        )
+
+    def is_solved(self, key: str) -> bool:
+        """Return whether all states of a path that the study needs are solved, or have failed."""
+        return key not in self._open
+
+    def wait(self, key: str) -> None:
+        """Wait until a path is solved; the states of all tasks that finish until then go to the store."""
+        try:
+            while key in self._open:
+                self._take()
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(self._interruption_text()) from None
+
+    def _take(self) -> None:
+        """Write the states of the next finished task to the store."""
+        done = next(self._finished)
+        key = self._keys[done.task.number - 1]
+        states = unsolved(done.task, done.reason) if done.answer is None else done.answer
+        trouble = self.store.add(self.paths[key].place.content, states)
+        self._open.discard(key)
+        if trouble:
+            console.warn(trouble)
+            self._unsaved[key] = {state.position: answer(state) for state in states}
+
+    def answer(self, target: Target, problem: Problem) -> Answer:
+        """Return the answer to a problem, for its own design."""
+        if target.formula is not None:
+            return target.formula
+        if problem.design is None or problem.load is None or not target.key:
+            return Answer(1.0, 1.0, None, "bad_input", target.message, NAN, 0.0)
+        stored = self.answers(target.key)
+        if target.at not in stored:
+            raise BadInput(
+                f"states have been removed from the store {str(self.store.file)!r} while the sweep was running: give "
+                "the same command again"
+            )
+        answer = stored[target.at].of(problem.design.D, problem.design.E, target.direction)
+        return _checked(answer, target, problem.design, problem.load)
+
+    def answers(self, key: str) -> Mapping[Position, Answer]:
+        """Return the stored answers of a path, by their positions."""
+        return self._answers.get(key, lambda: self._stored(key))
+
+    def _stored(self, key: str) -> dict[Position, Answer]:
+        return answers(self.paths[key].place, self.store) | self._unsaved.get(key, {})
+
+    def close(self) -> None:
+        """Stop the workers."""
+        close = getattr(self._finished, "close", None)
+        if close is not None:
+            close()
+
+    def _interruption_text(self) -> str:
+        """State in a sentence what an interrupted sweep has stored."""
+        done = self.count - len(self._open)
+        if not done or self.store.file is None:
+            return "nothing new is solved yet: the same command starts from the beginning"
+        return f"{done} of {self.count} solves are kept in {self.store.file}; the same command continues from there"
+
+
+def cost(task: Task) -> float:
+    """Return the expected time of a task on one core, s, right within a factor of about three.
+
+    Measured on the paper's sensor; what counts is the ratio between tasks.
+    """
+    scene = task.scene
+    loads = 1 + 0.2 * len(scene.loads)
+    size = math.pow(0.09 / scene.accuracy.section_size, 1.5)
+    if task.kind != "states":
+        return size * {"response": 2.0, "cycle": 7.0}.get(task.kind, 1.0) * (6.0 if scene.sideways else 1.0)
+    if scene.solid:
+        alone = 20.0 if scene.model == "half" else 60.0
+        return alone * loads * math.pow(0.14 / scene.accuracy.solid_size, 3.0)
+    slides = scene.coulomb is not None and scene.sideways
+    harmonics = harmonics_at(scene, max(scene.loads[0].depth / scene.design.D, 0.01)) / 3 if scene.plate_tilt else 1.0
+    fields = (2.0 if scene.turns else 1.0) * max(harmonics, 1.0)
+    return size * loads * fields**2 * (6.0 if slides else 0.8 if scene.model == "harmonic" else 0.15)
+
+
+class Solver:
+    """Finds the answers to scenes in the store, and solves what is missing with all processes."""
+
+    def __init__(self, store: Store, processes: Processes, progress: Progress | None, accuracy: Accuracy):
+        self.store, self.processes, self.progress, self.accuracy = store, processes, progress, accuracy
+
+    def answers(self, scenes: Sequence[Scene], kind: Kind = "states") -> list[list[Answer]]:
+        """Return for each scene the answers to its loads, which lie on one path."""
+        paths: dict[str, NeededPath] = {}
+        where: list[tuple[str, list[Position]]] = []
+        for scene in scenes:
+            places = [place(replace(scene, loads=(load,)), kind) for load in scene.loads]
+            key = store_module.key(places[0].content)
+            path = paths.setdefault(key, NeededPath(places[0], len(paths) + 1))
+            path.wanted |= {one.at: None for one in places}
+            where.append((key, [one.at for one in places]))
+        with contextlib.closing(Solves(paths, self.store, self.processes, self.progress)) as solves:
+            found = []
+            for key, positions in where:
+                solves.wait(key)
+                stored = solves.answers(key)
+                found.append([stored[at] for at in positions])
+        return found
+
+    def coarser(self) -> Solver:
+        """Return a solver on the coarser mesh from which errors are estimated."""
+        return Solver(self.store, self.processes, self.progress, coarser(self.accuracy))

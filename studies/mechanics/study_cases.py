@@ -1,0 +1,431 @@
+"""Cases of a study: every combination of its factors' points, resolved batch by batch into designs and loads.
+
+A study may have millions of cases, of which most differ only in values that the finite elements do not depend on
+(E, the Hall elements, the remanence). So a batch of cases is resolved by its distinct *sensors* (all fields but E)
+and its distinct *problems* (what the mechanics depend on). Both are found by integer codes: the position of a case's
+point in those factors that matter. Results for E follow by proportion, except under an imperfection, which is a
+force.
+
+The Hall elements keep the places that they have in the base design: if D or L moves the undeformed magnet's centre
+from H to H', l0 becomes l0 + H' - H, unless l0 itself varies. The magnet keeps its size.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.beam import LEVELS as FORMULAS
+from fem.accuracy import LEVELS, Accuracy
+from fem.scene import Model
+from geometry.arrays import Array
+from geometry.bad_input import closest
+from geometry.design import OF_TIME, BadInput, Design
+from geometry.loads import Load, Magnet, check_load
+from studies.inputs import user_input
+from studies.inputs.study_axes import DESIGN, LOAD, Factor
+from studies.inputs.study_input import QuantityName
+from studies.inputs.user_input import Value
+from studies.mechanics.plate_motion import STILL, TIMED, PlateMotion, motion_of
+
+READING_FIELDS = frozenset(
+    name
+    for name in DESIGN
+    if name.startswith("hall_") or name in ("f", "l0", "c", "chip_x", "remanence", "magnet_north", *OF_TIME)
+)
+"""Fields of a design on which the static mechanics do not depend."""
+MOST_KEPT = 20_000
+"""Number of resolved sensors, and of problems, that are kept for the next batch; it bounds the memory."""
+DEFAULT_QUANTITIES = ("force", "shift", "contact_radius", "readings")
+"""Quantities of a study that names none; with loads to the side also the tilt."""
+FEM_MODELS = ("axisymmetric", "harmonic", "half", "full")
+"""Models of finite elements that can stand before an accuracy, as in half-quick."""
+Columns = dict[str, NDArray[Any]]
+"""A table: columns of equal length by their names; NaN and None stand for values that do not exist."""
+Kept = TypeVar("Kept")
+
+
+@dataclass(frozen=True, slots=True)
+class FemModel:
+    """A finite-element model of a study: its name in the study, accuracy and model.
+
+    With a `tolerance`, each case takes the cheapest model whose measured error meets it, which may be a level of the
+    formulas (see `studies.mechanics.model_choice`). A `surrogate` stands for finite elements that are not solved.
+    """
+
+    name: str
+    accuracy: Accuracy
+    model: Model = "auto"
+    tolerance: float | None = None
+    surrogate: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A study that is ready to run.
+
+    Attributes
+    ----------
+    design : base design.
+    factors : what varies; the last factor varies fastest.
+    load : fields of the load that do not vary.
+    magnet : model of the magnet where it is no axis.
+    fem : finite-element models, the surrogate before them, coarsest first; the last one is the reference.
+    formulas : levels of the formulas.
+    quantities : what the rows have.
+    truth : name of the model that errors are taken against; default: the reference, if there is one.
+    """
+
+    design: Design
+    factors: tuple[Factor, ...]
+    load: Mapping[str, Value]
+    magnet: Magnet
+    fem: tuple[FemModel, ...]
+    formulas: tuple[str, ...]
+    quantities: tuple[QuantityName, ...]
+    truth: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.truth and self.reference is not None:
+            object.__setattr__(self, "truth", self.reference.name)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of all axes."""
+        return tuple(name for factor in self.factors for name in factor.names)
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return math.prod(factor.count for factor in self.factors)
+
+    @property
+    def reference(self) -> FemModel | None:
+        """The finest finite-element model, which gives status and message; None if the study has none."""
+        return self.fem[-1] if self.fem and not self.fem[-1].surrogate else None
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether any quantity depends on the relaxation of the silicone, and so on E itself."""
+        return any(name in self.quantities for name in TIMED)
+
+    @property
+    def reading_fields(self) -> frozenset[str]:
+        """Fields of a design on which the mechanics of this study do not depend."""
+        return READING_FIELDS - set(OF_TIME) if self.depends_on_time else READING_FIELDS
+
+    @property
+    def loads_sideways(self) -> bool:
+        """Whether any case may have forces or shifts sideways."""
+        names = ("shear", "shear_y", "plate_tilt", "imperfection")
+        return any(self.load.get(name) or name in self.axes for name in names)
+
+    def idle(self, kind: str) -> frozenset[str]:
+        """Return the axes on which "sensors" or "problems" do not depend."""
+        force = bool(self.load.get("imperfection")) or "imperfection" in self.axes
+        own_E = kind == "problems" and (force or self.depends_on_time)
+        idle = self.reading_fields if kind == "problems" else frozenset(LOAD)
+        return idle if own_E else idle | {"E"}
+
+    def matters(self, kind: str) -> tuple[int, ...]:
+        """Return the indices of the factors on which "sensors" or "problems" depend."""
+        idle = self.idle(kind)
+        return tuple(k for k, factor in enumerate(self.factors) if not set(factor.names) <= idle)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What the mechanics depend on in a case, or the reason why it is impossible.
+
+    Attributes
+    ----------
+    design, load : None if the case is impossible; `message` then gives the reason. The design's E is that of the
+        base design, unless the study has an imperfection or a quantity that depends on time.
+    """
+
+    design: Design | None
+    load: Load | None
+    magnet: Magnet
+    message: str
+    motion: PlateMotion = STILL
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Some cases of a study.
+
+    Attributes
+    ----------
+    axes : values of each axis, shape (n,).
+    E : Young's modulus of each case, shape (n,), MPa.
+    sensors, sensor : the distinct sensors, None where impossible, and the index of each case's sensor, shape (n,).
+    sensor_messages : why a sensor is impossible, "" where it is possible.
+    codes, problems, problem : the distinct problems with their codes, and the index of each case's problem, (n,).
+    """
+
+    axes: Mapping[str, NDArray[Any]]
+    E: Array
+    sensors: Sequence[Design | None]
+    sensor: NDArray[np.int64]
+    sensor_messages: Sequence[str]
+    codes: Sequence[int]
+    problems: Sequence[Problem]
+    problem: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.E)
+
+    def part(self, first: int, last: int) -> Batch:
+        """Return the cases from position `first` to before `last` of the batch."""
+        cut = slice(first, last)
+        return dataclasses.replace(
+            self,
+            axes={name: values[cut] for name, values in self.axes.items()},
+            E=self.E[cut],
+            sensor=self.sensor[cut],
+            problem=self.problem[cut],
+        )
+
+
+class Recent(Generic[Kept]):
+    """Values by keys, of which only those added last are kept."""
+
+    def __init__(self, most: int = MOST_KEPT) -> None:
+        self.most = most
+        self.values: OrderedDict[Hashable, Kept] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], Kept]) -> Kept:
+        """Return the value of a key; `make` computes one that is not kept."""
+        if key not in self.values:
+            self.values[key] = make()
+            if len(self.values) > self.most:
+                self.values.popitem(last=False)
+        return self.values[key]
+
+
+class Cases:
+    """The cases of a study, resolved batch by batch."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._values = [tuple(_array(values) for values in factor.values) for factor in plan.factors]
+        self._codes = {kind: self._point_codes(kind) for kind in ("sensors", "problems")}
+        self._sensors: Recent[Design | str] = Recent()
+        self._problems: Recent[Problem] = Recent()
+
+    def batch(self, cases: NDArray[np.int64]) -> Batch:
+        """Return the cases of these indices, shape (n,)."""
+        plan, points = self.plan, self._points(cases)
+        axes = {
+            name: values[point]
+            for factor, columns, point in zip(plan.factors, self._values, points, strict=True)
+            for name, values in zip(factor.names, columns, strict=True)
+        }
+        sensor_codes, sensor_first, sensor = self._distinct("sensors", points)
+        codes, problem_first, problem = self._distinct("problems", points)
+        sensors = [
+            self._sensors.get(code, lambda k=k: self._sensor(axes, k))  # type: ignore[misc]
+            for code, k in zip(sensor_codes, sensor_first, strict=True)
+        ]
+        problems = [
+            self._problems.get(code, lambda k=k: self._problem(axes, k))  # type: ignore[misc]
+            for code, k in zip(codes, problem_first, strict=True)
+        ]
+        E = np.asarray(axes["E"], dtype=float) if "E" in axes else np.full(len(cases), plan.design.E)
+        designs = [None if isinstance(one, str) else one for one in sensors]
+        reasons = [one if isinstance(one, str) else "" for one in sensors]
+        return Batch(axes, E, designs, sensor, reasons, codes, problems, problem)
+
+    def distinct_problems(self) -> NDArray[np.int64]:
+        """Return for each distinct problem of the study the index of its first case, in rising order."""
+        strides = self._strides()
+        firsts = np.zeros(1, dtype=np.int64)
+        for k, codes in self._codes["problems"].items():
+            # each point of a further factor follows the ones before, because later factors vary faster
+            steps = np.sort(np.unique(codes, return_index=True)[1]) * strides[k]
+            firsts = (firsts[:, None] + steps[None, :]).ravel()
+        return firsts
+
+    def _point_codes(self, kind: str) -> dict[int, NDArray[np.int64]]:
+        """Return for each factor that matters the codes of its points: equal where all that matters is equal."""
+        idle = self.plan.idle(kind)
+        codes = {}
+        for k in self.plan.matters(kind):
+            factor, known = self.plan.factors[k], dict[tuple[Value, ...], int]()
+            columns = [v.tolist() for name, v in zip(factor.names, self._values[k], strict=True) if name not in idle]
+            # a table may have most of its rows more than once but for what is idle
+            codes[k] = np.array(
+                [known.setdefault(row, len(known)) for row in zip(*columns, strict=True)], dtype=np.int64
+            )
+        return codes
+
+    def _strides(self) -> list[int]:
+        """Return the number of cases between two consecutive points of each factor."""
+        counts = [factor.count for factor in self.plan.factors]
+        return [math.prod(counts[k + 1 :]) for k in range(len(counts))]
+
+    def _points(self, cases: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+        """Return the point of each case in each factor."""
+        return [
+            cases // stride % factor.count for stride, factor in zip(self._strides(), self.plan.factors, strict=True)
+        ]
+
+    def _distinct(
+        self, kind: str, points: Sequence[NDArray[np.int64]]
+    ) -> tuple[list[int], list[int], NDArray[np.int64]]:
+        """Return distinct codes of a batch, the first case of each, and for each case the index of its code."""
+        code = np.zeros(len(points[0]), dtype=np.int64)
+        for k, codes_of_points in self._codes[kind].items():
+            code = code * self.plan.factors[k].count + codes_of_points[points[k]]
+        codes, firsts, inverse = np.unique(code, return_index=True, return_inverse=True)
+        return codes.tolist(), firsts.tolist(), inverse.astype(np.int64)
+
+    def _sensor(self, axes: Mapping[str, NDArray[Any]], k: int) -> Design | str:
+        """Return the design of a case, with the E of the base design, or the reason why it is impossible."""
+        fields = {name: _value(axes[name][k]) for name in axes if name in DESIGN and name != "E"}
+        try:
+            return varied(self.plan.design, fields)
+        except BadInput as error:
+            return str(error)
+
+    def _problem(self, axes: Mapping[str, NDArray[Any]], k: int) -> Problem:
+        """Return the problem of a case."""
+        plan = self.plan
+        magnet = cast("Magnet", str(axes["magnet"][k])) if "magnet" in axes else plan.magnet
+        values = dict(plan.load) | {name: _value(axes[name][k]) for name in axes if name in LOAD}
+        # cases with other Hall elements share the problem, so theirs must neither spoil nor change it
+        fields = {name: _value(axes[name][k]) for name in axes if name in DESIGN and name not in plan.reading_fields}
+        if "l0" in axes:
+            fields["l0"] = DESIGN["l0"].high
+        try:
+            own_E = values.get("imperfection") or plan.depends_on_time
+            design = varied(plan.design, fields if own_E else fields | {"E": plan.design.E})
+            magnet = magnet if design.shape.has_magnet else "ignored"
+            load = load_of(values)
+            check_load(design, load, magnet)
+        except BadInput as error:
+            return Problem(None, None, magnet, str(error))
+        return Problem(design, load, magnet, "", motion_of(values))
+
+
+def load_of(values: Mapping[str, Value]) -> Load:
+    """Return the load of a case; a plate that is sheared sticks to the tip unless `friction` says otherwise.
+
+    >>> load_of({"depth": 1.0, "shear": 0.5})
+    Load(depth=1.0, shear_x=0.5, shear_y=0.0, friction='stick', grip=None, plate_tilt=0.0, imperfection=0.0)
+    """
+    number: dict[str, Any] = dict(values)
+    grip = number.get("grip")
+    # a table of grips and presses has no number where the plate grips nothing
+    grip = None if grip is None or math.isnan(grip) else grip
+    shear, shear_y = number.get("shear", 0.0), number.get("shear_y", 0.0)
+    stick = bool(shear or shear_y) and grip is None
+    return Load(
+        depth=number.get("depth", 0.0),
+        shear_x=shear,
+        shear_y=shear_y,
+        friction=number.get("friction", "stick" if stick else "none"),
+        grip=grip,
+        plate_tilt=math.radians(number.get("plate_tilt", 0.0)),
+        imperfection=number.get("imperfection", 0.0),
+    )
+
+
+def varied(base: Design, fields: Mapping[str, Value]) -> Design:
+    """Return the base design with other fields; its Hall elements keep their places unless l0 is among the fields.
+
+    >>> from geometry.design import paper
+    >>> varied(paper(), {"L": 11.0}).l0
+    9.2
+    """
+    changed: dict[str, Any] = dict(fields)
+    if "l0" in changed or not {"D", "L"} & changed.keys():
+        return dataclasses.replace(base, **changed)
+    # check the fields themselves first: their errors are clearer than those of the l0 that follows from them
+    design = dataclasses.replace(base, **changed, l0=DESIGN["l0"].high)
+    l0 = base.l0 + design.H - base.H
+    if not l0 > design.magnet_height / 2:
+        raise BadInput("S1 keeps its place in the base and would touch the magnet: take a larger L or a smaller D")
+    return dataclasses.replace(design, l0=l0)
+
+
+def _array(values: Sequence[Value] | NDArray[Any]) -> NDArray[Any]:
+    """Return the values of an axis as an array: floats, or objects where some are names."""
+    if isinstance(values, np.ndarray):
+        return values
+    named = any(isinstance(value, str) for value in values)
+    return np.array(values, dtype=object if named else float)
+
+
+def _value(value: Any) -> Value:
+    """Return a value of an array as Python's float or text."""
+    return value if isinstance(value, str) else float(value)
+
+
+def models_of(names: Sequence[str], tolerance: float | None = None) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
+    """Return the finite-element models, coarsest first and the surrogate before them, and the formulas' levels.
+
+    Parameters
+    ----------
+    names : see `studies.cases.answer`; `fem:` before an accuracy may be left out.
+    tolerance : adds the model that `tolerance:...` names.
+
+    Raises
+    ------
+    BadInput
+        A name is unknown or given twice, or a tolerance stands beside finite elements.
+    """
+    fem, formulas = [], []
+    for name in names:
+        kind, _, text = name.partition(":")
+        short = model_name(name)
+        model, _, level = short.rpartition("-")
+        if kind == "tolerance":
+            tolerance = user_input.parse_tolerance(text)
+        elif short in FORMULAS:
+            formulas.append(short)
+        elif short == "surrogate":
+            fem.append(FemModel(short, LEVELS["standard"], surrogate=True))
+        elif level in LEVELS and model in ("", *FEM_MODELS):
+            fem.append(FemModel(short, LEVELS[level], cast("Any", model or "auto")))
+        else:
+            known = [*LEVELS, *FORMULAS, "surrogate", "fem", "tolerance:1%"]
+            close = closest(name, known)
+            hint = f"did you mean {close}?" if close else f"choose from {', '.join(known)}, or such as half-quick"
+            raise BadInput(f"there is no model {name!r}: {hint}")
+        if [model_name(other) for other in names].count(short) > 1:
+            raise BadInput(f"model {name} is given twice: give each model once")
+    if tolerance is not None:
+        if solved := [model.name for model in fem if not model.surrogate]:
+            raise BadInput(
+                f"a tolerance chooses the finite elements, which are given too ({solved[0]}): leave one out"
+            )
+        fem.append(FemModel("chosen", LEVELS["standard"], tolerance=tolerance))
+    fem.sort(key=lambda one: (not one.surrogate, one.model in ("half", "full"), -one.accuracy.section_size))
+    return tuple(fem), tuple(level for level in FORMULAS if level in formulas)
+
+
+def check_quantities(quantities: Sequence[str], fem: Sequence[FemModel], formulas: Sequence[str]) -> None:
+    """Refuse quantities that the models cannot give."""
+    for name in ("decoded_force_error", "critical_depth", "modes", *TIMED):
+        if name in quantities and not any(not model.surrogate for model in fem):
+            raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
+    if "decoded_force_error" in quantities and not formulas:
+        raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")
+
+
+def model_name(name: str) -> str:
+    """Return the short name of a model.
+
+    >>> [model_name(name) for name in ("fem", "fem:half-quick", "paper", "tolerance:1%")]
+    ['standard', 'half-quick', 'paper', 'chosen']
+    """
+    kind, _, text = name.partition(":")
+    return {"fem": text or "standard", "tolerance": "chosen"}.get(kind, name)

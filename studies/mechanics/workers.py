@@ -1,0 +1,184 @@
+"""Tasks done in this process, by worker processes on this machine, or by those of a Dask cluster (`cluster`).
+
+Both ways share everything but the transport: a task goes to a worker process (`worker_process`), one at a time, and
+is done once more by a new process if its process dies. A process that dies has no other task, so that no other task
+is affected. The workers return answers; only the process that calls `finished` writes files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import queue
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from geometry.messages import Progress
+from studies.mechanics.time_left import Unfinished, clock_text
+from studies.mechanics.worker_process import (
+    Answer,
+    Executor,
+    SchedulerLost,
+    WorkerDied,
+    WorkersLost,
+    inline,
+    processes,
+)
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+PATIENCE = 2.0
+"""Time without an answer after which the workers are checked, s."""
+REPORTS = 0.5
+"""Least time between two reports of progress, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finished(Generic[T, R]):
+    """A task with its answer, or with the reason why there is none.
+
+    Attributes
+    ----------
+    answer : what the function returned; None if its worker died at both tries, or ran out of memory.
+    reason : which of both, in one sentence; empty if there is an answer.
+    """
+
+    task: T
+    answer: R | None
+    reason: str
+
+
+def finished(
+    tasks: Iterable[T],
+    function: Callable[[T], R],
+    *,
+    workers: int,
+    scheduler: str | None = None,
+    cost: Callable[[T], float] | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Finished[T, R]]:
+    """Call a function of each task and yield each task as soon as it is finished, in any order.
+
+    The tasks are started in the order given, and taken from the iterable in this thread. As many tasks as there are
+    workers are begun and not yet yielded, so that no more are lost if this process is killed. Closing the generator
+    ends all workers at once, also during tasks.
+
+    Parameters
+    ----------
+    function : of a module that workers can import; it and the tasks can be pickled.
+    workers : number of processes; 0 calls the function in this process. Without effect on a cluster.
+    scheduler : address of a Dask scheduler, such as tcp://10.0.0.1:8786.
+    cost : expected time of a task, in any unit; default: all tasks take equally long.
+    progress : receives the finished share of the costs and the time left, if `tasks` is a sequence.
+
+    Raises
+    ------
+    BadInput
+        The scheduler cannot be reached, or its workers do not have this version of magtip.
+    SchedulerLost
+        The scheduler, or all of its workers, were lost during the run.
+    BaseException
+        Whatever else the function raises: it ends the run, with the traceback of the worker as a note.
+    """
+    report = _Reports(tasks, cost, progress)
+    if isinstance(tasks, Sequence) and tasks:
+        workers = min(workers, len(tasks))  # each has more threads for linear algebra
+    with _executor(workers, scheduler) as executor:
+        try:
+            yield from _finished(tasks, function, executor, report)
+        except SchedulerLost as error:
+            count = "some tasks are" if report.left is None else f"{report.left} tasks are"
+            raise SchedulerLost(f"{error}: {count} unfinished; the same command continues") from None
+
+
+def _finished(
+    tasks: Iterable[T], function: Callable[[T], R], executor: Executor, report: _Reports
+) -> Iterator[Finished[T, R]]:
+    """Yield tasks as they are finished by an executor."""
+    waiting = iter(enumerate(tasks))
+    started: dict[Future[Answer], tuple[int, T]] = {}
+    done: queue.SimpleQueue[Future[Answer]] = queue.SimpleQueue()
+    while True:
+        size = executor.size()
+        report.show(size)
+        # no tasks in advance: the caller may need seconds with an answer, in which workers would begin all of them
+        while len(started) < max(size, 1) and (next_task := next(waiting, None)) is not None:
+            future = executor.submit(function, next_task[1])
+            started[future] = next_task
+            future.add_done_callback(done.put)
+        if not started:
+            return
+        try:
+            future = done.get(timeout=PATIENCE)
+        except queue.Empty:
+            executor.check()
+            continue
+        number, task = started.pop(future)
+        result, seconds = _result(task, future)
+        report.finish(number, seconds)
+        yield result
+
+
+def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:
+    """Return a finished task with the time that its answer took, s; NaN without an answer."""
+    try:
+        value, error, seconds = future.result()
+    except WorkerDied as death:
+        cause = " (out of memory?)" if -9 in death.codes else ""
+        return Finished(task, None, f"its worker process ended with {death}{cause}"), math.nan
+    except WorkersLost as lost:
+        return Finished(task, None, str(lost)), math.nan
+    if isinstance(error, MemoryError):
+        return Finished(task, None, "its process ran out of memory"), math.nan
+    if error is not None:
+        raise error
+    return Finished(task, value, ""), seconds
+
+
+def _executor(workers: int, scheduler: str | None) -> contextlib.AbstractContextManager[Executor]:
+    """Return the executor of a run."""
+    if scheduler is not None:
+        from studies.mechanics.cluster import connected
+
+        return connected(scheduler)
+    return processes(workers) if workers else contextlib.nullcontext(inline())
+
+
+class _Reports:
+    """Progress of a run, with the time left if the number of tasks is known."""
+
+    def __init__(self, tasks: Iterable[T], cost: Callable[[T], float] | None, progress: Progress | None) -> None:
+        self.progress, self.next, self.finished, self.shown = progress, 0.0, 0, -1
+        self.unfinished: Unfinished | None = None
+        if isinstance(tasks, Sequence):
+            self.unfinished = Unfinished([cost(task) if cost else 1.0 for task in tasks])
+
+    @property
+    def left(self) -> int | None:
+        """Number of unfinished tasks; None if it is unknown."""
+        return len(self.unfinished.costs) - self.finished if self.unfinished else None
+
+    def finish(self, number: int, seconds: float) -> None:
+        """Count a finished task; `seconds` is NaN if it has no answer."""
+        self.finished += 1
+        if self.unfinished:
+            self.unfinished.finish(number, seconds)
+
+    def show(self, workers: int) -> None:
+        """Report the progress if a task was finished since the last report, and that is not very recent."""
+        if self.unfinished:
+            self.unfinished.occupy(max(workers, 1))
+        now = time.perf_counter()
+        if self.progress is None or self.finished == self.shown or (now < self.next and self.left != 0):
+            return
+        self.next, self.shown = now + REPORTS, self.finished
+        if self.unfinished is None:
+            self.progress(0.0, f"{self.finished} solves")
+            return
+        seconds = self.unfinished.seconds_left()
+        text = "" if math.isnan(seconds) or not self.left else f", {clock_text(seconds)} left"
+        self.progress(self.unfinished.share, f"{self.finished} of {len(self.unfinished.costs)} solves{text}")

@@ -1,1 +1,0 @@
-"""The surrogate: a fast model of the finite elements, trained on stored states, with intervals for its errors."""
