@@ -23,30 +23,25 @@ from geometry.design import Design
 Vector = tuple[float, float, float]
 
 
-def magnet_gap(design: Design, point: Vector, shift: Vector, tilt: tuple[float, float]) -> float:
-    """Return the distance of a point, mm, from the displaced magnet, mm; 0 inside."""
-    return float(magnet_gaps(design, point, np.array([shift]), np.array([tilt]))[0])
-
-
 def magnet_gaps(design: Design, point: Vector, shifts: Array, tilts: Array) -> Array:
-    """Return `magnet_gap`, shape (n,), mm, for shifts (n, 3), mm, and tilts (n, 2), rad."""
+    """Return the distances of a point, mm, from the displaced magnet, shape (n,), mm; 0 inside.
+
+    shifts, tilts : poses, shape (n, 3), mm, and (n, 2), rad.
+    """
     local = in_magnet_frame(np.tile(point, (len(shifts), 1)), design, shifts, tilts)
     beside = np.maximum(np.hypot(local[:, 0], local[:, 1]) - design.magnet_diameter / 2, 0.0)
     return np.asarray(np.hypot(beside, np.maximum(np.abs(local[:, 2]) - design.magnet_height / 2, 0.0)))
 
 
-def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
-    """Return the distance of a point, mm, from the beam's estimated wall, mm; negative inside.
+def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
+    """Return the distances of a point, mm, from the beam's estimated wall, shape (n,), mm; negative inside.
 
     The distance from a point in the base, z < 0, is measured horizontally. It is infinite for a point directly below
     the beam at rest, which the beam covers in any pose. It is NaN where an upright magnet would reach below the base
     plane: no beam has this pose.
+
+    shifts : shape (n, 3), mm.
     """
-    return float(wall_gaps(design, point, np.array([shift]))[0])
-
-
-def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
-    """Return `wall_gap`, shape (n,), mm, for shifts (n, 3), mm."""
     if point[2] < 0 and math.hypot(point[0], point[1]) <= design.R:
         return np.full(len(shifts), math.inf)
     x, y, z = shifts[:, :, None].transpose(1, 0, 2)
@@ -73,11 +68,12 @@ def warnings(
         )
     chosen = of_design(design) if elements is None else elements
     # the three axes of a chip have one position, which needs one sentence: the first axis names it
+    shifts, tilts = np.array([shift]), np.array([tilt])
     for element in {element.position: element for element in reversed(chosen)}.values():
-        gap = magnet_gap(design, element.position, shift, tilt)
+        (gap,) = magnet_gaps(design, element.position, shifts, tilts)
         if gap < element.plate / 2 or gap == 0:
             sentences.append(f"{element.name} touches or overlaps the magnet (gap {gap:.3g} mm)")
-        gap = wall_gap(design, element.position, shift)
+        (gap,) = wall_gaps(design, element.position, shifts)
         if gap < 0:
             beside = "raise f" if design.hall_layout == "three" else "raise l0 or chip_x"
             remedy = beside if math.hypot(*element.position[:2]) > 0 else "raise l0"

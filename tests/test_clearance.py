@@ -2,12 +2,21 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from analytic.clearance import magnet_gap, wall_gap, warnings
+from analytic.clearance import magnet_gaps, wall_gaps, warnings
 from geometry.design import Design, paper
 
 REST = (0.0, 0.0, 0.0)
+
+
+def magnet_gap(design, point, shift, tilt):
+    return magnet_gaps(design, point, np.array([shift]), np.array([tilt]))[0]
+
+
+def wall_gap(design, point, shift):
+    return wall_gaps(design, point, np.array([shift]))[0]
 
 
 def test_gaps_at_rest():

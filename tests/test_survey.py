@@ -76,11 +76,11 @@ def test_what_is_in_the_way():
     coder = prepared(Design(l0=5.2, c=2.0, f=4.5))
     seen = survey.survey(coder, (9, 9, 4), multiplicity=False)
     for k in (0, 100, 200, 300):
-        shift, tilt = tuple(seen.shift[:, k]), tuple(seen.tilt[:, k])
+        shift, tilt = seen.shift[:, k][None], seen.tilt[:, k][None]
         for i, element in enumerate(coder.forward.elements):
-            gap = clearance.magnet_gap(coder.forward.design, element.position, shift, tilt)
+            gap = clearance.magnet_gaps(coder.forward.design, element.position, shift, tilt)[0]
             assert seen.magnet_hits[i, k] == (gap == 0)
-            wall = clearance.wall_gap(coder.forward.design, element.position, shift) < 0
+            wall = clearance.wall_gaps(coder.forward.design, element.position, shift)[0] < 0
             assert seen.wall_hits[i, k] == (wall and element.position[2] >= 0)
     assert seen.wall_hits.any()
     assert not seen.grounded.any()

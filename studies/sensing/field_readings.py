@@ -88,6 +88,8 @@ def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing:
     noise_of_readings_T : standard deviation of a reading, from noise, converter and average.
     magnet_gap_mm, wall_gap_mm : distance of the magnet and of the beam's wall from each element.
     """
+    import numpy as np
+
     from analytic import clearance, hall
     from analytic.parts import of_design
 
@@ -103,6 +105,7 @@ def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing:
     )
     volts = all(unit == "V" for unit in measured.units)
     tilt_x, tilt_y = tilts_of(*tilt)
+    places, pose = [element.position for element in elements], (np.array([shift]), np.array([tilt]))
     return {
         "status": "ok",
         "level": sensing.level,
@@ -122,8 +125,8 @@ def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing:
         "step_T": [element.step / element.gain for element in elements],
         "noise_of_readings_T": [element.noise_T for element in elements],
         "saturated": list(measured.saturated),
-        "magnet_gap_mm": [clearance.magnet_gap(design, element.position, shift, tilt) for element in elements],
-        "wall_gap_mm": [clearance.wall_gap(design, element.position, shift) for element in elements],
+        "magnet_gap_mm": [float(clearance.magnet_gaps(design, place, *pose)[0]) for place in places],
+        "wall_gap_mm": [float(clearance.wall_gaps(design, place, pose[0])[0]) for place in places],
         "warnings": warnings(design, measured, shift, tilt),
     }
 
