@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,23 +29,12 @@ CUP = 2000.0
 """Silicone that stays in a mixing cup, mm³; it is added to what is mixed for each pour."""
 
 
-@dataclass(frozen=True, slots=True)
-class Material:
-    """A material that a mould is printed from; `limit` is its softening temperature, °C."""
-
-    process: str
-    name: str
-    limit: float
-
-
-MATERIALS = (
-    Material("fdm", "PLA", 55.0),
-    Material("fdm", "PETG", 70.0),
-    Material("fdm", "ABS or ASA", 90.0),
-    Material("sla", "standard resin", 60.0),
-    Material("sla", "high-temperature resin", 200.0),
-)
-"""Heat deflection temperatures that vendors commonly state, rounded down; the data sheet of the material decides."""
+MATERIALS = {
+    "fdm": {"PLA": 55.0, "PETG": 70.0, "ABS or ASA": 90.0},
+    "sla": {"standard resin": 60.0, "high-temperature resin": 200.0},
+}
+"""Temperatures at which the materials of a mould soften, °C, by process: heat deflection temperatures that vendors
+commonly state, rounded down; the data sheet of the material decides."""
 
 MAGNET_LIMIT = 80.0
 """Working limit of common sintered NdFeB, grade N without a further letter, °C; grades M, H and SH withstand more."""
@@ -75,14 +63,8 @@ def recipe_of(design: Design, choices: FabricationChoices) -> Recipe:
     """Return the temperatures and dowels of a casting."""
     magnet = MAGNET_LIMIT if design.shape.has_magnet else None
     cures = tuple(
-        Cure(
-            material.name,
-            material.limit,
-            cure(material.limit),
-            None if magnet is None else cure(min(material.limit, magnet)),
-        )
-        for material in MATERIALS
-        if material.process == choices.mold.process
+        Cure(name, limit, cure(limit), None if magnet is None else cure(min(limit, magnet)))
+        for name, limit in MATERIALS[choices.mold.process].items()
     )
     s, apart = sizes(design, choices.mold), magnet_field.resting_distance(design)
     if s.ears is None:
