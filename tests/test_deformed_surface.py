@@ -8,7 +8,7 @@ from fem.accuracy import QUICK
 from geometry.design import paper
 from geometry.loads import Load
 from studies.output import vtk_files
-from studies.report import deformed_surface
+from studies.web import deformed_surface
 
 COARSE = dataclasses.replace(QUICK, section_size=0.25)
 

@@ -14,10 +14,10 @@ from fem.scene import Scene
 from fem.solve.load_increments import watched
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.explorer import explorer_answers, time_answers
-from studies.explorer.explorer_answers import Answers, KeptPaths
-from studies.explorer.explorer_state import request_of
-from studies.explorer.state_answers import rate
+from studies.web import explorer_answers, time_answers
+from studies.web.explorer_answers import Answers, KeptPaths
+from studies.web.explorer_state import request_of
+from studies.web.state_answers import rate
 
 
 @pytest.fixture

@@ -27,9 +27,9 @@ from fem.accuracy import LEVELS
 from fem.equilibrium import solve
 from geometry.design import BadInput, Design
 from studies.cli import commands
-from studies.explorer import explorer_answers, explorer_server, explorer_state, explorer_workers
 from studies.inputs import user_input
 from studies.mechanics import worker_process
+from studies.web import explorer_answers, explorer_server, explorer_state, explorer_workers
 
 PATIENCE = 60.0
 SHEARED = {"load": {"depth": 1.0, "shear": 0.4, "direction": 90}, "design": {"D": 9.0, "hall_noise": 0.001}}

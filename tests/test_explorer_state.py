@@ -14,8 +14,8 @@ from fem.equilibrium import solve
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.cli import commands
-from studies.explorer.explorer_state import RATES, components, explorer_fields, request_of, state_of, wrong_field
-from studies.explorer.state_exports import address_fields, changed_fields, python, shell
+from studies.web.explorer_state import RATES, components, explorer_fields, request_of, state_of, wrong_field
+from studies.web.state_exports import address_fields, changed_fields, python, shell
 
 STATES = [
     {"load": {"depth": 1}, "level": "quick"},

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from studies.report import folder_contents
+from studies.web import folder_contents
 
 
 def test_files_are_read_by_their_kind(tmp_path):

@@ -15,8 +15,8 @@ from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies.explorer import offline_page, offline_tables, state_answers
 from studies.output import atomic_files
+from studies.web import offline_page, offline_tables, state_answers
 
 MOST_BYTES = 6e6
 SIZE = 4, 2

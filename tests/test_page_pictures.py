@@ -3,8 +3,8 @@ import io
 
 from PIL import Image
 
-from studies.report import page_pictures
-from studies.report.folder_contents import Contents
+from studies.web import page_pictures
+from studies.web.folder_contents import Contents
 
 
 def contents(tmp_path, *names):

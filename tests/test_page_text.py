@@ -1,5 +1,5 @@
-from studies.report import page_text
-from studies.report.folder_contents import Contents
+from studies.web import page_text
+from studies.web.folder_contents import Contents
 
 
 def contents(tmp_path, page):

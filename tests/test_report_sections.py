@@ -4,7 +4,7 @@ import pytest
 
 from geometry.design import Design
 from geometry.loads import Load
-from studies.report import folder_contents, report_sections
+from studies.web import folder_contents, report_sections
 
 RESULTS = Path(__file__).resolve().parent.parent / "results"
 

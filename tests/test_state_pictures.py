@@ -10,9 +10,8 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import Design
 from geometry.loads import Load
-from studies.explorer import state_pictures
 from studies.output.vtk_files import field_grid
-from studies.report import deformed_surface
+from studies.web import deformed_surface, state_pictures
 
 LOADS = {
     "press": Load(depth=1.0),

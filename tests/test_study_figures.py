@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from studies.report import folder_contents, paper_figures, report_sections, verdict_figures
-from studies.report.folder_contents import Contents, Table
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, time_figures
 from studies.sizing import sizing_figures
+from studies.web import folder_contents, paper_figures, report_sections, verdict_figures
+from studies.web.folder_contents import Contents, Table
 
 RESULTS = Path(__file__).resolve().parent.parent / "results"
 

@@ -329,7 +329,7 @@ def report(folder: Results, /, *, out: Path | None = None, no_solve: bool = Fals
         Solve nothing: no figure in 3D where a folder names a sensor but holds no solution; default: solve it.
     """
     command_line = command(report, locals())
-    from studies.report import report_page
+    from studies.web import report_page
 
     def study(progress: Progress) -> Result:
         page = report_page.report(folder, out, command=command_line, solve=not no_solve, progress=progress)
@@ -368,7 +368,7 @@ def explore(
     if export is not None:
         _export(design, export)
         return GOOD
-    from studies.explorer import explorer_server, state_exports
+    from studies.web import explorer_server, state_exports
 
     with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
 
@@ -384,7 +384,7 @@ def explore(
 
 def _export(design: Design, path: Path) -> None:
     """Write the page of a design as one file."""
-    from studies.explorer import offline_page
+    from studies.web import offline_page
 
     file = atomic_files.check_output_file(path, ".html", ".htm")
     with console.progress(as_json=False) as progress:

@@ -32,11 +32,11 @@ from studies.output import provenance
 from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
-from studies.report import verdict_figures
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
 from studies.validation.error_study_cases import TANGENT_SCENES, Trial
 from studies.validation.pages import Row
+from studies.web import verdict_figures
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from analytic import beam
 from geometry.arrays import Array
 from studies.output.figures import COLOURS, Figure, Look, heat, plot, save, table_of
-from studies.report.paper_figures import MARKED, error_map, map_cells
 from studies.simulation.beam_cells import QUANTITIES, Cells, Columns, all_errors
 from studies.validation.pages import Row
 from studies.validation.reading_split import PARTS
+from studies.web.paper_figures import MARKED, error_map, map_cells
 
 LARGE = 10.0
 """Error, %, beyond which the map of the best level shows none."""

@@ -17,8 +17,8 @@ from studies import cases
 from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
-from studies.report import verdict_figures
 from studies.validation import pages
+from studies.web import verdict_figures
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -20,7 +20,6 @@ from studies.output.goals import failures, page_lines
 from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.output.text_tables import cell as number
-from studies.report import verdict_figures
 from studies.simulation.compare import part
 from studies.validation import pages, trade_cases, trade_rule, trade_study
 from studies.validation.pages import Row
@@ -30,6 +29,7 @@ from studies.validation.trade_study import CLEAR, QUANTITIES, QUICK_KINDS
 
 if TYPE_CHECKING:
     import pandas as pd
+from studies.web import verdict_figures
 
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
 """Files that `write` writes into a folder."""

@@ -26,9 +26,9 @@ import tornado.web
 import tornado.websocket
 
 from geometry.design import BadInput, paper
-from studies.explorer import explorer_workers, state_exports
-from studies.explorer.explorer_state import Request, explorer_fields, request_of, wrong_field
-from studies.explorer.explorer_workers import encoded, fault
+from studies.web import explorer_workers, state_exports
+from studies.web.explorer_state import Request, explorer_fields, request_of, wrong_field
+from studies.web.explorer_workers import encoded, fault
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""

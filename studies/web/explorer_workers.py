@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from geometry.design import BadInput
-from studies.explorer.explorer_state import Request, request_of
 from studies.mechanics import worker_process
 from studies.mechanics.worker_process import NotStarted, WorkerDied, WorkerProcesses
+from studies.web.explorer_state import Request, request_of
 
 if TYPE_CHECKING:
-    from studies.explorer.explorer_answers import Answers
+    from studies.web.explorer_answers import Answers
 
 GRACE = 1.0
 """Time that the first picture of a job may take after a newer request has arrived, s."""
@@ -71,7 +71,7 @@ class GivenUp(Exception):
 @functools.cache
 def _answers(background: bool) -> Answers:
     """Return what this process keeps, after it has imported and compiled what requests need by small solves."""
-    from studies.explorer.explorer_answers import Answers
+    from studies.web.explorer_answers import Answers
 
     if background and hasattr(os, "nice"):
         os.nice(10)

@@ -7,7 +7,7 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from studies.report.folder_contents import Contents
+from studies.web.folder_contents import Contents
 
 WIDTH = 1100
 """Width of a picture in the page, pixels: that of the text on a screen with some reserve."""

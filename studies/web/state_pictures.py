@@ -11,7 +11,7 @@ on the axis with dv/dr in place of v/r. The stretch shown is the largest princip
 
 **Sensor in 3D**: skin of each half, cut face y = 0 and the magnet's pocket. The outline of a section is
 swept around the axis with the Fourier series of the solution, which takes milliseconds.
-`studies.report.deformed_surface`, which reads VTK grids, gives the same form.
+`studies.web.deformed_surface`, which reads VTK grids, gives the same form.
 
 **Field lines** of the magnet at its pose, in the plane of the section.
 In a plane through the axis the lines of B are contours of the flux psi = r A_phi through a disc of radius r; levels

@@ -21,15 +21,15 @@ from fem.accuracy import LEVELS
 from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
-from studies.explorer import (
+from studies.output import atomic_files
+from studies.web import (
     offline_tables,
     state_answers,
     state_exports,
 )
-from studies.explorer.explorer_state import RATES, Level, explorer_fields
-from studies.explorer.explorer_workers import as_json
-from studies.explorer.offline_tables import Grid
-from studies.output import atomic_files
+from studies.web.explorer_state import RATES, Level, explorer_fields
+from studies.web.explorer_workers import as_json
+from studies.web.offline_tables import Grid
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""

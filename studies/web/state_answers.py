@@ -22,11 +22,11 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response
 from geometry.relaxation import range_sentence, relaxation_of
-from studies.explorer.explorer_state import ExplorerState
-from studies.explorer.state_pictures import section
 from studies.mechanics import surrogate_range, surrogate_response
 from studies.mechanics.path_solver import frequency_unit
 from studies.simulation.compare import default_loads
+from studies.web.explorer_state import ExplorerState
+from studies.web.state_pictures import section
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, MutableSet
 from typing import TYPE_CHECKING, Any
 
-from studies.report.folder_contents import Contents
+from studies.web.folder_contents import Contents
 
 if TYPE_CHECKING:
     from markupsafe import Markup

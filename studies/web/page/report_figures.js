@@ -1,25 +1,5 @@
 "use strict";
-// Figures by Vega, read off by pointer and keys, and what all scripts of the page share. Texts enter by textContent.
-
-const Tools = {
-  html(name, className, parent, text) {
-    const node = document.createElement(name);
-    if (className) node.className = className;
-    if (text !== undefined) node.textContent = text;
-    if (parent) parent.appendChild(node);
-    return node;
-  },
-  // A number as a reader expects it: four digits, powers of ten where it is very small or large, a true minus sign.
-  show(value, digits = 4) {
-    if (value === null || value === undefined || !isFinite(value)) return "–";
-    const size = Math.abs(value);
-    if (value === 0 || (size < 1e5 && size >= 1e-3))
-      return String(Number(value.toPrecision(digits))).replace(/^-/, "−");
-    const [mantissa, power] = value.toExponential(digits - 1).split("e");
-    const raised = String(Number(power)).replace(/./g, (c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]));
-    return `${Number(mantissa)} × 10${raised}`.replace(/^1 × /, "").replace(/^-/, "−");
-  },
-};
+// Figures by Vega, read off by pointer and keys.
 
 const Figures = (() => {
   const MARKS = ".mark-symbol.role-mark path, .mark-rect.role-mark path";

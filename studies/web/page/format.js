@@ -38,6 +38,17 @@ const Format = (() => {
     return (text.includes("e") && size < 1e5 && size >= 1e-5 ? String(Number(text)) : text).replace(/-/g, "−");
   }
 
+  // A number as a sentence has it: no digits that are zero, powers of ten where it is very small or large.
+  function short(value, digits = 4) {
+    if (value === null || value === undefined || !isFinite(value)) return "–";
+    const size = Math.abs(value);
+    if (value === 0 || (size < 1e5 && size >= 1e-3))
+      return String(Number(value.toPrecision(digits))).replace(/^-/, "−");
+    const [mantissa, power] = value.toExponential(digits - 1).split("e");
+    const raised = String(Number(power)).replace(/./g, (c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]));
+    return `${Number(mantissa)} × 10${raised}`.replace(/^1 × /, "").replace(/^-/, "−");
+  }
+
   // A half width with two digits; NaN for one that is not known yet.
   const width = (value) =>
     value === null || value === undefined ? "" : isFinite(value) ? `± ${number(value, 2)}` : "± …";
@@ -110,5 +121,5 @@ const Format = (() => {
     return true;
   }
 
-  return { VIRIDIS, SIGNED, number, width, plain, round, mix, make, put, once, colour, recolour, pixels, fit };
+  return { VIRIDIS, SIGNED, number, short, width, plain, round, mix, make, put, once, colour, recolour, pixels, fit };
 })();

@@ -9,24 +9,6 @@
   const OTHER =
     "A server answers here, but with another token: open the address that it printed. " +
     "The state of this page is the part of its address after the sign #.";
-  const THEMES = ["auto", "light", "dark"];
-  const NAMES = { auto: "Theme: system", light: "Theme: light", dark: "Theme: dark" };
-
-  function theme(name) {
-    if (name === "auto") delete document.documentElement.dataset.theme;
-    else document.documentElement.dataset.theme = name;
-    $("#theme").textContent = NAMES[name];
-    $("#theme").dataset.now = name;
-    Format.recolour();
-  }
-  let kept = "auto";
-  // a page opened from a file may have no storage
-  try {
-    kept = localStorage.getItem("magtip-theme") || "auto";
-  } catch {
-    kept = "auto";
-  }
-  theme(THEMES.includes(kept) ? kept : "auto");
 
   engine.onClosed((why) => {
     document.body.dataset.server = why;
@@ -85,14 +67,7 @@
   Explorer.use({ fields, controls, views, requests });
   Explorer.wire();
 
-  $("#theme").addEventListener("click", () => {
-    const next = THEMES[(THEMES.indexOf($("#theme").dataset.now) + 1) % THEMES.length];
-    theme(next);
-    try {
-      localStorage.setItem("magtip-theme", next);
-    } catch {
-      /* the choice lasts as long as the page */
-    }
+  Theme.start($("#theme"), () => {
     for (const one of [views.curves.force, views.curves.shift, views.bars]) one.redraw();
     Explorer.touch("state", "curve");
   });

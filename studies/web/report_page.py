@@ -1,7 +1,7 @@
 """The page of a report: one HTML file with its style, scripts and data, which opens without a network.
 
 Texts of files enter the page escaped, data as JSON in which no tag can end; the page's Content-Security-Policy lets
-only its own four scripts run, by their hashes, and lets nothing be loaded or evaluated: Vega, which draws the
+only its own scripts run, by their hashes, and lets nothing be loaded or evaluated: Vega, which draws the
 figures, interprets its expressions.
 """
 
@@ -20,16 +20,17 @@ from geometry.loads import Load
 from geometry.messages import Progress
 from studies.output import atomic_files, figures, provenance
 from studies.output.figures import Figure, quantity_name
-from studies.report import folder_contents, page_pictures, report_sections
-from studies.report.folder_contents import Contents, Table
-from studies.report.page_text import lead_of, page_html, title_of
-from studies.report.report_sections import Section
+from studies.web import folder_contents, page_pictures, report_sections
+from studies.web.folder_contents import Contents, Table
+from studies.web.page_text import lead_of, page_html, title_of
+from studies.web.report_sections import Section
 
 if TYPE_CHECKING:
     import pandas as pd
 
-OWN = Path(__file__).parent
-SCRIPTS = ("figures.js", "deformed.js", "page.js")
+PAGE = Path(__file__).parent / "page"
+SCRIPTS = ("format", "theme", "exports", "report_figures", "sensor_view", "report_surface", "report_page")
+"""Scripts of every report; three.js comes before them where there is a figure in 3D."""
 GENERATOR = "magtip report"
 """Text by which a page of a report is recognised, so that no other file is replaced."""
 MOST_BYTES = 9_000_000
@@ -124,7 +125,7 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     from markupsafe import Markup
 
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(OWN), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+        loader=jinja2.FileSystemLoader(PAGE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
     environment.filters["minus"] = minus
     tables, left_out = _kept_tables(sections)
@@ -135,16 +136,17 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
         shown.append(_section(section, name, number, data, left_out, images))
     scripts = [
         vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;"),
-        *((OWN / name).read_text("utf-8") for name in SCRIPTS),
+        *([(PAGE / "vendor" / "three.js").read_text("utf-8")] if data["surfaces"] else []),
+        *((PAGE / f"{name}.js").read_text("utf-8") for name in SCRIPTS),
     ]
     title = folder.resolve().name or str(folder)
     count = len(data["figures"]) + len(data["surfaces"])
-    text = environment.get_template("page.html.jinja").render(
+    text = environment.get_template("report.html.jinja").render(
         generator=GENERATOR,
         title=f"Results in {title}",
         lead=f"{_count(count, 'figure')} of {_count(len(sections), 'folder')}. The pointer or, on a figure with "
         "the focus, the arrow keys read it off; its numbers are below it, also as CSV.",
-        style=Markup((OWN / "style.css").read_text("utf-8")),
+        style=Markup("".join((PAGE / name).read_text("utf-8") for name in ("theme.css", "report.css"))),
         scripts=[Markup(text) for text in scripts],
         hashes=" ".join(f"'sha256-{_digest(text)}'" for text in scripts),
         sections=shown,

@@ -36,13 +36,13 @@ from fem.solve.newton import Stop
 from fem.solve.path_state import FIRST_TOUCH, PathState
 from geometry.bad_input import SolveFailed
 from geometry.design import OF_TIME, BadInput, Design
-from studies.explorer import (
+from studies.web import (
     state_answers,
     state_exports,
     state_pictures,
     time_answers,
 )
-from studies.explorer.explorer_state import ExplorerState, Request
+from studies.web.explorer_state import ExplorerState, Request
 
 Data = dict[str, Any]
 Answer = tuple[str, str, Data]

@@ -7,7 +7,7 @@ const Tip = (() => {
   return {
     show(lines, x, y, spoken) {
       box.replaceChildren();
-      lines.forEach((line, k) => Tools.html(k ? "div" : "strong", "", box, line));
+      lines.forEach((line, k) => Format.make(k ? "div" : "strong", {}, box, line));
       box.hidden = false;
       const size = box.getBoundingClientRect();
       const wide = document.documentElement.clientWidth;
@@ -33,17 +33,6 @@ const Tip = (() => {
   };
   const csv = (rows) => rows.map((row) => row.map(cell).join(",")).join("\r\n") + "\r\n";
 
-  function save(name, text) {
-    const link = document.createElement("a");
-    const address = URL.createObjectURL(new Blob([text], { type: "text/csv;charset=utf-8" }));
-    link.href = address;
-    link.download = name;
-    document.body.appendChild(link);
-    link.click();
-    link.remove();
-    setTimeout(() => URL.revokeObjectURL(address), 1000);
-  }
-
   // Cells of CSV text, quoted ones too.
   function parse(text) {
     const rows = [[]];
@@ -61,28 +50,21 @@ const Tip = (() => {
   }
 
   function table(rows, box) {
-    const wrap = Tools.html("div", "scroll", box);
-    const node = Tools.html("table", "", wrap);
-    wrap.tabIndex = 0;
-    wrap.setAttribute("role", "region");
-    wrap.setAttribute("aria-label", "Table, scrolls sideways");
-    const head = Tools.html("tr", "", Tools.html("thead", "", node));
-    const body = Tools.html("tbody", "", node);
-    for (const text of rows[0]) Tools.html("th", "", head, text).scope = "col";
+    const region = { class: "scroll", tabindex: 0, role: "region", "aria-label": "Table, scrolls sideways" };
+    const node = Format.make("table", {}, Format.make("div", region, box));
+    const head = Format.make("tr", {}, Format.make("thead", {}, node));
+    const body = Format.make("tbody", {}, node);
+    for (const text of rows[0]) Format.make("th", { scope: "col" }, head, text);
     for (const row of rows.slice(1, MOST_ROWS + 1)) {
-      const line = Tools.html("tr", "", body);
+      const line = Format.make("tr", {}, body);
       for (const value of row) {
         const number = value !== "" && value !== null && isFinite(value) && typeof value !== "boolean";
-        Tools.html(
-          "td",
-          number ? "number" : "",
-          line,
-          value === null || value === "" ? "" : number ? Tools.show(Number(value), 6) : String(value),
-        );
+        const text = value === null || value === "" ? "" : number ? Format.short(Number(value), 6) : String(value);
+        Format.make("td", { class: number && "number" }, line, text);
       }
     }
     if (rows.length - 1 > MOST_ROWS)
-      Tools.html("p", "note", box, `The first ${MOST_ROWS} of ${rows.length - 1} rows; the CSV has all.`);
+      Format.make("p", { class: "note" }, box, `The first ${MOST_ROWS} of ${rows.length - 1} rows; the CSV has all.`);
   }
 
   // A closed table is filled when it is opened: most readers open few.
@@ -98,7 +80,10 @@ const Tip = (() => {
       });
     if (button)
       button.addEventListener("click", () =>
-        save(button.dataset.csv, box.dataset.table ? data.tables[box.dataset.table] : csv(rows())),
+        Exports.save(
+          button.dataset.csv,
+          new Blob([box.dataset.table ? data.tables[box.dataset.table] : csv(rows())], { type: "text/csv" }),
+        ),
       );
   }
 
@@ -119,8 +104,8 @@ const Tip = (() => {
   }
   for (const box of document.querySelectorAll("[data-surface]")) {
     const surface = data.surfaces[box.dataset.surface];
-    Deformed.start(surface, box);
-    wire(box, () => Deformed.rows(surface));
+    ReportSurface.start(surface, box);
+    wire(box, () => ReportSurface.rows(surface));
   }
   for (const box of document.querySelectorAll("[data-table]")) wire(box, () => parse(data.tables[box.dataset.table]));
   let waiting = 0;
@@ -130,32 +115,7 @@ const Tip = (() => {
   });
   window.addEventListener("scroll", () => Tip.hide(), { passive: true });
 
-  const THEMES = ["auto", "light", "dark"];
-  const NAMES = { auto: "Theme: system", light: "Theme: light", dark: "Theme: dark" };
-  const button = document.getElementById("theme");
-  function theme(name) {
-    if (name === "auto") delete document.documentElement.dataset.theme;
-    else document.documentElement.dataset.theme = name;
-    button.textContent = NAMES[name];
-    button.dataset.now = name;
-  }
-  let kept = "auto";
-  // a page opened from a file may have no storage
-  try {
-    kept = localStorage.getItem("magtip-theme") || "auto";
-  } catch {
-    kept = "auto";
-  }
-  theme(THEMES.includes(kept) ? kept : "auto");
-  button.addEventListener("click", () => {
-    const next = THEMES[(THEMES.indexOf(button.dataset.now) + 1) % THEMES.length];
-    theme(next);
-    try {
-      localStorage.setItem("magtip-theme", next);
-    } catch {
-      /* the choice lasts as long as the page */
-    }
-  });
+  Theme.start(document.getElementById("theme"));
   drawAll().then(() => {
     document.documentElement.dataset.ready = "yes";
   });

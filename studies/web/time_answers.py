@@ -24,12 +24,12 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
-from studies.explorer.explorer_state import ExplorerState
-from studies.explorer.state_answers import number
 from studies.mechanics import resonance_peaks
 from studies.mechanics.cycle_motion import Motion, frequency_of
 from studies.simulation import response_curves
 from studies.simulation.response_curves import At, Complex
+from studies.web.explorer_state import ExplorerState
+from studies.web.state_answers import number
 
 Data = dict[str, Any]
 Rows = list[Data]

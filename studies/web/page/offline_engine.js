@@ -1,6 +1,6 @@
 "use strict";
 // The engine of a page without a server: it answers the requests of the page from tables over depth, shear and
-// direction that studies/explorer/offline_tables.py has computed. Between nodes it interpolates linearly, and turns
+// direction that studies/web/offline_tables.py has computed. Between nodes it interpolates linearly, and turns
 // vectors.
 
 const OfflineEngine = (packed) => {

@@ -54,8 +54,17 @@ const SensorView = (() => {
         figure,
         "The picture in 3D needs WebGL, which this browser does not offer.",
       );
-      return { canvas, show() {}, draw() {}, size: () => 0, largest: () => 0, grey() {} };
+      figure.dataset.renderer = "none";
+      return {
+        canvas,
+        show() {},
+        draw() {},
+        extent: () => ({ low: [0, 0, 0], high: [1, 1, 1] }),
+        nearest() {},
+        grey() {},
+      };
     }
+    figure.dataset.renderer = "webgl";
     const scene = new THREE.Scene();
     const camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.1, 100);
     const lamp = new THREE.DirectionalLight(0xffffff, 1.9);
@@ -69,7 +78,7 @@ const SensorView = (() => {
     let data = null;
     let mode = "open";
 
-    // The skin's box at rest is not sent: the box of what is shown, with some room.
+    // Ends of the box around all parts, mm.
     function extent() {
       const low = [Infinity, Infinity, Infinity];
       const high = [-Infinity, -Infinity, -Infinity];
@@ -112,6 +121,24 @@ const SensorView = (() => {
       body.geometry = geometry(data, mode, largest);
     }
 
+    // The point of what is shown that lies nearest to the viewer among those within some pixels of the pointer.
+    function nearest(event, pixels) {
+      const { x, y, width, height } = canvas.getBoundingClientRect();
+      let best = null;
+      let depth = Infinity;
+      for (const name of SHOWN[mode]) {
+        const { points = [], value } = data.parts[name] || {};
+        for (let k = 0; k < points.length; k += 3) {
+          const at = new THREE.Vector3(points[k], points[k + 1], points[k + 2]).project(camera);
+          const off = [x + ((1 + at.x) / 2) * width - event.clientX, y + ((1 - at.y) / 2) * height - event.clientY];
+          if (Math.hypot(...off) > pixels || at.z >= depth) continue;
+          depth = at.z;
+          best = { point: [points[k], points[k + 1], points[k + 2]], value: value[k / 3] };
+        }
+      }
+      return best;
+    }
+
     let last = null;
     canvas.addEventListener("pointerdown", (event) => {
       last = [event.clientX, event.clientY];
@@ -143,8 +170,8 @@ const SensorView = (() => {
       canvas,
       show,
       draw,
-      extent: () => (data ? extent() : null),
-      has: () => data !== null,
+      extent,
+      nearest,
       grey(yes) {
         figure.classList.toggle("stale", yes);
       },

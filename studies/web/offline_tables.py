@@ -33,7 +33,7 @@ from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, rotation_of
 from geometry.messages import Progress
-from studies.explorer import state_answers, state_pictures
+from studies.web import state_answers, state_pictures
 
 if TYPE_CHECKING:
     from fem.solution import Solution

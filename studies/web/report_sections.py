@@ -12,13 +12,13 @@ from geometry.loads import Load
 from studies.inputs import study_axes, user_input
 from studies.mechanics.study_cases import load_of, varied
 from studies.output.figures import Figure
-from studies.report import deformed_surface, folder_contents, paper_figures, verdict_figures
-from studies.report.deformed_surface import Surface
-from studies.report.folder_contents import Contents, Table
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, critical_depths, time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
+from studies.web import deformed_surface, folder_contents, paper_figures, verdict_figures
+from studies.web.deformed_surface import Surface
+from studies.web.folder_contents import Contents, Table
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,9 +22,9 @@ from analytic import buckling
 from geometry import design_digest
 from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Load, Magnet
-from studies.explorer.explorer_state import OPENING_DEPTH, ExplorerState, Level, plain
 from studies.inputs.option_groups import Motion
 from studies.mechanics.worker_process import WorkerDied, processes
+from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, Level, plain
 
 if TYPE_CHECKING:
     from fem.solution import Solution
@@ -52,7 +52,7 @@ def commands(state: ExplorerState) -> dict[str, str]:
 def shell(state: ExplorerState) -> str:
     """Return the command lines that solve for the state, and for its vibration and loop where it has rates.
 
-    >>> from studies.explorer.explorer_state import state_of
+    >>> from studies.web.explorer_state import state_of
     >>> shell(state_of({"design": {"D": 10}, "load": {"depth": 1, "shear": -2}}))
     'magtip solve paper --depth 1 --shear=-2 --friction stick --set D=10'
     >>> shell(state_of({"load": {"depth": 1, "frequency": 600, "speed": 2}})).splitlines()[1:]

@@ -1,1 +1,0 @@
-"""The report: one offline page of whatever results a folder holds."""

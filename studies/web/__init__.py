@@ -1,0 +1,1 @@
+"""Pages: the explorer, whose sensor changes by hand, its export as one file, and the report of folders of results."""
