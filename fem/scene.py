@@ -217,7 +217,6 @@ def turns(loads: Sequence[Load]) -> bool:
 
 
 def _check_accuracy(accuracy: object) -> None:
-    """Refuse what is no accuracy, such as the name of a level."""
     if not isinstance(accuracy, Accuracy):
         names = ", ".join(name.upper() for name in LEVELS)
         raise TypeError(f"accuracy must be {names} of fem.accuracy, or another Accuracy; got {accuracy!r}")
@@ -248,7 +247,6 @@ def _check_path(loads: Sequence[Load]) -> None:
 
 
 def _check_spot(design: Design, load: Load) -> None:
-    """Refuse a grip of an area of skin that is too small to be held firmly."""
     least = LEAST_SPOT**2 * design.D
     if load.grip is not None and load.grip < least:
         raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {least:.3g} mm; got {load.grip:g} mm")
@@ -260,7 +258,6 @@ def _least_cap(design: Design, accuracy: Accuracy) -> float:
 
 
 def _check_cap(design: Design, grip: float, accuracy: Accuracy) -> None:
-    """Refuse a grip whose area of skin is narrower than two elements."""
     least = _least_cap(design, accuracy)
     if grip < least:
         raise BadInput(

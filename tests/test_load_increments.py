@@ -37,7 +37,7 @@ def sheared(solver):
     """A press that is glued and has moved aside in two increments."""
     state = glue(with_harmonics(pressed(solver), section(1)), None)
     for way in (0.01, 0.02):
-        state = apply_increment(Solver(), state, np.array([0.06, way, 0.0]), TOLERANCE, sure=True).state
+        state = apply_increment(Solver(), state, np.array([0.06, way, 0.0]), TOLERANCE, accept=True).state
     return state
 
 
@@ -56,7 +56,7 @@ def same(one, other):
 def test_the_same_increment_from_the_same_state_leads_to_the_same_next_one(solver, mu):
     state = pressed(solver, mu)
     before, position = contents(state), np.array([0.07, 0.0, 0.0])
-    once, again = (apply_increment(solver, state, position, TOLERANCE, sure=True) for _ in range(2))
+    once, again = (apply_increment(solver, state, position, TOLERANCE, accept=True) for _ in range(2))
     assert same(contents(state), before)
     assert not same(contents(once.state), before)
     assert same(contents(once.state), contents(again.state))
@@ -66,7 +66,7 @@ def test_the_same_increment_from_the_same_state_leads_to_the_same_next_one(solve
 def test_a_glued_patch_moves_on_twice_alike(solver):
     state, position = sheared(solver), np.array([0.06, 0.03, 0.0])
     before = contents(state)
-    once, again = (apply_increment(Solver(), state, position, TOLERANCE, sure=True) for _ in range(2))
+    once, again = (apply_increment(Solver(), state, position, TOLERANCE, accept=True) for _ in range(2))
     assert same(contents(state), before)
     assert same(contents(once.state), contents(again.state))
 
@@ -85,14 +85,14 @@ def test_a_failed_increment_gives_no_state_and_leaves_the_one_before(solver, mon
     monkeypatch.setattr(
         load_increments, "iterate", lambda *given, **options: replace(settled(*given), reason="no_convergence")
     )
-    tried = apply_increment(solver, state, DEEP, TOLERANCE, sure=True)
+    tried = apply_increment(solver, state, DEEP, TOLERANCE, accept=True)
     assert (tried.state, tried.stop, tried.easy) == (None, "step_inverted", False)
     assert same(contents(state), before)
 
 
 def test_an_increment_through_the_clamp_fails(solver):
     state = pressed(solver)
-    tried = apply_increment(solver, state, np.array([2 * SHAPE.L, 0.0, 0.0]), TOLERANCE, sure=True)
+    tried = apply_increment(solver, state, np.array([2 * SHAPE.L, 0.0, 0.0]), TOLERANCE, accept=True)
     assert tried.state is None
     assert tried.stop
 
@@ -100,7 +100,7 @@ def test_an_increment_through_the_clamp_fails(solver):
 def test_what_crushes_silicone_is_believed_of_short_increments_only(solver, monkeypatch):
     state = replace(pressed(solver), least_J=1.0)
     monkeypatch.setattr(load_increments, "CRUSHED", 1.0)  # which every deformation breaks
-    long, short = (apply_increment(solver, state, DEEP, TOLERANCE, sure=sure) for sure in (False, True))
+    long, short = (apply_increment(solver, state, DEEP, TOLERANCE, accept=sure) for sure in (False, True))
     assert (long.state, long.stop) == (None, "")
     assert short.state.least_J < 1
 

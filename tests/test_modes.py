@@ -14,7 +14,7 @@ from fem.model import angular_fields, elements
 from fem.model.material import lame
 from fem.model.nonlinear_system import System
 from fem.model.symmetry_models import on_axis
-from fem.results.error_estimates import error_rule, estimate_number
+from fem.results.error_estimates import error_rule, relative_error
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
@@ -137,7 +137,7 @@ def test_companions_are_paired_by_shape():
     found = modes.estimate_frequencies(one, other, unpressed)
     rule = error_rule("modes", "rigid", "frequency")
     pairs = [(1.0, 1.1), (2.0, 3.3), (3.0, 2.2)]
-    assert found[:3] == tuple(estimate_number(rule, a, b, STANDARD.section_size, 1.0) for a, b in pairs)
+    assert found[:3] == tuple(relative_error(rule, (a,), (b,), STANDARD.section_size, 1.0) for a, b in pairs)
     assert found[3] is None
 
 

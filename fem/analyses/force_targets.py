@@ -36,7 +36,7 @@ from fem.results.postprocess import read, tip_force
 from fem.scene import Model, Scene
 from fem.solution import Solution
 from fem.solve.load_case_models import mesh_range
-from fem.solve.load_increments import Segment
+from fem.solve.load_increments import Reached
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
@@ -326,7 +326,6 @@ def _first_scene(design: Design, target: ForceTarget, accuracy: Accuracy, magnet
 def _walk(
     targets: Sequence[ForceTarget], scenes: Sequence[Scene], search: _Search, progress: Progress | None
 ) -> Generator[Solution]:
-    """Solve for the states one after the other."""
     for done, (target, scene) in enumerate(zip(targets, scenes, strict=True)):
         if progress is not None:
             search.watch = _watch(progress, done, len(targets), target, scene.model)
@@ -494,7 +493,7 @@ class ForcePath:
     def _sheared(self, state: PathState) -> CurvePoint:
         return CurvePoint(float(state.position[1:] @ self._along), float(tip_force(state)[:2] @ self._along), state)
 
-    def _advance(self, state: PathState, position: Array) -> Segment:
+    def _advance(self, state: PathState, position: Array) -> Reached:
         if self.watch is not None:
             depth, *shear = position * self.scene.design.D
             self.watch(float(depth), math.hypot(*shear))

@@ -27,7 +27,7 @@ from fem.model import angular_fields, rigid_inclusion, single_order
 from fem.model.elements import SAME_PLACE
 from fem.model.nonlinear_system import System
 from fem.model.symmetry_models import Discretisation, specification
-from fem.results.error_estimates import error_rule, estimate_number, estimated
+from fem.results.error_estimates import error_rule, estimated, relative_error
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
@@ -113,7 +113,7 @@ def estimate_frequencies(found: Modes, coarse: Modes, scene: Scene) -> tuple[flo
     errors = []
     for frequency, name in zip(found.frequency, found.shape, strict=True):
         value = left[name].pop(0) if left[name] else None
-        errors.append(estimate_number(rule, frequency, value, edge, unit / frequency))
+        errors.append(relative_error(rule, (frequency,), (value,), edge, unit / frequency))
     return tuple(errors)
 
 

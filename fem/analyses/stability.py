@@ -115,7 +115,6 @@ def estimate_critical(found: Critical, coarse: Critical, scene: Scene) -> Estima
 
 
 def _find_critical(scene: Scene, guided: bool) -> Critical:
-    """Return the critical state of a scene, without error estimates."""
     D = scene.design.D
     end = scene.loads[0].depth / D
     rough = _fine_section(replace(scene, accuracy=QUICK))

@@ -277,7 +277,6 @@ def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Arra
 def _accept(
     state: ViscousState, path: PathState, points: PointState, dt: float, elastic: float, iterations: int
 ) -> ViscousState:
-    """Return the state after a converged step."""
     if not state.past:
         state = _sampled(state)
     history, moved = state.history.advance(points, dt), path.position - state.path.position
@@ -336,7 +335,6 @@ def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
 
 
 def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array:
-    """Return the errors (b,) of the force after a step, see the module docstring."""
     branches = before.history.branches
     decayed = np.exp(-dt / branches.times) * before.errors
     if not before.past or after.strain is None:

@@ -244,7 +244,6 @@ def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
 def _follow(
     path: TimedPath, segments: Sequence[Segment], every_step: bool, progress: Progress | None
 ) -> Iterator[TimedState]:
-    """Follow the segments; see `follow`."""
     run, end = -1, segments[-1].end
     for segment in segments:
         duration = sum(part.end - part.begin for part in segments if part.run == segment.run)
@@ -266,7 +265,6 @@ def _follow(
 
 
 def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
-    """Return the present state in the user's units."""
     state, scene = path.state, path.scene
     unit, friction = scene.design.E * scene.design.D**3, state.path.friction
     stored_by_branches = state.history.stored(state.points)
@@ -422,7 +420,6 @@ def march(path: TimedPath, segment: Segment, duration: float) -> Iterator[Stop]:
 
 
 def _tried(path: TimedPath, segment: Segment, dt: float, count: int) -> list[ViscousState] | Stop:
-    """Return the states after each of some equal steps, or why there are none."""
     states: list[ViscousState] = []
     for _ in range(count):
         state = states[-1] if states else path.state

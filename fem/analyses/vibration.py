@@ -122,14 +122,12 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
 
 
 def _sticking(plate: Plate) -> Plate:
-    """Return the plate whose points in touch all stick."""
     if plate.friction is None:
         return plate
     return replace(plate, friction=coulomb_friction.expect_sticking(plate.friction))
 
 
 def _solve_path(scene: Scene) -> PathState:
-    """Return the state of a load in the harmonic model, whose x axis is the direction of the shear."""
     path = start_path(scene)
     reached = path.advance(path.rest, scene.position(scene.loads[0]))
     if reached.stop:

@@ -237,7 +237,6 @@ class ElementAssembly:
         self.add_motion(slopes.reshape(-1, r).T @ by_motion.reshape(-1, r), data)
 
     def _add_coupling(self, batch: _Batch, T: Array, data: Array) -> None:
-        """Add the coupling of displacements and motion with the pressures, of a batch."""
         e, M, offsets = self._elements, self._elements.pressure_shape, self._pattern.offsets
         cells, corners, (number, pressure_number, motion) = e.cells, self._corners, self._numbers
         (m, a), (c, f, n) = cells[batch.part].shape, (M.shape[1], number.shape[1], pressure_number.shape[1])

@@ -135,7 +135,6 @@ def kinematics(G, Jm1, Hm1):
 
 @compiled
 def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A):
-    """Write what `neo_hookean` does."""
     n = len(mu)
     s, excess, rest, by_F, by_H = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     a, b, c = G[0], G[4], G[8]
@@ -174,7 +173,6 @@ def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A):
 
 @compiled
 def _add_unit(T):
-    """Return 1 + T."""
     out = np.empty_like(T)
     for e in range(9):
         unit, row, a = 1.0 if e % 4 == 0 else 0.0, out[e], T[e]

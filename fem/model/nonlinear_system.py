@@ -136,7 +136,6 @@ class System:
         self._build_pattern()
 
     def _number_unknowns(self, fixed: NDArray[np.bool_], held: Array | None) -> None:
-        """Number the unknowns."""
         e = self.elements
         used = np.zeros(fixed.shape, dtype=bool)
         used[e.cells] = True
@@ -163,7 +162,6 @@ class System:
         self.free, self.eliminated, self._carried = free, used & ~free, carried
 
     def _build_pattern(self) -> None:
-        """Build the sparse pattern from the unknowns of each element."""
         e, inner, nodes = self.elements, self._free_cells, len(self.elements.nodes)
         cells, pressures, magnet = e.cells, nodes + 1 + self._corners, np.array([[nodes]])
         beside = np.full((len(cells) - inner, 1), nodes)
@@ -257,7 +255,6 @@ class System:
 
     @functools.cached_property
     def _loops(self) -> ElementAssembly:
-        """The integrals over the elements."""
         motion = np.arange(self.n_free, self.n_free + self.n_rigid)[None]
         numbers = self._reduced, self._pressures, motion
         return ElementAssembly(

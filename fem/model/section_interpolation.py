@@ -66,7 +66,6 @@ def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:
 
 
 def _barycentric(local: Array) -> Array:
-    """Return the barycentric coordinates (..., 3) of local coordinates (..., 2)."""
     return np.concatenate([1 - local.sum(axis=-1, keepdims=True), local], axis=-1)
 
 

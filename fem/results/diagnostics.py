@@ -156,7 +156,6 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
 def _choose_remark(
     state: PathState, found: Diagnosed, D: float, near: StabilityMargin | None, *, touched: bool
 ) -> Remark | None:
-    """Return the most important limitation of an answer; None if there is none."""
     load, normal, sheared = found.load, found.response.force[2], state.sheared
     pressed = load.depth > 0
     if pressed and not normal > 0 and not sheared and not touched:
@@ -236,13 +235,11 @@ def describe(solution: Diagnosed, design: Design) -> str:
 
 
 def _describe_load(load: Load) -> str:
-    """Return the depth and shear of a load in words."""
     shear = load.shear
     return f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
 
 
 def _describe_instability(facts: Facts) -> str:
-    """Return where the first unstable direction appeared, and how many there are."""
     n = facts.stability.directions
     count = f"{n} unstable direction{'s' if n != 1 else ''}" if n else "past it now"
     if facts.onset_mm is None:
@@ -269,7 +266,6 @@ def _describe_weakness(facts: Facts, design: Design) -> str:
 
 
 def _describe_remark(remark: Remark, solution: Diagnosed) -> str:
-    """Return a remark in words."""
     load, response, critical = solution.load, solution.response, solution.facts.critical_depth
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
     aside = f"shift {shift:.2g} mm, tilt {tilt:.2g} rad"

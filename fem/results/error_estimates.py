@@ -5,7 +5,7 @@
 With the edge length h of the mesh, and a base b that measures how hard the state is to resolve,
 
     usual difference    u = m (h / D)^p / b^q
-    expected error      c u^(1 - s) max(d, LEAST_SHARE u)^s
+    expected error      c u^(1 - s) max(d, LEAST_OVER_USUAL u)^s
 
 Where a contact ends between two integration points is random, which causes errors of either sign. u is therefore
 often a better measure of the error than d, and s is small.
@@ -90,7 +90,7 @@ LoadCase = Literal[
 VibrationQuantity = Literal["force", "shift", "reading", "base"]
 
 TABLE = Path(__file__).with_name("error_rules.csv")
-LEAST_SHARE = 0.2
+LEAST_OVER_USUAL = 0.2
 """Lower bound of the actual difference, over the usual one: two meshes may agree by chance. Of the 2920 differences
 in the study 11 % are smaller."""
 LEAST_RADIUS = 0.06
@@ -99,7 +99,7 @@ LEAST_RADIUS = 0.06
 LEAST_DEPTH = 0.15
 """Critical depth over D below which the usual difference no longer decreases: slender beams buckle at smaller depths
 than the study has, whose smallest is 0.12."""
-SURE_SHARE = 0.25
+CERTAIN_SHARE = 0.25
 """Least estimated error over the actual difference: a mesh that converges with order 4, faster than the meshes here,
 has the error d / (COARSER^4 - 1) = 0.25 d."""
 UNUSUAL = 8.0
@@ -156,7 +156,7 @@ class ErrorRule:
         >>> ErrorRule(m=1.0, p=2.0, q=0.0, c=2.0, s=0.5).expected(usual=0.25, difference=1.0)
         1.0
         """
-        return self.c * math.pow(usual, 1 - self.s) * math.pow(max(difference, LEAST_SHARE * usual), self.s)
+        return self.c * math.pow(usual, 1 - self.s) * math.pow(max(difference, LEAST_OVER_USUAL * usual), self.s)
 
 
 def table_rows() -> list[dict[str, str]]:
@@ -247,7 +247,7 @@ def estimate_response(found: Response, coarse: Response, load: Load, scene: Scen
     radius = max(found.contact_radius / scene.design.D, LEAST_RADIUS)
     growth = _growth_beyond_study(case, load, scene)
     # the coarser solve of a model with one harmonic has two: the whole difference is an error of the model
-    sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
+    certain = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else CERTAIN_SHARE
 
     def estimate(
         name: str,
@@ -257,10 +257,9 @@ def estimate_response(found: Response, coarse: Response, load: Load, scene: Scen
         case: LoadCase = case,
         rounding: float = 0.0,
     ) -> float | None:
-        difference = _relative_difference(value, coarse_value, rounding)
         rule = error_rule(case, scene.magnet, name)
-        return (
-            None if difference is None or rule is None else _bounded_error(rule, difference, edge, base, growth, sure)
+        return relative_error(
+            rule, value, coarse_value, edge, base, rounding=rounding, growth=growth, certain=certain
         )
 
     tilt = estimate("tilt", (found.tilt, found.tilt_y), (coarse.tilt, coarse.tilt_y), rounding=ROUNDING)
@@ -281,21 +280,34 @@ def estimate_response(found: Response, coarse: Response, load: Load, scene: Scen
     )
 
 
-def estimate_number(
-    rule: ErrorRule | None, number: float | None, coarse: float | None, edge: float, base: float
+def relative_error(
+    rule: ErrorRule | None,
+    value: Sequence[float | None],
+    coarse: Sequence[float | None],
+    edge: float,
+    base: float,
+    *,
+    rounding: float = ROUNDING,
+    growth: float = 1.0,
+    certain: float = CERTAIN_SHARE,
 ) -> float | None:
-    """Return the estimated error of a number; None where it is 0, or one of both meshes has none.
+    """Return the estimated error of a vector over its length; None where that is 0, or the rule or a number unknown.
 
     Parameters
     ----------
-    number, coarse : the number, and the number on the coarser mesh.
-    edge : edge length of the section over D.
+    value, coarse : the vector, and the vector on the coarser mesh.
+    edge : edge length of the mesh over D.
     base : base of the rule.
+    rounding : length up to which a vector is 0.
+    growth : factor on the error that the rule expects.
+    certain : least error over the difference of the two vectors.
     """
-    if rule is None or number is None or coarse is None:
+    numbers, coarse_numbers = ([x for x in vector if x is not None] for vector in (value, coarse))
+    size = math.hypot(*numbers)
+    if rule is None or size <= rounding or len(numbers) != len(coarse_numbers):
         return None
-    difference = _relative_difference((number,), (coarse,), ROUNDING)
-    return None if difference is None else _bounded_error(rule, difference, edge, base)
+    difference, usual = math.dist(numbers, coarse_numbers) / size, rule.usual(edge, base)
+    return max(growth * rule.expected(usual, difference), certain * difference, difference - UNUSUAL * usual)
 
 
 def estimate_numbers(
@@ -311,7 +323,7 @@ def estimate_numbers(
     edge, magnet = scene.accuracy.section_size, scene.magnet
     return Estimates(
         **{
-            name: estimate_number(error_rule(kind, magnet, name), number, coarse, edge, base)
+            name: relative_error(error_rule(kind, magnet, name), (number,), (coarse,), edge, base)
             for name, (number, coarse) in numbers.items()
         }
     )
@@ -336,8 +348,8 @@ def estimate_vibration(
     if rule is None:
         return np.full(len(difference), np.nan)
     edge = scene.accuracy.section_size
-    each = [_bounded_error(rule, d, edge, 1.0) for d in (difference / amplification).tolist()]
-    return amplification * each
+    each = [relative_error(rule, (1.0, 0.0), (1.0, d), edge, 1.0) for d in (difference / amplification).tolist()]
+    return amplification * np.array(each, dtype=np.float64)
 
 
 def load_case(load: Load, scene: Scene) -> LoadCase:
@@ -388,22 +400,3 @@ def _force_along_shear(response: Response, load: Load) -> float:
     if not load.shears_tip:
         return 0.0
     return (response.force[0] * load.shear_x + response.force[1] * load.shear_y) / load.shear
-
-
-def _relative_difference(value: Sequence[float], coarse: Sequence[float], rounding: float) -> float | None:
-    """Return the distance of two vectors over the length of the first; None if that is at most `rounding`."""
-    size = math.hypot(*value)
-    return None if size <= rounding else math.dist(value, coarse) / size
-
-
-def _bounded_error(
-    rule: ErrorRule, difference: float, edge: float, base: float, growth: float = 1.0, sure: float = SURE_SHARE
-) -> float:
-    """Return the error that a rule expects, times a growth factor, at least `sure` times the difference.
-
-    Parameters
-    ----------
-    edge, base : edge length over D, and base of the rule.
-    """
-    usual = rule.usual(edge, base)
-    return max(growth * rule.expected(usual, difference), sure * difference, difference - UNUSUAL * usual)

@@ -151,6 +151,5 @@ def _solve_lateral(solver: Solver, d: Discretisation, plate: Plate | None) -> tu
 
 
 def _factorise(solver: Solver, d: Discretisation, plate: Plate | None) -> None:
-    """Factorise the tangent of a model of one order."""
     here = d.system.assemble(d.system.state(np.zeros(d.system.size)), plate)
     solver.factorise(here.tangent, symmetric=here.symmetric)

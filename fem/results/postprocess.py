@@ -162,7 +162,6 @@ def _point_pose(state: PathState, q: Array) -> Array:
 
 
 def _polar_rotation(G: Array) -> Array:
-    """Return the rotation (3, 3) of the polar decomposition of 1 + G."""
     U, _, Vt = np.linalg.svd(np.eye(3) + G)
     return np.asarray(U @ Vt)
 

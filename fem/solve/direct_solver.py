@@ -206,7 +206,6 @@ def _check_finite(matrix: sp.csr_matrix) -> None:
 
 
 def _count_negative(symmetric: Array) -> int:
-    """Return the number of negative eigenvalues of a dense symmetric matrix (n, n)."""
     return int(np.count_nonzero(np.linalg.eigvalsh(symmetric) < 0))
 
 
@@ -512,7 +511,6 @@ class PardisoCondensed(Pardiso):
 
 
 def _release(arrays: tuple[NDArray[Any], ...], call: tuple[Any, ...]) -> None:
-    """Free the memory of a factorisation by PARDISO's phase -1."""
     arrays[0][3] = -1
     call[0](*call[1:])
 

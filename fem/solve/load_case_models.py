@@ -151,7 +151,6 @@ def _fine_at(scene: Scene, radius: float) -> MeshSpecification:
 
 
 def _harmonic(scene: Scene, section: MeshSpecification) -> MeshSpecification:
-    """Return the section with the harmonics of the scene's accuracy and loads."""
     depths = [load.depth / scene.design.D for load in scene.loads]
     harmonics = max(harmonics_at(scene, depth) for depth in depths)
     return replace(section, harmonics=harmonics, push=scene.push, sines=scene.turns)

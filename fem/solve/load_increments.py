@@ -102,7 +102,7 @@ class Increment:
 
 
 @dataclass(frozen=True, slots=True)
-class Segment:
+class Reached:
     """Result of the increments of one or several segments.
 
     Attributes
@@ -119,7 +119,7 @@ class Segment:
 
 def follow_segment(
     solver: Solver, state: PathState, goal: Array, *, predicts: bool = False, friction_step_factor: float = 1.0
-) -> Segment:
+) -> Reached:
     """Move in a straight line to a position (3,) in increments.
 
     Parameters
@@ -130,7 +130,7 @@ def follow_segment(
     start, iterations = state.position, 0
     length = float(np.linalg.norm(goal - start))
     if length == 0:
-        return Segment(state, "", 0)
+        return Reached(state, "", 0)
     state = _set_direction(state, (goal - start) / length)
     longest = longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
     rough = predicts and start[0] == goal[0]
@@ -144,7 +144,7 @@ def follow_segment(
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)
         tolerance = PREDICTED_TOLERANCE if rough else _tolerance(state, passed=predicts or target < 1)
-        tried = apply_increment(solver, state, position, tolerance, sure=step * length <= LONGEST_DOUBTFUL)
+        tried = apply_increment(solver, state, position, tolerance, accept=step * length <= LONGEST_DOUBTFUL)
         iterations += tried.iterations
         if tried.state is not None:
             state, place = tried.state, target
@@ -154,18 +154,20 @@ def follow_segment(
         state, step = replace(state, past=()), (target - place) / 2
         if tried.stop and step * length < SHORTEST * min(length, 1.0):
             if state.friction is not None or predicts:
-                return Segment(state, tried.stop, iterations)
+                return Reached(state, tried.stop, iterations)
             state, more = _solve_fully(solver, state)
-            return Segment(state, tried.stop, iterations + more)
-    return Segment(state, "", iterations)
+            return Reached(state, tried.stop, iterations + more)
+    return Reached(state, "", iterations)
 
 
-def apply_increment(solver: Solver, state: PathState, position: Array, tolerance: float, *, sure: bool) -> Increment:
+def apply_increment(
+    solver: Solver, state: PathState, position: Array, tolerance: float, *, accept: bool
+) -> Increment:
     """Move to a position (3,) in one increment.
 
     Parameters
     ----------
-    sure : accept the result although it is the first with an unstable direction or with crushed silicone.
+    accept : accept the result although it is the first with an unstable direction or with crushed silicone.
     """
     state = drop_past_at_corner(state, position)
     guess, plate = extrapolate_unknowns(state, position), state.plate_at(position)
@@ -179,11 +181,11 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
     # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = answer.state.least_J < CRUSHED <= state.least_J
     first = answer.stability.is_unstable and not state.stability.is_unstable
-    doubtful = (first or crushed) and not sure
+    doubtful = (first or crushed) and not accept
     turned = answer.converged and turns_over(state, position, answer.state.u)
     if not answer.converged or doubtful or turned:
         # an increment that is too short to jump has no such state
-        stop = "no_convergence" if turned and sure else answer.reason
+        stop = "no_convergence" if turned and accept else answer.reason
         return Increment(None, stop, answer.iterations, easy=False)
     onset, more = state.onset, 0
     if first and onset is None:
@@ -340,7 +342,6 @@ def _tolerance(state: PathState, *, passed: bool) -> float:
 
 
 def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
-    """Solve an intermediate state to the full tolerance; return it and Newton's iterations."""
     answer = find_equilibrium(solver, state, state.q, state.plate)
     if answer.converged:
         state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=answer.state.least_J)

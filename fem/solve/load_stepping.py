@@ -25,7 +25,7 @@ from fem.model import plate_contact
 from fem.model.section_interpolation import interpolate_section
 from fem.model.symmetry_models import Discretisation, MeshSpecification
 from fem.solve.direct_solver import Solver
-from fem.solve.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Segment, follow_segment, path_at, turns_over
+from fem.solve.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Reached, follow_segment, path_at, turns_over
 from fem.solve.newton import TOLERANCE, newton
 from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
@@ -96,7 +96,7 @@ class Path:
         if models.predictor is not None and models.raised is None:
             self.rest = with_predictor(self.rest, models.predictor.build())
 
-    def advance(self, state: PathState, position: Array) -> Segment:
+    def advance(self, state: PathState, position: Array) -> Reached:
         """Move from a state to a position (3,): first to its depth, then to its shear."""
         pressed = self._follow_straight(state, np.array([position[0], *state.position[1:]]))
         if pressed.stop or np.array_equal(position[1:], state.position[1:]):
@@ -104,7 +104,7 @@ class Path:
         sheared = self._follow_straight(self.begin_shear(pressed.state), position)
         return replace(sheared, iterations=pressed.iterations + sheared.iterations)
 
-    def apply(self, state: PathState, position: Array) -> Segment:
+    def apply(self, state: PathState, position: Array) -> Reached:
         """Do as `advance`, but from rest where a press to this depth has no history (`starts_from_rest`)."""
         return self.advance(self.rest if state.starts_from_rest(float(position[0])) else state, position)
 
@@ -127,10 +127,10 @@ class Path:
             return None, None
         return raised.build(), None if predictor is None else predictor.build()
 
-    def _follow_straight(self, state: PathState, goal: Array) -> Segment:
+    def _follow_straight(self, state: PathState, goal: Array) -> Reached:
         """Follow a straight segment to a position (3,), by a prediction where possible."""
         if np.array_equal(goal, state.position):
-            return Segment(state, "", 0)
+            return Reached(state, "", 0)
         solver, rough = self._solvers.setdefault(state.d.model, Solver()), self._models.rough
         if rough is not None and not state.position.any():
             state, before = correct_press(solver, state, rough, goal)
@@ -170,7 +170,7 @@ def _predict_once(
     *,
     least: float = 0.0,
     tolerance: float = TOLERANCE,
-) -> Segment:
+) -> Reached:
     """Move to a position (3,) by correcting one prediction.
 
     least : volume ratio J at or below which the prediction is not corrected.
@@ -180,7 +180,7 @@ def _predict_once(
     # the predictor may have stopped earlier than the full model, and is then of no use
     raise_unknowns = state.raise_unknowns
     if before is None or raise_unknowns is None or not np.array_equal(before.position, state.position):
-        return Segment(state, "no_convergence", 0)
+        return Reached(state, "no_convergence", 0)
     added = state.q - raise_unknowns(before.q)
     if before.bond is None:
         before = replace(before, bond=state.bond)
@@ -188,12 +188,12 @@ def _predict_once(
     state = replace(state, reduced=ahead.state)
     # another number of unstable directions means another branch
     if ahead.stop or ahead.state.stability != state.stability:
-        return Segment(state, "no_convergence", ahead.iterations)
+        return Reached(state, "no_convergence", ahead.iterations)
     guess = added + raise_unknowns(ahead.state.q)
     if least:
         trial = state.d.system.admissible(guess)
         if trial is None or trial.least_J <= least:
-            return Segment(state, "guess_inverted", ahead.iterations)
+            return Reached(state, "guess_inverted", ahead.iterations)
     after = _correct(solver, state, guess, goal, tolerance)
     return replace(after, iterations=ahead.iterations + after.iterations)
 
@@ -212,7 +212,7 @@ def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Arra
     return after.state, after.iterations
 
 
-def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolerance: float = TOLERANCE) -> Segment:
+def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolerance: float = TOLERANCE) -> Reached:
     """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
     plate, system = state.plate_at(goal), state.d.system
     close = (CLOSE if state.d.revolved else 4 * CLOSE) * min(
@@ -225,6 +225,6 @@ def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolera
     crushed = answer.state.least_J < CRUSHED
     sound = answer.stability == state.stability and crushed == (state.least_J < CRUSHED)
     if not answer.converged or not sound or turns_over(state, goal, answer.state.u):
-        return Segment(state, answer.reason or "no_convergence", answer.iterations)
+        return Reached(state, answer.reason or "no_convergence", answer.iterations)
     # intermediate states are unknown, so the next guess cannot be extrapolated
-    return Segment(replace(path_at(state, answer, goal, plate), past=()), "", answer.iterations)
+    return Reached(replace(path_at(state, answer, goal, plate), past=()), "", answer.iterations)

@@ -166,7 +166,6 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
 
 
 def _times(upper: sp.csr_matrix, x: Array) -> Array:
-    """Return the product of a symmetric matrix, given as its upper triangle (n, n), and x (n, k)."""
     return np.asarray(upper @ x + upper.T @ x - upper.diagonal()[:, None] * x)
 
 
