@@ -11,10 +11,10 @@ demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
 # numba compiles beside the checks and the tests without extras, and the tests read its files; as many processes as
-# cores, so each on one thread; tests/conftest.py puts the longest files first
+# cores, so each on one thread; one that has ended takes tests over from another
 test: setup
 	$(MAKE) --no-print-directory -j2 plain compile check
-	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal
 
 check: setup scripts
 	$(BIN)/ruff format --check .

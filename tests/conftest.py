@@ -23,52 +23,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 NO_BROWSER = "no Chromium is installed (Debian: apt-get install chromium)"
 """Why a test of a page is skipped, or fails where a browser is needed."""
-LONGEST = (
-    "test_offline_page",
-    "test_surrogate_study",
-    "test_equilibrium",
-    "test_mesh",
-    "test_explorer_page",
-    "test_layout_study",
-    "test_demo",
-    "test_sizing_commands",
-    "test_explorer_server",
-    "test_trade_study",
-    "test_cluster",
-    "test_sensor_parts",
-    "test_verification",
-    "test_documented_commands",
-    "test_sweep",
-    "test_variant_search",
-    "test_examples",
-    "test_design_variants",
-    "test_assumption",
-    "test_vibration_commands",
-    "test_printed_command",
-    "test_cycle_commands",
-    "test_sweep_kills",
-    "test_report_page",
-    "test_material_fit",
-    "test_mold",
-    "test_error_study",
-    "test_claims",
-    "test_vibration",
-    "test_magnet",
-    "test_engraved_marks",
-    "test_coulomb_friction",
-    "test_stability",
-    "test_decode_readings",
-    "test_entry_point",
-    "test_cycle_paths",
-    "test_workers",
-    "test_friction_study",
-    "test_mesh_import",
-    "test_cad",
-    "test_symmetry_models",
-    "test_explorer_answers",
-    "test_design_range",
-)
-"""Files with the longest tests, the longest first."""
 
 
 def pytest_collection(session):
@@ -83,12 +37,6 @@ def pytest_collection(session):
             # what fails here fails again, and is said, when the file is collected
             with contextlib.suppress(Exception):
                 importlib.import_module(path.stem)
-
-
-def pytest_collection_modifyitems(items):
-    """Begin with the longest files: one that starts last runs alone while the other processes have ended."""
-    place = {name: k for k, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: place.get(item.path.stem, len(LONGEST)))
 
 
 def pytest_terminal_summary(terminalreporter):
