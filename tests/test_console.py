@@ -84,6 +84,11 @@ def test_wide_has_all_columns(capsys, monkeypatch):
         assert sorted(head) == sorted(word for key in filled for word in text_tables.titled(key).split()), name
 
 
+def test_a_record_within_a_record_is_shown_in_words():
+    value = {"D_mm": 8.0, "E_MPa": 1.0, "nu": 0.4998, "law": "neo-hookean"}
+    assert text_tables.shown("made_for", value) == "D 8 mm, E 1 MPa, nu 0.4998, law neo-hookean"
+
+
 def test_what_is_left_out_is_named(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "30")
     rows = [{"depth_mm": k, "force_N": 0.5, "a_long_name_of_17": 2.0, "detail": 1.0} for k in (1, 2)]

@@ -20,7 +20,7 @@ LINES = [
     "validate verify --quick --out 'a folder/with it'\"'\"'s quote'",
     "validate friction --out out/friction",
     "validate extremes --quick --json",
-    "validate accuracy --minutes 2.5 --quick",
+    "validate accuracy --quick",
     "validate crosscheck --accuracy standard --count 3",
     "validate ladder --count 2",
     "validate range --count 4 --out out/range",

@@ -333,7 +333,8 @@ def test_a_count_may_be_written_as_any_whole_number():
         (("--process", "cnc"), '"fdm"'),
         (("--tolerance", "0"), "tolerance must lie between"),
         (("--tolerance", "1e-5"), "tolerance must be at least D/100000 = 8e-05 mm"),
-        (("--axis", "depth=1"), "there is no axis 'depth'"),
+        (("--axis", "depth=1"), "cad takes axes of shape only, not depth: choose from D, L, f, E"),
+        (("--axis", "nu=0.4"), "cad takes axes of shape only, not nu: choose from D, L, f, E"),
         (("--axis", "D=nan"), "must be a finite number"),
     ],
 )

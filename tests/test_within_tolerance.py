@@ -109,9 +109,10 @@ def test_a_tolerance_excludes_the_options_that_it_decides(run, option):
 
 @pytest.mark.parametrize("text", ["5", "0", "-1%", "100%", "1%%", "one", "nan"])
 def test_a_tolerance_that_is_no_share_is_refused(run, text):
-    status, _, err = run("solve", "paper", "--depth", "1", f"--tolerance={text}")
-    assert status == 2
-    assert "such as 1%" in err
+    for option in ([f"--tolerance={text}"], ["--tolerance", text]):
+        status, _, err = run("solve", "paper", "--depth", "1", *option)
+        assert status == 2
+        assert "such as 1%" in err
 
 
 def test_an_estimate_beyond_the_tolerance_is_solved_again_at_a_finer_accuracy(monkeypatch, capsys):

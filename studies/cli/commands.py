@@ -28,8 +28,8 @@ from geometry.design import BadInput
 from studies.output import console, standard_streams
 from studies.output.result import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 
-NEGATIVE = re.compile(r"-[\d.]\S*,")
-"""Beginning of a list of numbers whose first number is negative."""
+NEGATIVE = re.compile(r"-[\d.]\S*[,%]")
+"""A negative percentage, or the beginning of a list of numbers whose first number is negative."""
 
 
 def _version() -> str:
@@ -96,7 +96,7 @@ for name in ("--help", "--version"):
 
 
 def _joined(tokens: list[str]) -> list[str]:
-    """Join a value such as -1,0,0 to its option, because it would otherwise be read as an option.
+    """Join a value such as -1,0,0 or -1% to its option, because it would otherwise be read as an option.
 
     >>> _joined(["readings", "paper", "--shift", "-1,0,0", "--json"])
     ['readings', 'paper', '--shift=-1,0,0', '--json']

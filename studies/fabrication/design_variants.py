@@ -15,7 +15,7 @@ from geometry.messages import Progress
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import FabricationChoices
-from studies.inputs import study_axes, study_input
+from studies.inputs import study_input
 from studies.mechanics.worker_process import Executor, WorkerDied, processes
 from studies.output import atomic_files, console
 
@@ -23,13 +23,16 @@ Job = tuple[Design, dict[str, float], Path, FabricationChoices, str]
 """Base design, the fields that the variant replaces, its folder, the fabrication choices, and the command line."""
 
 
-AXES = {name: study_axes.DESIGN[name] for name in ("D", "L", "f", "E")}
+AXES = ("D", "L", "f", "E")
 """Axes of a batch."""
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
     """Return the axes of a batch from texts NAME=a,b,c; no texts give no axes."""
-    axes = study_input.parse_axes(texts, AXES) if texts else {}
+    axes = study_input.parse_axes(texts) if texts else {}
+    for name in axes:
+        if name not in AXES:
+            raise BadInput(f"magtip cad takes axes of shape only, not {name}: choose from {', '.join(AXES)}")
     return {name: [float(value) for value in values] for name, values in axes.items()}
 
 

@@ -107,18 +107,16 @@ def column(name: str) -> str:
     return name + UNITS.get(unit, f"_{unit}")
 
 
-def check_name(name: str, among: Mapping[str, Quantity] = AXES) -> None:
+def check_name(name: str) -> None:
     """Raise BadInput unless an axis has this name."""
-    if name in among:
+    if name in AXES:
         return
     if name in FIELDS and name not in DESIGN:
         raise BadInput(f"{name} is a text and no axis: state it in the design, or vary loss_factor")
-    common = ", ".join(known for known in COMMON if known in among)
-    raise BadInput(
-        f"there is no axis {name!r}: {nearest(name, among)}"
-        if nearest(name, among).startswith("did you mean")
-        else f"there is no axis {name!r}: an axis is a field of the design or the load, such as {common}"
-    )
+    remedy = nearest(name, AXES)
+    if not remedy.startswith("did you mean"):
+        remedy = f"an axis is a field of the design or the load, such as {', '.join(COMMON)}"
+    raise BadInput(f"there is no axis {name!r}: {remedy}")
 
 
 def checked(name: str, values: Sequence[Value]) -> list[Value]:

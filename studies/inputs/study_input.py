@@ -109,9 +109,7 @@ def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "ri
     return design_from(base, {**values, **study.fields, **overrides(sets)}, magnet)
 
 
-def parse_axes(
-    axes: Sequence[str], among: Mapping[str, study_axes.Quantity] = study_axes.AXES
-) -> dict[str, list[Value]]:
+def parse_axes(axes: Sequence[str]) -> dict[str, list[Value]]:
     """Return the axes of a study from texts NAME=a,b,c, NAME=lin:... or NAME=log:..., see `study_axes`.
 
     >>> parse_axes(["D=6,8,10", "depth=0.5,1"])
@@ -123,7 +121,7 @@ def parse_axes(
         name = name.strip()
         if not equals:
             raise BadInput(f"an axis must read NAME=a,b,c, such as D=6,8,10; got {text!r}")
-        study_axes.check_name(name, among)
+        study_axes.check_name(name)
         if name in parsed:
             raise BadInput(f"axis {name} is given twice: give all its values at once, {name}=a,b,c")
         parsed[name] = study_axes.parse(name, values)

@@ -87,7 +87,7 @@ def column(key: str, values: Sequence[Any]) -> Column:
     >>> column("field_T", [0.01, None])
     Column(head='field (mT)', cells=('10', '-'), breaks=False)
     """
-    breaks = any(isinstance(value, str) or _is_long(value) for value in values)
+    breaks = any(isinstance(value, (str, Mapping)) or _is_long(value) for value in values)
     return Column(titled(key), tuple(shown(key, value, 4) for value in values), breaks)
 
 
@@ -256,6 +256,9 @@ def shown(key: str, value: Any, digits: int = 5) -> str:
     factor = UNITS.get(key.rpartition("_")[2], ("", 1.0))[1]
     if isinstance(value, (list, tuple)):
         return ", ".join(shown(key, item, digits) for item in value)
+    if isinstance(value, Mapping):
+        parts = [(*heading(name), shown(name, part, digits)) for name, part in value.items()]
+        return ", ".join(f"{name} {text} {unit}".strip() for name, unit, text in parts)
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float) and value == value:
