@@ -66,7 +66,8 @@ def solve(design: Design, load: Load, level: str = "paper") -> Response:
     if level not in LEVELS:
         raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r}")
     if load.plate_tilt:
-        raise BadInput(f"the formulas cannot model a tilted plate: plate tilt must be 0; got {load.plate_tilt:g} rad")
+        tilt = math.degrees(load.plate_tilt)
+        raise BadInput(f"the formulas cannot model a tilted plate: plate tilt must be 0; got {tilt:.4g} degrees")
     if load.imperfection:
         raise BadInput(f"the formulas cannot model an imperfection: it must be 0; got {load.imperfection:g} N")
     terms = TERMS.get(level)

@@ -82,14 +82,16 @@ class Load:
         elif not (_is_number(self.friction) and 0 <= self.friction < math.inf):
             raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r:.60}")
         if not abs(self.plate_tilt) <= STEEPEST:
-            raise BadInput(f"plate tilt must be within +-{STEEPEST:g} rad; got {self.plate_tilt:g}")
+            bound, got = math.degrees(STEEPEST), math.degrees(self.plate_tilt)
+            raise BadInput(f"plate tilt must be within +-{bound:.3g} degrees; got {got:.4g}")
         if not math.isfinite(self.imperfection):
             raise BadInput(f"imperfection must be a finite number of N; got {self.imperfection:g}")
         if self.imperfection and (self.grip is not None or self.coulomb is not None):
             raise BadInput("an imperfection cannot be combined with Coulomb friction: leave one of them out")
         if self.grip is not None:
             if self.plate_tilt:
-                raise BadInput(f"a grip has no plate to tilt, so plate tilt must be 0; got {self.plate_tilt:g} rad")
+                got = math.degrees(self.plate_tilt)
+                raise BadInput(f"a grip has no plate to tilt, so plate tilt must be 0; got {got:.4g} degrees")
             if not (_is_number(self.grip) and 0 < self.grip < math.inf):
                 raise BadInput(f"grip must be a positive height in mm; got {self.grip!r:.60}")
             if self.depth:

@@ -83,7 +83,7 @@ def test_grip_is_shear_without_a_plate():
 def test_bad_input():
     with pytest.raises(BadInput, match=r"level must be one of paper, column, .*; got 'fem'"):
         solve(paper(), Load(depth=1), level="fem")
-    with pytest.raises(BadInput, match="cannot model a tilted plate"):
+    with pytest.raises(BadInput, match=r"cannot model a tilted plate: plate tilt must be 0; got 5\.73 degrees"):
         solve(paper(), Load(depth=1, plate_tilt=0.1))
     with pytest.raises(BadInput, match="cannot model an imperfection"):
         solve(paper(), Load(depth=1, imperfection=0.01))

@@ -52,7 +52,7 @@ def test_frequencies_without_data_are_refused_or_marked(run, strict):
     beyond = ("response", "paper", *QUICK, "--frequencies", "1:1500")
     status, out, err = run(*beyond)
     assert (status, out, err.count("\n")) == (2, "", 1)
-    assert "(extrapolate)" in err
+    assert "(--extrapolate)" in err
     status, out, _ = run(*beyond, "--extrapolate", "--json")
     assert status == 0
     assert "extrapolation" in strict(out)[0]["warnings"][0]
@@ -126,7 +126,7 @@ def test_a_response_beyond_buckling_has_the_status_and_the_message_of_a_solve(ru
     [
         (("--depth", "2"), "depth must be 0; got 2 mm"),
         (("--friction", "none"), "--friction has no meaning with --grip"),
-        (("--plate-tilt", "5"), "plate tilt must be 0"),
+        (("--plate-tilt", "5"), "plate tilt must be 0; got 5 degrees"),
     ],
 )
 def test_a_grip_refuses_what_belongs_to_a_plate(run, options, message):

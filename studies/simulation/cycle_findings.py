@@ -177,11 +177,12 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles, lowest
             )
         ]
     )
-    dissipation = (
-        ["at large strain linear overstresses may gain energy for a while, but no closed cycle of verify does"]
-        if cycles.law == "prony" and relaxation.shares
-        else []
-    )
+    dissipation = [
+        "at large strain linear overstresses may gain energy for a while, but no closed cycle of verify does"
+    ]
+    relaxing = [
+        "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes"
+    ]
     mesh = "not known" if static.mesh_error is None else f"about {100 * static.mesh_error:.1f} %"
     return [
         *relaxation_notes(design),
@@ -195,9 +196,9 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles, lowest
             "steps and of their integrals"
         ),
         *slip,
-        *dissipation,
+        *(dissipation if cycles.law == "prony" and relaxation.shares else []),
         f"a linear spring of this silicone has a gap of {100 * linear:.1f} % of full scale in steady cycles",
-        "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
+        *(relaxing if relaxation.shares else []),
     ]
 
 
