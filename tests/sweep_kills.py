@@ -171,7 +171,7 @@ class KilledStudy:
             workers=len(workers),
             survivors=len(left),
             ended_s=ended,
-            intact=all(check.status == "ok" for check in store_check.checks(base.with_suffix(".sqlite"))),
+            intact=all(check["status"] == "ok" for check in store_check.checks(base.with_suffix(".sqlite"))),
         )
 
     def same(self, rows: Sequence[dict[str, Any]]) -> bool:

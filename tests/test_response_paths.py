@@ -14,7 +14,7 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
-from studies.mechanics import path_solver, repeated_solves, store
+from studies.mechanics import path_solver, store, store_check
 from studies.mechanics.path_keys import place
 from studies.mechanics.plate_motion import PlateMotion
 from studies.mechanics.solve_plan import Processes
@@ -62,7 +62,7 @@ def test_a_stored_vibration_is_solved_again_to_the_same_numbers():
     task = path_solver.Task(1, Scene(LOSSY, (Load(depth=0.5),), ROUGH, "rigid"), "response")
     (state,) = path_solver.solve_task(task)
     stored = json.loads(json.dumps(state.answer, sort_keys=True))
-    assert repeated_solves._difference(store.key(content), content, replace(state, answer=stored)) == ""
+    assert store_check._difference(store.key(content), content, replace(state, answer=stored)) == ""
 
 
 def test_similar_designs_share_a_vibration_that_scales():

@@ -40,30 +40,30 @@ def list_(
     limit
         Largest number of rows, the newest first; 0 for all.
     """
-    from studies.mechanics import store_listing
+    from studies.mechanics import store_actions
 
     if limit < 0:
         raise BadInput(f"--limit must be at least 0 (all rows); got {limit}")
-    listing = store_listing.listing(selection, limit, of_paths=paths)
-    summary = listing.summary
+    summary, rows = store_actions.listing(selection, limit, of_paths=paths)
+    damaged = sum(row.get("status") == store_actions.DAMAGED for row in rows)
     remarks = []
-    if summary.journals:
-        remarks.append(f"journals beside the store: {summary.journals}; the next sweep moves their states into it")
-    if not listing.rows and summary.states_in_store:
+    if summary["journals"]:
+        remarks.append(f"journals beside the store: {summary['journals']}; the next sweep moves their states into it")
+    if not rows and summary["states_in_store"]:
         remarks.append("no state of the store meets the filters")
-    if listing.damaged:
+    if damaged:
         remarks.append(
-            f"{listing.damaged} of the listed states are not as they were written: magtip store check says what to do"
+            f"{damaged} of the listed states are not as they were written: magtip store check says what to do"
         )
-    what, count = ("paths", summary.paths) if paths else ("states", summary.states)
+    what = "paths" if paths else "states"
     table = Table(
-        title=f"{len(listing.rows)} of {count} {what}, the newest first",
-        rows=_varying_first(listing.rows),
+        title=f"{len(rows)} of {summary[what]} {what}, the newest first",
+        rows=_varying_first(rows),
         brief=("key",),
         first=NEEDED_OF_PATHS if paths else NEEDED,
     )
-    whole = Table(title="Store", rows=[summary.row()])
-    result = Result(title="Store", records=[*whole.rows, *listing.rows], shown=[whole, table], remarks=remarks)
+    whole = Table(title="Store", rows=[summary])
+    result = Result(title="Store", records=[*whole.rows, *rows], shown=[whole, table], remarks=remarks)
     return show(result, Destination(as_json=as_json, wide=wide))
 
 
@@ -81,14 +81,14 @@ def export(
     as_json: AsJson = False,
 ) -> int:
     """Write the states that meet the filters as a table, lengths over D and forces over E D^2."""
-    from studies.mechanics import store, store_export
+    from studies.mechanics import store, store_actions
 
     file = selection.store or store.default()
     atomic_files.check_apart([out], [file])
     return publish(
         lambda progress: Result(
             title="Export",
-            records=[{"file": str(out), "states": store_export.export(selection, out, progress)}],
+            records=[{"file": str(out), "states": store_actions.export(selection, out, progress)}],
         ),
         Destination(as_json=as_json),
     )
@@ -121,8 +121,7 @@ def check(
         return Result(title="Check of the store", records=rows, failures=failed)
 
     def study(progress: Progress) -> Result:
-        checks = store_check.checks(store or user_store.default(), resolve, seed, progress)
-        return collected((each.row() for each in checks), result)
+        return collected(store_check.checks(store or user_store.default(), resolve, seed, progress), result)
 
     return publish(study, Destination(as_json=as_json))
 
@@ -140,9 +139,9 @@ def prune(
     yes
         Remove the states.
     """
-    from studies.mechanics import store_pruning
+    from studies.mechanics import store_actions
 
-    pruning = store_pruning.prune(selection, yes=yes)
-    remarks = ["nothing is removed yet: add --yes to remove these states"] if not yes and pruning.states else []
+    pruning = store_actions.prune(selection, yes=yes)
+    remarks = ["nothing is removed yet: add --yes to remove these states"] if not yes and pruning["states"] else []
     title = "Removed" if yes else "To be removed"
-    return show(Result(title=title, records=[pruning.row()], remarks=remarks), Destination(as_json=as_json))
+    return show(Result(title=title, records=[pruning], remarks=remarks), Destination(as_json=as_json))
