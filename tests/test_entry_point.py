@@ -102,8 +102,6 @@ BAD = [
     ("sweep", "paper", "--axis", "D=6,8", "--depth", "nan"),
     ("sweep", "paper", "--design", "paper", "--axis", "D=6,8", "--depth", 1),
     ("sweep", "paper", "--axis", "D=8", "--depth", 1, "--set", "D=9"),
-    ("validate", "accuracy", "--quick", "--minutes", -1),
-    ("validate", "accuracy", "--quick", "--minutes", "nan"),
     ("stability", "paper", "--slenderness", 1e9),
     ("stability", "paper", "--slenderness", 1e6),
     ("stability", "paper", "--slenderness", 0),

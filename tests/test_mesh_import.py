@@ -214,7 +214,7 @@ def test_pytetwild_takes_no_cells_that_are_too_long_for_the_dome(run):
 def test_cells_of_another_mesher_give_the_same_force(run, strict, tmp_path):
     """pytetwild shares only the surfaces with the harmonic model: a check of the mesh as well as of elements."""
     file = tmp_path / "half.vtu"
-    made = ("mesh", "paper", "--half", "--mesher", "pytetwild", "--size", 1, "--out", file)
+    made = ("mesh", "paper", "--half", "--mesher", "pytetwild", "--size", 1.5, "--out", file)
     (report,) = strict(run(*made, "--json")[1])
     assert report["status"] == "ok"
     assert abs(report["silicone_volume_error"]) < 1e-6

@@ -239,8 +239,8 @@ def test_failed_sensors_are_never_below():
     panels = ["sensitivity (V/N)", "force error after zeroing (N)", "force error after recalibration (N)"]
     assert list(dict.fromkeys(figure.data["panel"])) == panels
     zeroed = of(figure, panel=panels[1])
-    assert zeroed["value"].tolist() == [0.1, 0.2, 0.3]
-    assert zeroed["sensors below (%)"].tolist() == [25, 50, 75]
+    assert zeroed[uncertainty_figures.VALUE].tolist() == [0.1, 0.2, 0.3]
+    assert zeroed[uncertainty_figures.BELOW].tolist() == [25, 50, 75]
     assert "1 failed" in figure.caption
 
 
