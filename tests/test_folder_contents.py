@@ -61,7 +61,7 @@ def test_parquet_table_is_read(tmp_path):
 )
 def test_what_is_not_read_is_named_in_one_sentence(tmp_path, name, text, reason):
     (tmp_path / name).write_text(text)
-    (tmp_path / "good.md").write_text("# x\n")
+    (tmp_path / "good.md").write_text("Made with `magtip demo`\n")
     (folder,) = folder_contents.read(tmp_path)
     (sentence,) = folder.unread
     assert sentence.startswith(name)

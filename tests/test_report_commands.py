@@ -48,6 +48,8 @@ def test_folder_without_results_is_refused(run, tmp_path):
     (tmp_path / "empty").mkdir()
     refusal(run("report", tmp_path / "empty"), "holds no results of magtip")
     assert list((tmp_path / "empty").iterdir()) == []
+    (tmp_path / "empty" / "README.md").write_text("# My notes\n")
+    refusal(run("report", tmp_path / "empty"), "holds no results of magtip")
 
 
 def test_folder_of_a_newer_format_is_refused(run, folder):

@@ -71,7 +71,7 @@ def test_table_of_failures_only_spoils_nothing(tmp_path, known):
 
 def test_design_is_that_of_the_run_or_of_the_only_file(tmp_path):
     (tmp_path / "run.json").write_text('{"format": 1, "command": "", "made": "", "design": {"D": 10, "L": 12}}')
-    (tmp_path / "PAGE.md").write_text("# page\n")
+    (tmp_path / "PAGE.md").write_text("Made with `magtip demo`\n")
     (contents,) = folder_contents.read(tmp_path)
     assert report_sections.design_of(contents).D == 10
     (tmp_path / "run.json").unlink()

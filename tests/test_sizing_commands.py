@@ -104,7 +104,7 @@ def test_parts_of_earlier_requirements_are_removed(sizing, tmp_path):
     assert [file.name for file in parts.glob("[!.]*")] == ["mine.txt"]
 
 
-def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing, tmp_path):
+def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing, tmp_path, capsys):
     """Smooth-Sil 940 is mixed 100A:10B by weight; a batch mixed like another silicone would never cure."""
     _, store = sizing
     assert commands.run(size(tmp_path, NEEDED, store, "--export")) == 0
@@ -112,6 +112,7 @@ def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing, tmp_path):
     assert "--silicone 'Smooth-Sil 940'" in recipe
     assert "100A:10B by weight" in recipe
     assert "Dragon Skin" not in recipe
+    assert capsys.readouterr().err.splitlines()[-1].startswith("100 %")
 
 
 def test_a_users_parts_are_refused_before_the_search(tmp_path, capsys):

@@ -26,8 +26,11 @@ def test_one_axis_parts_and_chips_are_searched_apart():
 
 
 def test_variants_of_a_front_meet_the_requirements_and_none_dominates_another():
-    lasts, variants = searched(islands(NEEDED, PARTS), Effort(16, 4))
+    texts: list[str] = []
+    lasts, variants = searched(islands(NEEDED, PARTS), Effort(16, 4), lambda _, text: texts.append(text))
     assert len(lasts) == 2
+    searches = [text.partition(",")[0] for text in texts]
+    assert searches == [f"{kind}: generation {k}" for kind in ("one-axis parts", "3-axis chips") for k in range(4)]
     assert len(variants) > 2
     result = performance(variants, beams_of(variants), NEEDED)
     assert all((margin >= 0).all() for margin in result.margins.values())

@@ -309,4 +309,5 @@ def size(
             made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
             lost = [made.message] if made.status != "ok" else []
             result = replace(result, warnings=made.warnings, failures=[*result.failures, *lost])
+        progress(1.0, "complete")
     return show(result, here)

@@ -116,7 +116,8 @@ def searched(
     """Return the last generation of each group, and the distinct variants that none of any group dominates."""
     lasts, variants, rows = [], [], []
     for number, group in enumerate(groups):
-        part = None if progress is None else functools.partial(_part, progress, number, len(groups))
+        kind = "one-axis parts" if group.catalogues.hall_parts[0].layout == "three" else "3-axis chips"
+        part = None if progress is None else functools.partial(_part, progress, number, len(groups), kind)
         last = search(group.variables, group.evaluate, effort, progress=part)
         lasts.append(last)
         _, feasible = group.possible(last.X[last.front])
@@ -132,6 +133,6 @@ def searched(
     return lasts, list(front.values())
 
 
-def _part(progress: Progress, done: int, count: int, share: float, text: str) -> None:
+def _part(progress: Progress, done: int, count: int, kind: str, share: float, text: str) -> None:
     """Report the progress of one of several searches."""
-    progress((done + share) / count, text)
+    progress((done + share) / count, f"{kind}: {text}")

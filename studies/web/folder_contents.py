@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED
 from studies.inputs import table_input, user_input
-from studies.output import run_record
+from studies.output import own_files, run_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,9 +82,10 @@ class Contents:
     unread: list[str] = field(default_factory=list)
 
     @property
-    def empty(self) -> bool:
-        """Whether there is nothing to show."""
-        return not (self.tables or self.records or self.pages or self.pictures or self.solutions or self.designs)
+    def has_results(self) -> bool:
+        """Whether there is more than pages of other origin, such as a user's README.md."""
+        others = self.tables or self.records or self.pictures or self.solutions or self.designs
+        return bool(others) or any(own_files.states_origin(self.path / name) for name in self.pages)
 
 
 def read(root: Path) -> list[Contents]:
@@ -100,13 +101,12 @@ def read(root: Path) -> list[Contents]:
     if not root.is_dir():
         raise BadInput(f"{str(root)!r} is a file: give the folder that holds it")
     contents = [_folder(path, root) for path in _folders(root)]
-    filled = [folder for folder in contents if not folder.empty or folder.unread]
-    if all(folder.empty for folder in filled):
+    if not any(folder.has_results for folder in contents):
         raise BadInput(
             f"the folder {str(root)!r} holds no results of magtip: give a folder that a verb filled by --out, such "
             "as magtip compare paper --out out/compare"
         )
-    return filled
+    return [folder for folder in contents if folder.has_results or folder.pages or folder.unread]
 
 
 def _folders(root: Path) -> Iterator[Path]:
