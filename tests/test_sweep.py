@@ -435,3 +435,50 @@ def test_states_that_are_removed_during_a_sweep_end_it_with_a_sentence(kept, ref
     kept._connection.execute("DELETE FROM state")
     with refused("have been removed from the store", "give the same command again"):
         next(batches)
+
+
+# Readings
+
+READ = ("force", "readings")
+
+
+def test_layouts_have_columns_of_their_own():
+    three, chip, finer = run(
+        paper(), {"hall_layout": ["three", "tmag5273a1", "tle493d-p2b6"]}, {"depth": 0.5}, quantities=READ
+    )
+    assert math.isfinite(three["fem_S1_V"])
+    assert math.isnan(three["fem_chip_-z_output_mT"])
+    for row in (chip, finer):
+        assert math.isnan(row["fem_S1_V"])
+        # a chip sends whole steps
+        assert row["fem_chip_-z_output_mT"] == pytest.approx(row["fem_chip_-z_mT"], abs=0.1)
+    # both lie on the axis, below the magnet
+    assert chip["fem_chip_-z_mT"] == three["fem_S1_mT"]
+
+
+def test_an_impossible_sensor_has_no_readings():
+    """Its mechanics are those of the others, but a null beyond the rail is refused."""
+    possible, impossible = run(paper(), {"hall_null": [2.5, 9.0]}, {"depth": 0.5}, quantities=READ)
+    assert math.isfinite(possible["fem_S1_V"])
+    assert (impossible["status"], math.isnan(impossible["fem_S1_V"])) == ("bad_input", True)
+    assert math.isnan(impossible["fem_force_N"])
+    assert "hall_low, hall_null and hall_high must rise" in impossible["message"]
+
+
+def test_gains_change_the_output_and_not_the_field():
+    low, high = run(paper(), {"hall_gain": [20.0, 40.0]}, {"depth": 0.5}, quantities=READ)
+    assert low["fem_S1_mT"] == high["fem_S1_mT"]
+    assert high["fem_S1_V"] - 2.5 == pytest.approx(2 * (low["fem_S1_V"] - 2.5), rel=1e-9)
+
+
+def test_decoded_forces_without_a_pose_are_empty():
+    """The sensor saturates: no pose, so no force."""
+    (row,) = run(
+        paper(),
+        {"hall_gain": [1000.0]},
+        {"depth": 0.5},
+        quantities=("force", "decoded_force_error"),
+        formulas=("finite",),
+    )
+    assert math.isfinite(row["fem_force_N"])
+    assert math.isnan(row["decoded_force_N"])

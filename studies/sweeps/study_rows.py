@@ -10,28 +10,109 @@ Columns of a model begin with `fem_` or `analytic_`; if a study has several mode
 
 from __future__ import annotations
 
+import cmath
+import contextlib
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analytic import beam
+from analytic.batch_readings import batch_readings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Response
+from geometry.relaxation import relaxation_of
 from studies.inputs import study_axes
+from studies.mechanics import response_paths
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
-from studies.sweeps import time_columns
-from studies.sweeps.model_results import NAN, Results, error_prefix, percents, prefixes, spread
-from studies.sweeps.study_readings import StudyReadings
+from studies.sensing.field_readings import columns as element_columns
 
+NAN = math.nan
 FIRST_AXES = ("D", "L", "f", "E", "depth")
 """Axes whose columns every table has, first."""
 MECHANICS = ("force", "shift", "tilt", "contact_radius")
 """Quantities of a response."""
+MOST_DECODERS = 16
+"""Number of decoders that are kept, some MB each."""
+
+
+# Results of a model
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Results of one model in the cases of a batch: force, N, shift, mm, (n, 3); rotation vector, rad, (n, 2);
+    contact radius, mm, (n,); NaN where the model has none.
+    """
+
+    force: Array
+    shift: Array
+    rotation: Array
+    contact_radius: Array
+
+
+def prefixes(plan: Plan) -> dict[str, str]:
+    """Return the first part of the columns of each model by the model's name."""
+    fem = {
+        model.name: f"{model.name}_"
+        if model.tolerance or model.surrogate
+        else _prefix("fem", model.name, sum(not one.surrogate for one in plan.fem))
+        for model in plan.fem
+    }
+    return fem | {level: _prefix("analytic", level, len(plan.formulas)) for level in plan.formulas}
+
+
+def _prefix(kind: str, name: str, count: int) -> str:
+    """Return the first part of a model's columns."""
+    return f"{kind}_" if count == 1 else f"{kind}_{name.replace('-', '_')}_"
+
+
+def error_prefix(plan: Plan, name: str) -> str:
+    """Return the first part of an error's column: none if the study has one model besides the reference."""
+    return "" if len(plan.fem) + len(plan.formulas) <= 2 else prefixes(plan)[name]
+
+
+def spread(batch: Batch, responses: Sequence[Response | None]) -> Results:
+    """Return the results of all cases from the responses of the distinct problems: forces are proportional to E.
+
+    A case whose sensor is impossible has no results, although its mechanics may be those of others.
+    """
+    none = (NAN, NAN, NAN)
+    force = np.array([none if r is None else r.force for r in responses])[batch.problem]
+    own = _of_problems(batch, lambda design: design.E)
+    # 1 for a possible sensor, else NaN, which every product keeps
+    possible = _of_sensors(batch, lambda design: 1.0)
+    each = possible[:, None]
+    return Results(
+        force=force * (batch.E / own)[:, None] * each + 0.0,
+        shift=np.array([none if r is None else r.shift for r in responses])[batch.problem] * each + 0.0,
+        rotation=np.array([none[:2] if r is None else r.rotation for r in responses])[batch.problem] * each,
+        contact_radius=np.array([NAN if r is None else r.contact_radius for r in responses])[batch.problem]
+        * possible,
+    )
+
+
+def percents(model: Array, truth: Array) -> Array:
+    """Return relative errors in %; NaN where the reference is 0 or unknown.
+
+    >>> percents(np.array([1.5, 1.0]), np.array([1.0, 0.0]))
+    array([50., nan])
+    """
+    return 100 * (ratio(model, truth) - 1)
+
+
+def ratio(one: Array, other: Array) -> Array:
+    """Return one / other; NaN where the other is 0."""
+    zero = other == 0
+    return np.asarray(np.where(zero, NAN, one / np.where(zero, 1.0, other)))
+
+
+# Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +175,9 @@ class Rows:
         if "modes" in plan.quantities:
             table |= _mode_columns(batch, solved.modes)
         if "response" in plan.quantities:
-            table |= time_columns.response(plan, batch, solved.response)
+            table |= _response_columns(plan, batch, solved.response)
         if "cycle" in plan.quantities:
-            table |= time_columns.cycle(batch, solved.cycle)
+            table |= _cycle_columns(batch, solved.cycle)
         if "l0" not in plan.axes:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         table |= self._verdict(batch, solved, remarks)
@@ -143,7 +224,7 @@ class Rows:
         """Return the largest strain of the silicone in % by each finite-element model; formulas have none."""
         return {
             f"{self.prefixes[name]}largest_strain_percent": 100
-            * np.array([_number(answer.values.get("largest_strain")) for answer in answers])[batch.problem]
+            * _of_answers(batch, [answer.values.get("largest_strain") for answer in answers])
             for name, answers in solved.states.items()
         }
 
@@ -191,8 +272,8 @@ class Rows:
             column = f"{self.prefixes[name]}error_estimate" if several else "error_estimate"
             table[column] = np.array([answer.error_estimate for answer in answers])[batch.problem]
             for part in ("shift", "tilt", "sideways") if self.plan.loads_sideways else ("shift",):
-                estimates = [_number(answer.estimates.get(part)) for answer in answers]
-                table[column.replace("error", f"{part}_error")] = np.array(estimates)[batch.problem]
+                estimates = [answer.estimates.get(part) for answer in answers]
+                table[column.replace("error", f"{part}_error")] = _of_answers(batch, estimates)
         reference = solved.states[self.plan.reference.name] if self.plan.reference is not None else ()
         zeros = [0] * len(batch.problems)
         if solved.chosen:
@@ -238,11 +319,129 @@ def _of_sensors(batch: Batch, value: Callable[[Design], float]) -> Array:
     return np.array([NAN if design is None else value(design) for design in batch.sensors])[batch.sensor]
 
 
+def _of_problems(batch: Batch, value: Callable[[Design], float]) -> Array:
+    """Return a number of the design whose mechanics each case shares; NaN for an impossible one."""
+    return np.array([NAN if p.design is None else value(p.design) for p in batch.problems])[batch.problem]
+
+
+# Readings of the Hall elements, and forces that the formulas decode from them
+
+
+class StudyReadings:
+    """Computes the readings of batches of one study."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.prefixes = prefixes(plan)
+        self._decoders: Recent[Any] = Recent(MOST_DECODERS)
+
+    def columns(self, batch: Batch, results: Mapping[str, Results]) -> Columns:
+        """Return fields and outputs of the elements by all models, and errors in % of the change from rest.
+
+        If the layout varies, the columns of one layout are empty in the rows of another.
+        """
+        n = len(batch)
+        rest = self._read(batch, np.zeros((n, 3)), np.zeros((n, 2)))[0]
+        read = {name: self._read(batch, result.shift, result.rotation) for name, result in results.items()}
+        table: Columns = {}
+        for (names, unit), layouts in self._layouts().items():
+            other = np.array([design is None or design.hall_layout not in layouts for design in batch.sensors])
+            table |= self._of_layout(names, unit, other[batch.sensor], rest, read)
+        return table
+
+    def _layouts(self) -> dict[tuple[tuple[str, ...], str], list[str]]:
+        """Return names of elements and unit of their outputs, with the study's layouts that have them."""
+        base = self.plan.design
+        values = [dict(zip(f.names, f.values, strict=True)).get("hall_layout", ()) for f in self.plan.factors]
+        layouts = list(dict.fromkeys(str(name) for each in values for name in each)) or [base.hall_layout]
+        groups: dict[tuple[tuple[str, ...], str], list[str]] = {}
+        for layout in layouts:
+            names, unit = element_columns(replace(base, hall_layout=layout))
+            groups.setdefault((tuple(names), unit), []).append(layout)
+        return groups
+
+    def _of_layout(
+        self,
+        names: Sequence[str],
+        unit: str,
+        other: NDArray[np.bool_],
+        rest: Array,
+        read: Mapping[str, tuple[Array, Array]],
+    ) -> Columns:
+        """Return the columns of one layout; `other` marks the cases, shape (n,), that have another one."""
+        size = 1.0 if unit == "V" else 1e3
+        shown = names if self.plan.loads_sideways else names[:2]
+        table: Columns = {}
+        for k, element in enumerate(shown):
+            for name, (field, _) in read.items():
+                table[f"{self.prefixes[name]}{element}_mT"] = np.where(other, NAN, 1e3 * field[:, k])
+            for name, (_, output) in read.items():
+                table[f"{self.prefixes[name]}{element}_{unit}"] = np.where(other, NAN, size * output[:, k])
+            if not self.plan.truth:
+                continue
+            truth = read[self.plan.truth][0][:, k] - rest[:, k]
+            for name, (field, _) in read.items():
+                if name != self.plan.truth:
+                    column = f"{error_prefix(self.plan, name)}{element}_error_percent_of_change"
+                    table[column] = np.where(other, NAN, percents(field[:, k] - rest[:, k], truth))
+        return table
+
+    def _read(self, batch: Batch, shift: Array, rotation: Array) -> tuple[Array, Array]:
+        """Return fields, T, and outputs of the elements in the cases, shape (n, 3)."""
+        if not any(design is not None and design.shape.has_magnet for design in batch.sensors):
+            return np.full((len(batch), 3), NAN), np.full((len(batch), 3), NAN)
+        possible = np.array([design is not None for design in batch.sensors])
+        designs = [design or self.plan.design for design in batch.sensors]
+        shift = np.where(possible[batch.sensor][:, None], shift, NAN)
+        readings = batch_readings(designs, batch.sensor, shift, rotation)
+        return readings.field_T, readings.output
+
+    def decoded(self, batch: Batch, results: Mapping[str, Results]) -> Columns:
+        """Return the forces that each formula level decodes from the reference's readings, and their errors."""
+        table: Columns = {}
+        reference = self.plan.reference
+        assert reference is not None
+        truth = results[reference.name]
+        output = self._read(batch, truth.shift, truth.rotation)[1]
+        for level in self.plan.formulas:
+            force = np.full((len(batch), 3), NAN)
+            for k, design in enumerate(batch.sensors):
+                rows = np.flatnonzero((batch.sensor == k) & np.isfinite(output).all(axis=1))
+                decoder = self._decoder(level, design) if design is not None and len(rows) else None
+                if decoder is not None:
+                    from analytic.decode import decode, field_of
+
+                    force[rows] = decode(decoder, field_of(decoder.forward.elements, output[rows])).force
+            force = force * (batch.E / self.plan.design.E)[:, None]
+            difference = np.linalg.norm(force - truth.force, axis=1)
+            prefix = f"decoded_{level}_" if len(self.plan.formulas) > 1 else "decoded_"
+            table[f"{prefix}force_N"] = force[:, 2]
+            table[f"{prefix}force_error_N"] = difference
+            size = np.linalg.norm(truth.force, axis=1)
+            table[f"{prefix}force_error_percent"] = 100 * ratio(difference, size)
+        return table
+
+    def _decoder(self, level: str, design: Design) -> Any:
+        """Return the decoder of a sensor at the base design's E, or None if it cannot be made."""
+        from analytic.decode import decoder
+        from studies.sensing.decode_readings import of_level
+
+        def make() -> Any:
+            with contextlib.suppress(BadInput):
+                return decoder(design, of_level(design, level))
+            return None
+
+        return self._decoders.get((level, design), make)
+
+
+# Critical depths, modes, vibrations, cycles
+
+
 def _critical_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
     """Return the critical depth, mm, and force, N, and the depth up to which a press is stable, mm."""
-    D = np.array([NAN if p.design is None else p.design.D for p in batch.problems])[batch.problem]
+    D = _of_problems(batch, lambda design: design.D)
     depth, force, stable = (
-        np.array([_number(answer.values.get(name)) for answer in answers])[batch.problem]
+        _of_answers(batch, [answer.values.get(name) for answer in answers])
         for name in ("critical_depth_over_D", "critical_force_over_ED2", "stable_to_over_D")
     )
     return {"critical_depth_mm": depth * D, "critical_force_N": force * batch.E * D**2, "stable_to_mm": stable * D}
@@ -251,19 +450,61 @@ def _critical_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
 def _mode_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
     """Return the lowest frequencies, Hz, and the shape of the first one."""
     table: Columns = {}
-    unit = np.array(
-        [NAN if p.design is None else frequency_unit(p.design.D, 1.0, p.design.density) for p in batch.problems]
-    )
-    scale = unit[batch.problem] * np.sqrt(batch.E)
+    unit = _of_problems(batch, lambda design: frequency_unit(design.D, 1.0, design.density))
+    scale = unit * np.sqrt(batch.E)
     for k in range(3):
-        values = [_number((answer.values.get("frequency") or [None] * 3)[k]) for answer in answers]
-        table[f"mode{k + 1}_Hz"] = np.array(values)[batch.problem] * scale
+        values = [(answer.values.get("frequency") or [None] * 3)[k] for answer in answers]
+        table[f"mode{k + 1}_Hz"] = _of_answers(batch, values) * scale
     shapes = [(answer.values.get("shape") or [None])[0] for answer in answers]
     return table | {"mode1_shape": np.array(shapes, dtype=object)[batch.problem]}
 
 
-def _number(value: float | None) -> float:
-    return NAN if value is None else value
+def _response_columns(plan: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
+    """Return -3 dB bandwidth, first resonance and its Q; with a frequency also gain and phase there, degrees."""
+    named = ("response_bandwidth_Hz", "response_resonance_Hz", "response_Q")
+    at = ("response_gain", "response_phase_deg") if "frequency" in {*plan.load, *plan.axes} else ()
+    numbers = np.array(
+        [_vibration(plan, problem, answer) for problem, answer in zip(batch.problems, answers, strict=True)]
+    )[batch.problem]
+    columns = dict(zip((*at, *named), numbers.T[0 if at else 2 :], strict=True))
+    return {name: np.ascontiguousarray(values) for name, values in columns.items()}
+
+
+def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...]:
+    """Return gain, phase, bandwidth, resonance and Q of a problem; NaN for what it does not have."""
+    from fem.analyses.vibration import relaxed
+
+    values, design = answer.values, problem.design
+    if not values or design is None or plan.reference is None:
+        return (NAN,) * 5
+    at_rest, frequency = relaxed(design, relaxation_of(design)), problem.motion.frequency
+    unit = response_paths.unit_of(at_rest)
+    gain = complex(NAN, NAN)
+    if frequency is not None:
+        gain = response_paths.gain_at(values, response_paths.band(at_rest, plan.reference.accuracy), frequency)
+    bandwidth, resonance, Q = (
+        NAN if values[name] is None else values[name] for name in ("bandwidth", "resonance", "Q")
+    )
+    return abs(gain), math.degrees(cmath.phase(gain)), bandwidth * unit, resonance * unit, Q
+
+
+def _cycle_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
+    """Return gap at mid-stroke, % of full scale, area, mJ, and largest force, N, of the last loop."""
+    D = _of_problems(batch, lambda design: design.D)
+    gap, area, largest = (
+        _of_answers(batch, [answer.values.get(name) for answer in answers])
+        for name in ("gap_percent", "area_over_ED3", "largest_over_ED2")
+    )
+    return {
+        "loop_gap_percent": gap,
+        "loop_area_mJ": area * batch.E * D**3,
+        "loop_largest_force_N": largest * batch.E * D**2,
+    }
+
+
+def _of_answers(batch: Batch, values: Sequence[float | None]) -> Array:
+    """Return each case's value of its problem; NaN for None."""
+    return np.array([NAN if value is None else value for value in values])[batch.problem]
 
 
 def flat_rows(table: Mapping[str, NDArray[Any]]) -> Iterator[dict[str, Any]]:
