@@ -268,17 +268,6 @@ class Cycles:
         }
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a motion, with the results of the states that were reached."""
-
-    def __init__(self, cycles: Cycles) -> None:
-        super().__init__(cycles)
-        self.cycles = cycles
-
-    def __str__(self) -> str:
-        return ""
-
-
 @dataclass(frozen=True, slots=True)
 class Static:
     """The slow, fully relaxed sensor.
@@ -353,22 +342,22 @@ def run(
     magnet: Magnet,
     tolerance: float,
     progress: Progress,
+    interrupted: list[Cycles] | None = None,
 ) -> Cycles:
     """Follow a motion; the states that were reached are returned even if the path ends early.
 
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C, with the same results of the states that were reached.
+    Parameters
+    ----------
+    interrupted : receives, after Ctrl-C, the results of the states that were reached.
     """
     begin = time.process_time()
     passed: list[tuple[Stop, TimedState, bool]] = []
     try:
         passed.extend(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
     except KeyboardInterrupt:
-        if not passed:
-            raise
-        raise Interrupted(_results(design, motion, law, static, passed, begin)) from None
+        if passed and interrupted is not None:
+            interrupted.append(_results(design, motion, law, static, passed, begin))
+        raise
     return _results(design, motion, law, static, passed, begin)
 
 

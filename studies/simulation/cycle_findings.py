@@ -56,6 +56,7 @@ def study(
         After Ctrl-C, with the loops of the cycles that are complete.
     """
     followed: list[Cycles] = []
+    interrupted: list[Cycles] = []
     try:
         progress(0.0, "the lowest natural frequency")
         lowest = lowest_frequency(design, magnet)
@@ -63,15 +64,15 @@ def study(
         static = loading_cycles.static_curve(design, motion, accuracy, magnet)
 
         def follow(sensor: Design, law: ViscousLaw = "prony") -> Cycles:
-            return loading_cycles.run(sensor, motion, law, static, accuracy, magnet, tolerance, progress)
+            return loading_cycles.run(sensor, motion, law, static, accuracy, magnet, tolerance, progress, interrupted)
 
         for law in laws:
             followed.append(follow(design, law))
         found = {} if gap is None else _loss_factor(design, motion, gap, follow)
-    except KeyboardInterrupt as stop:
+    except KeyboardInterrupt:
         # a run of the search for a gap has another loss factor: its loops are not those of the design
-        if isinstance(stop, loading_cycles.Interrupted) and len(followed) < len(laws):
-            followed.append(stop.cycles)
+        if len(followed) < len(laws):
+            followed += interrupted
         raise _interrupted(followed, motion) from None
     sentences = notes(design, motion, static, followed[0], lowest)
     record: FlatRow = followed[0].row() | found
