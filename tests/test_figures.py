@@ -87,6 +87,15 @@ def test_guides_and_intervals_are_drawn():
     assert "'field': 'high'" in spec
 
 
+def test_names_beside_points_and_guides_stand_inside_the_frame():
+    look = Look(line=False, log="y", guides=(Guide("y", 0.7, "-3 dB"),))
+    named = plot("t", "c", CURVES.assign(label="12"), "depth (mm)", "force (N)", look)
+    scales = [layers(named)["point"]["encoding"][way]["scale"] for way in "xy"]
+    # a name begins 9 pixels beside its point, and has letters of 7; below a guide it ends after 13
+    assert scales[0]["padding"] > 9 + 2 * 7
+    assert scales[1]["padding"] > 13
+
+
 def test_a_map_tells_the_classes_of_errors_apart_and_marks_failed_cases():
     figure = heat("t", "c", ERRORS, ("L/D", "depth/D"), "error (%)", edges=ERROR_EDGES)
     rows = figure.chart.to_dict()["datasets"].popitem()[1]

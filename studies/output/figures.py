@@ -443,8 +443,9 @@ def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -
     if _is_named(data, name):
         title = None if way == "y" else name
         return kind(field=escaped(name), type="nominal", sort=None, title=title, axis=alt.Axis(labelLimit=420))
+    least = _text_room(data, way, look)
     if way in look.log:
-        log = alt.Scale(type="log", nice=False, padding=8)
+        log = alt.Scale(type="log", nice=False, padding=max(8, least))
         return kind(
             field=escaped(name),
             type="quantitative",
@@ -467,9 +468,17 @@ def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -
     powers = {"format": "~e"} if 0 < most < 1e-3 or 1e6 <= most < np.inf else {}
     axis = alt.Axis(tickCount=ticks, **powers)
     # a margin below zero would show numbers that no value has
-    padding = 0 if way == "y" and (zero or low == 0) else 9
+    padding = 0 if way == "y" and (zero or low == 0) else max(9, least if way == "x" else 0)
     scale = alt.Scale(zero=zero, padding=padding, nice=way == "y")
     return kind(field=escaped(name), type="quantitative", scale=scale, axis=axis, title=name)
+
+
+def _text_room(data: pd.DataFrame, way: str, look: Look) -> float:
+    """Return the pixels that names right of points, and those below guides, need between a value and the frame."""
+    if way == "y":
+        return 16 if any(guide.label for guide in look.guides if guide.axis == "y") else 0
+    named = "label" in data and len(data) <= MOST_LABELS
+    return 12 + LETTER * max(map(len, data["label"]), default=0) if named else 0
 
 
 def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
