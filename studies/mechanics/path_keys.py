@@ -34,6 +34,13 @@ from studies.mechanics.store import Position, position
 
 Kind = Literal["states", "critical depth", "modes", "response", "cycle"]
 """What a path holds."""
+KINDS: dict[str, Kind] = {
+    "critical_depth": "critical depth",
+    "modes": "modes",
+    "response": "response",
+    "cycle": "cycle",
+}
+"""Quantities that are paths of their own in the store."""
 MODES = 6
 """Number of natural frequencies that are solved and stored."""
 

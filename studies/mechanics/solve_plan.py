@@ -21,20 +21,13 @@ from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.mechanics import store as store_module
 from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
-from studies.mechanics.path_keys import Kind, Place, place
+from studies.mechanics.path_keys import KINDS, Kind, Place, place
 from studies.mechanics.path_solver import NAN, Answer, Task, answer, answers, missing, solve_task, task, unsolved
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
 from studies.mechanics.workers import finished
 from studies.output import console
 
-KINDS: dict[str, Kind] = {
-    "critical_depth": "critical depth",
-    "modes": "modes",
-    "response": "response",
-    "cycle": "cycle",
-}
-"""Quantities that are paths of their own in the store."""
 INLINE = 4.0
 """Expected time of all solves, s, up to which this process solves them; others take about a second to start."""
 AT_ONCE = 8192

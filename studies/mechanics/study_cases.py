@@ -33,6 +33,7 @@ from studies.inputs import user_input
 from studies.inputs.study_axes import DESIGN, LOAD, Factor
 from studies.inputs.study_input import QuantityName
 from studies.inputs.user_input import Value
+from studies.mechanics.path_keys import KINDS
 from studies.mechanics.plate_motion import STILL, TIMED, PlateMotion, motion_of
 
 READING_FIELDS = frozenset(
@@ -414,7 +415,7 @@ def models_of(names: Sequence[str], tolerance: float | None = None) -> tuple[tup
 
 def check_quantities(quantities: Sequence[str], fem: Sequence[FemModel], formulas: Sequence[str]) -> None:
     """Refuse quantities that the models cannot give."""
-    for name in ("decoded_force_error", "critical_depth", "modes", *TIMED):
+    for name in ("decoded_force_error", *KINDS):
         if name in quantities and not any(not model.surrogate for model in fem):
             raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
     if "decoded_force_error" in quantities and not formulas:

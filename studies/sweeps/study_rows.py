@@ -124,16 +124,13 @@ class Solved:
     states : for each model, by its name, the answer of each problem, for the problem's own D, E and direction of the
         shear; its status is "bad_input" where the problem is impossible.
     numbers : number of the reference's path of each problem, 0 for none.
-    critical, modes, response, cycle : answers of the other kinds, if the study asks for them.
+    others : answers to the quantities that are paths of their own, of those that the study asks for.
     chosen : for each problem the model that a tolerance has chosen, and the bound of its relative error.
     """
 
     states: Mapping[str, Sequence[Answer]]
     numbers: Sequence[int]
-    critical: Sequence[Answer] = ()
-    modes: Sequence[Answer] = ()
-    response: Sequence[Answer] = ()
-    cycle: Sequence[Answer] = ()
+    others: Mapping[str, Sequence[Answer]]
     chosen: Sequence[tuple[str, float]] = ()
 
 
@@ -170,14 +167,8 @@ class Rows:
             table |= self._readings.columns(batch, results)
         if "decoded_force_error" in plan.quantities:
             table |= self._readings.decoded(batch, results)
-        if "critical_depth" in plan.quantities:
-            table |= _critical_columns(batch, solved.critical)
-        if "modes" in plan.quantities:
-            table |= _mode_columns(batch, solved.modes)
-        if "response" in plan.quantities:
-            table |= _response_columns(plan, batch, solved.response)
-        if "cycle" in plan.quantities:
-            table |= _cycle_columns(batch, solved.cycle)
+        for name, answers in solved.others.items():
+            table |= OTHERS[name](plan, batch, answers)
         if "l0" not in plan.axes:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         table |= self._verdict(batch, solved, remarks)
@@ -297,11 +288,7 @@ class Rows:
         if problem.design is None:
             return "bad_input", problem.message
         answers = [solved.states[model.name][k] for model in reversed(self.plan.fem)]
-        answers += [
-            answers_of[k]
-            for answers_of in (solved.critical, solved.modes, solved.response, solved.cycle)
-            if answers_of
-        ]
+        answers += [others[k] for others in solved.others.values()]
         worst = next((answer for answer in answers if answer.status != "ok"), None)
         texts = [answer.message for answer in answers if answer.message]
         return worst.status if worst else "ok", "; ".join(dict.fromkeys([*texts, *remarks]))
@@ -437,7 +424,7 @@ class StudyReadings:
 # Critical depths, modes, vibrations, cycles
 
 
-def _critical_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
+def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
     """Return the critical depth, mm, and force, N, and the depth up to which a press is stable, mm."""
     D = _of_problems(batch, lambda design: design.D)
     depth, force, stable = (
@@ -447,7 +434,7 @@ def _critical_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
     return {"critical_depth_mm": depth * D, "critical_force_N": force * batch.E * D**2, "stable_to_mm": stable * D}
 
 
-def _mode_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
+def _mode_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
     """Return the lowest frequencies, Hz, and the shape of the first one."""
     table: Columns = {}
     unit = _of_problems(batch, lambda design: frequency_unit(design.D, 1.0, design.density))
@@ -488,7 +475,7 @@ def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...
     return abs(gain), math.degrees(cmath.phase(gain)), bandwidth * unit, resonance * unit, Q
 
 
-def _cycle_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
+def _cycle_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
     """Return gap at mid-stroke, % of full scale, area, mJ, and largest force, N, of the last loop."""
     D = _of_problems(batch, lambda design: design.D)
     gap, area, largest = (
@@ -500,6 +487,15 @@ def _cycle_columns(batch: Batch, answers: Sequence[Answer]) -> Columns:
         "loop_area_mJ": area * batch.E * D**3,
         "loop_largest_force_N": largest * batch.E * D**2,
     }
+
+
+OTHERS: dict[str, Callable[[Plan, Batch, Sequence[Answer]], Columns]] = {
+    "critical_depth": _critical_columns,
+    "modes": _mode_columns,
+    "response": _response_columns,
+    "cycle": _cycle_columns,
+}
+"""Columns of the quantities that are paths of their own (`studies.mechanics.path_keys.KINDS`)."""
 
 
 def _of_answers(batch: Batch, values: Sequence[float | None]) -> Array:

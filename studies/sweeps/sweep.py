@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from geometry.design import BadInput
 from geometry.messages import Progress
+from studies.mechanics.path_keys import KINDS
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.solve_plan import IMPOSSIBLE, Paths, Processes, Solves, Target, surrogate_answers
 from studies.mechanics.store import Store
@@ -143,8 +144,5 @@ def _solved(
         },
         numbers=numbers,
         chosen=[(target.choice.name, target.choice.bound) if target.choice else ("", math.nan) for target in chosen],
-        critical=of("critical_depth") if "critical_depth" in plan.quantities else (),
-        modes=of("modes") if "modes" in plan.quantities else (),
-        response=of("response") if "response" in plan.quantities else (),
-        cycle=of("cycle") if "cycle" in plan.quantities else (),
+        others={name: of(name) for name in KINDS if name in plan.quantities},
     )

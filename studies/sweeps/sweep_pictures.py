@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.inputs import study_axes
-from studies.mechanics.plate_motion import TIMED
+from studies.mechanics.path_keys import KINDS
 from studies.mechanics.study_cases import Columns, Plan
 from studies.output import figures
 from studies.sweeps import sweep_figures
@@ -90,7 +90,7 @@ class Collected:
         forces = ["force_x_N", "force_N"] if sheared else ["force_N", "force_x_N"]
         names = [*forces, *(name for name in sweep_figures.QUANTITIES if name not in forces)]
         present = [name for name in names if sweep_figures.models_of(table, name)]
-        more = any(name in self.plan.quantities for name in ("critical_depth", "modes", *TIMED))
+        more = any(name in self.plan.quantities for name in KINDS)
         return present if more else present[:1]
 
     def _notes(self) -> list[str]:
