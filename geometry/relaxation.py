@@ -347,6 +347,6 @@ def check_range(
     sentence = range_sentence(relaxation_of(design), times=times, frequencies=frequencies)
     if sentence and not beyond:
         raise BadInput(
-            f"{sentence}: {range_remedy(design)}, or allow such values (--extrapolate), which marks the results"
+            f"{sentence}: {range_remedy(design)}, or allow such values (extrapolate), which marks the results"
         )
     return [f"{sentence}: the results are an extrapolation"] if sentence else []

@@ -143,7 +143,7 @@ def test_measured_branches_refuse_what_their_data_do_not_cover():
     assert str(raised.value) == (
         "the branches speak for 0.1 to 10 s (0.0159 to 1.59 Hz), not for 20 to 40 s and 600 Hz: measure further, and "
         "mark the shortest and the longest time of the test in prony by entries 0:LOW 0:HIGH, or allow such values "
-        "(--extrapolate), which marks the results"
+        "(extrapolate), which marks the results"
     )
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from studies.output import console
+
 ROOT = Path(__file__).parent.parent
 CODE = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -42,6 +44,15 @@ def test_what_cannot_be_said_does_not_change_the_status(redirection):
         pytest.skip("needs /dev/full")
     run = shell(redirection, "design", "papre")
     assert (run.returncode, run.stdout, run.stderr) == (2, "", "")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_a_full_standard_error_is_dropped_so_that_the_exit_flushes_it_without_an_error(monkeypatch):
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stderr", full)
+        console.say("lost")
+        full.write("also lost")
+        full.flush()
 
 
 def test_a_reader_that_takes_one_line():

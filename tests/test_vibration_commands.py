@@ -52,7 +52,7 @@ def test_frequencies_without_data_are_refused_or_marked(run, strict):
     beyond = ("response", "paper", *QUICK, "--frequencies", "1:1500")
     status, out, err = run(*beyond)
     assert (status, out, err.count("\n")) == (2, "", 1)
-    assert "(--extrapolate)" in err
+    assert "(extrapolate)" in err
     status, out, _ = run(*beyond, "--extrapolate", "--json")
     assert status == 0
     assert "extrapolation" in strict(out)[0]["warnings"][0]

@@ -182,7 +182,7 @@ def run(tokens: list[str] | None = None) -> int:
         console.say(f"magtip: {error}")
         return FAILED
     except standard_streams.OutputLost as error:
-        standard_streams.drop_output()
+        standard_streams.drop(sys.stdout)
         if error.errno == errno.EPIPE:
             return BROKEN_PIPE
         console.say(f"magtip: cannot write to standard output ({error.strerror}): redirect it elsewhere")

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from geometry.messages import WARNING, Progress
-from studies.output import text_tables
+from studies.output import standard_streams, text_tables
 from studies.output.atomic_files import json_line
 from studies.output.text_tables import Column
 
@@ -264,9 +264,11 @@ def warn(text: str) -> None:
 
 
 def say(text: str) -> None:
-    """Print one line on standard error; an error there is ignored, because it could not be reported."""
-    with contextlib.suppress(OSError):
+    """Print one line on standard error; after an error there, which nobody could read, nothing is said."""
+    try:
         print(" ".join(text.split()), file=sys.stderr, flush=True)
+    except OSError:
+        standard_streams.drop(sys.stderr)
 
 
 @contextlib.contextmanager

@@ -51,8 +51,8 @@ def complete() -> None:
             setattr(sys, name, os.fdopen(handle, "r" if name == "stdin" else "w", encoding="utf-8"))
 
 
-def drop_output() -> None:
-    """Connect standard output to the null device, so that Python's flush at the exit does not fail again."""
+def drop(stream: TextIO) -> None:
+    """Connect a standard stream to the null device, so that Python's flush at the exit does not fail again."""
     handle = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(handle, sys.stdout.fileno())
+    os.dup2(handle, stream.fileno())
     os.close(handle)
