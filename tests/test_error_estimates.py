@@ -14,10 +14,12 @@ from fem.results.error_estimates import (
     ErrorRule,
     LoadCase,
     VibrationQuantity,
+    error_rule,
     error_rules,
     estimate_response,
     load_case,
     press_limits,
+    relative_error,
     table_rows,
 )
 from fem.scene import Scene
@@ -245,3 +247,15 @@ def test_deep_presses_lie_between_the_others_and_the_silicone(magnet):
     for design in error_study_cases.designs():
         first, deepest = press_limits(design, magnet)
         assert 0 < first < deepest < design.L - design.magnet_height * (magnet == "rigid")
+
+
+def test_a_vector_that_is_known_in_part_has_no_estimate():
+    rule = error_rule("press", "rigid", "force")
+    assert relative_error(rule, (1.0, 2.0), (1.0, 2.1), 0.05, 1.0) > 0
+    for value, coarse in (
+        ((1.0, None), (None, 2.1)),
+        ((1.0, None), (1.0, None)),
+        ((None,), (2.0,)),
+        ((1.0,), (None,)),
+    ):
+        assert relative_error(rule, value, coarse, 0.05, 1.0) is None

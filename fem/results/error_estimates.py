@@ -302,11 +302,12 @@ def relative_error(
     growth : factor on the error that the rule expects.
     certain : least error over the difference of the two vectors.
     """
-    numbers, coarse_numbers = ([x for x in vector if x is not None] for vector in (value, coarse))
-    size = math.hypot(*numbers)
-    if rule is None or size <= rounding or len(numbers) != len(coarse_numbers):
+    # None becomes NaN, which any sum keeps, so that a vector that is known in part has no estimate
+    numbers, coarse_numbers = ([math.nan if x is None else x for x in vector] for vector in (value, coarse))
+    size, distance = math.hypot(*numbers), math.dist(numbers, coarse_numbers)
+    if rule is None or not size > rounding or math.isnan(distance):
         return None
-    difference, usual = math.dist(numbers, coarse_numbers) / size, rule.usual(edge, base)
+    difference, usual = distance / size, rule.usual(edge, base)
     return max(growth * rule.expected(usual, difference), certain * difference, difference - UNUSUAL * usual)
 
 
