@@ -1,6 +1,7 @@
 """The bench at a reduced size: choice of meshes, decks, missing peers, one solve in a process of its own."""
 
 import ast
+import itertools
 import sys
 import time
 from dataclasses import replace
@@ -14,7 +15,7 @@ from fem.accuracy import STANDARD
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.validation import bench, bench_programs, peer_calculix
+from studies.validation import bench, bench_programs
 
 ROOT = Path(__file__).resolve().parent.parent
 DAT = """
@@ -100,7 +101,7 @@ def test_tilt_counts_as_well_as_force():
 
 @pytest.fixture(scope="module")
 def deck():
-    return peer_calculix.deck(cube(), peer_calculix.Press(E=2.0, nu=0.49, L=2.0, R=2.0, depth=0.5))
+    return bench_programs.deck(cube(), bench_programs.Press(E=2.0, nu=0.49, L=2.0, R=2.0, depth=0.5))
 
 
 def test_deck_has_the_mesh_in_the_order_of_calculix(deck):
@@ -120,7 +121,7 @@ def test_deck_presses_the_tip_and_holds_base_and_symmetry(deck):
     lines = deck.splitlines()
     start = lines.index("*SURFACE, NAME=TIP, TYPE=ELEMENT") + 1
     faces = [line.split(", S") for line in lines[start : lines.index("*SURFACE, NAME=LOWER, TYPE=ELEMENT")]]
-    corners = [cells[int(i) - 1, list(peer_calculix.FACES[int(side) - 1])] for i, side in faces]
+    corners = [cells[int(i) - 1, list(bench_programs.FACES[int(side) - 1])] for i, side in faces]
     assert len(faces) > 2
     np.testing.assert_allclose(points[corners][..., 2], 2)
     base, symmetry = (numbers(deck, f"*NSET, NSET={name}").ravel().astype(int) - 1 for name in ("BASE", "SYMMETRY"))
@@ -137,10 +138,10 @@ def test_deck_has_the_moduli_of_the_material(deck):
 
 
 def test_force_is_the_last_one_of_both_halves():
-    assert peer_calculix.force(DAT) == pytest.approx((1.0, 2 * 1.461206))
+    assert bench_programs.force(DAT) == pytest.approx((1.0, 2 * 1.461206))
     with pytest.raises(ValueError, match="no force"):
-        peer_calculix.force("*ERROR")
-    assert peer_calculix.iterations(" increment 1 attempt 1\n iteration 1\n iteration 2\n") == 2
+        bench_programs.force("*ERROR")
+    assert bench_programs.iterations(" increment 1 attempt 1\n iteration 1\n iteration 2\n") == 2
 
 
 # FElupe
@@ -177,10 +178,14 @@ def test_scripts_of_peers_and_magtip_do_not_import_each_other():
 # Processes
 
 
+def task(depth, accuracy):
+    return bench.spec({"magnet": "ignored", "loads": [{"depth": depth}]}, "axisymmetric", accuracy)
+
+
 def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
     accuracy = {"section_size": 0.12}
     begin = time.perf_counter()
-    found = bench.magtip(bench.spec("axisymmetric", "ignored", [{"depth": 0.5}], accuracy))
+    found = bench.magtip(task(0.5, accuracy))
     whole = time.perf_counter() - begin
     here = trace(paper(), [Load(depth=0.5)], replace(STANDARD, **accuracy), magnet="ignored", estimate=False)
     assert found["status"] == "ok", found
@@ -193,7 +198,7 @@ def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
 
 
 def test_a_solve_that_raises_is_a_failed_row():
-    found = bench.magtip(bench.spec("axisymmetric", "ignored", [{"depth": 20.0}], {}))
+    found = bench.magtip(task(20.0, {}))
     assert found["status"] == "failed"
     assert "depth must be less than" in found["message"]
 
@@ -228,117 +233,97 @@ def test_a_task_in_a_process_of_its_own(task):
 NO_PEERS = ("--peers", "nowhere", "--ccx", "no-such-ccx")
 
 
-@pytest.fixture
-def alone(monkeypatch):
-    """The bench without the solves of magtip."""
+def of_magtip(monkeypatch, answer):
+    """Let a function answer the tasks of magtip."""
+    monkeypatch.setattr(bench, "magtip", lambda task: dict(answer(task)))
+
+
+def test_missing_peers_are_rows_that_say_how_to_install_them(monkeypatch, run, strict, tmp_path):
     peers = [("press-curve", bench.press_by_felupe), ("half-press", bench.press_by_calculix)]
-    monkeypatch.setattr(bench, "PARTS", peers)
-
-
-def test_missing_peers_are_rows_that_say_how_to_install_them(alone, run, strict, tmp_path):
+    monkeypatch.setattr(bench, "parts", lambda: peers)
     status, out, err = run("validate", "bench", *NO_PEERS, "--json", "--out", "found")
-    assert status == 3
     rows = strict(out)
-    assert [(row["program"], row["status"]) for row in rows] == [
-        ("FElupe", "not installed"),
-        ("CalculiX", "not installed"),
-    ]
+    assert (status, [row["program"] for row in rows]) == (3, ["FElupe", "CalculiX"])
+    assert [(row["status"], row["met"]) for row in rows] == [("not installed", None)] * 2
     assert "nowhere/bin/pip install felupe" in rows[0]["message"]
     assert "calculix-ccx" in err
-    assert all(row["met"] is None for row in rows)
     text = (tmp_path / "found" / "BENCH.md").read_text("utf-8")
     assert "0 of 3 goals are met" in text
     assert "times faster), promises missed: no data" in text
-    assert "numpy" in text
     assert (tmp_path / "found" / "bench.csv").read_text("utf-8").count("\n") == 3
 
 
-def test_only_the_chosen_cases_run(monkeypatch, run, strict):
-    parts = [("modes", lambda own: None), ("field", lambda own: own.add("field", "magtip", "one thread"))]
-    monkeypatch.setattr(bench, "PARTS", parts)
+def test_only_the_chosen_cases_run_and_the_help_names_all(monkeypatch, run, strict):
+    names = {name for name, _ in bench.parts()}
+    assert names == {case["key"] for kind in bench.SPECS.values() for case in kind}
+    assert all(name in run("validate", "bench", "--help")[1] for name in names)
+    of_magtip(monkeypatch, lambda task: answer(0, 0.1))
     status, out, _ = run("validate", "bench", "--cases", "field, modes", "--json")
-    assert (status, [row["case"] for row in strict(out)]) == (0, ["field"])
+    assert [row["case"][:5] for row in strict(out)] == ["first", "field", "field"]
     status, _, err = run("validate", "bench", "--cases", "fields")
-    assert (status, "--cases takes modes, field" in err, "got fields" in err) == (2, True, True)
-
-
-def test_the_help_names_all_cases(run):
-    _, out, _ = run("validate", "bench", "--help")
-    assert all(name in out for name in bench.names())
-
-
-def quick_case(goal_s):
-    case = {
-        "name": "quick one",
-        "model": "axisymmetric",
-        "magnet": "ignored",
-        "loads": [{"depth": 1.0}],
-        "ladder": [{}],
-    }
-    return case | {"tolerance_percent": 0.5, "reference": ["axisymmetric", {}], "goal_s": goal_s, "goal_MB": np.inf}
+    assert (status, "modes, field; got fields" in err) == (2, True)
 
 
 @pytest.mark.parametrize(("cpu", "met"), [(0.2, True), (0.4, False)])
 def test_goals_are_judged_and_misses_said(monkeypatch, run, strict, cpu, met):
-    monkeypatch.setattr(bench, "PARTS", [("one", lambda own: bench.measure_case(own, quick_case(0.3)))])
-    monkeypatch.setattr(bench, "magtip", lambda task: answer(0.1, cpu) | {"dofs": 9, "peak_MB": 50.0})
+    of_magtip(monkeypatch, lambda task: answer(0.1, cpu) | {"dofs": 9, "peak_MB": 50.0})
+    monkeypatch.setattr(
+        bench, "parts", lambda: [("one", lambda own: bench.measure_case(own, bench.SPECS["case"][0]))]
+    )
     status, out, err = run("validate", "bench", "--quick", "--json")
-    assert status == (0 if met else 3)
-    assert strict(out)[0]["met"] is met
-    assert ("one (at most 0.3 s, within 0.5 %), promises missed: 1" in err) is not met
-
-
-def test_a_lost_reference_meets_no_goal(monkeypatch, run, strict):
-    monkeypatch.setattr(bench, "PARTS", [("one", lambda own: bench.measure_case(own, quick_case(9.0)))])
-    monkeypatch.setattr(bench, "magtip", lambda task: {"status": "failed", "message": "lost"})
-    row = strict(run("validate", "bench", "--quick", "--json")[1])[0]
-    assert (row["status"], row["met"]) == ("no reference", False)
+    assert (status, strict(out)[0]["met"]) == (0 if met else 3, met)
+    assert ("press curve to 3 mm (at most 0.3 s, within 0.5 %), promises missed: 1" in err) is not met
 
 
 def few():
     return bench.Bench(True, Path("nowhere"), "no-such-ccx")
 
 
-@pytest.mark.parametrize(("shear", "modes", "met"), [(0.5, 0.4, [True, True]), (0.6, 0.6, [False, False])])
-def test_what_follows_from_a_tangent_is_held_against_its_goals(monkeypatch, shear, modes, met):
-    cost = {"trace": 0.35, "small shear": shear, "modes": modes}
-    monkeypatch.setattr(bench, "magtip", lambda task: answer(0, cost[task["task"]]))
+def pair(key):
+    return next(pair for pair in bench.SPECS["pair"] if pair["key"] == key)
+
+
+def test_a_lost_reference_meets_no_goal(monkeypatch):
+    of_magtip(monkeypatch, lambda task: {"status": "failed", "message": "lost"})
     own = few()
-    bench.small_shear(own)
-    bench.natural_frequencies(own)
-    assert [row["met"] for row in own.rows] == [None, *met]
+    bench.measure_case(own, bench.SPECS["case"][0])
+    assert [(row["status"], row["met"]) for row in own.rows] == [("no reference", False)]
 
 
-def test_a_tilted_plate_is_held_against_a_shear(monkeypatch):
-    tilted = {True: answer(0, 2.0), False: answer(0, 1.0)}
-    monkeypatch.setattr(bench, "magtip", lambda task: dict(tilted["plate_tilt" in task["loads"][0]]))
+@pytest.mark.parametrize(
+    ("key", "seconds", "met"),
+    [
+        ("small-shear", (0.35, 0.54), True),
+        ("small-shear", (0.35, 0.56), False),
+        ("modes", (0.4,), True),
+        ("modes", (0.6,), False),
+        ("tilted-plate", (1.0, 2.0), True),
+        ("tilted-plate", (1.0, 4.0), False),
+        ("field", (1.0, 5.0), True),
+        ("field", (1.0, 3.0), False),
+        ("modes", (None,), False),
+        ("field", (1.0, None), None),
+    ],
+)
+def test_tasks_that_run_by_turns_are_held_against_each_other(monkeypatch, key, seconds, met):
+    answers = itertools.cycle(answer(0, s) if s else {"status": "failed", "message": "lost"} for s in seconds)
+    of_magtip(monkeypatch, lambda task: next(answers))
     own = few()
-    bench.tilted_plate(own)
-    assert (own.rows[1]["met"], own.rows[1]["message"]) == (True, "2.00 times the CPU s of the shear")
+    bench.by_turns(own, pair(key))
+    assert [row["met"] for row in own.rows] == [None] * (len(seconds) - 1) + [met]
+    assert (own.rows[-1]["status"] == "not installed") == (met is None)
+    assert key != "tilted-plate" or own.rows[1]["message"] == f"{seconds[1]:.2f} times the CPU s of the shear"
 
 
-def test_the_field_is_held_against_magpylib(monkeypatch):
-    monkeypatch.setattr(bench, "POINTS", 50_000)
-    monkeypatch.setattr(bench.Bench, "runs", 1)
+def test_a_section_is_compared_with_the_half_model_of_its_scene(monkeypatch):
+    case = next(case for case in bench.SPECS["case"] if case["key"] == "shear")
+    of_magtip(monkeypatch, lambda task: answer(0, 1.4))
     own = few()
-    bench.field_points(own)
-    assert [(row["program"], row["cpu_s"] > 0) for row in own.rows] == [("magtip", True), ("magpylib", True)]
-    assert own.rows[1]["met"] is (own.rows[1]["faster"] >= bench.FIELD_TIMES)
-
-
-def test_a_section_is_compared_with_the_half_model_of_its_scene():
-    case = next(case for case in bench.cases() if case["key"] == "shear")
-    own = few()
-    assert bench.over_half(own, case, answer(0, 1.5)) is None
-    own.add(case["name"], "magtip", "solid_size 0.14 D", answer(0, 30.0))
-    assert bench.over_half(own, case, answer(0, 1.5)) == 20
-
-
-def test_faster_is_the_ratio_of_cpu_seconds():
-    own = few()
-    own.add("c", "magtip", "", {"status": "ok", "cpu_s": 1.0})
-    peer = bench.beside(own, own.add("c", "CalculiX", "", {"status": "ok", "cpu_s": 5.0}))
-    assert (peer["faster"], peer["met"]) == (5.0, True)
+    own.add(case["name"], "magtip", "solid_size 0.14 D", answer(0, 28.0))
+    bench.measure_case(own, case)
+    assert (own.rows[-1]["faster"], own.rows[-1]["met"]) == (pytest.approx(20), True)
+    peer = bench.beside(own, own.add(case["name"], "CalculiX", "", answer(0, 280.0)))
+    assert (peer["faster"], peer["met"]) == (10, True)
 
 
 def test_the_machine_is_named():

@@ -2,6 +2,15 @@
 
 CPU seconds and peak memory are what the operating system counts for a process and its descendants. All run on one
 thread.
+
+CalculiX gets the half model's press as an input deck (templates/calculix.inp.j2): a second-order tetrahedral mesh of
+y >= 0 with clamped base and symmetry plane, pressed by a rigid plate, a single C3D8 all of whose nodes are moved. The
+energy of *HYPERELASTIC, NEO HOOKE, C10 (I1 - 3) + (J - 1)^2 / D1, is that of magtip with C10 = mu / 2 and D1 = 2 / K.
+What was chosen for CalculiX: C3D10, because C3D10T treats nothing but temperatures otherwise; linear penalty contact
+of faces with faces, or of nodes with a face; one increment, which CalculiX shortens where it must; the solver of its
+build (SPOOLES in Debian's). C3D10 has no pressure of its own: with the sensor's Poisson's ratio it is too stiff and
+wants many iterations, so that a second setting takes a smaller one. That changes the material, and the force with
+it, by an amount that counts as error.
 """
 
 from __future__ import annotations
@@ -9,18 +18,20 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from geometry.design import BadInput, Design
 from studies.output.provenance import ROOT
-from studies.validation import peer_calculix
-from studies.validation.peer_calculix import Press
+from studies.validation import pages
 
 Answer = dict[str, Any]
 """The JSON object that a measured process prints, with what was counted of it."""
@@ -117,8 +128,6 @@ def felupe_python(peers: Path) -> Path | None:
 
 def felupe(python: Path, design: Design, depths: Sequence[float], size: float, tip: float) -> Answer:
     """Return the press curve by FElupe on a mesh of edge length `size` over D, at the tip `tip` times magtip's."""
-    import numpy as np
-
     numbers = {"E_MPa": design.E, "nu": design.nu, "L_mm": design.L, "R_mm": design.R, "depths_mm": depths}
     with tempfile.TemporaryDirectory() as folder:
         given = Path(folder, "given.npz")
@@ -133,8 +142,6 @@ def section_arrays(design: Design, size: float, tip: float, least_depth: float) 
     points (n, 2) r, z in mm; cells (m, 6); nodes of base, axis and edges. Its edge length at the tip is `tip` times
     magtip's, which follows from the contact at the least depth.
     """
-    import numpy as np
-
     from geometry.section import section
 
     tip *= size / 0.72 * math.sqrt(design.R * least_depth) / design.D
@@ -152,32 +159,116 @@ def section_arrays(design: Design, size: float, tip: float, least_depth: float) 
     }
 
 
+# CalculiX
+
+FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+"""Corners of CalculiX' faces S1 to S4."""
+TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+"""Nodes of a cell after corners 1 and 2 have changed places."""
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """What is pressed how far.
+
+    Attributes
+    ----------
+    E, nu : of the silicone, MPa and 1.
+    L, R, depth : length of the beam, its radius and how far the plate comes down, mm.
+    contact : CalculiX' type of contact pair.
+    stiffness : of the contact, MPa per mm.
+    """
+
+    E: float
+    nu: float
+    L: float
+    R: float
+    depth: float
+    contact: Literal["SURFACE TO SURFACE", "NODE TO SURFACE"] = "SURFACE TO SURFACE"
+    stiffness: float = 300.0
+
+
+def deck(mesh: Any, press: Press) -> str:
+    """The input deck for a scikit-fem MeshTet2 with boundaries "base", "skin" and "symmetry"."""
+    points, cells = mesh.doflocs.T, np.asarray(mesh.dofs.element_dofs).T
+    slopes = points[cells[:, 1:4]] - points[cells[:, :1]]
+    cells = np.where(np.linalg.det(slopes)[:, None] < 0, cells[:, TURNED], cells) + 1
+    n, reach = len(points), 1.5 * np.sqrt(press.R * press.depth)
+    corners = [(x, y, z) for z in (press.L, press.L + 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    plate = [(1.5 * press.R * x, 1.5 * press.R * y, z) for x, y, z in corners]
+    base = _on(points[:, 2])
+    mu, K = press.E / 2 / (1 + press.nu), press.E / 3 / (1 - 2 * press.nu)
+    return pages.rendered(
+        "calculix.inp.j2",
+        body=_numbered(points, 1),
+        plate=_numbered(plate, n + 1),
+        cells=[f"{i}, " + ", ".join(map(str, row)) for i, row in enumerate(cells.tolist(), 1)],
+        block=f"{len(cells) + 1}, " + ", ".join(str(n + k) for k in range(1, 9)),
+        last=len(cells) + 1,
+        base=base.tolist(),
+        symmetry=np.setdiff1d(_on(points[:, 1]), base).tolist(),
+        faces=_faces(mesh, cells, press.L, reach),
+        moduli=(mu / 2, 2 / K),
+        press=press,
+    )
+
+
+def force(printed: str) -> tuple[float, float]:
+    """Time of the last increment in a .dat file and the whole beam's force at it, N; ValueError if there is none."""
+    pattern = r"total force .*time\s+(\S+)\s+\S+\s+\S+\s+(\S+)"
+    found = re.findall(pattern, printed)
+    if not found:
+        raise ValueError("CalculiX printed no force")
+    time, normal = map(float, found[-1])
+    return time, 2 * normal
+
+
+def iterations(said: str) -> int:
+    """How many iterations CalculiX tells of on standard output."""
+    return len(re.findall(r"^ iteration +\d+", said, flags=re.MULTILINE))
+
+
+def _on(coordinate: Any) -> Any:
+    """Numbers of the nodes in a plane."""
+    return np.flatnonzero(np.abs(coordinate) < 1e-9) + 1
+
+
+def _numbered(points: Any, first: int) -> list[str]:
+    return [f"{i}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(points, first)]
+
+
+def _faces(mesh: Any, cells: Any, L: float, reach: float) -> list[str]:
+    """Faces of the skin that the plate may touch, as CalculiX names them."""
+    skin = {tuple(sorted(corners)) for corners in (mesh.facets[:, mesh.boundaries["skin"]].T + 1).tolist()}
+    found = []
+    for side, local in enumerate(FACES, 1):
+        middle = mesh.doflocs.T[cells[:, local] - 1].mean(axis=1)
+        near = (np.hypot(middle[:, 0], middle[:, 1]) < reach) & (middle[:, 2] > L / 2)
+        for i in np.flatnonzero(near):
+            if tuple(sorted(cells[i, local].tolist())) in skin:
+                found.append(f"{i + 1}, S{side}")
+    return found
+
+
 def calculix(ccx: str, mesh: Any, press: Press, limit: float = LIMIT_S) -> Answer:
     """Return the half model's press by CalculiX on a tetrahedral mesh in mm."""
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "press.inp").write_text(peer_calculix.deck(mesh, press))
+        Path(folder, "press.inp").write_text(deck(mesh, press))
         ended = measure([ccx, "-i", "press"], folder=Path(folder), limit=limit)
         printed = Path(folder, "press.dat")
         text = printed.read_text() if printed.exists() else ""
     answer = {
         "dofs": 3 * mesh.doflocs.shape[1],
-        "iterations": peer_calculix.iterations(ended.out),
+        "iterations": iterations(ended.out),
         "import_s": 0.0,
         "cpu_s": ended.cpu_s,
         "peak_MB": ended.peak_MB,
     }
     try:
-        time, normal = peer_calculix.force(text)
+        time, normal = force(text)
     except ValueError as error:
         return answer | {"status": "failed", "message": f"{error}: {ended.last_words}"}
     if ended.exit or time < 1:
         at = f"stopped at {time:.2g} of the depth: {ended.last_words}"
         return answer | {"status": "not_converged", "message": at}
     return answer | {"status": "ok", "message": "", "forces_N": [[0.0, 0.0, normal]]}
-
-
-def half_mesh(design: Design, size: float) -> Any:
-    """Return a new all-silicone half mesh in mm, of an edge length in units of D."""
-    from geometry.mesh import tetrahedra
-
-    return tetrahedra(design.shape, size * design.D, tip_size=size * design.D / 2, half=True, magnet="none")
