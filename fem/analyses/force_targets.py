@@ -493,7 +493,7 @@ class ForcePath:
     def _sheared(self, state: PathState) -> CurvePoint:
         return CurvePoint(float(state.position[1:] @ self._along), float(tip_force(state)[:2] @ self._along), state)
 
-    def _advance(self, state: PathState, position: Array) -> Reached:
+    def _advance(self, state: PathState, position: Array) -> Reached[PathState]:
         if self.watch is not None:
             depth, *shear = position * self.scene.design.D
             self.watch(float(depth), math.hypot(*shear))

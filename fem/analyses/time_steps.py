@@ -18,23 +18,20 @@ that touch within a step.
 
 from __future__ import annotations
 
-import copy
 import functools
-import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact, viscoelasticity
-from fem.model.nonlinear_system import System
 from fem.model.plate_contact import Plate
 from fem.model.viscoelasticity import History, PointState
 from fem.results.postprocess import tip_force
 from fem.solve.active_set import KeptTangent
-from fem.solve.load_increments import find_equilibrium, path_at
-from fem.solve.newton import Equilibrium, Stop
-from fem.solve.path_state import FIRST_TOUCH, PathState
+from fem.solve.load_increments import Reached, extrapolate, find_equilibrium, path_at
+from fem.solve.newton import Equilibrium
+from fem.solve.path_state import PathState
 from geometry.arrays import Array
 
 CERTAINTY = 2.0
@@ -42,39 +39,6 @@ CERTAINTY = 2.0
 of it in presses of the paper's sensor."""
 PAST = 3
 """Earlier states that the first guess is extrapolated from, with the present one: a polynomial of degree 3."""
-
-
-@dataclass(frozen=True, slots=True)
-class TimeIntegral:
-    """An integral int X dY over time.
-
-    Attributes
-    ----------
-    samples : time, s, X and Y at the last states of a smooth motion, oldest first.
-    base : the integral up to the first sample while all samples of the motion are kept; None later.
-    total : the integral up to the last sample.
-    """
-
-    samples: tuple[tuple[float, Array, Array], ...]
-    base: float | None
-    total: float
-
-    def add(self, time: float, x: Array, y: Array) -> TimeIntegral:
-        """Return the integral with one sample more, at a later time."""
-        samples = (*self.samples[-PAST:], (time, x, y))
-        base = self.base if len(self.samples) <= PAST else None
-        weights = product_weights(tuple(t for t, _, _ in samples), 0 if base is not None else len(samples) - 2)
-        gained = sum(
-            weights[a, b] * float(np.vdot(X, Y))
-            for a, (_, X, _) in enumerate(samples)
-            for b, (_, _, Y) in enumerate(samples)
-        )
-        return TimeIntegral(samples, base, (self.total if base is None else base) + gained)
-
-
-def begin(time: float, x: Array, y: Array, total: float = 0.0) -> TimeIntegral:
-    """Return an integral at the beginning of a smooth motion, with what it was before."""
-    return TimeIntegral(((time, x, y),), total, total)
 
 
 @functools.lru_cache(maxsize=4)
@@ -107,15 +71,24 @@ def product_weights(times: tuple[float, ...], first: int) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class PastStep:
-    """An earlier state of a smooth motion: time, unknowns, overlap of the skin, and elastic stress."""
+    """A state of a smooth motion, as the next ones need it.
+
+    Attributes
+    ----------
+    time : s.
+    q, overlap : unknowns, and overlap of the skin.
+    S : elastic stress at the integration points.
+    pairs : X and Y of the integrals int X dY that are the work of the plate, and that of the isochoric stresses.
+    """
 
     time: float
     q: Array
     overlap: Array
     S: Array
+    pairs: tuple[tuple[Array, Array], tuple[Array, Array]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ViscousState:
     """One state of a path in time.
 
@@ -123,68 +96,65 @@ class ViscousState:
     ----------
     path : position, unknowns and contact.
     history, points : viscous history, strain and elastic stress at the integration points.
+    errors : (b,) error of the force along the axis that each branch carries.
     time : s.
+    step : number of time steps so far.
     force : (3,) force along depth and shear x, y, over E D^2.
-    work, absorbed : work of the plate, and of the isochoric stresses, since the beginning, over E D^3.
+    works : work of the plate, and of the isochoric stresses, since the beginning, over E D^3.
+    works_before : the same at the beginning of the smooth motion.
     elastic : energy of the pressures and of the plate's springs.
     axis : (3,) direction of the last motion, up to its sign.
     strain : (6, t, m, q) derivative of C/2 by the motion along the axis; None before any motion.
-    errors : (b,) error of the force along the axis that each branch carries.
     largest : largest force along the axis so far.
     past : earlier states of the smooth motion, oldest first.
-    iterations : Newton iterations of the last step.
     """
 
     path: PathState
     history: History
     points: PointState
-    time: float
-    force: Array
     errors: Array
-    work: TimeIntegral
-    absorbed: TimeIntegral
+    time: float = 0.0
+    step: int = 0
+    force: Array = field(default_factory=lambda: np.zeros(3))
+    works: tuple[float, float] = (0.0, 0.0)
+    works_before: tuple[float, float] = (0.0, 0.0)
     elastic: float = 0.0
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     strain: Array | None = None
     largest: float = 0.0
     past: tuple[PastStep, ...] = ()
-    iterations: int = 0
 
     @property
     def error(self) -> float:
         """Estimated error of the force along the last motion from the time steps, over E D^2."""
         return CERTAINTY * float(np.abs(self.errors).sum())
 
-
-def measure(system: System, u: Array) -> PointState:
-    """Return strain and elastic stress at the integration points for nodal fields u."""
-    return viscoelasticity.measure(system.elements, system.law, system.mu, u)
-
-
-def _first_measure(path: PathState) -> PointState:
-    """Return `measure` of the first state of a system, which prepares the compiled loops that all steps share."""
-    path.d.system.admissible(path.q)
-    return measure(path.d.system, path.u)
+    @functools.cached_property
+    def as_past(self) -> PastStep:
+        """What the next states of a smooth motion need of this one."""
+        # half the stress times the volumes of the points, whose product with dC is energy
+        halves = viscoelasticity.TWICE[:, None, None, None] / 2 * self.points.weights
+        absorbed = halves * self.history.stress(self.points), self.points.C
+        pairs = (self.force, self.path.position), absorbed
+        return PastStep(self.time, self.path.q, self.path.overlap, self.points.S, pairs)
 
 
 def at_rest(path: PathState, history: History) -> ViscousState:
     """Return the state at time 0 of a path at rest."""
-    points = _first_measure(path)
-    errors, none = np.zeros(len(history.branches.times)), begin(0.0, np.zeros(3), np.zeros(3))
-    return ViscousState(path, history, points, 0.0, np.zeros(3), errors, work=none, absorbed=none)
+    return ViscousState(path, history, measure(path, path.u), np.zeros(len(history.branches.times)))
+
+
+def measure(path: PathState, u: Array) -> PointState:
+    """Return strain and elastic stress at the integration points for nodal fields u."""
+    system = path.d.system
+    return viscoelasticity.measure(system.elements, system.law, system.mu, u)
 
 
 def raised(state: ViscousState, path: PathState) -> ViscousState:
     """Return the state with the path state of a model that may have harmonics, before a shear."""
     angles, before = len(path.d.elements.angles.theta), state.points.J.shape[0]
     history = state.history if angles == before else state.history.revolve(angles)
-    return replace(state, path=path, history=history, points=_first_measure(path), past=(), strain=None)
-
-
-def with_stiffness(path: PathState, stiffness: float) -> PathState:
-    """Return a path state whose plate has this stiffness at its present depth."""
-    radius = path.d.shape.R if path.grip else math.sqrt(path.d.shape.R * max(path.position[0], FIRST_TOUCH))
-    return replace(path, kappa=stiffness * radius)
+    return replace(state, path=path, history=history, points=measure(path, path.u), past=(), strain=None)
 
 
 def begin_motion(state: ViscousState, direction: Array) -> ViscousState:
@@ -199,38 +169,25 @@ def begin_motion(state: ViscousState, direction: Array) -> ViscousState:
     return replace(state, axis=axis, strain=None, errors=np.zeros_like(state.errors), largest=0.0)
 
 
-def advance(
-    tangent: KeptTangent, state: ViscousState, position: Array, dt: float, stiffness: float
-) -> ViscousState | Stop:
-    """Return the state at a position (3,) after a time dt, s, or why there is none.
-
-    Parameters
-    ----------
-    tangent : tangent of an earlier step.
-    stiffness : of the plate's springs, over E / D.
-    """
-    path = state.path
-    overstress = state.history.overstress(dt)
-    system = copy.copy(path.d.system)
-    system.viscous = overstress
-    stepped = replace(path, d=replace(path.d, system=system))
-    plate = replace(path.plate_at(position), stiffness=stiffness)
-    iterations = 0
+def advance(tangent: KeptTangent, state: ViscousState, position: Array, dt: float) -> Reached[ViscousState]:
+    """Move to a position (3,) in a time dt, s; `tangent` is that of an earlier step."""
+    path, overstress = state.path, state.history.overstress(dt)
+    stepped = replace(path, d=replace(path.d, system=path.d.system.with_viscous(overstress)))
+    plate, iterations = path.plate_at(position), 0
     for guess, pressed in _guesses(state, position, dt):
         if path.friction is not None:
-            moved = plate_contact.displacements_along_plate(path.skin, system.state(guess).u, plate)
+            moved = plate_contact.displacements_along_plate(path.skin, path.d.system.state(guess).u, plate)
             plate = replace(plate, friction=coulomb_friction.expect_motion(path.friction, moved))
         answer = _solve(tangent, stepped, guess, plate, pressed, near=bool(state.past))
         iterations += answer.iterations
         if answer.converged:
             break
     if not answer.converged:
-        return answer.reason
-    after = with_stiffness(path_at(path, answer, position, plate), stiffness)
-    points = measure(path.d.system, answer.state.u)
+        return Reached(replace(state, past=()), answer.reason, iterations)
+    points = measure(path, answer.state.u)
     viscous = overstress.energy(points.C, points.J, points.mu)
     elastic = answer.assembly.energy - points.integral(overstress.factor * points.W + viscous)
-    return _accept(state, after, points, dt, elastic, iterations)
+    return Reached(_accept(state, path_at(path, answer, position, plate), points, dt, elastic), "", iterations)
 
 
 def with_error_of_first(before: ViscousState, first: ViscousState, second: ViscousState) -> ViscousState:
@@ -260,78 +217,69 @@ def _solve(
 
 def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:
     """Return first guesses of the unknowns and of the points in contact: extrapolated in time, and the last state."""
-    path = state.path
-    if not state.past or dt == 0:
-        # at a corner of the path the last state is the best guess, first with its contact
-        return [(path.q, None)] if path.grip else [(path.q, path.overlap > 0), (path.q, None)]
-    times = np.array([*(past.time for past in state.past), state.time])
-    shares = [np.prod([(state.time + dt - b) / (a - b) for b in times if b != a]) for a in times]
-    guess = sum(share * q for share, q in zip(shares, (*(past.q for past in state.past), path.q), strict=True))
-    if path.grip:
-        return [(np.asarray(guess), None), (path.q, None)]
-    last = state.past[-1]
-    overlap = path.overlap + dt / (state.time - last.time) * (path.overlap - last.overlap)
-    return [(np.asarray(guess), overlap > 0), (path.q, None)]
+    path, guess = state.path, state.path.q
+    overlap = None if path.grip else path.overlap
+    # at a corner of the path the last state is the best guess, first with its contact
+    if state.past and dt:
+        times = [*(past.time for past in state.past), state.time]
+        guess = extrapolate(times, [*(past.q for past in state.past), path.q], state.time + dt)
+        last = state.past[-1]
+        if overlap is not None:
+            overlap = overlap + dt / (state.time - last.time) * (overlap - last.overlap)
+    return [(guess, None if overlap is None else overlap > 0), (path.q, None)]
 
 
-def _accept(
-    state: ViscousState, path: PathState, points: PointState, dt: float, elastic: float, iterations: int
-) -> ViscousState:
-    if not state.past:
-        state = _sampled(state)
+def _accept(state: ViscousState, path: PathState, points: PointState, dt: float, elastic: float) -> ViscousState:
     history, moved = state.history.advance(points, dt), path.position - state.path.position
     x, y, z = tip_force(path)
-    force, change = np.array([z, x, y]), points.C - state.points.C
-    time = state.time + dt
-    along = float(moved @ state.axis)
-    strain = change / (2 * along) if along else state.strain
+    force, along = np.array([z, x, y]), float(moved @ state.axis)
     after = replace(
         state,
         path=path,
         history=history,
         points=points,
-        time=time,
+        time=state.time + dt,
+        step=state.step + 1,
         force=force,
         elastic=elastic,
-        strain=strain,
+        strain=(points.C - state.points.C) / (2 * along) if along else state.strain,
         largest=max(state.largest, abs(float(force @ state.axis))),
-        iterations=iterations,
     )
     if dt == 0:
         return _jumped(state, after)
-    past = PastStep(state.time, state.path.q, state.path.overlap, state.points.S)
+    # while all states of a motion are kept, all of it is integrated again
+    again = len(state.past) < PAST
+    before = state.works_before if state.past else state.works
+    past = (*state.past, state.as_past)[-PAST:]
+    gained = _gained((*past, after.as_past), 0 if again else -2)
+    works = np.array(before if again else state.works) + gained
     return replace(
         after,
-        work=state.work.add(time, force, path.position),
-        absorbed=state.absorbed.add(time, _total_stress(after), points.C),
+        works=(float(works[0]), float(works[1])),
+        works_before=before,
         errors=_carry_errors(state, after, dt),
-        past=(*state.past, past)[-PAST:],
+        past=past,
     )
 
 
-def _sampled(state: ViscousState) -> ViscousState:
-    """Return the state at the beginning of a smooth motion, from which work and stress are integrated."""
-    return replace(
-        state,
-        work=begin(state.time, state.force, state.path.position, state.work.total),
-        absorbed=begin(state.time, _total_stress(state), state.points.C, state.absorbed.total),
+def _gained(states: tuple[PastStep, ...], first: int) -> Array:
+    """Return both works (2,) from the state number `first` to the last one."""
+    weights, count = product_weights(tuple(state.time for state in states), first % len(states)), len(states)
+    pairs = [state.pairs for state in states]
+    return np.array(
+        [
+            sum(weights[a, b] * np.vdot(pairs[a][k][0], pairs[b][k][1]) for a, b in np.ndindex(count, count))
+            for k in (0, 1)
+        ]
     )
-
-
-def _total_stress(state: ViscousState) -> Array:
-    """Return half the isochoric stress times the volumes of the points, whose product with dC is energy."""
-    return viscoelasticity.TWICE[:, None, None, None] / 2 * state.points.weights * state.history.stress(state.points)
 
 
 def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
     """Return the state after a jump, which is elastic: nothing is dissipated but by slip."""
     slip = after.path.dissipated - before.path.dissipated
     gained = after.history.stored(after.points) - before.history.stored(before.points)
-    return replace(
-        after,
-        absorbed=replace(after.absorbed, total=before.absorbed.total + gained),
-        work=replace(after.work, total=before.work.total + gained + after.elastic - before.elastic + slip),
-    )
+    work, absorbed = before.works
+    return replace(after, works=(work + gained + after.elastic - before.elastic + slip, absorbed + gained))
 
 
 def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array:

@@ -19,6 +19,7 @@ glued stroke after it and 144 of a sliding one. In a jump nothing is dissipated 
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -41,7 +42,7 @@ from fem.solve import load_increments
 from fem.solve.active_set import KeptTangent
 from fem.solve.direct_solver import STABLE, UNKNOWN, Solver
 from fem.solve.load_case_models import path_models
-from fem.solve.load_increments import find_equilibrium, path_at
+from fem.solve.load_increments import Reached, find_equilibrium, path_at
 from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
 from fem.solve.path_state import PathState
@@ -244,30 +245,31 @@ def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
 def _follow(
     path: TimedPath, segments: Sequence[Segment], every_step: bool, progress: Progress | None
 ) -> Iterator[TimedState]:
-    run, end = -1, segments[-1].end
+    state, run, end, iterations, step = path.rest, -1, segments[-1].end, 0, 0.0
     for segment in segments:
         duration = sum(part.end - part.begin for part in segments if part.run == segment.run)
         if segment.run != run:
-            run = segment.run
-            path.begin_motion(segment, duration)
-        if segment.goal[1:].any() and not path.state.path.sheared:
-            path.begin_shear()
-        for stop in march(path, segment, duration):
+            run, step = segment.run, LONGEST_SHARE / 2 * duration
+            state = time_steps.begin_motion(state, segment.goal - segment.start)
+        if segment.goal[1:].any() and not state.path.sheared:
+            state = path.begin_shear(state)
+        before = iterations
+        for reached in path.march(state, segment, step, duration):
+            state, stop, step, iterations = reached.state, reached.stop, reached.step, before + reached.iterations
             if progress is not None:
-                text = f"{path.state.path.d.model}: until {segment.end:.4g} s"
-                progress(path.state.time / end if end else 1.0, text)
+                progress(state.time / end if end else 1.0, f"{state.path.d.model}: until {segment.end:.4g} s")
+            if stop or (every_step and state.time < segment.end):
+                load = reached_load(state.path, segment.load, path.scene)
+                yield _read(path, state, load, iterations, stop)
             if stop:
-                yield _read(path, reached_load(path.state.path, segment.load, path.scene), stop)
                 return
-            if every_step and path.state.time < segment.end:
-                yield _read(path, reached_load(path.state.path, segment.load, path.scene))
-        yield _read(path, segment.load)
+        yield _read(path, state, segment.load, iterations)
 
 
-def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
-    state, scene = path.state, path.scene
-    unit, friction = scene.design.E * scene.design.D**3, state.path.friction
-    stored_by_branches = state.history.stored(state.points)
+def _read(path: TimedPath, state: ViscousState, load: Load, iterations: int, stop: Stop = "") -> TimedState:
+    scene, friction = path.scene, state.path.friction
+    unit = scene.design.E * scene.design.D**3
+    (work, absorbed), stored_by_branches = state.works, state.history.stored(state.points)
     found = TimedState(
         time=state.time,
         load=load,
@@ -275,13 +277,13 @@ def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
         model=state.path.d.model,
         slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.path.skin.weights),
         time_error=state.error / max(state.largest, path.least_force) if state.error else 0.0,
-        work=state.work.total * unit,
+        work=work * unit,
         stored=(stored_by_branches + state.elastic) * unit,
         # without branches the silicone is elastic: what is left is an error of the integrals
-        dissipated=(state.absorbed.total - stored_by_branches) * unit if len(state.history.branches.times) else 0.0,
+        dissipated=(absorbed - stored_by_branches) * unit if len(state.errors) else 0.0,
         friction_dissipated=state.path.dissipated * unit,
-        step=path.steps,
-        iterations=path.iterations,
+        step=state.step,
+        iterations=iterations,
         dofs=state.path.d.system.size,
     )
     return diagnostics.diagnose(found, state.path, scene, stop, path.margin, touched=state.largest > 0)
@@ -311,6 +313,10 @@ class Segment:
         """(3,) velocity over D, 1/s; zeros for a jump."""
         return (self.goal - self.start) / (self.end - self.begin) if self.end > self.begin else np.zeros(3)
 
+    def at(self, place: float) -> Array:
+        """Return the position (3,) at a share of the motion."""
+        return self.goal if place == 1 else self.start + place * (self.goal - self.start)
+
 
 def branches_of(design: Design) -> Branches:
     """Return the branches of a design with the ratio of the instantaneous modulus to its E."""
@@ -320,7 +326,13 @@ def branches_of(design: Design) -> Branches:
 
 
 class TimedPath:
-    """Models, solver and present state of a path in time."""
+    """Models and solver of a path in time; its states are frozen values.
+
+    Attributes
+    ----------
+    rest : the state at rest.
+    least_force : force over E D^2 that errors refer to at least.
+    """
 
     def __init__(self, scene: Scene, law: str, control: TimeControl) -> None:
         deepest = max(load.depth for load in scene.loads)
@@ -328,7 +340,7 @@ class TimedPath:
         pressed = tuple(load for load in scene.loads if load.depth == deepest)
         sheared = (load if load.bonds_contact else replace(load, depth=deepest) for load in scene.loads)
         models = path_models(replace(scene, loads=(*pressed, *(load for load in sheared if load.shears_tip))))
-        self.scene, self.control, self.tangent = scene, control, KeptTangent(Solver())
+        self.scene, self._control, self._tangent = scene, control, KeptTangent(Solver())
         # it supplies the models and takes no increments
         self._path = Path(
             replace(models, predictor=None, rough=None),
@@ -337,29 +349,22 @@ class TimedPath:
             mu=scene.coulomb,
             kappa=control.kappa,
         )
-        rest = self._path.rest
-        R, depth = scene.shape.R, deepest / scene.design.D
-        self.stiffness = rest.kappa / (R if rest.grip else math.sqrt(R * depth) if depth else R)
+        rest, depth = self._path.rest, deepest / scene.design.D
         branches, e = branches_of(scene.design), rest.d.elements
         history = viscoelasticity.at_rest(law, branches, (len(e.angles.theta), *e.weights.shape))
-        self.state = time_steps.at_rest(time_steps.with_stiffness(rest, self.stiffness), history)
-        self.least_force = HERTZ_SHARE * branches.instantaneous * 4 / 3 * math.sqrt(R) * depth**1.5
-        self.steps, self.iterations, self.next_step = 0, 0, 0.0
+        stiffness = rest.plate_at(np.array([depth, 0.0, 0.0])).stiffness
+        self.rest = time_steps.at_rest(replace(rest, stiffness=stiffness), history)
+        self.least_force = HERTZ_SHARE * branches.instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
         self._sideways = SidewaysModel(rest.d) if rest.d.model == "axisymmetric" else None
         self._stable_to = 0.0
 
-    def begin_motion(self, segment: Segment, duration: float) -> None:
-        """Prepare a smooth part of the path of a duration, s, which begins with a segment."""
-        self.state = time_steps.begin_motion(self.state, segment.goal - segment.start)
-        self.next_step = LONGEST_SHARE / 2 * duration
-
-    def begin_shear(self) -> None:
-        """Change to the model of a shear and glue the contact where required."""
-        after = self._path.begin_shear(self.state.path)
-        self.tangent.drop()
-        if after.d is not self.state.path.d:
-            self.tangent = KeptTangent(Solver())
-        self.state = time_steps.raised(self.state, after)
+    def begin_shear(self, state: ViscousState) -> ViscousState:
+        """Return a state in the model of a shear, with glued contact where required."""
+        after = self._path.begin_shear(state.path)
+        self._tangent.drop()
+        if after.d is not state.path.d:
+            self._tangent = KeptTangent(Solver())
+        return time_steps.raised(state, after)
 
     def margin(self, state: PathState) -> StabilityMargin:
         """Return the distance of a press from sideways buckling: that of slow loading to its depth.
@@ -380,100 +385,62 @@ class TimedPath:
             self._stable_to = depth
         return margin
 
+    def march(
+        self, state: ViscousState, segment: Segment, step: float, duration: float
+    ) -> Iterator[Reached[ViscousState]]:
+        """Follow a segment in a smooth part of the path of a duration, s; the first step is about `step` long."""
+        factor, length = self.scene.accuracy.friction_step_factor, float(np.linalg.norm(segment.goal - segment.start))
+        longest = load_increments.longest_increment(state.path, segment.start, segment.goal, factor)
+        longest = longest / length if length else math.inf  # as a share of the segment
+        if segment.end == segment.begin:
+            # the silicone answers to a jump with its instantaneous modulus
+            return load_increments.march_in_increments(
+                state, longest, SHORTEST_SHARE, lambda state, place, _: self._advance(state, segment, place, 0.0)
+            )
+        longest *= segment.end - segment.begin
+        longest = min(longest, LONGEST_SHARE * duration, self._control.largest_step or math.inf)
+        shortest, start = SHORTEST_SHARE * duration, Reached(state, "", 0, segment.begin, step)
+        attempt = functools.partial(self._attempt, segment, longest, shortest)
+        return load_increments.march(start, segment.end, shortest, attempt)
 
-def march(path: TimedPath, segment: Segment, duration: float) -> Iterator[Stop]:
-    """Take the time steps of a segment, in a smooth part of a duration, s; yield after each why the path stopped.
+    def _advance(self, state: ViscousState, segment: Segment, place: float, dt: float) -> Reached[ViscousState]:
+        return time_steps.advance(self._tangent, state, segment.at(place), dt)
 
-    It yields "" where the path goes on.
-    """
-    if segment.end == segment.begin:
-        yield from _jump(path, segment)
-        return
-    speed = float(np.linalg.norm(segment.velocity))
-    longest, shortest = LONGEST_SHARE * duration, SHORTEST_SHARE * duration
-    longest = min(longest, path.control.largest_step or math.inf)
-    longest = min(longest, _longest_motion(path, segment) / speed if speed else math.inf)
-    while path.state.time < segment.end:
-        load_increments.report(0.0)
-        left = segment.end - path.state.time
-        # equal last steps are better than one long and one tiny step
-        count = math.ceil(left / min(path.next_step, longest) * (1 - 1e-9))
+    def _attempt(
+        self, segment: Segment, longest: float, shortest: float, now: Reached[ViscousState]
+    ) -> list[Reached[ViscousState]]:
+        """Take one time step, or the first two of a smooth motion, shorter ones until they are accurate enough."""
         # the error of a first step is known after the second one, so both are tried before the first one is accepted
-        pair = not path.state.past and len(path.state.errors) > 0
-        dt = left / max(count, 2 if pair else 1)
-        tried = _tried(path, segment, dt, 2 if pair else 1)
-        if isinstance(tried, str):
-            path.state, path.next_step = replace(path.state, past=()), dt / 2
-            if path.next_step < shortest:
-                yield tried
-                return
-            continue
-        if pair:
-            tried[0] = time_steps.with_error_of_first(path.state, *tried)
-        if not _choose_next_step(path, tried[0] if pair else path.state, tried[-1], dt, shortest):
-            continue
-        for state in tried:
-            last = segment.end - state.time <= dt * 1e-9
-            path.state = replace(state, time=segment.end) if last else state
-            path.steps += 1
-            yield ""
+        left, count = segment.end - now.place, 1 if now.state.past or not len(now.state.errors) else 2
+        step, iterations = now.step, 0
+        while True:
+            # equal last steps are better than one long and one tiny step
+            dt = left / max(math.ceil(left / min(step, longest) * (1 - 1e-9)), count)
+            states = [now.state]
+            for k in range(count):
+                ahead = left - (k + 1) * dt
+                share = 1.0 if ahead <= dt * 1e-9 else 1 - ahead / (segment.end - segment.begin)
+                tried = self._advance(states[-1], segment, share, dt)
+                iterations += tried.iterations
+                if tried.stop:
+                    before = replace(now.state, past=())
+                    return [Reached(before, tried.stop, iterations, now.place, dt / 2)]
+                states.append(tried.state if share < 1 else replace(tried.state, time=segment.end))
+            if count == 2:
+                states[1] = time_steps.with_error_of_first(*states)
+            accurate, step = self._next_step(states[-2], states[-1], dt, shortest)
+            if accurate:
+                return [Reached(state, "", iterations, state.time, step) for state in states[1:]]
 
-
-def _tried(path: TimedPath, segment: Segment, dt: float, count: int) -> list[ViscousState] | Stop:
-    states: list[ViscousState] = []
-    for _ in range(count):
-        state = states[-1] if states else path.state
-        left = segment.end - state.time - dt
-        target = segment.goal - left * segment.velocity if left > dt * 1e-9 else segment.goal
-        tried = time_steps.advance(path.tangent, state, target, dt, path.stiffness)
-        if isinstance(tried, str):
-            return tried
-        path.iterations += tried.iterations
-        states.append(tried)
-    return states
-
-
-def _choose_next_step(path: TimedPath, before: ViscousState, tried: ViscousState, dt: float, shortest: float) -> bool:
-    """Set the length of the next step after one of length dt, and return whether that one is accurate enough."""
-    decayed = np.exp(-dt / before.history.branches.times) * before.errors
-    gained = float(np.abs(tried.errors - decayed).sum())
-    permitted = path.control.tolerance / time_steps.CERTAINTY * max(tried.largest, path.least_force)
-    allowed = max(BUDGET / 10 * permitted, BUDGET * (permitted - float(np.abs(decayed).sum())))
-    ratio = GROWTH if gained == 0 else (SAFETY * allowed / gained) ** (1 / 3)
-    if gained > allowed and dt / 2 > shortest:
-        path.next_step = max(GROWTH**-2, min(ratio, 0.9)) * dt
-        return False
-    # after the first two steps of a motion a third one of their length, from which the energies are integrated well
-    growth = GROWTH if len(before.past) > 1 else 1.0
-    path.next_step = min(growth, max(GROWTH**-2, ratio)) * dt
-    return True
-
-
-def _jump(path: TimedPath, segment: Segment) -> Iterator[Stop]:
-    """Move the plate at once, in increments; the silicone answers with its instantaneous modulus."""
-    length = float(np.linalg.norm(segment.goal - segment.start))
-    place, step = 0.0, min(_longest_motion(path, segment) / length, 1.0) if length else 1.0
-    while place < 1:
-        load_increments.report(0.0)
-        ahead = 1.0 if 1 - place <= 1.001 * step else place + step
-        target = segment.start + ahead * (segment.goal - segment.start) if ahead < 1 else segment.goal
-        tried = time_steps.advance(path.tangent, path.state, target, 0.0, path.stiffness)
-        if isinstance(tried, str):
-            step = (ahead - place) / 2
-            if step < SHORTEST_SHARE:
-                yield tried
-                return
-            continue
-        path.state, path.steps, path.iterations = tried, path.steps + 1, path.iterations + tried.iterations
-        place = ahead
-        yield ""
-
-
-def _longest_motion(path: TimedPath, segment: Segment) -> float:
-    """Return the longest motion of the plate in one step, over D, as in a static path."""
-    direction = segment.goal - segment.start
-    size = float(np.linalg.norm(direction))
-    state = replace(path.state.path, direction=direction / size) if size else path.state.path
-    return load_increments.longest_increment(
-        state, float(max(segment.start[0], segment.goal[0])), path.scene.accuracy.friction_step_factor
-    )
+    def _next_step(self, before: ViscousState, tried: ViscousState, dt: float, shortest: float) -> tuple[bool, float]:
+        """Return whether a step of length dt is accurate enough, and the length of the next one."""
+        decayed = np.exp(-dt / before.history.branches.times) * before.errors
+        gained = float(np.abs(tried.errors - decayed).sum())
+        permitted = self._control.tolerance / time_steps.CERTAINTY * max(tried.largest, self.least_force)
+        allowed = max(BUDGET / 10 * permitted, BUDGET * (permitted - float(np.abs(decayed).sum())))
+        ratio = GROWTH if gained == 0 else (SAFETY * allowed / gained) ** (1 / 3)
+        if gained > allowed and dt / 2 > shortest:
+            return False, max(GROWTH**-2, min(ratio, 0.9)) * dt
+        # a third step is as long as the first two of a motion, so that the energies are integrated well
+        growth = GROWTH if len(before.past) > 1 else 1.0
+        return True, min(growth, max(GROWTH**-2, ratio)) * dt

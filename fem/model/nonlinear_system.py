@@ -212,6 +212,13 @@ class System:
         system.prescribed, system._held, system._last = u, np.where(self._carried, 0.0, p), None
         return system
 
+    def with_viscous(self, viscous: Overstress) -> System:
+        """Return the system with what a time step adds to its law."""
+        _ = self._loops  # all copies share them
+        system = copy.copy(self)
+        system.viscous = viscous
+        return system
+
     def unknowns(self, u: Array, p: Array, motion: Array) -> Array:
         """Return the unknowns of displacements, pressures and the magnet's motion: the inverse of `state`."""
         return np.concatenate([u[self.free], motion, p[self._carried]])

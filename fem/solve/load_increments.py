@@ -1,18 +1,20 @@
-"""One increment of the load, and the increments of a straight segment of the path.
+"""The steps along a straight segment of a path (`march`), and one increment of the load.
 
 An increment starts from the extrapolated last states, unknowns and contact, and is solved by Newton's method.
-It returns the next state, or the reason why there is none; the state before is not changed. The increments of a
+It returns the next state, or the present one with the reason why there is no next one. The increments of a
 segment are halved where one fails and grow again where they converge easily. Intermediate states are solved to a
-looser tolerance. A function may see every increment (`watched`), for progress and to end a path.
+looser tolerance. Steps in time (`fem.analyses.timed_path`) have lengths that follow from their errors. A function may
+see every step (`watched`), for progress and to end a path.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +66,7 @@ _watch: ContextVar[Callable[[float], None] | None] = ContextVar("watch", default
 
 @contextlib.contextmanager
 def watched(watch: Callable[[float], None]) -> Iterator[None]:
-    """Call a function before each load increment of this context, with the completed share of its segment.
+    """Call a function before each step of a path of this context, with the completed share of its segment.
 
     An exception that the function raises ends the path. Paths are made of frozen states, so the states before it
     stay.
@@ -83,43 +85,78 @@ def report(share: float) -> None:
         watch(share)
 
 
-@dataclass(frozen=True, slots=True)
-class Increment:
-    """Result of one increment.
-
-    Attributes
-    ----------
-    state : the next state; None if the increment failed, or was too long for its result to be accepted.
-    stop : why it failed; empty if it did not.
-    iterations : Newton iterations.
-    easy : whether these were few.
-    """
-
-    state: PathState | None
-    stop: Stop
-    iterations: int
-    easy: bool
+State = TypeVar("State")
 
 
 @dataclass(frozen=True, slots=True)
-class Reached:
-    """Result of the increments of one or several segments.
+class Reached(Generic[State]):
+    """Where a path is: after one increment, within a segment, or after one or several.
 
     Attributes
     ----------
-    state : the last state reached.
-    stop : why the goal was not reached; empty if it was.
+    state : the last state reached; after a failure without its past, for the path is too curved there.
+    stop : why the next one, or the goal, was not reached; empty if it was.
     iterations : Newton iterations.
+    place, step : place on the segment, and length of the next step.
     """
 
-    state: PathState
+    state: State
     stop: Stop
     iterations: int
+    place: float = 0.0
+    step: float = 0.0
+
+
+def march(
+    start: Reached[State], end: float, shortest: float, attempt: Callable[[Reached[State]], Sequence[Reached[State]]]
+) -> Iterator[Reached[State]]:
+    """Follow a segment in steps; yield each state, and the last one again where the path stops.
+
+    Parameters
+    ----------
+    end : its place.
+    shortest : step below which a failure ends the path.
+    attempt : returns one or more next states; or the present one with a reason and a shorter step.
+    """
+    now, begin = start, start.place
+    while now.place < end and not (now.stop and now.step < shortest):
+        report((now.place - begin) / (end - begin))
+        iterations = now.iterations
+        for after in attempt(now):
+            now = replace(after, iterations=iterations + after.iterations)
+            if not now.stop:
+                yield now
+    if now.stop:
+        yield now
+
+
+def march_in_increments(
+    state: State, longest: float, shortest: float, increment: Callable[[State, float, float], Reached[State]]
+) -> Iterator[Reached[State]]:
+    """Follow a segment in increments that are halved where one fails; lengths are shares of the segment's.
+
+    Parameters
+    ----------
+    longest, shortest : longest increment, and length below which a failure ends the path.
+    increment : leads from a state to a place, by an increment of a length.
+    """
+    longest = min(longest, 1.0)
+
+    def attempt(now: Reached[State]) -> list[Reached[State]]:
+        # the tolerance of 1e-3 avoids a tiny last increment
+        target = 1.0 if 1 - now.place <= 1.001 * now.step else now.place + now.step
+        tried = increment(now.state, target, now.step)
+        if tried.stop:
+            return [replace(tried, place=now.place, step=(target - now.place) / 2)]
+        step = GROWTH * now.step if tried.iterations <= EASY else now.step
+        return [replace(tried, place=target, step=min(step, longest))]
+
+    return march(Reached(state, "", 0, step=longest), 1.0, shortest, attempt)
 
 
 def follow_segment(
     solver: Solver, state: PathState, goal: Array, *, predicts: bool = False, friction_step_factor: float = 1.0
-) -> Reached:
+) -> Reached[PathState]:
     """Move in a straight line to a position (3,) in increments.
 
     Parameters
@@ -127,42 +164,32 @@ def follow_segment(
     predicts : whether the states are only a prediction, those of a shear to PREDICTED_TOLERANCE.
     friction_step_factor : factor on the longest increments with Coulomb friction.
     """
-    start, iterations = state.position, 0
+    start, reached = state.position, Reached(state, "", 0)
     length = float(np.linalg.norm(goal - start))
     if length == 0:
-        return Reached(state, "", 0)
-    state = _set_direction(state, (goal - start) / length)
-    longest = longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
+        return reached
+    longest = longest_increment(state, start, goal, friction_step_factor) / length
     rough = predicts and start[0] == goal[0]
     if rough and length <= PREDICTED:
         longest = 1.0
-    # `place` and `step` are shares of the segment's length
-    place, step = 0.0, min(longest, 1.0)
-    while place < 1:
-        report(place)
-        # the tolerance of 1e-3 avoids a tiny last increment
-        target = 1.0 if 1 - place <= 1.001 * step else place + step
+
+    def increment(state: PathState, target: float, step: float) -> Reached[PathState]:
         position = goal if target == 1 else start + target * (goal - start)
         tolerance = PREDICTED_TOLERANCE if rough else _tolerance(state, passed=predicts or target < 1)
-        tried = apply_increment(solver, state, position, tolerance, accept=step * length <= LONGEST_DOUBTFUL)
-        iterations += tried.iterations
-        if tried.state is not None:
-            state, place = tried.state, target
-            step = min(GROWTH * step if tried.easy else step, longest)
-            continue
-        # the path is too curved here for extrapolation: the retry starts from the last state
-        state, step = replace(state, past=()), (target - place) / 2
-        if tried.stop and step * length < SHORTEST * min(length, 1.0):
-            if state.friction is not None or predicts:
-                return Reached(state, tried.stop, iterations)
-            state, more = _solve_fully(solver, state)
-            return Reached(state, tried.stop, iterations + more)
-    return Reached(state, "", iterations)
+        return apply_increment(solver, state, position, tolerance, accept=step * length <= LONGEST_DOUBTFUL)
+
+    state = _set_direction(state, (goal - start) / length)
+    for after in march_in_increments(state, longest, SHORTEST * min(1.0, 1 / length), increment):
+        reached = after
+    if not reached.stop or state.friction is not None or predicts:
+        return reached
+    state, more = _solve_fully(solver, reached.state)
+    return Reached(state, reached.stop, reached.iterations + more)
 
 
 def apply_increment(
     solver: Solver, state: PathState, position: Array, tolerance: float, *, accept: bool
-) -> Increment:
+) -> Reached[PathState]:
     """Move to a position (3,) in one increment.
 
     Parameters
@@ -184,14 +211,12 @@ def apply_increment(
     doubtful = (first or crushed) and not accept
     turned = answer.converged and turns_over(state, position, answer.state.u)
     if not answer.converged or doubtful or turned:
-        # an increment that is too short to jump has no such state
-        stop = "no_convergence" if turned and accept else answer.reason
-        return Increment(None, stop, answer.iterations, easy=False)
+        return Reached(replace(state, past=()), answer.reason or "no_convergence", answer.iterations)
     onset, more = state.onset, 0
     if first and onset is None:
         onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
     after = replace(_accept(state, answer, position, plate), onset=onset)
-    return Increment(after, "", answer.iterations + more, easy=answer.iterations <= EASY)
+    return Reached(after, "", answer.iterations + more)
 
 
 def drop_past_at_corner(state: PathState, position: Array) -> PathState:
@@ -213,12 +238,16 @@ def extrapolate_unknowns(state: PathState, position: Array) -> Array:
     """Return the unknowns at a position (3,), from the polynomial through the past and present states."""
     ahead = float(np.linalg.norm(position - state.position))
     at = [*(_coordinate(state, before.position, position) for before in state.past), 0.0]
-    # Lagrange polynomials: they need no equal spacing, and increments differ in length
-    *shares, present = (math.prod((ahead - u) / (t - u) for u in at if u != t) for t in at)
-    guess = present * state.q
-    for share, before in zip(shares, state.past, strict=True):
-        guess += share * before.q
-    return np.asarray(guess)
+    return extrapolate(at, [*(before.q for before in state.past), state.q], ahead)
+
+
+def extrapolate(at: Sequence[float], values: Sequence[Array], ahead: float) -> Array:
+    """Return the value at a place `ahead` of the polynomial through values (n,) at places, by Lagrange's polynomials.
+
+    They need no equal spacing, and steps differ in length.
+    """
+    shares = [math.prod((ahead - u) / (t - u) for u in at if u != t) for t in at]
+    return np.asarray(sum(share * value for share, value in zip(shares, values, strict=True)))
 
 
 def extrapolate_contact(state: PathState, position: Array) -> NDArray[np.bool_] | None:
@@ -326,12 +355,12 @@ def _set_direction(state: PathState, direction: Array) -> PathState:
     return replace(state, direction=direction)
 
 
-def longest_increment(state: PathState, depth: float, friction_step_factor: float) -> float:
-    """Return the longest increment over D of a segment that goes down to a depth."""
+def longest_increment(state: PathState, start: Array, goal: Array, friction_step_factor: float) -> float:
+    """Return the longest increment over D of a segment between two positions (3,)."""
     if state.friction is None:
         return LONGEST if state.d.revolved else LONGEST / 2
-    press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * depth)
-    return friction_step_factor * (press if state.direction[0] else FRICTION_SHEAR)
+    press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * float(max(start[0], goal[0])))
+    return friction_step_factor * (press if goal[0] != start[0] else FRICTION_SHEAR)
 
 
 def _tolerance(state: PathState, *, passed: bool) -> float:

@@ -96,7 +96,7 @@ class Path:
         if models.predictor is not None and models.raised is None:
             self.rest = with_predictor(self.rest, models.predictor.build())
 
-    def advance(self, state: PathState, position: Array) -> Reached:
+    def advance(self, state: PathState, position: Array) -> Reached[PathState]:
         """Move from a state to a position (3,): first to its depth, then to its shear."""
         pressed = self._follow_straight(state, np.array([position[0], *state.position[1:]]))
         if pressed.stop or np.array_equal(position[1:], state.position[1:]):
@@ -104,7 +104,7 @@ class Path:
         sheared = self._follow_straight(self.begin_shear(pressed.state), position)
         return replace(sheared, iterations=pressed.iterations + sheared.iterations)
 
-    def apply(self, state: PathState, position: Array) -> Reached:
+    def apply(self, state: PathState, position: Array) -> Reached[PathState]:
         """Do as `advance`, but from rest where a press to this depth has no history (`starts_from_rest`)."""
         return self.advance(self.rest if state.starts_from_rest(float(position[0])) else state, position)
 
@@ -127,7 +127,7 @@ class Path:
             return None, None
         return raised.build(), None if predictor is None else predictor.build()
 
-    def _follow_straight(self, state: PathState, goal: Array) -> Reached:
+    def _follow_straight(self, state: PathState, goal: Array) -> Reached[PathState]:
         """Follow a straight segment to a position (3,), by a prediction where possible."""
         if np.array_equal(goal, state.position):
             return Reached(state, "", 0)
@@ -170,7 +170,7 @@ def _predict_once(
     *,
     least: float = 0.0,
     tolerance: float = TOLERANCE,
-) -> Reached:
+) -> Reached[PathState]:
     """Move to a position (3,) by correcting one prediction.
 
     least : volume ratio J at or below which the prediction is not corrected.
@@ -212,7 +212,9 @@ def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Arra
     return after.state, after.iterations
 
 
-def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolerance: float = TOLERANCE) -> Reached:
+def _correct(
+    solver: Solver, state: PathState, guess: Array, goal: Array, tolerance: float = TOLERANCE
+) -> Reached[PathState]:
     """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
     plate, system = state.plate_at(goal), state.d.system
     close = (CLOSE if state.d.revolved else 4 * CLOSE) * min(

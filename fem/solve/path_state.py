@@ -73,6 +73,7 @@ class PathState:
     dissipated : energy dissipated by slip in the modelled part.
     direction : (3,) unit vector of the last motion under Coulomb friction; zeros before the first.
     past : up to two earlier states, oldest first, on the smooth path to this one.
+    stiffness : of the plate's springs, over E / D, where it does not follow from kappa and the depth.
     reduced : present state of the predictor; None without a predictor.
     raise_unknowns : returns the unknowns of this model for those of the predictor; None without a predictor.
     """
@@ -93,6 +94,7 @@ class PathState:
     dissipated: float = 0.0
     direction: Array = field(default_factory=lambda: np.zeros(3))
     past: tuple[PastState, ...] = ()
+    stiffness: float | None = None
     reduced: PathState | None = None
     raise_unknowns: Callable[[Array], Array] | None = None
 
@@ -123,14 +125,14 @@ class PathState:
     def plate_at(self, position: Array) -> Plate:
         """Return the plate (or grip) at another position (3,), with the present tied points."""
         depth, *shear = position
-        shape = self.d.shape
-        radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
+        shape, stiffness = self.d.shape, self.stiffness
+        if stiffness is None:
+            stiffness = self.kappa / (shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH)))
         # a tilted plate touches the dome off the axis first, while the plate is higher on the axis
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
         tied, targets, gap = (
             (None, None, None) if self.bond is None else (self.bond.tied, self.bond.targets, self.bond.gap)
         )
-        stiffness = self.kappa / radius
         return Plate(height, stiffness, np.array(shear), self.tilt, tied, targets, gap, friction=self.friction)
 
     @property
