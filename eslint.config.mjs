@@ -3,7 +3,7 @@ import globals from "globals";
 
 // the pages load plain scripts one after the other, each of which defines one of these names for the later ones
 const ours = [
-  ...["Format", "OfflineData", "LiveEngine", "OfflineEngine", "Controls", "SectionDrawing", "SectionView"],
+  ...["Format", "LiveEngine", "OfflineEngine", "Controls", "SectionDrawing", "SectionView"],
   ...["SensorView", "Charts", "Numbers", "Exports", "Requests", "Explorer", "Tip", "Figures", "ReportSurface", "Theme"],
 ];
 const libraries = ["THREE", "uPlot", "vegaEmbed"];

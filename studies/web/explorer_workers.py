@@ -9,10 +9,8 @@ compiled functions, meshes and factorisations serve the next request.
 from __future__ import annotations
 
 import asyncio
-import base64
 import functools
 import gc
-import json
 import os
 import pickle
 import time
@@ -21,12 +19,11 @@ from collections.abc import Callable, Hashable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from geometry.design import BadInput
 from studies.mechanics import worker_process
 from studies.mechanics.worker_process import NotStarted, WorkerDied, WorkerProcesses
 from studies.web.explorer_state import Request, request_of
+from studies.web.page_content import as_json
 
 if TYPE_CHECKING:
     from studies.web.explorer_answers import Answers
@@ -158,36 +155,6 @@ def fault(error: BaseException) -> str:
 def encoded(number: int, side: str, **content: Any) -> str:
     """Return an answer as JSON; numbers that are not finite become null, and arrays are packed."""
     return as_json({"number": number, "side": side, **content})
-
-
-def as_json(message: Any) -> str:
-    """Return a message as JSON, in the same way."""
-    try:
-        return json.dumps(message, allow_nan=False, separators=(",", ":"), default=packed)
-    except ValueError:
-        return json.dumps(_finite(message), separators=(",", ":"), default=packed)
-
-
-def packed(array: Any) -> dict[str, str]:
-    """Return an array as `OfflineData.decoded` in the page reads it: digits would take 20 times as long.
-
-    >>> packed(np.array([1.0, 0.5])), packed(np.array([1, 2]))
-    ({'float32': 'AACAPwAAAD8='}, {'uint16': 'AQACAA=='})
-    """
-    if not isinstance(array, np.ndarray):
-        raise TypeError(f"an answer has no {type(array).__name__}")
-    kind, name = "<f4", "float32"
-    if array.dtype.kind in "iu":
-        kind, name = ("<u2", "uint16") if array.size == 0 or array.max() < 1 << 16 else ("<u4", "uint32")
-    return {name: base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")}
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if value - value == 0 else None
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
-    return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
 class Asked(NamedTuple):

@@ -28,8 +28,8 @@ from studies.web import (
     state_exports,
 )
 from studies.web.explorer_state import RATES, Level, explorer_fields
-from studies.web.explorer_workers import as_json
 from studies.web.offline_tables import Grid
+from studies.web.page_content import as_json
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""

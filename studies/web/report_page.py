@@ -20,16 +20,24 @@ from geometry.loads import Load
 from geometry.messages import Progress
 from studies.output import atomic_files, figures, provenance
 from studies.output.figures import Figure, quantity_name
-from studies.web import folder_contents, page_pictures, report_sections
+from studies.web import folder_contents, report_sections
 from studies.web.folder_contents import Contents, Table
-from studies.web.page_text import lead_of, page_html, title_of
+from studies.web.page_content import Budget, as_json, lead_of, page_html, sources, title_of
 from studies.web.report_sections import Section
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PAGE = Path(__file__).parent / "page"
-SCRIPTS = ("format", "theme", "exports", "report_figures", "sensor_view", "report_surface", "report_page")
+SCRIPTS = (
+    "format",
+    "theme",
+    "exports",
+    "report_figures",
+    "sensor_view",
+    "report_surface",
+    "report_page",
+)
 """Scripts of every report; three.js comes before them where there is a figure in 3D."""
 GENERATOR = "magtip report"
 """Text by which a page of a report is recognised, so that no other file is replaced."""
@@ -129,7 +137,7 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     )
     environment.filters["minus"] = minus
     tables, left_out = _kept_tables(sections)
-    images = page_pictures.Budget(MOST_PICTURE_BYTES)
+    images = Budget(MOST_PICTURE_BYTES)
     data: dict[str, Any] = {"figures": {}, "surfaces": {}, "tables": tables, "theme": page_theme()}
     shown = []
     for number, (section, name) in enumerate(zip(sections, _titles(sections), strict=True)):
@@ -150,7 +158,8 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
         scripts=[Markup(text) for text in scripts],
         hashes=" ".join(f"'sha256-{_digest(text)}'" for text in scripts),
         sections=shown,
-        data=data,
+        # no tag can end in a script
+        data=Markup(as_json(data).replace("<", "\\u003c")),
         origin=provenance.versions(("jinja2", "altair", "vl-convert-python", "pyvista")),
         command=command,
         origins=_origins(sections),
@@ -216,7 +225,7 @@ def _section(
     number: int,
     data: dict[str, Any],
     left_out: Mapping[tuple[str, str], str],
-    images: page_pictures.Budget,
+    images: Budget,
 ) -> dict[str, Any]:
     """Return a section as the template takes it, and add its figures to the data of the page."""
     contents, remarks = section.contents, section.remarks
@@ -227,11 +236,9 @@ def _section(
         drawn.append({"id": key, "figure": figure, "file": _file_name(section.name, figure.title)})
     for k, surface in enumerate(section.surfaces):
         key = f"s{number}-{k}"
-        data["surfaces"][key] = surface.data()
-        largest = f"{surface.largest:.3g}"
-        surfaces.append(
-            {"id": key, "surface": surface, "largest": largest, "file": _file_name(section.name, surface.title)}
-        )
+        data["surfaces"][key] = surface
+        largest, file = f"{surface['largest']:.3g}", _file_name(section.name, surface["title"])
+        surfaces.append({"id": key, "surface": surface, "largest": largest, "file": file})
     files = []
     for table in contents.tables.values():
         reason = left_out.get((section.name, table.name), "")
@@ -240,7 +247,7 @@ def _section(
         files.append(
             {"id": key, "name": table.name, "text": text + (f" (not in this page: {reason})" if reason else "")}
         )
-    pictures = page_pictures.sources(contents, section.replaced, images, remarks)
+    pictures = sources(contents, section.replaced, images, remarks)
     used: set[str] = set()
     pages = [{"name": name, "html": page_html(text, pictures, used)} for name, text in contents.pages.items()]
     loose = [

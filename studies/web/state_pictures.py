@@ -11,7 +11,7 @@ on the axis with dv/dr in place of v/r. The stretch shown is the largest princip
 
 **Sensor in 3D**: skin of each half, cut face y = 0 and the magnet's pocket. The outline of a section is
 swept around the axis with the Fourier series of the solution, which takes milliseconds.
-`studies.web.deformed_surface`, which reads VTK grids, gives the same form.
+`studies.web.deformed_surface`, which reads .vtu files, gives the same form.
 
 **Field lines** of the magnet at its pose, in the plane of the section.
 In a plane through the axis the lines of B are contours of the flux psi = r A_phi through a disc of radius r; levels
@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -175,63 +176,73 @@ Part = tuple[Array, Array, Ints]
 
 def surface(solution: Solution) -> dict[str, Any]:
     """Return the part `sensor3d`: parts with deformed points, displacements and triangles, and the largest one."""
-    parts = _parts(solution)
-    return {"parts": {name: _data(*part) for name, part in parts.items()}, "largest": _largest(parts)}
+    field, (c, s) = solution.field, plane_of(solution)
+    rotation = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
+    def displacement(nodes: Ints, turn: Array) -> Array:
+        return _displacement(field, nodes, turn)
 
-def _data(rest: Array, u: Array, triangles: Ints) -> dict[str, Any]:
-    return {
-        "points": np.round(rest + u, COARSE_DIGITS).ravel(),
-        "value": np.round(np.linalg.norm(u, axis=1), COARSE_DIGITS),
-        "triangles": triangles.ravel(),
-    }
-
-
-def _largest(parts: dict[str, Part]) -> float:
-    return round(max(float(np.linalg.norm(u, axis=1).max()) for _, u, _ in parts.values()), COARSE_DIGITS)
-
-
-def _parts(solution: Solution) -> dict[str, Part]:
-    """Return the parts of a section, turned into the direction of its shear."""
-    field = solution.field
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
-    skin, pocket = _outline(field, nodes)
-    turn = np.linspace(0, math.pi, SECTORS + 1)
-    c, s = plane_of(solution)
-    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    parts = revolved(field.mesh.doflocs, nodes, displacement, symmetric=not field.angles.sines)
+    return surface_data({name: (rest @ rotation, u @ rotation, few) for name, (rest, u, few) in parts.items()})
 
-    def turned(part: Part) -> Part:
-        rest, u, triangles = part
-        return rest @ rotation.T, u @ rotation.T, triangles
+
+def surface_data(parts: dict[str, Part]) -> dict[str, Any]:
+    """Return parts as the pages take them: "front" (y <= 0), "back" (y >= 0), "cut" and "magnet"."""
+    data = {
+        name: {
+            "points": np.round(rest + u, COARSE_DIGITS).ravel(),
+            "value": np.round(np.linalg.norm(u, axis=1), COARSE_DIGITS),
+            "triangles": triangles.ravel(),
+        }
+        for name, (rest, u, triangles) in parts.items()
+    }
+    return {"parts": data, "largest": max(float(part["value"].max()) for part in data.values())}
+
+
+def revolved(
+    points: Array, nodes: Ints, displacement: Callable[[Ints, Array], Array], *, symmetric: bool
+) -> dict[str, Part]:
+    """Return the parts of the body whose section is given.
+
+    Parameters
+    ----------
+    points : of the section, r and z, shape (2, n), mm.
+    nodes : of its triangles, corners and then the middles of the edges 01, 12 and 02, shape (m, 6).
+    displacement : returns those of nodes (k,) at angles (t,), shape (t k, 3), mm.
+    symmetric : whether the halves are mirror images.
+    """
+    skin, pocket = _outline(points[0], nodes)
+    turn = np.linspace(0, math.pi, SECTORS + 1)
 
     def halves(edges: Ints) -> tuple[Part, Part]:
-        """Return the halves y >= 0 and y <= 0, which are mirror images without sine orders."""
-        back = _swept(field, edges, turn)
-        return back, _swept(field, edges, turn + math.pi) if field.angles.sines else _mirrored(back)
+        back = _swept(points, edges, turn, displacement)
+        return back, mirrored(back) if symmetric else _swept(points, edges, turn + math.pi, displacement)
 
     back, front = halves(skin)
-    parts = {"back": turned(back), "front": turned(front), "cut": turned(_cut_face(field, nodes))}
-    if len(pocket):
-        parts["magnet"] = turned(_joined(*halves(pocket)))
-    return parts
+    flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
+    x, z = points
+    sides = np.concatenate([np.stack([s * x, 0 * x, z], axis=1) for s in (1.0, -1.0)])
+    u = displacement(np.arange(len(x)), np.array([0.0, math.pi]))
+    parts = {"back": back, "front": front, "cut": (sides, u, np.concatenate([flat, flat[:, ::-1] + len(x)]))}
+    return parts | ({"magnet": joined(*halves(pocket))} if len(pocket) else {})
 
 
-def _outline(field: Field, nodes: Ints) -> tuple[Ints, Ints]:
+def _outline(r: Array, nodes: Ints) -> tuple[Ints, Ints]:
     """Return the straight halves (m, 2) of the outline's edges: those of the skin and those of a pocket."""
-    r = field.mesh.doflocs[0]
     edges = np.concatenate([nodes[:, [0, 3, 1]], nodes[:, [1, 4, 2]], nodes[:, [2, 5, 0]]])
     _, first, number = np.unique(edges[:, 1], return_index=True, return_counts=True)
     outline = edges[first[number == 1]]
     outline = outline[r[outline].max(axis=1) > 1e-9 * r.max()]
     halves = np.concatenate([outline[:, :2], outline[:, 1:]])
-    label = _connected(halves, len(r))
+    label = connected(halves, len(r))
     # the skin is the piece that reaches farthest from the axis
     outer = label[halves[np.argmax(r[halves[:, 0]]), 0]]
     of_skin = label[halves[:, 0]] == outer
     return halves[of_skin], halves[~of_skin]
 
 
-def _connected(edges: Ints, count: int) -> Ints:
+def connected(edges: Ints, count: int) -> Ints:
     """Return the number of the connected piece of each node, shape (count,)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -240,11 +251,11 @@ def _connected(edges: Ints, count: int) -> Ints:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def _swept(field: Field, edges: Ints, turn: Array) -> Part:
+def _swept(points: Array, edges: Ints, turn: Array, displacement: Callable[[Ints, Array], Array]) -> Part:
     """Return the surface of edges (m, 2) of the section swept through the angles (t,)."""
     used, numbers = np.unique(edges, return_inverse=True)
     pairs, n = numbers.reshape(edges.shape), len(used)
-    x, z = field.mesh.doflocs[:, used]
+    x, z = points[:, used]
     c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
     rest = np.stack([c * x, s * x, np.broadcast_to(z, (len(turn), n))], axis=2).reshape(-1, 3)
     triangles = []
@@ -255,7 +266,7 @@ def _swept(field: Field, edges: Ints, turn: Array) -> Part:
     # at the axis one of both triangles has no area
     corners = rest[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return rest, _displacement(field, used, turn), faces[area > 1e-12 * area.max()]
+    return rest, displacement(used, turn), faces[area > 1e-12 * area.max()]
 
 
 def _displacement(field: Field, nodes: Ints, turn: Array) -> Array:
@@ -266,28 +277,17 @@ def _displacement(field: Field, nodes: Ints, turn: Array) -> Array:
     return np.stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1], u[:, 2]], axis=2).reshape(-1, 3)
 
 
-def _mirrored(part: Part) -> Part:
+def mirrored(part: Part) -> Part:
     """Return the other half of a body that is symmetric about y = 0."""
     rest, u, triangles = part
     mirror = np.array([1.0, -1.0, 1.0])
     return rest * mirror, u * mirror, triangles[:, ::-1]
 
 
-def _joined(one: Part, other: Part) -> Part:
-    return (
-        np.concatenate([one[0], other[0]]),
-        np.concatenate([one[1], other[1]]),
-        np.concatenate([one[2], other[2] + len(one[0])]),
-    )
-
-
-def _cut_face(field: Field, nodes: Ints) -> Part:
-    """Return the section on both sides of the axis, in the plane y = 0."""
-    flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
-    every, (x, z) = np.arange(field.mesh.doflocs.shape[1]), field.mesh.doflocs
-    sides = [np.stack([s * x, 0 * x, z], axis=1) for s in (1.0, -1.0)]
-    u = _displacement(field, every, np.array([0.0, math.pi]))
-    return np.concatenate(sides), u, np.concatenate([flat, flat[:, ::-1] + len(x)])
+def joined(one: Part, other: Part) -> Part:
+    """Return two parts as one."""
+    first, second = (np.concatenate(pair) for pair in zip(one[:2], other[:2], strict=True))
+    return first, second, np.concatenate([one[2], other[2] + len(one[0])])
 
 
 LINES = 16

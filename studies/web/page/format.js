@@ -121,5 +121,37 @@ const Format = (() => {
     return true;
   }
 
-  return { VIRIDIS, SIGNED, number, short, width, plain, round, mix, make, put, once, colour, recolour, pixels, fit };
+  const TYPES = { float32: Float32Array, uint16: Uint16Array, uint32: Uint32Array };
+  // A value of JSON with each {type: text}, base64 in little-endian order, replaced by its array.
+  function decoded(value) {
+    if (Array.isArray(value)) return value.map(decoded);
+    if (value === null || typeof value !== "object") return value;
+    const entries = Object.entries(value);
+    if (entries.length === 1 && entries[0][0] in TYPES) {
+      const text = atob(entries[0][1]);
+      const bytes = new Uint8Array(text.length);
+      for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+      return new TYPES[entries[0][0]](bytes.buffer);
+    }
+    return Object.fromEntries(entries.map(([key, one]) => [key, decoded(one)]));
+  }
+
+  return {
+    decoded,
+    VIRIDIS,
+    SIGNED,
+    number,
+    short,
+    width,
+    plain,
+    round,
+    mix,
+    make,
+    put,
+    once,
+    colour,
+    recolour,
+    pixels,
+    fit,
+  };
 })();

@@ -44,7 +44,7 @@ const LiveEngine = () => {
   // Arrays from their texts; points and triangles of a section as rows, as the drawing reads them.
   function unpacked(message) {
     if (!message.data) return message;
-    const data = OfflineData.decoded(message.data);
+    const data = Format.decoded(message.data);
     const { section } = data;
     if (section)
       Object.assign(section, {

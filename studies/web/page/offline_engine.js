@@ -4,7 +4,7 @@
 // vectors.
 
 const OfflineEngine = (packed) => {
-  const page = OfflineData.decoded(packed);
+  const page = Format.decoded(packed);
   const { response, formulas, readings, decoded, pictures, fixed } = page;
   const LEVEL = page.level;
   const DEGREES = 180 / Math.PI;

@@ -70,7 +70,9 @@ const ReportSurface = (() => {
   function rows(data) {
     const out = [["part", "x (mm)", "y (mm)", "z (mm)", "displacement (mm)"]];
     for (const [name, part] of Object.entries(data.parts))
-      part.value.forEach((v, k) => out.push([name, ...part.points.slice(3 * k, 3 * k + 3), v]));
+      part.value.forEach((v, k) =>
+        out.push([name, ...[...part.points.slice(3 * k, 3 * k + 3), v].map((one) => Number(one.toFixed(3)))]),
+      );
     return out;
   }
 
