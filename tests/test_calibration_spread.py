@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
+from stores import temporary
 
 from analytic import beam, hall
 from fem.accuracy import QUICK
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.mechanics import store
-from studies.mechanics.path_solver import solved
+from studies.mechanics.solve_plan import Processes, Solver
 from studies.sensitivity.beam_motions import Press
 from studies.sensitivity.calibration import (
     calibration_spread,
@@ -159,8 +159,8 @@ def test_the_surrogate_predicts_the_spread_of_finite_elements():
     loads, force = tuple(map(Load, (0.8, 0.95, 1.1, 1.25))), axis.force_range[1]
     ratios = []
     for k, design in enumerate(sensors.designs):
-        with store.in_memory() as kept:
-            answers, _ = solved(Scene(design, loads, QUICK), kept)
+        with temporary() as kept:
+            (answers,) = Solver(kept, Processes(0), None, QUICK).answers([Scene(design, loads, QUICK)])
         forces, shifts = np.array([(one.response.force[2], one.response.shift[2]) for one in answers]).T
         sunk = np.zeros((len(sensors), 2, 3))
         sunk[k, 1, 2] = PchipInterpolator(forces, shifts)(force)

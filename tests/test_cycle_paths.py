@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from stores import temporary
 
 from analytic.relaxation_loops import loop
 from fem.accuracy import QUICK
@@ -12,7 +13,6 @@ from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
 from studies.inputs.study_axes import Factor
-from studies.mechanics import store
 from studies.mechanics.path_keys import place
 from studies.mechanics.plate_motion import PlateMotion
 from studies.mechanics.solve_plan import Processes
@@ -45,7 +45,7 @@ def test_a_sweep_has_the_loops_of_a_cycle():
     points = (Factor(("E",), ((1.0, 3.0),)),)
     load = {"depth": 0.5, "frequency": 2.0}
     plan = Plan(BRANCHES, points, load, "rigid", (FemModel("quick", QUICK),), (), ("force", "cycle"))
-    with store.in_memory() as kept:
+    with temporary() as kept:
         soft, hard = (row for t in sweep.run(plan, None, kept, processes=Processes(0)) for row in flat_rows(t))
         assert kept.counts() == (2, 2), "the static path and the cycles"
     linear = 100 * loop(relaxation_of(BRANCHES), 2.0, "sine").hysteresis

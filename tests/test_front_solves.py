@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from stores import temporary
 
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.mechanics import store
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.solve_plan import Processes, Solver
 from studies.sizing.candidate_performance import LEAST, Performance
@@ -136,7 +136,7 @@ def test_a_search_that_stopped_early_is_stable_no_deeper_than_it_came():
 def sheared():
     """Shears of the paper's sensor: in falling order, and one without a depth because its press has failed."""
     depth, shear = np.array([[0.1, 0.1, np.nan]]), np.array([[0.1, 0.05, 0.1]])
-    with store.in_memory() as memory:
+    with temporary() as memory:
         yield FemBeams([paper()], Solver(memory, Processes(0), None, QUICK)).shear(depth, shear)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stores import temporary
 
 from fem.accuracy import QUICK
 from fem.analyses.vibration import vibrating_sensor
@@ -42,7 +43,7 @@ def gain_of(load, motion, at):
 
 
 def test_gain_and_phase_are_those_of_the_vibration():
-    with store.in_memory() as kept:
+    with temporary() as kept:
         first, _, last = run(
             LOSSY, {"frequency": [600.0, 800.0, 1450.0]}, {"depth": 0.5}, kept, ("force", "response")
         )
@@ -81,7 +82,7 @@ def test_similar_designs_share_a_vibration_that_scales():
     small = [getattr(paper(), name) * (0.5 if "loss" not in name else 1) for name in names]
     values = tuple(zip((*(getattr(paper(), name) for name in names), 1.0, 0.5), (*small, 4.0, 0.25), strict=True))
     points = (Factor((*names, "E", "depth"), values),)
-    with store.in_memory() as kept:
+    with temporary() as kept:
         one, other = run(replace(paper(), loss_factor=0.0), points, {}, kept)
         assert kept.counts() == (2, 2), "the static path and the vibration"
     scale = 2 * (4 / 0.5) ** 0.5
@@ -90,7 +91,7 @@ def test_similar_designs_share_a_vibration_that_scales():
 
 def test_fields_of_time_leave_static_quantities_alone():
     axes = {"loss_factor": [0.0, 0.1, 0.2], "modulus": ["long-term", "instantaneous"]}
-    with store.in_memory() as kept:
+    with temporary() as kept:
         rows = run(paper(), axes, {"depth": 0.5}, kept, ("force",))
         assert kept.counts() == (1, 1)
     assert len({row["fem_force_N"] for row in rows}) == 1
@@ -98,7 +99,7 @@ def test_fields_of_time_leave_static_quantities_alone():
 
 def test_the_loss_factor_and_the_modulus_at_rest_change_the_vibration():
     axes = {"loss_factor": [0.1, 0.2], "modulus": ["long-term", "instantaneous"]}
-    with store.in_memory() as kept:
+    with temporary() as kept:
         rows = run(LOSSY, axes, {"depth": 0.5}, kept)
     assert [row["response_Q"] > 7 for row in rows] == [True, True, False, False]
     assert rows[1]["response_resonance_Hz"] < rows[0]["response_resonance_Hz"]

@@ -91,14 +91,6 @@ def test_a_missing_store_is_refused(run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_journals_are_named_in_a_list(run, file):
-    store._write_journal(file, [(CONTENT, [PRESSED])], "full")
-    assert (
-        "journals beside the store: 1; the next sweep moves their states into it"
-        in run("store", "list", "--store", file)[2]
-    )
-
-
 def test_an_export_is_counted(run, file, tmp_path, strict):
     status, out, _ = run("store", "export", "--store", file, "--out", "states.csv", "--failed", "--json")
     assert (status, strict(out)) == (0, [{"file": "states.csv", "states": 1}])

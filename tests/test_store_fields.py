@@ -4,6 +4,7 @@ import re
 from dataclasses import asdict
 
 import pytest
+from stores import temporary
 
 from fem.accuracy import LEVELS, QUICK
 from fem.physics_version import PHYSICS
@@ -11,7 +12,7 @@ from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs.option_groups import Selection
-from studies.mechanics import path_keys, store, store_fields
+from studies.mechanics import path_keys, store_fields
 from studies.mechanics.plate_motion import PlateMotion
 from studies.mechanics.store import State
 from studies.mechanics.store_file import LISTED
@@ -42,7 +43,7 @@ def test_a_wrong_date_is_refused(refused):
 
 def test_values_of_the_accuracy_levels_have_their_names():
     for name, level in LEVELS.items():
-        with store.in_memory() as kept:
+        with temporary() as kept:
             kept.add({"accuracy": {key: value for key, value in asdict(level).items() if key != "name"}}, [PRESSED])
             (values,) = kept._connection.execute("SELECT json_extract(content, '$.accuracy') FROM path").fetchone()
         assert store_fields.accuracy_name(values) == name

@@ -147,5 +147,5 @@ def test_damage_of_a_large_store_is_found_where_it_is_read(file, large, refused,
     with store.opened(file) as kept:
         with refused("is damaged"):
             kept.states(CONTENT | {"nu": 0.2})
-        assert "malformed" in kept.add(CONTENT | {"nu": 0.9}, [PRESSED])
-        assert len(kept.journals) == 1
+        with refused("is damaged"):
+            kept.add(CONTENT | {"nu": 0.9}, [PRESSED])

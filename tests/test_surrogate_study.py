@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from stores import temporary
 
 from fem.accuracy import QUICK
 from geometry.design import Design
-from studies.mechanics import prediction, store, surrogate_range
+from studies.mechanics import prediction, surrogate_range
 from studies.mechanics.gaussian_process import GaussianProcess
 from studies.mechanics.prediction import Beams, first_zero
 from studies.mechanics.solve_plan import Processes
@@ -34,7 +35,7 @@ EXTENT = Extent(first=13, rounds=(1,), calibration=1, test=1, critical=0, accura
 
 @pytest.fixture(scope="module")
 def result():
-    with store.in_memory() as memory:
+    with temporary() as memory:
         yield surrogate_study.run(EXTENT, memory, Processes(0))
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stores import temporary
 
 from analytic import beam, hall
 from fem import equilibrium
@@ -21,7 +22,7 @@ from geometry.loads import Load
 from studies.inputs import study_axes
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
-from studies.mechanics import solve_plan, store
+from studies.mechanics import solve_plan
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import FemModel, Plan, varied
 from studies.sweeps import sweep
@@ -42,7 +43,7 @@ def run(design, axes, load=None, folder=None, kept=None, processes=Processes(0),
     plan = plan_of(design, axes, load, **more)
     if kept is not None:
         return [row for table in sweep.run(plan, folder, kept, processes=processes) for row in flat_rows(table)]
-    with store.in_memory() as memory:
+    with temporary() as memory:
         return run(design, axes, load, folder, memory, processes, **more)
 
 
@@ -144,7 +145,7 @@ def test_the_formulas_end_at_the_tip_radius():
 def test_progress_never_falls_and_stays_within_its_range():
     shares = []
     plan = plan_of(BARE, {"L": [9.0, 10.0]}, {"depth": 0.5}, magnet="ignored")
-    with store.in_memory() as kept:
+    with temporary() as kept:
         list(sweep.run(plan, None, kept, processes=Processes(0), progress=lambda f, _: shares.append(f)))
     assert shares == sorted(shares)
     assert 0 <= shares[0] <= shares[-1] <= 1

@@ -47,8 +47,6 @@ def list_(
     summary, rows = store_actions.listing(selection, limit, of_paths=paths)
     damaged = sum(row.get("status") == store_actions.DAMAGED for row in rows)
     remarks = []
-    if summary["journals"]:
-        remarks.append(f"journals beside the store: {summary['journals']}; the next sweep moves their states into it")
     if not rows and summary["states_in_store"]:
         remarks.append("no state of the store meets the filters")
     if damaged:

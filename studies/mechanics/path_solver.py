@@ -15,16 +15,16 @@ from typing import Any
 
 from fem import equilibrium
 from fem.accuracy import Accuracy
-from fem.scene import Model, Scene, choose_model
+from fem.scene import Model, Scene
 from fem.solution import Solution
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
 from geometry.messages import Progress
 from studies.mechanics import cycle_paths, response_paths
-from studies.mechanics.path_keys import MODES, Kind, Place, place, position_of, unit_vector
+from studies.mechanics.path_keys import MODES, Kind, Place, position_of, unit_vector
 from studies.mechanics.plate_motion import STILL, PlateMotion
-from studies.mechanics.store import Outcome, Position, State, Store, key, position
+from studies.mechanics.store import Outcome, Position, State, Store, position
 from studies.output.provenance import versions
 
 NAN = math.nan
@@ -245,37 +245,6 @@ def _refusal(design: Design, load: Load, magnet: Magnet) -> str:
     except BadInput as error:
         return str(error)
     return ""
-
-
-def solved(scene: Scene, store: Store, progress: Progress | None = None) -> tuple[list[Answer], str]:
-    """Return the answers to all loads of a scene, on whatever paths they lie; what the store lacks is solved here.
-
-    Returns
-    -------
-    An answer for each load, and a warning if the store could not take new states, else "".
-    """
-    # each load by itself takes the smallest model that can carry it, unless the scene has another one on purpose
-    model = "auto" if scene.model == choose_model(scene.loads, "auto") else scene.model
-    places = [place(replace(scene, loads=(load,), model=model)) for load in scene.loads]
-    paths: dict[str, list[Place]] = {}
-    for one in places:
-        paths.setdefault(key(one.content), []).append(one)
-    found: dict[str, dict[Position, Answer]] = {}
-    trouble = ""
-    for k, (name, members) in enumerate(paths.items()):
-        report = None if progress is None else functools.partial(_report, progress, k, len(paths))
-        positions, reached = missing(members[0], [one.at for one in members], store, retry=False)
-        states = solve_task(task(k + 1, members[0], positions, reached), report) if positions else []
-        if states:
-            trouble = store.add(members[0].content, states) or trouble
-        found[name] = answers(members[0], store) | {state.position: answer(state) for state in states}
-    D, E = scene.design.D, scene.design.E
-    return [found[key(one.content)][one.at].of(D, E, one.direction) for one in places], trouble
-
-
-def _report(progress: Progress, done: int, count: int, share: float, text: str) -> None:
-    """Report the progress of one of several paths."""
-    progress((done + share) / count, text)
 
 
 def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Load]:

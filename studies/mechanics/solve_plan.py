@@ -22,11 +22,10 @@ from geometry.messages import Progress
 from studies.mechanics import store as store_module
 from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
 from studies.mechanics.path_keys import KINDS, Kind, Place, place
-from studies.mechanics.path_solver import NAN, Answer, Task, answer, answers, missing, solve_task, task, unsolved
+from studies.mechanics.path_solver import NAN, Answer, Task, answers, missing, solve_task, task, unsolved
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
 from studies.mechanics.workers import finished
-from studies.output import console
 
 INLINE = 4.0
 """Expected time of all solves, s, up to which this process solves them; others take about a second to start."""
@@ -197,7 +196,6 @@ class Solves:
     ) -> None:
         self.store, self.paths = store, paths
         self._answers: Recent[dict[Position, Answer]] = Recent()
-        self._unsaved: dict[str, dict[Position, Answer]] = {}
         tasks = []
         for path in paths.values():
             positions, solved = missing(path.place, list(path.wanted), store, retry=processes.retry_failed)
@@ -230,11 +228,8 @@ class Solves:
         done = next(self._finished)
         key = self._keys[done.task.number - 1]
         states = unsolved(done.task, done.reason) if done.answer is None else done.answer
-        trouble = self.store.add(self.paths[key].place.content, states)
+        self.store.add(self.paths[key].place.content, states)
         self._open.discard(key)
-        if trouble:
-            console.warn(trouble)
-            self._unsaved[key] = {state.position: answer(state) for state in states}
 
     def answer(self, target: Target, problem: Problem) -> Answer:
         """Return the answer to a problem, for its own design."""
@@ -253,10 +248,7 @@ class Solves:
 
     def answers(self, key: str) -> Mapping[Position, Answer]:
         """Return the stored answers of a path, by their positions."""
-        return self._answers.get(key, lambda: self._stored(key))
-
-    def _stored(self, key: str) -> dict[Position, Answer]:
-        return answers(self.paths[key].place, self.store) | self._unsaved.get(key, {})
+        return self._answers.get(key, lambda: answers(self.paths[key].place, self.store))
 
     def close(self) -> None:
         """Stop the workers."""
@@ -267,7 +259,7 @@ class Solves:
     def _interruption_text(self) -> str:
         """State in a sentence what an interrupted sweep has stored."""
         done = self.count - len(self._open)
-        if not done or self.store.file is None:
+        if not done:
             return "nothing new is solved yet: the same command starts from the beginning"
         return f"{done} of {self.count} solves are kept in {self.store.file}; the same command continues from there"
 

@@ -17,19 +17,16 @@ network file systems, so keep the store on a local disk. Nothing in the file is 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import datetime
-import glob
 import hashlib
 import json
 import math
 import os
 import sqlite3
-import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from geometry.design import BadInput
 from studies.mechanics import store_file
@@ -37,8 +34,6 @@ from studies.output import atomic_files
 
 DIGITS = 12
 """Decimal places of lengths over D: positions that agree to these are equal. Rounding errors are about 1e-16."""
-IMPATIENCE = 1.0
-"""Time that transactions wait for another process once one has waited `PATIENCE`, s."""
 VARIABLE = "MAGTIP_STORE"
 """Environment variable with the path of a store that replaces the user's own."""
 
@@ -134,27 +129,20 @@ def _exact(value: Any) -> Any:
 
 
 class Store:
-    """An open store, see `opened` and `in_memory`.
+    """An open store, see `opened`.
 
     Attributes
     ----------
-    file : of the store; None for a store in memory.
-    from_journal : number of states that were in journals when the store was opened.
+    file : of the store.
     """
 
-    def __init__(self, file: Path | None, connection: sqlite3.Connection) -> None:
+    def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
         self.file, self._connection = file, connection
-        self.from_journal = 0
-
-    @property
-    def journals(self) -> list[Path]:
-        """Files of states that the store could not take; `opened` adds them and deletes the files."""
-        return [] if self.file is None else journals(self.file)
 
     def states(self, content: Content) -> dict[Position, State]:
         """Return all states of a path by their positions."""
         path = key(content)
-        with self._refusals():
+        with store_file.refusals(self.file):
             rows = self._connection.execute(
                 f"SELECT {READ} FROM state JOIN path ON path.id = state.path WHERE path.key = ?", (path,)
             ).fetchall()
@@ -166,50 +154,22 @@ class Store:
             )
         return {state.position: state for state in states if state is not None}
 
-    def add(self, content: Content, states: Iterable[State]) -> str:
+    def add(self, content: Content, states: Iterable[State]) -> None:
         """Add states of a path, see `add_many`; a file on a disk takes some ms for each call."""
-        return self.add_many([(content, states)])
+        self.add_many([(content, states)])
 
-    def add_many(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> str:
+    def add_many(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> None:
         """Add states of several paths in one transaction; they are on the disk afterwards.
 
         A state replaces the stored one at the same position.
 
-        Returns
-        -------
-        An empty text, or a warning that the store could not take the states and which file beside it has them.
-
         Raises
         ------
         BadInput
-            That file cannot be written either, so the states are lost.
+            The file cannot take them: its disk is full, it is damaged, or another process has locked it for too long.
         """
-        batch = [(content, list(states)) for content, states in paths]
-        try:
-            self._insert(batch)
-        except sqlite3.Error as error:
-            if self.file is None:
-                raise
-            # a process that has blocked the store for so long may block it for hours
-            self._connection.execute(f"PRAGMA busy_timeout = {1000 * IMPATIENCE:.0f}")
-            return _write_journal(self.file, batch, str(error))
-        return ""
-
-    def counts(self) -> tuple[int, int]:
-        """Return the number of paths and the number of states."""
-        with self._refusals():
-            (paths,) = self._connection.execute("SELECT COUNT(*) FROM path").fetchone()
-            (states,) = self._connection.execute("SELECT COUNT(*) FROM state").fetchone()
-        return paths, states
-
-    def _refusals(self) -> contextlib.AbstractContextManager[None]:
-        """Turn an error of SQLite into a refusal of the file."""
-        return contextlib.nullcontext() if self.file is None else store_file.refusals(self.file)
-
-    def _insert(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> None:
-        """Insert states, and their paths if they are new, in one transaction."""
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-        with self._connection as connection:
+        with store_file.refusals(self.file), self._connection as connection:
             # take the write lock first: SQLite does not wait when a transaction that has read begins to write
             connection.execute("BEGIN IMMEDIATE")
             for content, states in paths:
@@ -227,56 +187,12 @@ class Store:
                     [(number, *row, digest(path, row[:3], [text.encode() for text in row[3:]])) for row in rows],
                 )
 
-    def _read_journals(self) -> None:
-        """Move the states in journals into the store; another process may do the same at the same time."""
-        for journal in self.journals:
-            with contextlib.suppress(FileNotFoundError):
-                paths = read_journal(journal)
-                self._insert(paths)
-                self.from_journal += sum(len(states) for _, states in paths)
-                journal.unlink()
-
-
-def journals(file: Path) -> list[Path]:
-    """Return the files of states that a store could not take."""
-    return sorted(file.parent.glob(f"{glob.escape(file.name)}.journal-*.json"))
-
-
-def read_journal(journal: Path) -> list[tuple[Content, list[State]]]:
-    """Return the paths and states in a journal; raise BadInput if it is damaged."""
-    try:
-        record = json.loads(journal.read_text("utf-8"))
-        if record["digest"] != key(record["paths"]):
-            raise ValueError("its digest does not match what it holds")
-        paths: list[tuple[Content, list[State]]] = [
-            (dict(path["content"]), [State(**state) for state in path["states"]]) for path in record["paths"]
-        ]
-        if not {state.outcome for _, states in paths for state in states} <= set(get_args(Outcome)):
-            raise ValueError("an outcome is unknown")
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-        raise BadInput(f"the journal {str(journal)!r} of the store is damaged ({error}): move it away") from None
-    return paths
-
-
-def _write_journal(file: Path, paths: Sequence[tuple[Content, Sequence[State]]], cause: str) -> str:
-    """Write states to a file beside the store, and return a warning with the cause; raise BadInput if that fails."""
-    # a file of its own for each batch, written whole: no process reads it half, or deletes it with more in it
-    journal = file.with_name(f"{file.name}.journal-{uuid.uuid4().hex}.json")
-    record = [{"content": content, "states": list(map(dataclasses.asdict, states))} for content, states in paths]
-    try:
-        whole = atomic_files.clean(record)
-        atomic_files.write_json(journal, {"paths": whole, "digest": key(whole)}, listed=False)
-    except OSError as error:
-        count = sum(len(states) for _, states in paths)
-        raise BadInput(
-            f"neither the store {str(file)!r} ({cause}) nor a journal beside it ({error.strerror or error}) can be "
-            f"written, so the last solved states ({count}) are lost: make space on the disk, or name another file by "
-            "--store"
-        ) from None
-    return (
-        f"the store {str(file)!r} cannot be written ({cause}): {journal.name} beside it has the solved states, and "
-        "the next sweep adds them to the store"
-    )
+    def counts(self) -> tuple[int, int]:
+        """Return the number of paths and the number of states."""
+        with store_file.refusals(self.file):
+            (paths,) = self._connection.execute("SELECT COUNT(*) FROM path").fetchone()
+            (states,) = self._connection.execute("SELECT COUNT(*) FROM state").fetchone()
+        return paths, states
 
 
 def _json(value: Mapping[str, Any]) -> str:
@@ -295,29 +211,13 @@ def default() -> Path:
 
 
 @contextlib.contextmanager
-def in_memory() -> Iterator[Store]:
-    """Make a store that ends with the context and writes no file.
-
-    >>> with in_memory() as store:
-    ...     store.counts()
-    (0, 0)
-    """
-    with store_file.writable(None) as connection:
-        yield Store(None, connection)
-
-
-@contextlib.contextmanager
 def opened(file: Path) -> Iterator[Store]:
-    """Open a store; a file that does not exist is made, and states in journals beside it are moved into it.
+    """Open a store; a file that does not exist is made.
 
     Raises
     ------
     BadInput
-        The file is no store, is damaged, has a newer version, or cannot be read, made or written; or a journal is
-        damaged.
+        The file is no store, is damaged, has a newer version, or cannot be read, made or written.
     """
     with store_file.writable(file) as connection:
-        store = Store(file, connection)
-        with store_file.refusals(file):
-            store._read_journals()
-        yield store
+        yield Store(file, connection)

@@ -131,9 +131,8 @@ def summary(file: Path, connection: sqlite3.Connection, states: str) -> FlatRow:
 
     Returns
     -------
-    "size_MB" of the file and its write-ahead log. "journals": number of files beside the store with states that it
-    could not take. "solving_s": time that these solves took, s. "states_by_model": number of states for each model,
-    or quantity of another kind, and physics version.
+    "size_MB" of the file and its write-ahead log. "solving_s": time that these solves took, s. "states_by_model":
+    number of states for each model, or quantity of another kind, and physics version.
     """
     groups = connection.execute(
         "SELECT quantity, model, physics, COUNT(DISTINCT path), COUNT(*), SUM(seconds), SUM(outcome = 'ok'),"
@@ -146,7 +145,6 @@ def summary(file: Path, connection: sqlite3.Connection, states: str) -> FlatRow:
     return {
         "file": str(file),
         "size_MB": size_MB(file),
-        "journals": len(store.journals(file)),
         "paths": paths,
         "states": count,
         "states_in_store": in_store,

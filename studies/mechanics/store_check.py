@@ -1,4 +1,4 @@
-"""Checks of a store: pages, links, contents, answers, positions, physics versions, journals; states solved again."""
+"""Checks of a store: pages, links, contents, answers, positions, physics versions; states solved again."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import math
 import random
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -75,9 +75,6 @@ def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | No
             states = chosen(connection, repeated, seed)
             errors = list(differences(connection, states, progress))
             yield _check("states that are solved again", len(states), errors, SOLVED_OTHERWISE)
-    journals = store.journals(file)
-    damaged = list(_damaged_journals(journals))
-    yield _check("journals beside the store", len(journals), damaged, "move them away")
 
 
 def _check(name: str, count: int, errors: Sequence[str], remedy: str) -> FlatRow:
@@ -154,15 +151,6 @@ CHECKS: dict[str, Callable[[sqlite3.Connection], Errors]] = {
     "physics versions": _physics,
 }
 """Checks of the file by their names."""
-
-
-def _damaged_journals(journals: Iterable[Path]) -> Iterator[str]:
-    """Yield an error for each journal that cannot be taken in."""
-    for journal in journals:
-        try:
-            store.read_journal(journal)
-        except (BadInput, OSError) as error:
-            yield str(error)
 
 
 # States solved again

@@ -65,19 +65,14 @@ READ_ONLY = "is read-only: make the file and its folder writable, or " + OTHER
 
 
 @contextlib.contextmanager
-def writable(file: Path | None) -> Iterator[sqlite3.Connection]:
-    """Connect to a store, to read and to write; a file that does not exist is made. None is a store in memory.
+def writable(file: Path) -> Iterator[sqlite3.Connection]:
+    """Connect to a store, to read and to write; a file that does not exist is made.
 
     Raises
     ------
     BadInput
         The file is no store, is damaged, has a newer version, or cannot be read, made or written.
     """
-    if file is None:
-        with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
-            _make_tables(connection)
-            yield connection
-        return
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         # SQLite opens a file that it cannot write to read, and says so at the first change only
