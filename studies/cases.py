@@ -171,7 +171,6 @@ def answer(
 
 
 def _check_kinds(cases: object, models: object, base: object, quantities: object, reference: object) -> None:
-    """Refuse arguments of a wrong kind."""
     import pandas as pd
 
     if not isinstance(cases, pd.DataFrame):
@@ -189,7 +188,6 @@ def _check_kinds(cases: object, models: object, base: object, quantities: object
 
 
 def _axis(column: str) -> str:
-    """Return the field of a column."""
     known = {study_axes.column(name): name for name in AXES}
     if column in known:
         return known[column]

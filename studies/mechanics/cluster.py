@@ -88,7 +88,6 @@ def connected(address: str) -> Iterator[Executor]:
 
 
 def _client(address: str) -> Any:
-    """Connect to a scheduler."""
     try:
         from distributed import Client
     except ImportError:
@@ -149,7 +148,6 @@ def _check_workers(client: Any, address: str) -> None:
 
 
 def _mismatch(worker: str, theirs: Models, ours: Models) -> str:
-    """Say which version a worker has."""
     same = theirs[0] == ours[0]
     other = f"magtip {theirs[0]} with other physics versions" if same else f"magtip {theirs[0]}, not {ours[0]}"
     return f"{worker} has {other}: install the version of this machine on all workers"
@@ -212,7 +210,6 @@ class _Jobs:
         future.add_done_callback(receive)
 
     def _answer(self, future: Any) -> Answer:
-        """Return the answer of a Dask future that is done."""
         try:
             result: Answer = pickle.loads(future.result())
         except (CancelledError, OSError, TimeoutError):

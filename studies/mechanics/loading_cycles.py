@@ -158,7 +158,6 @@ def loops_of(motion: Motion, states: Sequence[CycleState]) -> list[Loop]:
 
 
 def _before(states: Sequence[CycleState], own: Sequence[CycleState]) -> TimedState | None:
-    """Return the state before a cycle; None at rest."""
     at = states.index(own[0])
     return states[at - 1].state if at else None
 

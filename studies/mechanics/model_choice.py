@@ -406,7 +406,6 @@ def kind_of(loads: Sequence[Load]) -> Kind:
 
 
 def _region_name(design: Design, load: Load, magnet: Magnet, kind: Kind, slack: float) -> str:
-    """Return the name of a load's region, see `region`."""
     D = design.D
     if kind == "friction":
         return "friction"

@@ -75,7 +75,6 @@ class Answer:
 
 
 def _turned(response: Response, direction: tuple[float, float]) -> Response:
-    """Return a response to a shear along x, turned to a shear in another direction."""
     if direction == (1.0, 0.0):
         return response
     c, s = direction
@@ -138,7 +137,6 @@ def task(number: int, path: Place, positions: Sequence[Position], reached: Seque
 
 
 def _at(load: Load, at: Position, D: float) -> Load:
-    """Return the load of a path's position."""
     depth, shear = at[0] * D, at[1] * D
     # the same load to the last bit if it is the path's own
     if position(load.depth / D, 0.0)[0] == at[0]:
@@ -264,7 +262,6 @@ def _origin() -> str:
 
 
 def _state(scene: Scene, load: Load, outcome: Any) -> State:
-    """Return the outcome of a load as a state for the store."""
     response, error = outcome.response, outcome.error_estimate
     result: Outcome = "ok" if response is not None else "failed"
     seconds = outcome.solution.seconds if outcome.solution else 0.0
@@ -361,7 +358,6 @@ def frequency_unit(D: float, E: float, density: float) -> float:
 
 
 def _other(scene: Scene, result: Outcome, status: str, values: dict[str, Any], message: str, seconds: float) -> State:
-    """Return a state of another kind than states of a path."""
     answer = units_of(scene) | {"response": None, "error_estimate": None, "message": message, "values": values}
     return State(0.0, 0.0, result, status, answer, seconds, _origin())
 

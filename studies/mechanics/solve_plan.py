@@ -257,7 +257,6 @@ class Solves:
             close()
 
     def _interruption_text(self) -> str:
-        """State in a sentence what an interrupted sweep has stored."""
         done = self.count - len(self._open)
         if not done:
             return "nothing new is solved yet: the same command starts from the beginning"

@@ -175,7 +175,6 @@ def size_MB(file: Path) -> float:
 
 
 def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[FlatRow]:
-    """Return the newest states."""
     columns = ", ".join(PLACES.get(name, FIELDS[name].sql) for name in COLUMNS)
     newest = f"SELECT path, depth, shear FROM {states} ORDER BY added DESC, path DESC, depth, shear LIMIT ?"
     checked = (
@@ -196,7 +195,6 @@ def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[Fla
 
 
 def _paths(connection: sqlite3.Connection, states: str, limit: int) -> list[FlatRow]:
-    """Return the newest paths with the number, the range and the time of their states."""
     columns = ", ".join(FIELDS[name].sql for name in PATH_COLUMNS)
     newest = (
         "SELECT path, COUNT(*) AS states, SUM(outcome != 'ok') AS not_ok, MIN(depth) AS depth,"
@@ -341,7 +339,6 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
 
 
 def _remove(connection: sqlite3.Connection, condition: Condition) -> None:
-    """Remove states and the paths that have none left, and give their space back."""
     connection.execute("BEGIN IMMEDIATE")
     with connection:
         connection.execute(f"DELETE FROM state WHERE {condition.sql}", condition.values)

@@ -84,7 +84,6 @@ def _check(name: str, count: int, errors: Sequence[str], remedy: str) -> FlatRow
 
 
 def _pages(connection: sqlite3.Connection) -> Errors:
-    """Check the structure of all pages and indices."""
     errors = [text for (text,) in connection.execute("PRAGMA integrity_check") if text != "ok"]
     return _number(connection, "PRAGMA page_count"), errors, NEW_FILE
 
@@ -103,14 +102,12 @@ def _links(connection: sqlite3.Connection) -> Errors:
 
 
 def _contents(connection: sqlite3.Connection) -> Errors:
-    """Check that the key of each path is that of its content."""
     damaged = connection.execute(f"SELECT id FROM path WHERE {store_fields.DAMAGED_PATH}")
     errors = [f"path {number} is damaged" for (number,) in damaged]
     return _number(connection, "SELECT COUNT(*) FROM path"), errors, SOLVE_AGAIN
 
 
 def _answers(connection: sqlite3.Connection) -> Errors:
-    """Check that the digest of each state is that of what it holds."""
     damaged = connection.execute(
         "SELECT path FROM state JOIN path ON path.id = state.path"
         f" WHERE damaged_state(CAST(path.key AS BLOB), {store.READ})"
@@ -138,7 +135,6 @@ def _physics(connection: sqlite3.Connection) -> Errors:
 
 
 def _number(connection: sqlite3.Connection, query: str) -> int:
-    """Return the result of a query for one number."""
     (number,) = connection.execute(query).fetchone()
     return int(number)
 
@@ -205,7 +201,6 @@ def _difference(key: str, content: Content, stored: State) -> str:
 
 
 def _scene(content: Content, state: State) -> Scene:
-    """Return the problem of a stored state, for the D and E of the design that was solved."""
     D, E = state.answer["D_mm"], state.answer["E_MPa"]
     name = store_fields.accuracy_name(json.dumps(content["accuracy"])) or ""
     accuracy = Accuracy(name=name, **content["accuracy"])
@@ -219,7 +214,6 @@ def _scene(content: Content, state: State) -> Scene:
 
 
 def _design(content: Content, answer: Mapping[str, Any]) -> Design:
-    """Return a design with this content; what the finite elements do not use is the paper's."""
     base, D, E = paper(), answer["D_mm"], answer["E_MPa"]
     law, *numbers = content["law"]
     lengths = {name: D * value for name, value in content["shape"].items()}
@@ -243,12 +237,10 @@ def _design(content: Content, answer: Mapping[str, Any]) -> Design:
 
 
 def _motion(content: Content, state: State) -> PlateMotion:
-    """Return the motion of the plate of a stored state."""
     return cycle_paths.motion_of(_of_load(content), state.answer["D_mm"]) if content["quantity"] == "cycle" else STILL
 
 
 def _load(content: Content, at: Position, D: float, E: float) -> Load:
-    """Return the load at a position of a path."""
     load = _of_load(content)
     if content["quantity"] in ("response", "cycle"):
         return Load(D * load["depth"], D * load["shear_x"], friction=load["friction"])
@@ -284,12 +276,10 @@ def _numbers(answer: Mapping[str, Any]) -> list[list[float]]:
 
 
 def _is_number(value: Any) -> bool:
-    """Return whether a value is a number or a list of numbers."""
     return all(isinstance(part, int | float) for part in (value if isinstance(value, list) else [value]))
 
 
 def _largest(first: list[list[float]], second: list[list[float]]) -> float:
-    """Return the largest relative difference of vectors."""
     if [len(vector) for vector in first] != [len(vector) for vector in second]:
         return math.inf
     return max(

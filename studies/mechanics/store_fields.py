@@ -251,7 +251,6 @@ def _parsed(text: str) -> tuple[Table, str, tuple[str | float, ...]]:
 
 
 def _number(name: str, text: str) -> float:
-    """Return the number of a filter."""
     try:
         number = float(text)
     except ValueError:

@@ -106,7 +106,6 @@ def readable(file: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _connect_to_read(file: Path) -> sqlite3.Connection:
-    """Return a connection that cannot write."""
     address = file.absolute().as_uri() + "?mode=ro"
     connection = sqlite3.connect(address, uri=True, timeout=PATIENCE, isolation_level=None)
     try:
@@ -133,7 +132,6 @@ def refusals(file: Path) -> Iterator[None]:
 
 
 def _refusal(file: Path, error: sqlite3.Error) -> str:
-    """Return the sentence for an error of SQLite."""
     # the codes of SQLite's C interface; extended codes hold the primary one in the lowest byte
     code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
     store = f"the store {str(file)!r}"
@@ -166,7 +164,6 @@ def _prepare(file: Path, connection: sqlite3.Connection) -> None:
 
 
 def _check_format(file: Path, connection: sqlite3.Connection) -> None:
-    """Refuse what is no store, or has another format."""
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"about", "path", "state"} <= tables:
         raise BadInput(f"{str(file)!r} is not a store of magtip: {OTHER}")
@@ -188,13 +185,11 @@ def _check_format(file: Path, connection: sqlite3.Connection) -> None:
 
 
 def _check_pages(connection: sqlite3.Connection) -> None:
-    """Check the structure of all pages."""
     ((verdict,),) = connection.execute("PRAGMA quick_check(1)").fetchall()
     if verdict != "ok":
         raise sqlite3.DatabaseError(verdict)
 
 
 def _make_tables(connection: sqlite3.Connection) -> None:
-    """Make the tables of an empty file."""
     for statement in TABLES:
         connection.execute(statement)

@@ -268,12 +268,10 @@ class Cases:
         return codes
 
     def _strides(self) -> list[int]:
-        """Return the number of cases between two consecutive points of each factor."""
         counts = [factor.count for factor in self.plan.factors]
         return [math.prod(counts[k + 1 :]) for k in range(len(counts))]
 
     def _points(self, cases: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-        """Return the point of each case in each factor."""
         return [
             cases // stride % factor.count for stride, factor in zip(self._strides(), self.plan.factors, strict=True)
         ]
@@ -297,7 +295,6 @@ class Cases:
             return str(error)
 
     def _problem(self, axes: Mapping[str, NDArray[Any]], k: int) -> Problem:
-        """Return the problem of a case."""
         plan = self.plan
         magnet = cast("Magnet", str(axes["magnet"][k])) if "magnet" in axes else plan.magnet
         values = dict(plan.load) | {name: _value(axes[name][k]) for name in axes if name in LOAD}
@@ -366,7 +363,6 @@ def _array(values: Sequence[Value] | NDArray[Any]) -> NDArray[Any]:
 
 
 def _value(value: Any) -> Value:
-    """Return a value of an array as Python's float or text."""
     return value if isinstance(value, str) else float(value)
 
 

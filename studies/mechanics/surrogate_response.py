@@ -83,7 +83,6 @@ def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate |
 
 
 def _pressed(press: Mapping[str, Quantity], row: int, design: Design) -> Estimate:
-    """Return the response to a press."""
     q = {name: _number(quantity, row) for name, quantity in press.items()}
     force, shift, D, unit = q["force"], q["shift"], design.D, design.E * design.D**2
     response = Response((0.0, 0.0, unit * force[0]), (0.0, 0.0, -D * shift[0]), 0.0, D * q["contact_radius"][0])
@@ -91,7 +90,6 @@ def _pressed(press: Mapping[str, Quantity], row: int, design: Design) -> Estimat
 
 
 def _sheared(sheared: Mapping[str, Quantity], row: int, design: Design, load: Load) -> Estimate:
-    """Return the response to a shear."""
     x, y = load.shear_x / load.shear, load.shear_y / load.shear
     q = {name: _number(quantity, row) for name, quantity in sheared.items()}
     D, unit = design.D, design.E * design.D**2
@@ -176,7 +174,6 @@ def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> 
 
 
 def _number(quantity: Quantity, row: int) -> tuple[float, float]:
-    """Return value and half width of a case."""
     return float(quantity.value[row, 0]), float(quantity.half_width[row, 0])
 
 

@@ -174,7 +174,6 @@ class WorkerProcesses:
 
 
 def _start(threads: int) -> subprocess.Popen[bytes]:
-    """Start a worker process in a session of its own."""
     pipe = subprocess.PIPE
     return subprocess.Popen(COMMAND, env=environment(threads), stdin=pipe, stdout=pipe, start_new_session=True)
 
@@ -208,7 +207,6 @@ def _receive(process: subprocess.Popen[bytes]) -> Any:
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process and those that it has started."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
 
@@ -370,7 +368,6 @@ def _read(jobs: IO[bytes], waiting: queue.SimpleQueue[bytes]) -> None:
 
 
 def _do(job: bytes) -> bytes:
-    """Do a job and return its pickled `Answer`."""
     try:
         function, task = pickle.loads(job)
         value, error, seconds = answer(function, task)
@@ -397,7 +394,6 @@ def _portable(error: BaseException) -> BaseException:
 
 
 def _send(message: bytes | tuple[Any], answers: IO[bytes]) -> None:
-    """Send an answer, or what a job says."""
     pickle.dump(message, answers)
     answers.flush()
 

@@ -98,7 +98,6 @@ def finished(
 def _finished(
     tasks: Iterable[T], function: Callable[[T], R], executor: Executor, report: _Reports
 ) -> Iterator[Finished[T, R]]:
-    """Yield tasks as they are finished by an executor."""
     waiting = iter(enumerate(tasks))
     started: dict[Future[Answer], tuple[int, T]] = {}
     done: queue.SimpleQueue[Future[Answer]] = queue.SimpleQueue()
@@ -140,7 +139,6 @@ def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:
 
 
 def _executor(workers: int, scheduler: str | None) -> contextlib.AbstractContextManager[Executor]:
-    """Return the executor of a run."""
     if scheduler is not None:
         from studies.mechanics.cluster import connected
 

@@ -68,7 +68,6 @@ def prefixes(plan: Plan) -> dict[str, str]:
 
 
 def _prefix(kind: str, name: str, count: int) -> str:
-    """Return the first part of a model's columns."""
     return f"{kind}_" if count == 1 else f"{kind}_{name.replace('-', '_')}_"
 
 
@@ -212,7 +211,6 @@ class Rows:
         return table
 
     def _strains(self, batch: Batch, solved: Solved) -> Columns:
-        """Return the largest strain of the silicone in % by each finite-element model; formulas have none."""
         return {
             f"{self.prefixes[name]}largest_strain_percent": 100
             * _of_answers(batch, [answer.values.get("largest_strain") for answer in answers])
@@ -243,8 +241,6 @@ class Rows:
         return parts + more if sideways else parts
 
     def _formula(self, level: str, code: int, problem: Problem) -> tuple[Response | None, str]:
-        """Return the response of a formula to a problem, or None and the reason."""
-
         def make() -> tuple[Response | None, str]:
             if problem.design is None or problem.load is None:
                 return None, ""
@@ -256,7 +252,6 @@ class Rows:
         return self._formulas.get((level, code), make)
 
     def _verdict(self, batch: Batch, solved: Solved, remarks: Sequence[Sequence[str]]) -> Columns:
-        """Return error estimates, number and time of the solve, status and message of each case."""
         table: Columns = {}
         several = len(self.plan.fem) > 1
         for name, answers in solved.states.items():
@@ -499,7 +494,6 @@ OTHERS: dict[str, Callable[[Plan, Batch, Sequence[Answer]], Columns]] = {
 
 
 def _of_answers(batch: Batch, values: Sequence[float | None]) -> Array:
-    """Return each case's value of its problem; NaN for None."""
     return np.array([NAN if value is None else value for value in values])[batch.problem]
 
 

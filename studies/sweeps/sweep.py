@@ -77,7 +77,6 @@ def run(
 def _run(
     plan: Plan, folder: Path | None, store: Store, processes: Processes, progress: Progress | None
 ) -> Iterator[Columns]:
-    """Yield the batches, and write the files."""
     cases = Cases(plan)
     paths = Paths(plan, cases)
     name, other = ("sweep.parquet", "sweep.csv") if plan.count > LARGE else ("sweep.csv", "sweep.parquet")

@@ -273,7 +273,6 @@ def view(table: pd.DataFrame, axes: Sequence[str], columns: Sequence[str]) -> Vi
 
 
 def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Iterator[Figure]:
-    """Yield a quantity and its errors over a grid."""
     columns = models_of(table, quantity)
     solved = table[~table["failed"]]
     columns = [name for name in columns if solved[name].notna().any()] or columns
@@ -391,7 +390,6 @@ def _limits(errors: pd.Series, label: str) -> tuple[tuple[float, float] | None, 
 
 
 def _span(solved: pd.DataFrame, names: dict[str, str], label: str) -> str:
-    """Return between which values a quantity lies, in a sentence for all models."""
     unit = label.partition("(")[2].rstrip(")")
     parts = [
         f"{name} from {solved[column].min():.3g} to {solved[column].max():.3g} {unit}".strip()
@@ -402,7 +400,6 @@ def _span(solved: pd.DataFrame, names: dict[str, str], label: str) -> str:
 
 
 def _share(errors: pd.Series, model: str, unit: str) -> str:
-    """Return how many errors of a model are small, in a sentence."""
     judged = errors[np.isfinite(errors)]
     over = unit.removeprefix("%")
     return (

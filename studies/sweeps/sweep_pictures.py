@@ -94,7 +94,6 @@ class Collected:
         return present if more else present[:1]
 
     def _notes(self) -> list[str]:
-        """Say in sentences what the pictures leave out."""
         notes = []
         for k, point in self._fixed.items():
             factor = self.plan.factors[k]

@@ -75,7 +75,6 @@ def plan_of(source: str | None, options: Options) -> Plan:
 
 
 def _study(source: str | None, options: Options) -> study_input.Study:
-    """Return the study of a file, or of a design and axes."""
     if source is not None and options.design is not None:
         raise BadInput(f"the design is given twice, {source!r} and --design {options.design!r}: give one of them")
     if source is not None and study_input.is_study(source):
@@ -91,7 +90,6 @@ def _study(source: str | None, options: Options) -> study_input.Study:
 
 
 def _check_twice(names: Sequence[str], options: Options, study: study_input.Study) -> None:
-    """Refuse a value that is both an axis and fixed."""
     load = study.load
     for name, _, value in (text.partition("=") for text in options.sets):
         if name.strip() in names:
@@ -114,7 +112,6 @@ def _check_twice(names: Sequence[str], options: Options, study: study_input.Stud
 
 
 def _load(study: study_input.Study, options: Options, names: Sequence[str]) -> dict[str, Value]:
-    """Return the fields of the load that do not vary."""
     load = dict(study.load)
     for name, text in user_input.pairs("--load", options.load, "shear=1").items():
         user_input.check_keys("--load", [name], study_axes.LOAD)
@@ -128,7 +125,6 @@ def _load(study: study_input.Study, options: Options, names: Sequence[str]) -> d
 
 
 def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
-    """Return the finite-element models, coarsest first, and the levels of the formulas."""
     from studies.mechanics.study_cases import models_of
 
     given = tuple(part.strip() for part in options.models.split(",")) if options.models is not None else study.models
@@ -208,14 +204,12 @@ def table(rows: Sequence[FlatRow], title: str, case: Sequence[str] = CASE) -> Ta
 
 
 def _compared(row: FlatRow) -> tuple[tuple[str, str], tuple[str, ...]]:
-    """Return the columns' names of the compared results, and the columns of their errors."""
     sheared = any(key.endswith("force_x_N") for key in row)
     results = ("force_x_N", "shift_x_mm") if sheared else ("force_N", "shift_z_mm")
     return results, tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in results)
 
 
 def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
-    """Return the main columns."""
     results, errors = _compared(row)
     answers = [key for name in results for key in row if key.endswith(f"_{name}")]
     others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_", "response_", "loop_"))]

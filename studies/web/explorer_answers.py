@@ -162,11 +162,9 @@ class Answers:
             yield "loop", level, self._keep(key, lambda: time_answers.loop(state, motion))
 
     def _decoder(self, design: Design) -> Any:
-        """Return the decoder of a design."""
         return self._keep(("decoder", design), lambda: state_answers.build_decoder(design))
 
     def _keep(self, key: tuple[Any, ...], compute: Callable[[], Any]) -> Any:
-        """Return a kept result, or compute and keep it."""
         result = self._kept.pop(key) if key in self._kept else compute()
         while len(self._kept) >= MOST_RESULTS:
             self._kept.pop(next(iter(self._kept)))
@@ -247,7 +245,6 @@ class KeptPaths:
         )
 
     def _followed(self, scene: Scene, moving: bool) -> _Kept:
-        """Return the path of a scene at its load."""
         key, name = _key(scene), json.dumps(scene.dimensionless())
         begin = time.perf_counter()
         kept = self._kept.pop(key, None)
@@ -306,7 +303,6 @@ def _follow(kept: _Kept, scene: Scene) -> None:
 
 
 def _key(scene: Scene) -> str:
-    """Return what scenes on one path have in common."""
     content, (load,), D = scene.dimensionless(), scene.loads, scene.design.D
     values = content["loads"][0]
     if load.shears_tip:

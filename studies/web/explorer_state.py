@@ -271,7 +271,6 @@ def explorer_fields(design: Design) -> list[Field]:
 
 
 def _of_design(spec: dataclasses.Field[Any]) -> Field:
-    """Return what `Design` says of a field."""
     known = spec.metadata
     unit = known["unit"] if "low" in known and known["unit"] != "1" else ""
     field: Field = {"help": known["text"], "unit": unit, "needs": _needs(spec.name)}

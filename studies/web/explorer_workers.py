@@ -270,7 +270,6 @@ class PageWorker:
         self._refuse_waiting()
 
     def _refuse_waiting(self) -> None:
-        """Say to all requests that wait that no process can answer them."""
         while self._waiting:
             self._waiting.pop(next(iter(self._waiting))).refuse(self._lost)
 

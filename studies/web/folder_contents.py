@@ -121,7 +121,6 @@ def _folders(root: Path) -> Iterator[Path]:
 
 
 def _folder(path: Path, root: Path) -> Contents:
-    """Read the files of one folder."""
     contents = Contents(path, "" if path == root else path.relative_to(root).as_posix())
     for file in sorted(path.iterdir()):
         if file.is_file() and not file.name.startswith(".") and file.suffix.lower() not in IGNORED:
@@ -135,7 +134,6 @@ def _folder(path: Path, root: Path) -> Contents:
 
 
 def _read_file(contents: Contents, file: Path) -> None:
-    """Read one file into the contents of its folder."""
     suffix, name = file.suffix.lower(), file.name
     contents.read.append(file)
     if name == run_record.NAME:
@@ -195,7 +193,6 @@ def _column(cells: Sequence[str]) -> Any:
 
 
 def _parquet_table(file: Path) -> Table:
-    """Read a Parquet file as a table."""
     import pandas as pd
 
     try:
@@ -225,7 +222,6 @@ def states_table(file: Path) -> Table:
 
 
 def _record(file: Path) -> dict[str, Any]:
-    """Read a JSON file that holds one object."""
     try:
         record = json.loads(table_input.text_of(file, "JSON"))
     except (ValueError, RecursionError):

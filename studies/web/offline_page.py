@@ -141,7 +141,6 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
 
 
 def _fields(grid: Grid) -> list[Data]:
-    """Return the fields of load and design with their values; those that do not move are fixed."""
     design, D = grid.design, grid.design.D
     depth, shear = grid.roots[-1] ** 2 * D, float(grid.shears[-1])
     ends = {"depth": (0.0, _rounded(depth)), "shear": (-shear, shear)}
@@ -163,12 +162,10 @@ def _fields(grid: Grid) -> list[Data]:
 
 
 def _rounded(depth: float) -> float:
-    """Return a depth rounded down to a hundredth of a millimetre."""
     return float(np.floor(100 * depth + 1e-6) / 100)
 
 
 def _sensor(design: Design) -> str:
-    """Return the name of the sensor: that of the paper, and what differs from it."""
     changed = state_exports.address_fields(design)
     texts = [f"{name} {value}" for name, value in changed.items() if name not in ("preset", "depth")]
     return f"the paper's sensor{' with ' if texts else ''}{', '.join(texts)}"
@@ -188,7 +185,6 @@ def _refusal(grid: Grid) -> str:
 
 
 def _about(grid: Grid, errors: offline_tables.Errors, sensor: str, volts: str) -> str:
-    """Return for which design, accuracy and error the page holds."""
     force, shift = (100 * np.nanmax(errors.share[:, k]) for k in (1, 2))
     tangential, tilt = errors.absolute[0], errors.absolute[4]
     presses = sum(not shear for _, shear, _ in grid.states)

@@ -318,7 +318,6 @@ def measured(grid: Grid) -> Errors:
 
 
 def _interval(grid: Grid, roots: Array) -> Ints:
-    """Return the interval of the grid's depths that holds each r."""
     return np.asarray(np.clip(np.searchsorted(grid.roots, roots) - 1, 0, len(grid.roots) - 2), np.int64)
 
 
@@ -557,7 +556,6 @@ def _at_rest(solution: Solution) -> Solution:
 
 
 def _on_mesh(solution: Solution, template: Solution) -> Solution:
-    """Return a state with its displacements at the nodes of another mesh."""
     field, mesh = solution.field, template.field.mesh
     u = _interpolated(field.mesh.doflocs.T, field.u, mesh.doflocs.T)
     return replace(solution, field=replace(field, mesh=mesh, u=u))

@@ -186,7 +186,6 @@ def _digest(text: str) -> str:
 
 
 def _kept_tables(sections: Sequence[Section]) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
-    """Return the CSV texts of tables by their names in the page, and the reason where one is left out."""
     every = [(one.name, table) for one in sections for table in one.contents.tables.values()]
     kept: dict[str, str] = {}
     left_out: dict[tuple[str, str], str] = {}
@@ -211,7 +210,6 @@ def _table_key(folder: str, table: Table) -> str:
 
 
 def _titles(sections: Sequence[Section]) -> list[str]:
-    """Return the titles of the sections; several of one title have the names of their folders behind it."""
     titles = [title_of(section.contents) for section in sections]
     names = [section.contents.name or section.contents.path.resolve().name for section in sections]
     return [
@@ -273,7 +271,6 @@ def _section(
 
 
 def _sheet(title: str, table: pd.DataFrame) -> dict[str, Any]:
-    """Return a table as the template takes it."""
     rows = [[_cell(value) for value in row] for row in table.itertuples(index=False)]
     return {"title": title, "head": [quantity_name(str(name)) for name in table.columns], "rows": rows, "note": ""}
 
@@ -348,7 +345,6 @@ def _file_name(folder: str, title: str) -> str:
 
 
 def _origins(sections: Sequence[Section]) -> list[dict[str, str]]:
-    """Return what each folder says of its command and versions."""
     rows = []
     for one in sections:
         texts = _origin_texts(one.contents)

@@ -68,7 +68,6 @@ def without_load(design: Design, magnet: Magnet, level: Level) -> dict[str, str]
 
 
 def _rate_lines(state: ExplorerState) -> list[str]:
-    """Return the command lines of vibration and loop, where the verbs can make them."""
     load, lines = state.load, []
     own: dict[str, Any] = {"--depth": load.depth, "--shear": load.shear_x or None}
     if state.frequency:
@@ -89,7 +88,6 @@ def band_end(frequency: float) -> float:
 
 
 def _solve_line(state: ExplorerState) -> str:
-    """Return the command line that solves for the state."""
     motion = state.motion
     options: dict[str, Any] = {"--depth": motion.depth, "--shear": motion.shear, "--shear-y": motion.shear_y}
     options["--plate-tilt"] = motion.plate_tilt or None
@@ -185,7 +183,6 @@ def _load_source(load: Load) -> str:
 
 
 def _literal(value: float | str | None) -> str:
-    """Return a value as Python source."""
     return f'"{value}"' if isinstance(value, str) else "None" if value is None else plain(value)
 
 
@@ -236,7 +233,6 @@ async def mold(state: ExplorerState) -> bytes:
 
 
 def _mold_archive(task: tuple[Design, str]) -> bytes:
-    """Build a design's mould, in a worker process."""
     from studies.fabrication.sensor_parts import build
 
     design, command = task

@@ -128,7 +128,6 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
 
 
 def _resonance(vibrating: Vibrating, motion: str) -> Rows:
-    """Return frequency and Q of the first resonance, None where there is none."""
     low, high = vibrating.band
     peak, coarse = (
         None if at is None else next(iter(resonance_peaks.peaks(_gain_of(at, motion), low, high)), None)
@@ -151,8 +150,6 @@ def _resonance(vibrating: Vibrating, motion: str) -> Rows:
 
 
 def _gain_of(at: At, motion: str) -> Callable[[Array], Array]:
-    """Return the gain of the magnet's shift over the force, or over the motion of the free sensor's base."""
-
     def gain(f: Array) -> Array:
         one = at(f)[motion]
         return np.asarray(np.abs(one.along if one.force is None else one.along / one.force))
@@ -161,7 +158,6 @@ def _gain_of(at: At, motion: str) -> Callable[[Array], Array]:
 
 
 def _message(vibrating: Vibrating, motion: str, rows: Rows) -> str:
-    """Say what moves, and what the numbers assume."""
     none = f" There is no resonance below {vibrating.band[1]:.4g} Hz, where the vibration is known."
     none = none if any(row["name"] == "first resonance" and row["value"] is None for row in rows) else ""
     if not vibrating.sensor.state.load.depth:
@@ -245,7 +241,6 @@ def loop(state: ExplorerState, motion: Motion) -> Data:
 def _loop_data(
     state: ExplorerState, motion: Motion, gap: float, half_width: float | None, more: Rows, message: str
 ) -> Data:
-    """Return the part `loop` with its gap at mid-stroke in percent of full scale."""
     rows = [
         number("gap at mid-stroke", "%", gap, half_width),
         *more,
