@@ -120,7 +120,7 @@ def test_closing_the_generator_ends_the_workers_and_what_they_started(tmp_path):
 
 RUN = """
 import worker_tasks
-from studies.mechanics.workers import Unfinished, clock_text, finished
+from studies.mechanics.workers import finished
 
 list(finished([{folder!r}] * 8, worker_tasks.noted, workers=2))
 """
@@ -201,8 +201,7 @@ def estimates(costs, seconds, workers):
     Returns the share of the work that is done, the estimate and the true time left after each task.
     """
     now = 0.0
-    unfinished = Unfinished(list(costs), clock=lambda: now)
-    unfinished.occupy(workers)
+    unfinished = Unfinished(list(costs))
     running, waiting, states = [], list(enumerate(seconds)), []
     while running or waiting:
         while waiting and len(running) < workers:
@@ -210,8 +209,7 @@ def estimates(costs, seconds, workers):
             heapq.heappush(running, (now + duration, number, duration))
         now, number, duration = heapq.heappop(running)
         unfinished.finish(number, duration)
-        unfinished.occupy(workers)
-        states.append((unfinished.share, unfinished.seconds_left(), now))
+        states.append((unfinished.share, unfinished.seconds_left(workers), now))
     return [(share, left, now - then) for share, left, then in states]
 
 
@@ -234,23 +232,16 @@ def test_after_a_fifth_of_the_work_the_estimate_is_right_within_a_factor_of_1_5(
     assert max(compared) < 1.5
 
 
-def test_costs_that_are_exact_but_for_a_factor_give_the_exact_time():
-    states = estimates([3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0, 6.0], [1.5, 0.5, 2.0, 0.5, 2.5, 4.5, 1.0, 3.0], 2)
-    assert [left for _, left, _ in states] == pytest.approx([truth for _, _, truth in states])
-
-
 def test_a_long_last_task_is_waited_for():
-    unfinished = Unfinished([1.0, 1.0, 1.0, 30.0], clock=lambda: 0.0)
-    unfinished.occupy(2)
+    unfinished = Unfinished([1.0, 1.0, 1.0, 30.0])
     unfinished.finish(0, 2.0)
-    assert unfinished.seconds_left() == 62.0
+    assert unfinished.seconds_left(2) == 60.0
 
 
 def test_before_the_first_answer_there_is_no_estimate():
     unfinished = Unfinished([1.0, 1.0])
-    unfinished.occupy(1)
     unfinished.finish(0, math.nan)
-    assert math.isnan(unfinished.seconds_left())
+    assert math.isnan(unfinished.seconds_left(1))
     assert unfinished.share == 0.5
 
 

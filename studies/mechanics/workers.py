@@ -8,13 +8,12 @@ is affected. The workers return answers; only the process that calls `finished` 
 from __future__ import annotations
 
 import contextlib
-import heapq
 import math
 import queue
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from geometry.messages import Progress
@@ -158,7 +157,7 @@ class _Reports:
     @property
     def left(self) -> int | None:
         """Number of unfinished tasks; None if it is unknown."""
-        return len(self.unfinished.costs) - self.finished if self.unfinished else None
+        return len(self.unfinished.waiting) if self.unfinished else None
 
     def finish(self, number: int, seconds: float) -> None:
         """Count a finished task; `seconds` is NaN if it has no answer."""
@@ -168,8 +167,6 @@ class _Reports:
 
     def show(self, workers: int) -> None:
         """Report the progress if a task was finished since the last report, and that is not very recent."""
-        if self.unfinished:
-            self.unfinished.occupy(max(workers, 1))
         now = time.perf_counter()
         if self.progress is None or self.finished == self.shown or (now < self.next and self.left != 0):
             return
@@ -177,74 +174,41 @@ class _Reports:
         if self.unfinished is None:
             self.progress(0.0, f"{self.finished} solves")
             return
-        seconds = self.unfinished.seconds_left()
+        seconds = self.unfinished.seconds_left(max(workers, 1))
         text = "" if math.isnan(seconds) or not self.left else f", {clock_text(seconds)} left"
-        self.progress(self.unfinished.share, f"{self.finished} of {len(self.unfinished.costs)} solves{text}")
+        self.progress(self.unfinished.share, f"{self.finished} of {self.finished + (self.left or 0)} solves{text}")
 
 
-# The time that is left
-
-
-@dataclass(slots=True)
 class Unfinished:
-    """Tasks that are started in order, those unfinished with the time that they are likely to take.
+    """Tasks that wait or run, and the time that they are likely to take: their costs times the mean time per cost.
 
-    A task takes its cost times the mean time per cost of the tasks that have an answer.
-
-    Attributes
+    Parameters
     ----------
     costs : of all tasks, in any unit.
-    clock : present time, s.
     """
 
-    costs: list[float]
-    clock: Callable[[], float] = time.perf_counter
-    _workers: int = field(init=False, default=1)
-    _waiting: dict[int, None] = field(init=False)
-    _begins: list[float] = field(init=False, default_factory=list)
-    _seconds: float = field(init=False, default=0.0)
-    _measured: float = field(init=False, default=0.0)
-    _done: float = field(init=False, default=0.0)
-
-    def __post_init__(self) -> None:
-        self._waiting = dict.fromkeys(range(len(self.costs)))
-
-    def occupy(self, workers: int) -> None:
-        """Note the number of workers, and the present time as the begin of the tasks that idle ones take."""
-        self._workers = workers
-        begun = min(self.finished + workers, len(self.costs))
-        self._begins += [self.clock()] * (begun - len(self._begins))
-
-    @property
-    def finished(self) -> int:
-        """Number of finished tasks."""
-        return len(self.costs) - len(self._waiting)
+    def __init__(self, costs: Sequence[float]) -> None:
+        self.waiting, self.total = dict(enumerate(costs)), math.fsum(costs)
+        self._seconds = self._measured = 0.0
 
     @property
     def share(self) -> float:
         """Share of the costs that is done, 0 to 1."""
-        total = math.fsum(self.costs)
-        return min(self._done / total, 1.0) if total > 0 else 0.0
+        return 1 - math.fsum(self.waiting.values()) / self.total if self.total > 0 else 0.0
 
     def finish(self, number: int, seconds: float) -> None:
         """Note that a task is finished, and how long it took; NaN if it has no answer."""
-        del self._waiting[number]
-        self._done += self.costs[number]
+        cost = self.waiting.pop(number)
         if not math.isnan(seconds):
             self._seconds += seconds
-            self._measured += self.costs[number]
+            self._measured += cost
 
-    def seconds_left(self) -> float:
-        """Return the time until all tasks are finished, s; NaN before a task has an answer."""
+    def seconds_left(self, workers: int) -> float:
+        """Return the time until all tasks are finished, s, at least that of the longest; NaN before an answer."""
         if not self._measured > 0:
             return math.nan
-        rate, now = self._seconds / self._measured, self.clock()
-        ends = [0.0] * self._workers
-        # each task goes to the worker that is free first, as they really do; those begun have done a part
-        for number in self._waiting:
-            spent = now - self._begins[number] if number < len(self._begins) else 0.0
-            heapq.heapreplace(ends, ends[0] + max(rate * self.costs[number] - spent, 0.0))
-        return max(ends)
+        costs = self.waiting.values()
+        return self._seconds / self._measured * max(math.fsum(costs) / workers, max(costs, default=0.0))
 
 
 def clock_text(seconds: float) -> str:
