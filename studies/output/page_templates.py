@@ -8,13 +8,20 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from studies.output.text_tables import cell, markdown
+from studies.output.text_tables import cell, markdown, shown
 
 
 def rendered(template: Path, **values: Any) -> str:
     """Return the text of a template; at most one empty line stands between two paragraphs."""
     text = _environment(template.parent).get_template(template.name).render(values)
     return re.sub(r"\n{3,}", "\n\n", text).strip()
+
+
+def sentences(template: Path, part: str, **values: Any) -> list[str]:
+    """Return the items of the list that a block of a template makes, each on one line."""
+    found = _environment(template.parent).get_template(template.name)
+    text = "".join(found.blocks[part](found.new_context(values)))
+    return [" ".join(item.split()) for item in re.split(r"^- ", text, flags=re.MULTILINE)[1:]]
 
 
 def filled(text: str, **values: Any) -> str:
@@ -29,7 +36,9 @@ def listed(lines: Iterable[str], nothing: str = "None.") -> str:
 
 @functools.cache
 def _environment(folder: Path) -> Any:
-    """Return the templates, with the filters `table`, `cell`, `listed`, and `f`, which formats as Python does."""
+    """Return the templates, with the filters `table`, `cell`, `listed`, `shown` of a number as the terminal shows it,
+    and `f`, which formats as Python does.
+    """
     import jinja2
 
     environment = jinja2.Environment(
@@ -42,6 +51,7 @@ def _environment(folder: Path) -> Any:
         "table": functools.partial(markdown, nothing="None."),
         "cell": cell,
         "listed": listed,
+        "shown": functools.partial(shown, ""),
         "f": format,
     }
     return environment
