@@ -12,7 +12,7 @@ from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation
-from studies.simulation import oscillator_ladder, response_curves
+from studies.simulation import response_curves, vibration_report
 
 BAND = (0.1, 100.0)
 
@@ -49,11 +49,11 @@ def test_rows_hold_gains_and_phases():
 
 def test_a_prony_oscillator_without_branches_is_the_undamped_one():
     sensor = vibrating_sensor(replace(paper(), loss_factor=0.0), Load(depth=1.0), BAND, QUICK)
-    models = oscillator_ladder.oscillators(paper(), "x", 1.0, sensor.relaxation)
+    models = vibration_report.oscillators(paper(), "x", 1.0, sensor.relaxation)
     (natural, one), (_, other) = models.values()
     f = np.array([0.1, 0.5 * natural])
     assert one(f) == pytest.approx(other(f), rel=1e-12)
-    rungs = oscillator_ladder.rungs("x", models, one, BAND)
+    rungs = vibration_report.rungs("x", models, one, BAND)
     assert [rung["natural_Hz"] for rung in rungs] == [natural, natural, None]
     assert all(rung["peak_Hz"] is None for rung in rungs)  # an undamped resonance has no height
 
@@ -61,7 +61,7 @@ def test_a_prony_oscillator_without_branches_is_the_undamped_one():
 def test_an_oscillator_takes_its_loss_factor_where_the_branches_speak():
     measured = Relaxation((0.2, 0.1), (0.1, 1.0), (0.01, 10.0))
     end = 1 / (2 * np.pi * 0.01)
-    models = oscillator_ladder.oscillators(paper(), "x", 1.0, measured)
+    models = vibration_report.oscillators(paper(), "x", 1.0, measured)
     name = next(iter(models))
     natural, response = models[name]
     assert natural > end

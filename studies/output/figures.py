@@ -485,7 +485,7 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
     """Return the encodings of series by colour, of models by dashes, and of either by markers, if these are seen."""
     import altair as alt
 
-    alone = "model" not in data
+    alone, dash = "model" not in data, None if look.dashed else alt.StrokeDash
     leader = "series" if alone else "model"
 
     def style(kind: Any, column: str, values: Sequence[Any] = (), *, named: bool = True) -> Any:
@@ -494,8 +494,8 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
         names = [*first, *(name for name in present if name not in first)]
         more = {"range": [values[k % len(values)] for k in range(len(names))]} if values else {}
         columns = max(1, int(WIDTH / (LETTER * max(map(len, present), default=1) + 34)))
-        # a symbol as long as two dashes tells the patterns apart
-        kept = {"symbolType": "stroke", "symbolSize": 600} if look.dashed or kind is alt.StrokeDash else {}
+        # a symbol as long as two dashes tells the patterns apart; markers have their own size
+        kept = {"symbolType": "stroke", "symbolSize": 600} if look.dashed and not marked or kind is dash else {}
         legend = alt.Legend(columns=columns, values=present, **kept) if named and any(present) else None
         return kind(field=column, type="nominal", scale=alt.Scale(domain=names, **more), legend=legend, sort=None)
 

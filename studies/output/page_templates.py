@@ -21,7 +21,7 @@ def sentences(template: Path, part: str, **values: Any) -> list[str]:
     """Return the items of the list that a block of a template makes, each on one line."""
     found = _environment(template.parent).get_template(template.name)
     text = "".join(found.blocks[part](found.new_context(values)))
-    return [" ".join(item.split()) for item in re.split(r"^- ", text, flags=re.MULTILINE)[1:]]
+    return [" ".join(item.split()) for item in re.split(r"^-\s", text, flags=re.MULTILINE)[1:]]
 
 
 def filled(text: str, **values: Any) -> str:

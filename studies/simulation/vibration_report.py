@@ -1,55 +1,49 @@
-"""What `magtip response` and `magtip modes` compute: steady vibrations of a sensor, and its natural frequencies."""
+"""What `magtip response` and `magtip modes` compute: steady vibrations of a sensor, and its natural frequencies.
+
+`report_motion` says what the keys of a motion's record are. Beside the finite elements stand oscillators, which
+`rungs` describes: what one mass on one spring says of the shift per N.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analytic.oscillator import moving_mass, natural_frequency, receptance
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
-from geometry.relaxation import relaxation_notes
+from geometry.relaxation import Relaxation, relaxation_notes
 from studies.mechanics import resonance_peaks
-from studies.mechanics.resonance_peaks import BAND
+from studies.mechanics.resonance_peaks import ACCURATE, BAND, Gain, bandwidth, flat_to, peaks
+from studies.output import page_templates
 from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
 from studies.output.result import Block, Lines, Result, Table, Writer, failure_of
-from studies.simulation import oscillator_ladder, response_curves, time_figures
-from studies.simulation.motion_report import lines, mesh_warnings, report_motion
-from studies.simulation.response_curves import At, Curves
+from studies.simulation import response_curves, time_figures
+from studies.simulation.response_curves import At, Complex, Curves
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
+    from fem.analyses.vibration import VibratingSensor
     from fem.scene import Scene
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
 """Files that a folder of results may hold, beside run.json."""
-
-
-@dataclass(frozen=True, slots=True)
-class Vibration:
-    """The vibration about a state.
-
-    Attributes
-    ----------
-    motions : record of each motion.
-    rows, ladder : rows of response.csv and ladder.csv.
-    pictures : writers by the names of their files.
-    at_rest : the design whose modulus is that of the state at rest.
-    """
-
-    motions: list[FlatRow]
-    rows: list[FlatRow]
-    ladder: list[FlatRow]
-    pictures: dict[str, Writer]
-    at_rest: Design
+ROUGH = 0.05
+"""Relative difference to a coarser mesh, median of all frequencies, beyond which the mesh is too coarse."""
+Response = Callable[[Array], Complex]
+"""Complex amplitude at frequencies (f,), Hz."""
+Models = dict[str, tuple[float, Response]]
+"""Natural frequency, Hz, and response of oscillators by their names."""
+sentences = partial(page_templates.sentences, Path(__file__).with_name("templates") / "vibration.j2")
 
 
 def run(
@@ -80,29 +74,29 @@ def run(
 
     level = LEVELS[accuracy]
     try:
-        found = _solve(design, load, band, count, level, magnet, progress)
-        notes = [*_notes(design, load), _free_note(found.at_rest, magnet, level)]
+        motions, tables, pictures, at_rest = _solve(design, load, band, count, level, magnet, progress)
+        notes = _notes(design, load, at_rest, magnet, level)
     except SolveFailed as error:
         record = {"status": "failed", "message": str(error), "depth_mm": load.depth, "shear_mm": load.shear_x}
         return Result(title="Vibration", records=[record], failures=failure_of([record]))
-    warned = [*warnings, *(text for motion in found.motions for text in mesh_warnings(motion))]
+    warned = [*warnings, *(text for motion in motions for text in mesh_warnings(motion))]
     moved = "grip" if load.grip is not None else "plate" if load.depth else "base"
     ways = {"z": "z", "x": "x, the direction of the shear" if load.shear_y else "x"}
     shown: list[Block] = [
-        Lines(f"The {moved} moves along {ways[motion['motion']]}", lines(motion)) for motion in found.motions
+        Lines(f"The {moved} moves along {ways[motion['motion']]}", lines(motion)) for motion in motions
     ]
-    if found.ladder:
+    if "ladder" in tables:
         title = f"Shift per N: relative to that at {band[0]:g} Hz, and accurate within 5 % of it"
-        shown.append(Table(title=title, rows=found.ladder))
+        shown.append(Table(title=title, rows=tables["ladder"]))
     return Result(
         title="Vibration",
-        records=[motion | {"warnings": warned, "notes": notes} for motion in found.motions],
+        records=[motion | {"warnings": warned, "notes": notes} for motion in motions],
         shown=[*shown, *(f"{note}." for note in notes)],
-        tables={"response": found.rows} | ({"ladder": found.ladder} if found.ladder else {}),
+        tables=tables,
         digits=9,
-        files=found.pictures,
+        files=pictures,
         warnings=warned,
-        failures=failure_of(found.motions),
+        failures=failure_of(motions),
         design=asdict(design),
     )
 
@@ -115,8 +109,10 @@ def _solve(
     level: Accuracy,
     magnet: Magnet,
     progress: Progress,
-) -> Vibration:
-    """Compute the vibration; the memory of its matrices is free when this returns."""
+) -> tuple[list[FlatRow], dict[str, list[FlatRow]], dict[str, Writer], Design]:
+    """Return the records of the motions, the tables, the writers of pictures, and the design with the modulus of the
+    state at rest; the memory of the matrices is free when this returns.
+    """
     from fem.analyses.vibration import check_vibration, vibrating_sensor
 
     check_load(design, load, magnet)
@@ -134,11 +130,11 @@ def _solve(
     curves = at(frequencies)
     motions = [report_motion(sensor, at, one, load, coarse.get(one.motion)) for one in curves.values()]
     ladder: list[FlatRow] = []
-    models: dict[str, oscillator_ladder.Models] = {}
+    models: dict[str, Models] = {}
     for name, stiffness in sensor.static_stiffness().items():
         if stiffness > 0:  # the sensor is stable under a force too
-            models[name] = oscillator_ladder.oscillators(design, name, stiffness, sensor.relaxation)
-            ladder += oscillator_ladder.rungs(name, models[name], _per_force(at, name), band)
+            models[name] = oscillators(design, name, stiffness, sensor.relaxation)
+            ladder += rungs(name, models[name], partial(_shift_per_force, at, name), band)
     rows: list[FlatRow] = []
     pictures: dict[str, Writer] = {}
     for name, motion in zip(curves, motions, strict=True):
@@ -150,10 +146,10 @@ def _solve(
         pictures[f"response_{name}.png"] = partial(
             _draw, curves=drawn, scene=sensor.scene, models=models.get(name, {})
         )
-    return Vibration(motions, rows, ladder, pictures, sensor.scene.design)
+    return motions, {"response": rows} | ({"ladder": ladder} if ladder else {}), pictures, sensor.scene.design
 
 
-def _draw(path: Path, curves: Curves, scene: Scene, models: oscillator_ladder.Models) -> None:
+def _draw(path: Path, curves: Curves, scene: Scene, models: Models) -> None:
     """Write the readings over the frequency, and the magnet's motion beside oscillators where there is a force."""
     drawn = time_figures.response(table_of(response_curves.rows(curves, None, scene)))
     if curves.force is not None and models:
@@ -179,59 +175,263 @@ def _coarse_curves(
     return response_curves.evaluator(design, sensor)(frequencies)
 
 
-def _per_force(at: At, motion: str) -> oscillator_ladder.Response:
-    """Return the magnet's shift along a motion over the force along it, as a function of the frequency."""
-
-    def response(f: Array) -> response_curves.Complex:
-        curves = at(f)[motion]
-        assert curves.force is not None
-        return np.asarray(curves.along / curves.force)
-
-    return response
+def _shift_per_force(at: At, motion: str, f: Array) -> Complex:
+    curves = at(f)[motion]
+    assert curves.force is not None
+    return np.asarray(curves.along / curves.force)
 
 
-def _notes(design: Design, load: Load) -> list[str]:
-    """Return what the numbers assume."""
-    if load.grip is not None:
-        contact = "the grip moves along x and holds its skin along it; this skin is free along z"
-    elif not load.depth:
-        contact = "the sensor is free: its base is shaken, and shift and tilt are those relative to the base"
-    elif load.coulomb is not None:
-        contact = (
-            "contact is frozen: points in touch stay in touch, and all of them stick, those that have slipped too: "
-            "in small cycles their traction falls until they stick in both halves of a cycle"
-        )
-    elif load.friction == "stick":
-        contact = "contact is frozen: points in touch stay in touch, and the contact area is glued to the plate"
-    else:
-        contact = (
-            "contact is frozen: points in touch stay in touch; without friction an upright plate that moves along x "
-            "transmits nothing (--friction stick glues the contact area)"
-        )
-    if load.shear_y:
-        contact += "; x is the direction of the shear"
-    if load.depth:
-        contact += (
-            "; at its edge the pressure at rest is 0, so that every amplitude opens some of it, in proportion up to "
-            "half of its area (the columns kept_amplitude_mm and lift_amplitude_mm have the amplitudes that open a "
-            "quarter of it, and that take the whole normal force)"
-        )
-    plate = "the plate is rigid and has no mass; amplitudes are small" if load.depth else "amplitudes are small"
-    return [*relaxation_notes(design), contact, plate]
-
-
-def _free_note(at_rest: Design, magnet: Magnet, level: Accuracy) -> str:
-    """Return the natural frequencies of the free sensor at rest, beside the paper's formula."""
+def _notes(design: Design, load: Load, at_rest: Design, magnet: Magnet, level: Accuracy) -> list[str]:
+    """Return what the numbers assume, and the free sensor's natural frequencies beside the paper's formula."""
     from fem.analyses.modes import modes, spring_mass
 
     free = modes(at_rest, magnet, 6, accuracy=level, estimate=False)
-    first = {shape: f for f, shape in reversed(list(zip(free.frequency, free.shape, strict=True)))}
-    named = " and ".join(f"{first[shape]:.0f} Hz ({shape})" for shape in ("bending", "axial") if shape in first)
+    first = _first(free.frequency, free.shape)
     silicone, whole = spring_mass(at_rest)
-    return (
-        f"without damping and with the long-term modulus the free sensor resonates at {named}; the paper's formula "
-        f"(970 Hz in the paper) gives {silicone:.0f} Hz, and {whole:.0f} Hz with the magnet's mass"
+    return sentences(
+        "notes",
+        relaxation_notes=relaxation_notes(design),
+        load=load,
+        natural=" and ".join(f"{first[shape]:.0f} Hz ({shape})" for shape in ("bending", "axial") if shape in first),
+        silicone=silicone,
+        whole=whole,
     )
+
+
+# The record of a motion
+
+
+def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, coarse: Curves | None) -> FlatRow:
+    """Return the record of one motion; about the free sensor the base is shaken, and there is no force.
+
+    Lists over elements have the order of `element`. Values that lie outside the band, or do not exist, are None.
+
+    status, message : of the state at rest; the message also says what the vibration shows.
+    motion : "z" or "x".
+    force_N : (x, y, z) on the tip at rest.
+    stiffness_N_per_mm : force along the motion over its amplitude, at the lowest frequency.
+    undamped_Hz : lowest natural frequencies about this state, glued to a plate that does not move, without damping
+        and with the long-term modulus; under a shear those of both motions.
+    resonance_per_mm_Hz, resonance_per_mm_Q : resonances of the magnet's motion under a plate with a fixed amplitude.
+    resonance_per_N_Hz, resonance_per_N_Q : the same under a force with a fixed amplitude on a plate without mass.
+    reading_V_per_mm, reading_V_per_N : readings (T for a chip) at the lowest frequency over motion and force.
+    bandwidth_per_mm_Hz, bandwidth_per_N_Hz : frequency at which these are 3 dB lower.
+    accurate_per_N_Hz : frequency up to which those per N change by less than ACCURATE.
+    relative_reading_at_600, phase_at_600_deg : readings per N at 600 Hz over those at the lowest frequency, and their
+        phase; negative where they lag behind the force.
+    kept_amplitude_mm, kept_amplitude_Hz : amplitude of the motion at which a quarter of the contact area loses its
+        pressure within a cycle, the least one of all frequencies, and its frequency.
+    lift_amplitude_mm, lift_amplitude_Hz : the same for the whole force; None where the motion does not change it.
+    mesh_difference, largest_mesh_difference : relative difference of force (of the magnet's shift for the free
+        sensor) to a mesh coarser by 1.5: median and largest of all frequencies.
+    error_estimate, largest_error_estimate : estimated relative error of the same: median and largest of all
+        frequencies.
+    reading_error_estimate, largest_reading_error_estimate : the same of the readings per N.
+    factorisations, reduced_error : factorisations for all frequencies, and error of the reduced basis.
+    """
+    low, high = float(curves.frequency[0]), float(curves.frequency[-1])
+    force, scene = sensor.state.response.force, sensor.scene
+    numbers = _gains(at, curves, low, high, damped=bool(sensor.relaxation.times))
+    stiffness = sensor.static_stiffness().get(curves.motion)
+    message = _message(curves, numbers, damped=bool(sensor.relaxation.times), stiffness=stiffness)
+    lift = None if curves.normal_force is None else force[2] / curves.normal_force
+    difference = None if coarse is None else response_curves.mesh_difference(curves, coarse)
+    return {
+        "status": sensor.state.status,
+        "message": "; ".join(filter(None, [sensor.state.message, message])),
+        "motion": curves.motion,
+        "depth_mm": load.depth,
+        "shear_mm": load.shear_x,
+        "shear_y_mm": load.shear_y,
+        "force_N": list(force),
+        "lowest_Hz": low,
+        "highest_Hz": high,
+        "stiffness_N_per_mm": None if curves.force is None else float(abs(curves.force[0])),
+        "undamped_Hz": [
+            f for name, fs in sensor.undamped().items() if curves.motion in name.split(" and ") for f in fs
+        ],
+        **numbers,
+        **_least("kept_amplitude", curves.kept_amplitude, curves.frequency),
+        **_least("lift_amplitude", lift, curves.frequency),
+        **_median_and_largest("mesh_difference", difference),
+        **{
+            key: value
+            for name, each in response_curves.error_columns(curves, coarse, scene).items()
+            for key, value in _median_and_largest(name, each).items()
+        },
+        "factorisations": sensor.factorisations,
+        "reduced_error": sensor.error,
+    }
+
+
+def _gains(at: At, curves: Curves, low: float, high: float, *, damped: bool) -> FlatRow:
+    """Return resonances, slow readings, bandwidths, and the readings at 600 Hz."""
+    motion, free, every = curves.motion, curves.force is None, range(len(curves.names))
+
+    def size(per: str, k: int) -> Gain:
+        return lambda f: np.abs(getattr(at(f)[motion], per)[:, k])
+
+    def of_readers(value: Callable[[Gain, float, float], float | None], per: str) -> list[float | None]:
+        # about the free sensor there is no force, and no bandwidth either
+        return [value(size(per, k), low, high) if k in curves.readers and not free else None for k in every]
+
+    by_mm = peaks(lambda f: np.abs(at(f)[motion].along), low, high)
+    by_N = [] if free else peaks(lambda f: np.abs(_shift_per_force(at, motion, f)), low, high)
+    at_band = _at_band(at, curves) if low <= BAND <= high and not free else {}
+    return {
+        "resonance_per_mm_Hz": [peak.frequency for peak in by_mm],
+        "resonance_per_mm_Q": [peak.Q if damped else None for peak in by_mm],
+        "resonance_per_N_Hz": [peak.frequency for peak in by_N],
+        "resonance_per_N_Q": [peak.Q if damped else None for peak in by_N],
+        "element": list(curves.names),
+        f"reading_{curves.units[0]}_per_mm": _slow(curves.per_mm, curves.readers),
+        f"reading_{curves.units[0]}_per_N": _slow(curves.per_N, curves.readers),
+        "bandwidth_per_mm_Hz": of_readers(bandwidth, "per_mm"),
+        "bandwidth_per_N_Hz": of_readers(bandwidth, "per_N"),
+        "accurate_per_N_Hz": of_readers(lambda each, a, b: flat_to(each, ACCURATE, a, b), "per_N"),
+        "relative_reading_at_600": [at_band.get(k, (None, None))[0] for k in every],
+        "phase_at_600_deg": [at_band.get(k, (None, None))[1] for k in every],
+    }
+
+
+def _at_band(at: At, curves: Curves) -> dict[int, tuple[float, float]]:
+    """Return reading per N at BAND over that at the lowest frequency, and phase to the force, degrees, by element."""
+    values = at(np.array([curves.frequency[0], BAND]))[curves.motion].per_N
+    assert values is not None
+    answers: dict[int, tuple[float, float]] = {}
+    for k in curves.readers:
+        # the reading may be opposite to the force; only its change counts
+        sign = 1.0 if values[0, k].real > 0 else -1.0
+        phase = np.degrees(np.angle(sign * values[1, k]))
+        answers[k] = float(abs(values[1, k] / values[0, k])), float(phase)
+    return answers
+
+
+def _slow(values: Complex | None, readers: list[int]) -> list[float | None]:
+    """Return the size of readings (f, k) at the lowest frequency; None where an element reads nothing."""
+    if values is None:
+        return []
+    return [float(abs(values[0, k])) if k in readers else None for k in range(values.shape[1])]
+
+
+def _median_and_largest(name: str, values: Array | None) -> FlatRow:
+    median, largest = (None, None) if values is None else (float(np.median(values)), float(values.max()))
+    return {name: median, f"largest_{name}": largest}
+
+
+def _least(name: str, values: Array | None, frequency: Array) -> FlatRow:
+    """Return the least of values (f,), mm, and its frequency; None without a finite value."""
+    if values is None or not np.isfinite(values).any():
+        return {f"{name}_mm": None, f"{name}_Hz": None}
+    i = int(np.nanargmin(values))
+    return {f"{name}_mm": float(values[i]), f"{name}_Hz": float(frequency[i])}
+
+
+def _message(curves: Curves, numbers: FlatRow, *, damped: bool, stiffness: float | None) -> str:
+    """Say what the readings do at 600 Hz, up to which the paper used its sensor, and where they resonate."""
+    per = "per_N" if numbers["resonance_per_N_Hz"] else "per_mm"
+    first = curves.readers[0] if curves.readers else 0
+    gain, phase = numbers["relative_reading_at_600"][first], numbers["phase_at_600_deg"][first]
+    (text,) = sentences(
+        "message",
+        motion=curves.motion,
+        free=curves.force is None,
+        stiffness=stiffness,
+        damped=damped,
+        resonances=list(zip(numbers[f"resonance_{per}_Hz"], numbers[f"resonance_{per}_Q"], strict=True)),
+        at_band=None if gain is None else (gain, phase),
+        element=curves.names[first],
+        lowest=curves.frequency[0],
+        band=BAND,
+    )
+    return text
+
+
+def lines(motion: FlatRow) -> list[tuple[str, str]]:
+    """Return names and values of a motion; those of a force or of a contact only where there is one."""
+    per_mm, per_N = (
+        next(key for key in motion if key.startswith("reading_") and key.endswith(f"_per_{what}"))
+        for what in ("mm", "N")
+    )
+    free = motion["stiffness_N_per_mm"] is None
+    named = {"unit": per_mm.split("_")[1], "per_mm": motion[per_mm], "per_N": motion[per_N]}
+    items = sentences("lines", m=motion, free=free, band=BAND, accurate=ACCURATE, **named)
+    return [(name, value) for name, _, value in (item.partition(": ") for item in items)]
+
+
+def mesh_warnings(motion: FlatRow) -> list[str]:
+    """Return a sentence if the mesh is too coarse for the state at rest, or the difference is not known."""
+    return sentences("mesh", motion=motion["motion"], difference=motion["mesh_difference"], rough=ROUGH)
+
+
+# Oscillators beside the finite elements
+
+
+def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relaxation) -> Models:
+    """Return natural frequency, Hz, and response of each oscillator, by its name.
+
+    Parameters
+    ----------
+    stiffness : of the state at rest along the motion, N/mm; above 0.
+    """
+    from fem.analyses.modes import spring_mass
+
+    natural = natural_frequency(stiffness, moving_mass(design))
+    # where the branches do not speak for this frequency, the loss factor is that at the nearest one for which they do
+    low, high = relaxation.speaks_for_frequencies
+    nearest = min(max(natural, low), high)
+    loss = float(relaxation.loss_factor(2 * np.pi * nearest))
+    name = f"mass on a spring, loss factor {loss:.3g}"
+    name = name if nearest == natural else f"{name} as at {nearest:.3g} Hz"
+
+    def prony(f: Array) -> Complex:
+        return receptance(f, natural, relaxation.complex_modulus(2 * np.pi * f) / relaxation.rest)
+
+    chosen: Models = {
+        name: (natural, lambda f: receptance(f, natural, 1 + 1j * loss)),
+        "mass on a spring with the silicone's branches": (natural, prony),
+    }
+    if motion == "x":  # the paper's formula is that of a column
+        return chosen
+    silicone, whole = spring_mass(design)
+    return {
+        "the paper's formula": (silicone, lambda f: receptance(f, silicone)),
+        "the paper's formula with the magnet's mass": (whole, lambda f: receptance(f, whole)),
+        **chosen,
+    }
+
+
+def rungs(motion: str, models: Models, finite_elements: Response, band: tuple[float, float]) -> list[FlatRow]:
+    """Return the rows of ladder.csv: the oscillators and the finite elements.
+
+    natural_Hz : natural frequency without damping; None for the finite elements, which have many.
+    peak_Hz, peak_gain, Q : the first resonance inside the band, over the lowest frequency; None without one.
+    relative_at_600 : response at 600 Hz over that at the lowest frequency; None outside the band.
+    accurate_to_Hz : frequency up to which it changes by less than ACCURATE; None if it does so in the whole band.
+    """
+    listed = [(name, natural, response) for name, (natural, response) in models.items()]
+    return [
+        {"motion": motion, "model": name, "natural_Hz": natural, **_rung(response, *band)}
+        for name, natural, response in (*listed, ("finite elements", None, finite_elements))
+    ]
+
+
+def _rung(response: Response, low: float, high: float) -> FlatRow:
+    first = float(abs(response(np.array([low]))[0]))
+
+    def gain(f: Array) -> Array:
+        return np.abs(response(f)) / first
+
+    # an undamped resonance has no height
+    damped = bool(np.iscomplex(response(np.array([high]))).any())
+    peak = next(iter(peaks(gain, low, high)), None) if damped else None
+    return {
+        "peak_Hz": peak and peak.frequency,
+        "peak_gain": peak and peak.gain,
+        "Q": peak and peak.Q,
+        "relative_at_600": float(gain(np.array([BAND]))[0]) if low <= BAND <= high else None,
+        "accurate_to_Hz": flat_to(gain, ACCURATE, low, high),
+    }
 
 
 # Natural frequencies
@@ -263,11 +463,8 @@ def natural_frequencies(
     except BadInput as error:
         status, message = "failed", str(error)
     else:
-        found = {
-            "frequency_Hz": list(solution.frequency),
-            "frequency_error_estimate": list(solution.estimates),
-            "shape": list(solution.shape),
-        }
+        values = (solution.frequency, solution.estimates, solution.shape)
+        found = {name: list(each) for name, each in zip(found, values, strict=True)}
         status = solution.status
         message = "; ".join(filter(None, [solution.message, _band_message(solution.frequency, solution.shape)]))
     beam_only, with_magnet = spring_mass(design)
@@ -276,21 +473,26 @@ def natural_frequencies(
     return Result(title="Natural frequencies", records=[record], failures=failure_of([record]))
 
 
+def _first(frequencies: Sequence[float], shapes: Sequence[str]) -> dict[str, float]:
+    """Return the first mode of each shape."""
+    # later entries of a dict replace earlier ones
+    return {shape: f for f, shape in reversed(list(zip(frequencies, shapes, strict=True)))}
+
+
 def _band_message(frequencies: tuple[float, ...], shapes: tuple[str, ...]) -> str:
     """Name the modes below `BAND`, and the highest frequency at which readings are still accurate to 5 %.
 
     A slow load at frequency f excites an undamped oscillator of frequency f1 by a factor of 1 / (1 - (f / f1)^2). The
     factor reaches 1.05 at f = 0.22 f1.
     """
-    # the first mode of each shape: later entries of a dict replace earlier ones
-    first = {shape: f for f, shape in reversed(list(zip(frequencies, shapes, strict=True)))}
-    inside = [f"{shape} {f:.0f} Hz" for shape, f in first.items() if f < BAND]
+    first = _first(frequencies, shapes)
     # ovalling and torsion leave the magnet where it is, so they do not change the readings
-    accurate_to = {shape: f * (1 - 1 / 1.05) ** 0.5 for shape, f in first.items() if shape in ("bending", "axial")}
-    quasi_static = ", ".join(f"{accurate_to[shape]:.0f} Hz for {shape} motion" for shape in accurate_to)
-    below = f"below {BAND:.0f} Hz: {', '.join(inside)}" if inside else f"no mode below {BAND:.0f} Hz"
-    if max(frequencies) < BAND:
-        below += f" and possibly more (only modes up to {max(frequencies):.0f} Hz are computed: raise --count)"
-    if not quasi_static:
-        return below
-    return f"{below}; without damping, readings of a slow load are accurate to 5 % up to {quasi_static}"
+    slow = {shape: f * (1 - 1 / 1.05) ** 0.5 for shape, f in first.items() if shape in ("bending", "axial")}
+    (text,) = sentences(
+        "modes",
+        inside=[f"{shape} {f:.0f} Hz" for shape, f in first.items() if f < BAND],
+        slow=[f"{f:.0f} Hz for {shape} motion" for shape, f in slow.items()],
+        highest=max(frequencies),
+        band=BAND,
+    )
+    return text
