@@ -95,7 +95,7 @@ def test_a_fast_cycle_is_warned_of_inertia_and_is_not_yet_steady(run):
 
 def test_an_interrupt_prints_the_complete_cycles(tmp_path):
     code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
-    words = "cycle paper --depth 0.1 --speed 0.5 --cycles 1000 --out o".split()
+    words = ["cycle", "paper", "--depth", "0.1", "--speed", "0.5", "--cycles", "1000", "--out", "o"]
     paths = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))))
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(
