@@ -1,5 +1,6 @@
 """Plain Python and numba run the same functions for the field, with the same digits."""
 
+import math
 import subprocess
 import sys
 
@@ -56,14 +57,13 @@ def test_plain_and_compiled_functions_and_threads_have_the_same_digits(flatness,
 def test_every_method_computes_some_of_these_points():
     """Otherwise the test above would say nothing of it."""
     used = set()
-    for flatness in (1e-6, 1.0, 30.0):
-        a, h = 1.7, 1.7 * flatness
-        w, who, counts = [0.0] * cylinder.SIZE, [[0] * cylinder.FACES for _ in range(cylinder.METHODS)], [0] * 6
-        for k, (x, y, z) in enumerate(places(a, h, 50)[:-6].tolist()):
-            cylinder.set_point(k % cylinder.POINTS, x, y, z, a, h / 2, w)
-        cylinder._sort(200, flatness / 2, w, who, counts)
-        used |= {method for method, count in enumerate(counts) if count}
-    assert used == set(range(cylinder.METHODS))
+    for z0 in (5e-7, 0.5, 15.0):
+        for point in places(1.7, 3.4 * z0, 50)[:-6].tolist():
+            place = r, gap, z, up, down = cylinder.lengths(*point, 1.7, 1.7 * z0)
+            far, thin = math.hypot(r, z) > 7 * math.hypot(1, z0), math.hypot(gap, z) > 12 * z0
+            rim = 12 in (cylinder._steps(r, gap, up), cylinder._steps(r, gap, down))
+            used.add("far" if far else "thin" if thin else "near" if cylinder._is_near(place, z0) else ("faces", rim))
+    assert used == {"far", "thin", "near", ("faces", False), ("faces", True)}
 
 
 def test_the_first_of_the_points_without_a_field_is_named():

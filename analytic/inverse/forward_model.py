@@ -28,8 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from analytic.cylinder import ALONG, ALONG_Z, LEAN, LEAN_Z, POINTS, cylinder_series, disc_series, workspace
-from analytic.cylinder import compiled_functions as field_functions
+from analytic.cylinder import compiled_functions, cylinder_series, disc_series
 from analytic.hall import Mode, plates_of, rotated
 from analytic.parts import Element, of_design
 from geometry.arrays import Array
@@ -37,9 +36,7 @@ from geometry.compiled import compiled
 from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
 
-compute, correct_gap, set_point = (
-    getattr(field_functions(), name) for name in ("compute", "correct_gap", "set_point")
-)
+lengths, unit_field = compiled_functions().lengths, compiled_functions().unit_field
 
 Vector = tuple[float, float, float]
 
@@ -57,9 +54,9 @@ class Forward:
     tau : coefficients c[i, j] of tau = sum c[i, j] rho^(2i) s_z^j, rad/mm.
     mode : "component" (readings B.n) or "magnitude" (readings |B|), as in `analytic.hall.readings`.
     kernel : arguments of `read`: points at which the elements sample the field, relative to the magnet's centre at
-        rest, mm, their directions n, the place of each point among the distinct ones, and its element; one over the
-        number of points of each element; the coefficients tau; whether the mode is "magnitude"; radius and half
-        height of the magnet, mm, and J, T; the series of `analytic.cylinder`, and scratch.
+        rest, mm, their directions n, and the element of each; one over the number of points of each element; the
+        coefficients tau; whether the mode is "magnitude"; radius and half height of the magnet, mm, and J, T; the
+        series of `analytic.cylinder`.
     """
 
     design: Design
@@ -107,16 +104,12 @@ def model(
 def _kernel(design: Design, elements: Sequence[Element], tau: Array, mode: Mode) -> tuple[Any, ...]:
     """Return `Forward.kernel`."""
     points, owners = plates_of(elements)
-    numbers: dict[tuple[float, ...], int] = {}
-    place = np.array([numbers.setdefault(tuple(point), len(numbers)) for point in points.tolist()])
-    if len(numbers) > POINTS:
-        raise BadInput(f"the elements may have at most {POINTS} points; got {len(numbers)}: leave elements out")
     normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
     series = cylinder_series(half / radius), disc_series()
     return (
-        *(points - [0.0, 0.0, design.H], normals, place, owners, 1 / np.bincount(owners)),
-        *(tau, mode == "magnitude", radius, half, -design.polarisation, *series, workspace()),
+        *(points - [0.0, 0.0, design.H], normals, owners, 1 / np.bincount(owners)),
+        *(tau, mode == "magnitude", radius, half, -design.polarisation, *series),
     )
 
 
@@ -201,7 +194,7 @@ def read(shift, kernel, values, slopes):
 
     Where the field is not defined they are NaN.
     """
-    tau, n, k = kernel[5], len(shift), values.shape[1]
+    tau, n, k = kernel[4], len(shift), values.shape[1]
     axis, lean = np.empty((n, 3)), np.empty((n, 3, 3))
     for p in range(n):
         tilt_axis(tau, shift[p], axis[p], lean[p])
@@ -247,52 +240,45 @@ def read_poses(shift, axis, kernel, values, by_shift, by_turn):
 
     The magnet's centre is displaced by shift (n, 3), mm, and its axis is m, shape (n, 3).
     """
-    points, normals, place, owners, share, _, magnitude, radius, half, J, series, disc, work = kernel
-    w, slope, distinct = work[0], len(by_shift) > 0, 0
-    for i in range(len(place)):
-        distinct = max(distinct, place[i] + 1)
-    block = POINTS // distinct
-    for start in range(0, len(shift), block):
-        stop = min(start + block, len(shift))
-        for p in range(start, stop):
-            for i in range(len(points)):
-                _, _, rho, zeta = placed(points[i], shift[p], axis[p])
-                at = (p - start) * distinct + place[i]
-                set_point(at, rho, 0.0, zeta, radius, half, w)
-                correct_gap(at, rho, 0.0, radius, w)
-        compute((stop - start) * distinct, half / radius, series, disc, slope, work)
-        for p in range(start, stop):
-            for k in range(len(share)):
-                values[p, k] = 0.0
-                for j in range(3 if slope else 0):
-                    by_shift[p, k, j] = by_turn[p, k, j] = 0.0
-            for i in range(len(points)):
-                at, k, m = (p - start) * distinct + place[i], owners[i], axis[p]
-                x, u, rho, _ = placed(points[i], shift[p], m)
-                lean, along, lean_z, along_z = w[LEAN + at], w[ALONG + at], w[LEAN_Z + at], w[ALONG_Z + at]
-                b_u, b_m = J * lean * (rho / radius), J * along
-                B = (b_u * u[0] + b_m * m[0], b_u * u[1] + b_m * m[1], b_u * u[2] + b_m * m[2])
-                n = (normals[i, 0], normals[i, 1], normals[i, 2])
-                if magnitude:
-                    # n = B/|B|, since then B.n = |B|
-                    size = math.sqrt(B[0] * B[0] + B[1] * B[1] + B[2] * B[2])
-                    size = size if size > 0 else 1.0
-                    n = (B[0] / size, B[1] / size, B[2] / size)
-                on_m, on_u = n[0] * m[0] + n[1] * m[1] + n[2] * m[2], n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
-                values[p, k] += share[k] * (b_u * on_u + b_m * on_m)
-                if slope:
-                    # B_r/r, dB_r/dz = dB_z/dr and dB_z/dz, T/mm; dB_r/dr = -(dB_z/dz + B_r/r) by div B = 0
-                    ring, rz, zz = lean * J / radius, lean_z * (rho / radius) * J / radius, along_z * J / radius
-                    g_u, g_m = (-zz - 2 * ring) * on_u + rz * on_m, (zz - ring) * on_m + rz * on_u
-                    g = (
-                        ring * n[0] + g_u * u[0] + g_m * m[0],
-                        ring * n[1] + g_u * u[1] + g_m * m[1],
-                        ring * n[2] + g_u * u[2] + g_m * m[2],
-                    )
-                    turn, arm = cross(B, n), cross(x, g)
-                    for j in range(3):
-                        by_shift[p, k, j] -= share[k] * g[j]
-                        by_turn[p, k, j] += share[k] * (turn[j] - arm[j])
+    points, normals, owners, share, _, magnitude, radius, half, J, series, disc = kernel
+    slope = len(by_shift) > 0
+    values[:], by_shift[:], by_turn[:] = 0.0, 0.0, 0.0
+    for p in range(len(shift)):
+        m = axis[p]
+        x, u, rho, zeta = placed(points[0], shift[p], m)
+        lean, along, lean_z, along_z = math.nan, math.nan, math.nan, math.nan
+        for i in range(len(points)):
+            k, n = owners[i], (normals[i, 0], normals[i, 1], normals[i, 2])
+            new = i == 0
+            for j in range(3):
+                new = new or points[i, j] != points[i - 1, j]
+            # the axes of a chip share their point
+            if new:
+                x, u, rho, zeta = placed(points[i], shift[p], m)
+                place = lengths(rho, 0.0, zeta, radius, half)
+                lean, along, lean_z, along_z = unit_field(place, half / radius, series, disc, slope)
+            b_u, b_m = J * lean * (rho / radius), J * along
+            B = (b_u * u[0] + b_m * m[0], b_u * u[1] + b_m * m[1], b_u * u[2] + b_m * m[2])
+            if magnitude:
+                # n = B/|B|, since then B.n = |B|
+                size = math.sqrt(B[0] * B[0] + B[1] * B[1] + B[2] * B[2])
+                size = size if size > 0 else 1.0
+                n = (B[0] / size, B[1] / size, B[2] / size)
+            on_m, on_u = n[0] * m[0] + n[1] * m[1] + n[2] * m[2], n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
+            values[p, k] += share[k] * (b_u * on_u + b_m * on_m)
+            if slope:
+                # B_r/r, dB_r/dz = dB_z/dr and dB_z/dz, T/mm; dB_r/dr = -(dB_z/dz + B_r/r) by div B = 0
+                ring, rz, zz = lean * J / radius, lean_z * (rho / radius) * J / radius, along_z * J / radius
+                g_u, g_m = (-zz - 2 * ring) * on_u + rz * on_m, (zz - ring) * on_m + rz * on_u
+                g = (
+                    ring * n[0] + g_u * u[0] + g_m * m[0],
+                    ring * n[1] + g_u * u[1] + g_m * m[1],
+                    ring * n[2] + g_u * u[2] + g_m * m[2],
+                )
+                turn, arm = cross(B, n), cross(x, g)
+                for j in range(3):
+                    by_shift[p, k, j] -= share[k] * g[j]
+                    by_turn[p, k, j] += share[k] * (turn[j] - arm[j])
 
 
 @compiled
