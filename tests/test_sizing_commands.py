@@ -1,14 +1,17 @@
 """Verb size: a small sizing with finite elements, its files, what an earlier one leaves, and refusals."""
 
+import contextlib
 import csv
+import io
 import json
-import shutil
 
 import pytest
 
 from studies.cli import commands
 from studies.inputs.user_input import read_design
 from studies.output import atomic_files
+from studies.sizing import conflicts
+from studies.sizing.front_search import Effort
 
 NEEDED = """
 force_z = "5 N"
@@ -76,43 +79,55 @@ def test_yield_has_all_requirements(sizing):
     assert {"force_z", "largest_strain", "no_saturation", "unique_decoding"} <= {row["requirement"] for row in rows}
 
 
-def test_other_generations_are_another_search(sizing, tmp_path):
-    """Nothing of an earlier search is kept: the folder of a longer one gives what an empty folder gives."""
-    folder, store = sizing
-    words = size(tmp_path, NEEDED, store)
-    words[words.index("--generations") + 1] = "6"
-    # whether finite elements confirm the one point of that search does not matter here
-    assert commands.run(words) in (0, 3)
-    assert commands.run(size(tmp_path, NEEDED, store)) == 0
-    assert json.loads((tmp_path / "out" / "sizing.json").read_text("utf-8"))["search"]["generations"] == 2
-    for name in ("front.csv", "yield.csv"):
-        assert (tmp_path / "out" / name).read_bytes() == (folder / name).read_bytes()
-
-
-def test_parts_of_earlier_requirements_are_removed(sizing, tmp_path):
-    folder, store = sizing
-    shutil.copytree(folder, tmp_path / "out")
-    parts = tmp_path / "out" / "fabrication"
-    parts.mkdir()
-    for file in (tmp_path / "out" / "winner.toml", parts / "base.stl"):
+@pytest.fixture(scope="module")
+def contradiction(tmp_path_factory):
+    """The folder of a sizing without a variant, which held the parts of an earlier one; its status and its output."""
+    folder = tmp_path_factory.mktemp("contradiction")
+    parts = folder / "out" / "fabrication"
+    parts.mkdir(parents=True)
+    for file in (folder / "out" / "winner.toml", parts / "base.stl"):
         atomic_files.write_text(file, "of an earlier sizing")
     (parts / "mine.txt").write_text("mine", encoding="utf-8")
     atomic_files.write_text(parts / "README.md", "Made with `magtip cad`")
-    impossible = NEEDED.replace("100 %", "3 %").replace('"30 mm"', '"14 mm"')
-    assert commands.run(size(tmp_path, impossible, store)) == 3
-    assert not (tmp_path / "out" / "winner.toml").exists()
-    assert [file.name for file in parts.glob("[!.]*")] == ["mine.txt"]
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(conflicts, "EFFORT", Effort(16, 4))
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            status = commands.run(size(folder, NEEDED.replace("100 %", "3 %"), folder / "store.db", "--json"))
+    return folder / "out", status, out.getvalue(), err.getvalue()
+
+
+def test_contradiction_names_a_smallest_set(contradiction):
+    folder, status, out, err = contradiction
+    assert status == 3
+    assert "no variant meets" in err
+    assert "largest_strain" in err
+    record = json.loads(out)
+    assert record["status"] == "failed"
+    assert any(row["requirement"] == "largest_strain" and row["gives"] > 0 for row in record["conflict"])
+    assert not (folder / "front.csv").exists()
+
+
+def test_parts_of_earlier_requirements_are_removed(contradiction):
+    folder, *_ = contradiction
+    assert not (folder / "winner.toml").exists()
+    assert [file.name for file in (folder / "fabrication").glob("[!.]*")] == ["mine.txt"]
 
 
 def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing, tmp_path, capsys):
-    """Smooth-Sil 940 is mixed 100A:10B by weight; a batch mixed like another silicone would never cure."""
-    _, store = sizing
+    """Smooth-Sil 940 is mixed 100A:10B by weight; a batch mixed like another silicone would never cure.
+
+    The same search in another folder has the same front.
+    """
+    folder, store = sizing
     assert commands.run(size(tmp_path, NEEDED, store, "--export")) == 0
     recipe = (tmp_path / "out" / "fabrication" / "README.md").read_text("utf-8")
     assert "--silicone 'Smooth-Sil 940'" in recipe
     assert "100A:10B by weight" in recipe
     assert "Dragon Skin" not in recipe
     assert capsys.readouterr().err.splitlines()[-1].startswith("100 %")
+    for name in ("front.csv", "yield.csv"):
+        assert (tmp_path / "out" / name).read_bytes() == (folder / name).read_bytes()
 
 
 def test_a_users_parts_are_refused_before_the_search(tmp_path, capsys):
@@ -139,18 +154,6 @@ def test_a_limit_that_rejects_every_candidate_is_named(tmp_path, capsys):
     needed = NEEDED.replace("Smooth-Sil 940", "soft") + 'catalogues = ["mine.toml"]\n'
     assert commands.run(size(tmp_path, needed, tmp_path / "store.db")) == 2
     assert "nu within 0.45 and 0.5; got 0.3" in capsys.readouterr().err
-
-
-def test_contradiction_names_a_smallest_set(tmp_path, capsys):
-    needed = NEEDED.replace("100 %", "3 %")
-    assert commands.run(size(tmp_path, needed, tmp_path / "store.db", "--json")) == 3
-    printed = capsys.readouterr()
-    assert "no variant meets" in printed.err
-    assert "largest_strain" in printed.err
-    record = json.loads(printed.out)
-    assert record["status"] == "failed"
-    assert any(row["requirement"] == "largest_strain" and row["gives"] > 0 for row in record["conflict"])
-    assert not (tmp_path / "out" / "front.csv").exists()
 
 
 def test_design_file_of_the_best_variant_is_a_design(sizing, tmp_path):
