@@ -8,12 +8,14 @@ findings are in templates/assumption_findings.j2.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic import beam
 from geometry.arrays import Array
@@ -21,13 +23,18 @@ from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, Plan
+from studies.output.figures import COLOURS, Figure, Look, heat, plot, save, table_of
 from studies.output.result import Result, Table
 from studies.simulation import beam_cells
 from studies.simulation.beam_cells import QUANTITIES, Body, Bools, Cells, Columns, all_errors, errors
 from studies.sweeps import sweep_request
-from studies.validation import assumption_maps, pages, reading_split
+from studies.validation import pages, reading_split
 from studies.validation.pages import Row
-from studies.validation.reading_split import PARTS
+from studies.validation.reading_split import PARTS, SLENDER, slender
+from studies.web.paper_figures import MARKED, error_map, map_cells
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STUDY = Path(__file__).resolve().parents[1] / "examples" / "beam_assumption.toml"
 """The shipped study."""
@@ -39,25 +46,10 @@ FILES = (
     *("best_level.png", "readings.png"),
 )
 BOUNDS = (5.0, 10.0)
-"""Errors that bound a region, %."""
+"""Errors that bound a region, %; the map of the best level shows none beyond the second."""
 FORMULAS = {"press force": "formula (5)", "shear force": "formula (6)"}
-SHALLOW = 0.06
-"""Depth over D up to which a press is called light."""
-SLENDER: dict[str, Callable[[float], bool]] = {
-    "L/D below 1.1": lambda ratio: ratio < 1.1,
-    "L/D 1.1 to 2": lambda ratio: 1.1 <= ratio <= 2,
-    "L/D above 2": lambda ratio: ratio > 2,
-}
-DEPTHS: dict[str, Callable[[float], bool]] = {
-    "d/D to 0.06": lambda depth: depth <= 0.06,
-    "d/D 0.06 to 0.2": lambda depth: 0.06 < depth <= 0.2,
-    "d/D above 0.2": lambda depth: depth > 0.2,
-}
-BODIES: dict[str, Callable[[Body], bool]] = {
-    "no magnet": lambda body: not body.height,
-    "magnet to 0.25 D": lambda body: 0 < body.height <= 0.25,
-    "taller magnet": lambda body: body.height > 0.25,
-}
+DEPTHS, BODIES = (0.06, 0.2), (0.0, 0.25)
+"""Depths and heights of the magnet, over D, that part regions; a press up to the first is called light."""
 
 
 def plan_of(study: Path) -> Plan:
@@ -120,30 +112,33 @@ def result(table: Columns, design: Design) -> Result:
     main = [grid for grid in grids if grid.body.nu == nu]
     shares, best = share_rows(table, grids), best_rows(table, main)
     parts = reading_split.split_cells(table, main, design)
-    means = reading_split.split_means(parts, SLENDER)
-    sentences = findings(table, grids, shares, means)
-    pictures = assumption_maps.pictures(table, grids, means)
+    means = reading_split.split_means(parts, ["load", "magnet_height_over_D", "slenderness"])
+    by_load = reading_split.split_means(parts, ["load", "slenderness"])
+    sentences = findings(table, grids, shares, by_load)
+    pictures = maps(table, main, means)
     chosen = [row for row in shares if row["nu"] == nu and row["level"] in ("paper", "finite")]
     page = {
         "design": design,
         "sentences": sentences,
-        "pictures": pictures,
+        "pictures": {name: text for name, (_, text) in pictures.items()},
         "nu": nu,
         "shares": [{name: value for name, value in row.items() if name != "nu"} for row in chosen],
         "best": best,
         "means": means,
     }
-    shown = Table(
-        title="Share of the cells within 5 and 10 %",
-        rows=shares,
-        first=("quantity", "level", "magnet_height_over_D", "within_10_percent"),
-    )
+    first = ("quantity", "level", "magnet_height_over_D", "within_10_percent")
+    shown = Table(title="Share of the cells within 5 and 10 %", rows=shares, first=first)
     return Result(
         title=shown.title,
         records=shares,
         shown=[shown, *sentences],
-        tables={"shares": shares, "best": best, "readings": parts, "sweep": list(flat_rows(table))},
-        files={name: picture.draw for name, picture in pictures.items()},
+        tables={
+            "shares": shares,
+            "best": best,
+            "readings": pages.records(parts),
+            "sweep": list(flat_rows(table)),
+        },
+        files={name: partial(save, figures=figures) for name, (figures, _) in pictures.items()},
         pages={"ASSUMPTION.md": pages.rendered("assumption.md.j2", **page)},
     )
 
@@ -226,91 +221,173 @@ def share_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
     """
     rows = []
     for grid in grids:
-        for quantity in QUANTITIES[grid.kind]:
-            for level, error in all_errors(table, grid, quantity).items():
-                known = error[np.isfinite(error)]
-                if not len(known):
-                    continue
-                near = np.abs(error) <= BOUNDS[-1]
-                five, ten = (block_text(grid, largest_block(np.abs(error) <= bound)) for bound in BOUNDS)
-                place = {"quantity": quantity, "level": level, "magnet_height_over_D": grid.body.height}
-                row = place | {"nu": grid.body.nu, "cells": len(known)}
-                row |= {"within_5_percent": share(error, BOUNDS[0]), "within_10_percent": share(error, BOUNDS[1])}
-                row["leaning_of_these_percent"] = 100 * float(grid.leans[near].mean()) if near.any() else math.nan
-                row["median_error_percent"] = float(np.median(np.abs(known)))
-                row["largest_error_percent"] = float(known[np.abs(known).argmax()])
-                rows.append(row | {"within_5_block": five, "within_10_block": ten})
+        for quantity, level in product(QUANTITIES[grid.kind], beam.LEVELS):
+            error = errors(table, grid, level, quantity)
+            known = error[np.isfinite(error)]
+            if not len(known):
+                continue
+            near = np.abs(error) <= BOUNDS[-1]
+            five, ten = (block_text(grid, largest_block(np.abs(error) <= bound)) for bound in BOUNDS)
+            rows.append(
+                {
+                    "quantity": quantity,
+                    "level": level,
+                    "magnet_height_over_D": grid.body.height,
+                    "nu": grid.body.nu,
+                    "cells": len(known),
+                    "within_5_percent": share(error, BOUNDS[0]),
+                    "within_10_percent": share(error, BOUNDS[1]),
+                    "leaning_of_these_percent": 100 * float(grid.leans[near].mean()) if near.any() else math.nan,
+                    "median_error_percent": float(np.median(np.abs(known))),
+                    "largest_error_percent": float(known[np.abs(known).argmax()]),
+                    "within_5_block": five,
+                    "within_10_block": ten,
+                }
+            )
     return rows
+
+
+def regions(grid: Cells) -> pd.DataFrame:
+    """Return body, slenderness and depth of each cell in words, in the order of its rows."""
+    import pandas as pd
+
+    def classes(values: Array, edges: tuple[float, float], names: Sequence[str]) -> pd.Categorical:
+        return pd.Categorical.from_codes((values > edges[0]).astype(int) + (values > edges[1]), names)
+
+    height, (depth, ratio) = grid.body.height, np.meshgrid(grid.loads[:, 0], grid.slenderness, indexing="ij")
+    bodies = ("no magnet", f"magnet to {BODIES[1]:g} D", "taller magnet")
+    names = (f"d/D to {DEPTHS[0]:g}", f"d/D {DEPTHS[0]:g} to {DEPTHS[1]:g}", f"d/D above {DEPTHS[1]:g}")
+    return pd.DataFrame(
+        {
+            "body": classes(np.full(depth.size, height), BODIES, bodies),
+            "slenderness": slender(ratio.ravel()),
+            "depth": classes(depth.ravel(), DEPTHS, names),
+        }
+    )
 
 
 def best_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
-    """Return the best level in each region: body, slenderness and depth; regions without a cell are left out."""
-    rows = []
-    for kind, quantities in QUANTITIES.items():
-        for quantity, (body_name, of_body) in product(quantities, BODIES.items()):
-            own = [grid for grid in grids if grid.kind == kind and of_body(grid.body)]
-            found = [(grid, all_errors(table, grid, quantity)) for grid in own]
-            for (slender_name, slender), (depth_name, deep) in product(SLENDER.items(), DEPTHS.items()):
-                region = f"{body_name}, {slender_name}, {depth_name}"
-                picked = [_picked(grid, errors, slender, deep) for grid, errors in found]
-                rows += best_row(quantity, region, picked)
+    """Return the best level in each region: body, slenderness and depth; regions without a cell are left out.
+
+    The best level has the least root mean square error in the cells that every level answers; `best_in_percent` is
+    the share of these in which it has the least error of all levels.
+    """
+    import pandas as pd
+
+    rows: list[Row] = []
+    for quantity in (name for names in QUANTITIES.values() for name in names):
+        own = [grid for grid in grids if quantity in QUANTITIES[grid.kind]]
+        parts = [regions(grid).assign(**_flat(all_errors(table, grid, quantity))) for grid in own]
+        cells = pd.concat(parts).dropna() if parts else pd.DataFrame(columns=["body", "slenderness", "depth"])
+        for region, group in cells.groupby(["body", "slenderness", "depth"], observed=True):
+            found = group[list(beam.LEVELS)]
+            rms = (found**2).mean() ** 0.5
+            best = str(rms.idxmin())
+            figures: Row = {"quantity": quantity, "region": ", ".join(region), "cells": len(found)}
+            figures |= {"best_level": best, "rms_error_percent": float(rms[best])}
+            figures["within_10_percent"] = share(found[best].to_numpy(), 10.0)
+            figures["best_in_percent"] = 100 * float((found.abs().idxmin(axis=1) == best).mean())
+            figures["paper_rms_error_percent"] = float(rms["paper"])
+            rows.append(figures | {"paper_within_10_percent": share(found["paper"].to_numpy(), 10.0)})
     return rows
 
 
-def _picked(
-    grid: Cells, errors: Mapping[str, Array], slender: Callable[[float], bool], deep: Callable[[float], bool]
-) -> dict[str, Array]:
-    """Return the errors of all levels in the cells of a region that every level answers, shape (cells,)."""
-    chosen = np.outer([deep(depth) for depth in grid.loads[:, 0]], [slender(ratio) for ratio in grid.slenderness])
-    return {level: error[chosen] for level, error in errors.items()}
+def _flat(values: dict[str, Array]) -> dict[str, Array]:
+    return {name: value.ravel() for name, value in values.items()}
 
 
-def best_row(quantity: str, region: str, picked: Sequence[Mapping[str, Array]]) -> list[Row]:
-    """Return the row of a region from the errors of its bodies, or nothing without a cell.
+# Maps
 
-    The best level has the least root mean square error; `best_in_percent` is the share of the region's cells in which
-    it has the least error of all levels.
-    """
-    if not picked:
-        return []
-    names = list(picked[0])
-    stacked = np.array([np.concatenate([each[level] for each in picked]) for level in names])
-    known = np.isfinite(stacked).all(axis=0)
-    if not known.any():
-        return []
-    stacked = stacked[:, known]
-    rms = np.sqrt((stacked**2).mean(axis=1))
-    best, paper = int(rms.argmin()), names.index("paper")
-    winner = np.abs(stacked).argmin(axis=0)
-    figures = {"quantity": quantity, "region": region, "cells": int(known.sum()), "best_level": names[best]}
-    row = figures | {"rms_error_percent": float(rms[best]), "within_10_percent": share(stacked[best], 10.0)}
-    row |= {"best_in_percent": 100 * float((winner == best).mean()), "paper_rms_error_percent": float(rms[paper])}
-    return [row | {"paper_within_10_percent": share(stacked[paper], 10.0)}]
+Pictures = dict[str, tuple[Sequence[Figure], str]]
+"""Figures and the text below them, by the name of their file."""
+
+
+def maps(table: Columns, grids: Sequence[Cells], means: Sequence[Row]) -> Pictures:
+    """Return the maps of the errors, of the best level, and the parts of the readings' errors."""
+    found: Pictures = {}
+    nu = grids[0].body.nu
+    for kind, quantities in QUANTITIES.items():
+        own = [grid for grid in grids if grid.kind == kind]
+        for quantity in quantities if own else ():
+            text = f"Error of the {quantity} in a {kind}, by level and height of the magnet, nu = {nu:g}."
+            figures = [error_map(table, own, quantity, level) for level in beam.LEVELS]
+            found[f"{quantity.replace(' ', '_')}.png"] = figures, text
+    best = f"The level of least error in each cell; grey: even that error exceeds {BOUNDS[1]:g} %."
+    found["best_level.png"] = best_maps(table, grids), best
+    if means:
+        parts = "Root mean squares of the parts of the readings' error, by height of the magnet and L/D."
+        found["readings.png"] = [split_figure(means)], parts
+    return found
+
+
+def best_levels(errors: dict[str, Array]) -> NDArray[Any]:
+    """Return the level of least error in each cell, "none" where even that exceeds the bound, None without any."""
+    sizes = np.abs(np.array(list(errors.values())))
+    least = np.where(np.isfinite(sizes), sizes, np.inf)
+    names = np.array([*errors, "none", None], dtype=object)
+    index = np.where(least.min(axis=0) > BOUNDS[1], -2, least.argmin(axis=0))
+    return np.asarray(names[np.where(np.isfinite(sizes).any(axis=0), index, -1)])
+
+
+def best_maps(table: Columns, grids: Sequence[Cells]) -> list[Figure]:
+    """Return maps of the level of least error in each cell, for the press force and the shear force."""
+    value = "level of least error"
+    colours = dict(zip([*beam.LEVELS, "none"], [*COLOURS[: len(beam.LEVELS)], "#bbbbbb"], strict=True))
+    figures = []
+    for kind, quantity in (("press", "press force"), ("shear", "shear force")):
+        own = [grid for grid in grids if grid.kind == kind]
+        if own:
+            best = {id(grid): best_levels(all_errors(table, grid, quantity)) for grid in own}
+            data, axes = map_cells(own, lambda grid, best=best: best[id(grid)], value)
+            figures.append(
+                heat(f"Level of least error, {quantity}", "", data, axes, value, colours=colours, marked=MARKED)
+            )
+    return figures
+
+
+def split_figure(means: Sequence[Row]) -> Figure:
+    """Return the parts of the readings' errors: a panel for each kind of load, the sensors side by side."""
+    x, y = "height of the magnet, and L/D", "error (% of full scale)"
+    rows = [
+        {
+            x: f"{row['magnet_height_over_D']:.3g} D, {row['slenderness']}",
+            y: row[f"{part}_percent_FS"] or np.nan,
+            "panel": row["load"],
+            "series": part,
+        }
+        for row in means
+        for part in PARTS
+    ]
+    return plot("Parts of the errors of readings", "", table_of(rows), x, y, Look(line=False, log="y", columns=1))
 
 
 # Findings
 
 
-def findings(table: Columns, grids: Sequence[Cells], shares: Sequence[Row], means: Sequence[Row]) -> list[str]:
+def findings(table: Columns, grids: Sequence[Cells], shares: Sequence[Row], readings: Sequence[Row]) -> list[str]:
     """Return what the tables do not show, in sentences: where the paper's formulas hold, readings, failures."""
     nu = max(grid.body.nu for grid in grids)
     main = [row for row in shares if row["nu"] == nu]
     presses, shears = ([grid for grid in grids if grid.kind == kind] for kind in ("press", "shear"))
-    light = [(grid, grid.loads[:, 0] <= SHALLOW) for grid in presses if grid.body.nu == nu]
+    light = [
+        errors(table, grid, "paper", "press force")[grid.loads[:, 0] <= DEPTHS[0]]
+        for grid in presses
+        if grid.body.nu == nu
+    ]
     text = pages.filled(
         (pages.TEMPLATES / "assumption_findings.j2").read_text("utf-8"),
-        overall=[_within(main, quantity) for quantity in FORMULAS],
+        overall=[(quantity, _within(main, quantity)) for quantity in FORMULAS],
         bodies=[
             row | {"body": Body(row["magnet_height_over_D"], nu).name, "formula": FORMULAS[quantity]}
             for quantity in FORMULAS
             for row in main
             if (row["quantity"], row["level"]) == (quantity, "paper")
         ],
-        shallow=SHALLOW,
-        light=_known([errors(table, grid, "paper", "press force")[own] for grid, own in light]),
+        shallow=DEPTHS[0],
+        light=_known(light),
         sheared=_known([errors(table, grid, "paper", "shear force") for grid in shears if grid.body.nu == nu]),
-        readings=_reading_means(means),
-        shortest=next(iter(SLENDER)),
+        readings=readings,
+        shortest=SLENDER[0],
         leaning=sum(int((grid.leans & grid.judged).sum()) for grid in presses),
         judged=sum(int(grid.judged.sum()) for grid in presses),
         given=sum(int(grid.gave_way.sum()) for grid in shears),
@@ -322,30 +399,17 @@ def findings(table: Columns, grids: Sequence[Cells], shares: Sequence[Row], mean
     return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]
 
 
-def _within(rows: Sequence[Row], quantity: str) -> tuple[str, dict[str, float]]:
-    """Return a quantity and the share of all cells within 10 %, by the name of the formula."""
+def _within(rows: Sequence[Row], quantity: str) -> dict[str, float]:
+    """Return the share of all cells within 10 %, by the name of the formula."""
     shares = {}
     for level, name in (("paper", FORMULAS[quantity]), ("finite", "level finite")):
         own = [row for row in rows if (row["quantity"], row["level"]) == (quantity, level)]
         if cells := sum(row["cells"] for row in own):
             shares[name] = sum(row["cells"] * row["within_10_percent"] for row in own) / cells
-    return quantity, shares
+    return shares
 
 
 def _known(values: Sequence[Array]) -> Array:
     """Return all finite values of several arrays, shape (n,)."""
     known = np.concatenate([np.empty(0), *(array.ravel() for array in values)])
     return np.asarray(known[np.isfinite(known)])
-
-
-def _reading_means(means: Sequence[Row]) -> list[Row]:
-    """Return the root mean squares of the parts over all heights of the magnet, by kind of load and range of L/D."""
-    found = []
-    for load, slenderness in dict.fromkeys((row["load"], name) for row in means for name in SLENDER):
-        own = [row for row in means if (row["load"], row["slenderness"]) == (load, slenderness)]
-        weights = [row["states"] for row in own]
-        if own:
-            squares = {part: [row[f"{part}_percent_FS"] ** 2 for row in own] for part in PARTS}
-            rms = {part: float(np.sqrt(np.average(each, weights=weights))) for part, each in squares.items()}
-            found.append({"load": load, "slenderness": slenderness, **rms})
-    return found

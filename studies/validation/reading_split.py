@@ -14,8 +14,8 @@ are in the base of the sensor; L changes the distance to the magnet. A state who
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,47 +25,62 @@ from geometry.arrays import Array
 from geometry.design import Design
 from studies.inputs.user_input import Value
 from studies.mechanics.study_cases import varied
-from studies.simulation.beam_cells import Body, Cells, Columns
+from studies.simulation.beam_cells import Cells, Columns
+from studies.validation import pages
 from studies.validation.pages import Row
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 PARTS = ("total", "mechanics", "tilt", "field", "dipole")
+COLUMNS, LOADS = [f"{part}_percent_FS" for part in PARTS], ("depth", "shear")
 
 
-def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> list[Row]:
+SLENDER = ("L/D below 1.1", "L/D 1.1 to 2", "L/D above 2")
+
+
+def slender(ratio: Array) -> pd.Categorical:
+    """Return the range of L/D of beams, one of SLENDER."""
+    import pandas as pd
+
+    return pd.Categorical.from_codes((ratio >= 1.1).astype(int) + (ratio > 2), SLENDER)
+
+
+def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> pd.DataFrame:
     """Return the parts in every judged state of the bodies with a magnet; `design` is that of the sweep."""
-    rows: list[Row] = []
+    import pandas as pd
+
+    found = [pd.DataFrame(columns=["L_over_D", "shear_over_D", *COLUMNS])]
     for body in dict.fromkeys(grid.body for grid in grids if grid.body.height):
         own = [grid for grid in grids if grid.body == body]
         for column, slenderness in enumerate(own[0].slenderness.tolist()):
             states = np.concatenate([grid.row[grid.judged[:, column], column] for grid in own])
             if len(states):
-                rows += _sensor(table, sensor(table, int(states[0]), design), body, slenderness, states)
-    return rows
+                one = sensor(table, int(states[0]), design)
+                place = {"magnet_height_over_D": body.height, "L_over_D": slenderness}
+                found.append(_sensor(table, one, states, place))
+    return pd.concat(found[1:] or found, ignore_index=True)
 
 
-def _sensor(table: Columns, design: Design, body: Body, slenderness: float, states: Array) -> list[Row]:
+def _sensor(table: Columns, design: Design, states: Array, place: Mapping[str, float]) -> pd.DataFrame:
     """Return the parts in the states of one sensor; NaN where a pose is unknown.
 
     Parameters
     ----------
     states : rows of the table, shape (n,).
+    place : first columns.
     """
+    import pandas as pd
+
     (fem, tilt), (formula, _) = (_poses(table, model, states) for model in ("fem", "analytic_paper"))
     known = np.isfinite(np.column_stack([fem, tilt, formula])).all(axis=1)
-    layout = of_design(design)
-    percent = np.full((len(PARTS), len(states), len(layout)), np.nan)
+    names = [element.name for element in of_design(design)]
+    percent = np.full((len(PARTS), len(states), len(names)), np.nan)
     if known.any():
         percent[:, known] = _parts(design, fem[known], tilt[known], formula[known])
-    D = design.D
-    names = [f"{part}_percent_FS" for part in PARTS]
-    rows = []
-    for k, row in enumerate(states.tolist()):
-        place = {"magnet_height_over_D": body.height, "L_over_D": slenderness}
-        place |= {f"{name}_over_D": float(table[f"{name}_mm"][row] / D) for name in ("depth", "shear")}
-        for number, element in enumerate(layout):
-            parts = dict(zip(names, percent[:, k, number].tolist(), strict=True))
-            rows.append(place | {"element": element.name} | parts)
-    return rows
+    over_D = {f"{name}_over_D": (table[f"{name}_mm"][states] / design.D).repeat(len(names)) for name in LOADS}
+    parts = dict(zip(COLUMNS, percent.reshape(len(PARTS), -1), strict=True))
+    return pd.DataFrame({**place, **over_D, "element": names * len(states), **parts})
 
 
 def _parts(design: Design, fem: Array, tilt: Array, formula: Array) -> Array:
@@ -114,19 +129,16 @@ def readings(design: Design, shift: Array, tilt: Array, field: hall.Field = "exa
     return np.column_stack(values)
 
 
-def split_means(rows: Sequence[Row], slender: Mapping[str, Callable[[float], bool]]) -> list[Row]:
-    """Return root mean squares in % of full scale by kind of load, height of the magnet and range of L/D."""
-    means = []
-    known = [row for row in rows if math.isfinite(row["total_percent_FS"])]
-    for load in ("press", "shear"):
-        for height in sorted({row["magnet_height_over_D"] for row in rows}):
-            for name, inside in slender.items():
-                own = [row for row in known if bool(row["shear_over_D"]) == (load == "shear")]
-                own = [row for row in own if row["magnet_height_over_D"] == height and inside(row["L_over_D"])]
-                if own:
-                    states = len({(row["L_over_D"], row["depth_over_D"], row["shear_over_D"]) for row in own})
-                    place = {"load": load, "magnet_height_over_D": height, "slenderness": name, "states": states}
-                    columns = (f"{part}_percent_FS" for part in PARTS)
-                    rms = {name: float(np.sqrt(np.mean([row[name] ** 2 for row in own]))) for name in columns}
-                    means.append(place | rms)
-    return means
+def split_means(parts: pd.DataFrame, by: list[str]) -> list[Row]:
+    """Return root mean squares in % of full scale by some of load, magnet_height_over_D and slenderness."""
+    known = parts[parts["total_percent_FS"].notna()]
+    known = known.assign(
+        load=np.where(known["shear_over_D"] != 0, "shear", "press"),
+        slenderness=slender(known["L_over_D"].to_numpy()),
+        **known[COLUMNS] ** 2,
+    )
+    groups = known.groupby(by, observed=True)
+    states = groups[["L_over_D", "depth_over_D", "shear_over_D"]].apply(lambda own: len(own.drop_duplicates()))
+    rms = groups[COLUMNS].mean() ** 0.5
+    rms.insert(0, "states", states)
+    return pages.records(rms.reset_index())
