@@ -7,7 +7,7 @@ import pytest
 
 from geometry.loads import Load
 from studies.output import result
-from studies.validation import extreme_checks, friction
+from studies.validation import extremes, friction
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +48,10 @@ def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
 
 def test_the_judge_of_extremes_measures_the_cone():
     loads = tuple(Load(depth=0.5, shear_x=x, friction=0.1) for x in (0.0, 0.6))
-    scene = extreme_checks.Case("small", loads, extreme_checks.cone, 0.01, friction.COARSE, magnet="ignored")
-    found = extreme_checks.cone(scene, extreme_checks.path(scene))
-    assert found.solution.slip_share == 1
+    scene = extremes.Case("small", loads, extremes.cone, 0.01, friction.COARSE, magnet="ignored")
+    states = extremes.path(scene)
+    found = extremes.cone(scene, states)
+    assert states[-1].slip_share == 1
     assert found.measured < scene.bound
 
 

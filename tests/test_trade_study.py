@@ -8,6 +8,7 @@ import json
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analytic import beam, buckling, hall
@@ -19,10 +20,9 @@ from studies.cli import entry_point
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
-from studies.validation import bench_programs, trade, trade_cases, trade_rule, trade_study
-from studies.validation.trade import FILES
+from studies.validation import bench_programs, trade, trade_cases, trade_study
+from studies.validation.trade import FILES, summary
 from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, references, runs_on, trial
-from studies.validation.trade_rule import confirm, statements, summary
 from studies.validation.trade_study import (
     COMPONENTS,
     Reference,
@@ -31,7 +31,6 @@ from studies.validation.trade_study import (
     extrapolate,
     full_scales,
     true_errors,
-    with_errors,
 )
 
 COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
@@ -156,7 +155,27 @@ def truth(values, bars):
 
 
 def errors(answer, reference, scales):
-    return true_errors(arrays(answer), reference, np.array(scales))
+    """Error and bar of each quantity that has one."""
+    found = true_errors(arrays(answer), reference, np.array(scales))
+    pairs = {name: (found[f"{name}_error_percent"], found[f"{name}_bar_percent"]) for name in trade_study.QUANTITIES}
+    return {name: pair for name, pair in pairs.items() if not math.isnan(pair[0])}
+
+
+def with_errors(state, errors):
+    columns = {
+        f"{name}_{kind}_percent": value
+        for name, pair in errors.items()
+        for kind, value in zip(("error", "bar"), pair, strict=True)
+    }
+    return state | trade_study.UNKNOWN | columns
+
+
+def statements(states):
+    return trade.statements(pd.DataFrame(states))
+
+
+def confirm(states, rule):
+    return list(trade.confirmed(pd.DataFrame(states), rule))
 
 
 def answer(response):
@@ -223,7 +242,7 @@ def ran(percent, model, level, *, design=0, outside="", cpu=1.0, bar=0.1):
 
 
 def cell(model, level):
-    return next(c for c in trade.cells(STATES) if (c["model"], c["level"]) == (model, level))
+    return next(c for c in trade.cells(pd.DataFrame(STATES)) if (c["model"], c["level"]) == (model, level))
 
 
 STATES = [
@@ -259,7 +278,7 @@ def test_the_surrogate_counts_inside_its_range_only_in_errors_and_cost():
 def test_the_report_names_model_errors_confirmation_and_command(tmp_path):
     case = {"kind": "press", "design": 0, "depth_mm": 0.4, "shear_mm": 0.0, "tolerance": 0.01}
     case |= {"model": "axisymmetric quick", "status": "exceeded", "expected": 0.01, "error": 0.012}
-    found = trade.result(STATES, [], [case], ["press"], "")
+    found = trade.result(pd.DataFrame(STATES), [], [case], ["press"], "")
     result.write(found, tmp_path, "magtip validate trade --out out/trade")
     page = (tmp_path / "TRADE.md").read_text("utf-8")
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(trade.FILES)
@@ -306,7 +325,7 @@ def test_a_formula_on_too_few_designs_has_no_bound():
 def test_the_surrogate_has_a_bound_for_each_region_of_loads_and_is_read_back():
     rule = statements([state(1.0, model="surrogate", level="shipped", design=i) for i in (0, 3, 9, 10)])
     assert [(one.model, one.level, one.region) for one in rule] == [("surrogate", "shipped", "depth to 0.06 D")]
-    assert [Statement(**each) for each in json.loads(trade_rule.as_text(rule, ""))["statements"]] == rule
+    assert [Statement(**each) for each in json.loads(trade.as_text(rule, ""))["statements"]] == rule
 
 
 def test_the_surrogate_on_too_few_designs_has_no_bound():
@@ -331,7 +350,7 @@ def test_formulas_outside_their_range_and_confirming_designs_do_not_count():
 
 def test_the_rule_chooses_the_cheapest_level_that_meets_each_tolerance():
     rule = statements(levels(1.5, 0.4))
-    results = list(confirm([state(1.4, confirming=True), state(0.3, level="standard", confirming=True)], rule))
+    results = confirm([state(1.4, confirming=True), state(0.3, level="standard", confirming=True)], rule)
     assert [each["model"].split()[-1] if each["model"] else "" for each in results] == [
         *("standard", "standard", "quick", "quick", "quick", "quick")
     ]
@@ -339,18 +358,18 @@ def test_the_rule_chooses_the_cheapest_level_that_meets_each_tolerance():
 
 
 def test_a_tolerance_below_every_bound_is_refused_and_counted():
-    results = list(confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.8))))
+    results = confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.8)))
     first = next(row for row in summary(results) if row["kind"] == "press" and row["tolerance_percent"] == 0.5)
     assert (first["cases"], first["refused"], first["within"]) == (1, 1, 0)
 
 
 def missed(results):
     """The missed goals of presses."""
-    return [str(goal) for goal in goals.missed(trade_rule.goals(results, ["press"]))]
+    return [str(goal) for goal in goals.missed(trade.goals(results, ["press"]))]
 
 
 def test_errors_beyond_the_tolerance_miss_both_goals():
-    results = list(confirm([state(9.0, confirming=True)], statements(levels(1.5, 3.0))))
+    results = confirm([state(9.0, confirming=True)], statements(levels(1.5, 3.0)))
     assert "press, tolerance 2 %, cases within it: 0 %, goal at least 95 %" in missed(results)
     assert "press, tolerance 2 %, largest error over it: 4.5, goal at most 1.5" in missed(results)
 
@@ -364,17 +383,17 @@ def test_a_confirmation_without_a_judged_case_misses_its_goals():
     met = [lost | {"status": "within", "error": 0.005, "design": d} for d in (0, 60)]
     assert missed(met) == []
     # a kind that no case confirms is no success
-    assert goals.missed(trade_rule.goals(met))
+    assert goals.missed(trade.goals(met))
 
 
 def test_a_chosen_model_that_did_not_run_is_unjudged():
-    results = list(confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.4))))
+    results = confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.4)))
     assert [each["status"] for each in results if each["model"].endswith("standard")] == ["not run"] * 2
 
 
 def test_the_text_of_a_rule_is_read_back():
     rule = statements(levels(1.5, 0.4))
-    read = json.loads(trade_rule.as_text(rule, "by hand"))
+    read = json.loads(trade.as_text(rule, "by hand"))
     assert [Statement(**each) for each in read["statements"]] == rule
     assert read["made"] == "by hand"
     assert read["versions"] == model_choice.versions()

@@ -1,4 +1,10 @@
-"""Cases at the limits of the input ranges, each with a verdict: a correct result, or a clear status."""
+"""Cases at the limits of the input ranges, each with a verdict: a correct result, or a clear status.
+
+Each case measures one number of its states, which must not exceed a bound. Some checks are independent of the solver:
+Hertz's F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at first touch; the work of the applied force, the integral of F ds by
+Simpson's rule, against the energy gained; the uniform bar by which a long slender beam exceeds a short one. Others
+compare two solves: similarity, the order of stiffness, the limit of nu, another path or model to the same state.
+"""
 
 from __future__ import annotations
 
@@ -6,31 +12,31 @@ import csv
 import functools
 import math
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from fem.accuracy import QUICK, STANDARD, Accuracy
-from geometry.design import BadInput, paper
-from geometry.loads import Load
+from fem.equilibrium import trace
+from fem.scene import Model
+from fem.solution import Solution
+from geometry.design import LEAST_WALL, BadInput, Design, Shape, paper
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.output.result import Result
-from studies.validation import extreme_checks, pages
-from studies.validation.extreme_checks import LENGTHS, Case, Measurement, StoppedError, largest_height, press
+from studies.validation import pages
 from studies.validation.pages import Row
 
 NAN = math.nan
 FILES = ("EXTREMES.md", "extremes.csv")
 Verdict = Literal["pass", "fail", "not judged"]
-
 CASES = Path(__file__).with_name("extreme_cases.csv")
 """All cases but the random ones: loads, check and bound, changes of the paper's design, expected statuses."""
 SEED = 2016
-MAY_STOP = ("ok", "not_converged")
-"""Expected statuses of a path that need not reach its last load."""
 BOUNDS = {
     "quick": {"hertz": 0.02, "bar": 0.01, "mesh": 0.03, "shear": 0.01},
     "standard": {"hertz": 0.005, "bar": 0.005, "mesh": 0.01, "shear": 0.005},
@@ -39,7 +45,55 @@ BOUNDS = {
 WORK = 2e-3
 """Bound of the work of the force in random cases."""
 NO_MAGNET = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
+LENGTHS = ("D", "L", "f", "l0", "c", *NO_MAGNET)
+"""Fields of a design that are lengths, for similarity."""
 HARMONICS = replace(QUICK, section_size=0.2, harmonics=8)
+HEIGHTS = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+"""Heights of the smaller magnets beside the largest, mm."""
+WIDE = 3.0
+"""Factor by which the inverted share on a finer grid of points may exceed the share that the state reports."""
+
+
+class Measurement(NamedTuple):
+    """What was measured, or the reason why nothing was (`measured` is NaN); `bound` replaces the case's own."""
+
+    check: str
+    measured: float = NAN
+    bound: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One extreme case: a path of loads on a design, its check and its expected statuses.
+
+    Attributes
+    ----------
+    loads : the path; the last load is the extreme one.
+    measure : check of the states, used if the path reaches its last load.
+    bound : largest value that the check allows.
+    changes : fields that differ from the paper's design.
+    ends : expected statuses. If the path stops, or becomes unstable although "ok" is not expected, the last state is
+        checked instead (`stopped`, `onset`).
+    """
+
+    name: str
+    loads: tuple[Load, ...]
+    measure: Callable[[Case, Sequence[Solution]], Measurement]
+    bound: float
+    accuracy: Accuracy
+    changes: Mapping[str, float] = field(default_factory=dict)
+    magnet: Magnet = "rigid"
+    model: Model = "auto"
+    ends: tuple[str, ...] = ("ok",)
+
+    @property
+    def design(self) -> Design:
+        return replace(paper(), **self.changes)  # type: ignore[arg-type]
+
+
+def press(*depths: float) -> tuple[Load, ...]:
+    """Return a path of presses to these depths, mm."""
+    return tuple(Load(depth=depth) for depth in depths)
 
 
 def cases(*, quick: bool = False) -> list[Case]:
@@ -52,12 +106,11 @@ def cases(*, quick: bool = False) -> list[Case]:
 
 
 def _case(row: Row, level: Accuracy) -> Case:
-    """Return the case of a row of CASES."""
     check, *numbers = row["check"].split()
     return Case(
         row["scene"],
         _loads(*row["loads"].split(), steps=4 if level is QUICK else 8),
-        functools.partial(getattr(extreme_checks, check), *map(float, numbers)),
+        functools.partial(globals()[check], *map(float, numbers)),
         BOUNDS[level.name].get(row["bound"]) or float(row["bound"]),
         {"": level, "quick": QUICK, "harmonics": HARMONICS}[row["accuracy"]],
         _changes(row["changes"]),
@@ -109,12 +162,12 @@ def _sample(i: int, rng: np.random.Generator, a: Accuracy) -> Case:
     return Case(
         f"sample {i}: depth {depth:g} mm",
         press(0.98 * depth, 0.99 * depth, depth),
-        extreme_checks.work,
+        work,
         WORK,
         a,
         {"E": E, "nu": nu, **shape},
         "rigid" if fits else "ignored",
-        ends=MAY_STOP,
+        ends=("ok", "not_converged"),
     )
 
 
@@ -159,84 +212,79 @@ def result(rows: Sequence[Row]) -> Result:
 def examine(case: Case) -> Row:
     """Return the row of one case; an exception has the status "crashed" and its text as the message."""
     begin = time.perf_counter()
-    measurement: Measurement | None = None
-    status: str
+    end, found = None, None
     try:
-        measurement = _measured(case)
-        end = measurement.solution
-        status, message = ("crashed", "") if end is None else (end.status, end.message)
+        end, found = measure(case)
+        status, message = end.status, end.message
     except BadInput as error:
-        status, message = "bad_input", str(error)
-        measurement = extreme_checks.refused(case)
+        status, message, found = "bad_input", str(error), refused(case)
     except Exception as error:
         # the study exists to find unforeseen failures, so that every exception becomes a row
         status, message = "crashed", f"{type(error).__name__}: {error}"
-    return _result(case, measurement, status, message, time.perf_counter() - begin)
+    verdict = _verdict(case, found, status)
+    check, measured, _ = found or Measurement("none")
+    changes = " ".join(f"{name}={value:.9g}" for name, value in case.changes.items())
+    return {
+        "scene": case.name,
+        "verdict": verdict,
+        "status": status,
+        "message": message,
+        "seconds": time.perf_counter() - begin,
+        "check": check,
+        "measured": measured,
+        "bound": NAN if found is None or math.isnan(measured) else _bound(case, found),
+        "passed": verdict == "pass",
+        "ends": " ".join(case.ends),
+        "model": end.model if end else case.model,
+        "accuracy": case.accuracy.name,
+        "magnet": case.magnet,
+        "depth_mm": end.load.depth if end else NAN,
+        "shear_mm": end.load.shear_x if end else NAN,
+        "force_x_N": end.response.force[0] if end else NAN,
+        "force_z_N": end.response.force[2] if end else NAN,
+        "inside_out_share": folded_share(end) if end and end.model == "axisymmetric" else NAN,
+        "changes": changes,
+    }
 
 
-def _measured(case: Case) -> Measurement:
-    """Return the measurement of a case: its own check if the path reaches its last load, else of the end."""
-    states = extreme_checks.path(case)
+def measure(case: Case) -> tuple[Solution, Measurement]:
+    """Return the last state of a case and its measurement: its own check if the path ends well, else of the end."""
+    states = path(case)
     end = states[-1]
     reached = end.status == "ok" or (end.status == "unstable" and "ok" in case.ends)
     try:
-        measurement = case.measure(case, states) if reached else extreme_checks.stopped(case, end)
+        found = case.measure(case, states) if reached else stopped(case, end)
     except StoppedError as stop:
-        measurement = Measurement(end, f"no comparison: the other solve {stop}", None)
+        found = Measurement(f"no comparison: the other solve {stop.args[0]}")
     # beyond the onset of an instability a failed check proves nothing: the path may have taken another branch
-    settled = end.status not in case.ends or _verdict(case, measurement, end.status) == "pass"
-    if settled or end.facts.onset is None:
-        return measurement
-    text = _text(measurement.check, measurement.measured, _bound(case, measurement))
-    return extreme_checks.onset(case, end, text)
+    if end.status in case.ends and _verdict(case, found, end.status) != "pass" and end.facts.onset is not None:
+        return end, onset(case, end, _text(found.check, found.measured, _bound(case, found)))
+    return end, found
 
 
-def _bound(case: Case, measurement: Measurement) -> float:
-    return case.bound if measurement.bound is None else measurement.bound
+def _bound(case: Case, found: Measurement) -> float:
+    return case.bound if found.bound is None else found.bound
 
 
-def _verdict(case: Case, measurement: Measurement | None, status: str) -> Verdict:
+def _verdict(case: Case, found: Measurement | None, status: str) -> Verdict:
     """Return the verdict on a case: both its status and its measurement must be right."""
-    if measurement is None or status not in case.ends:
+    if found is None or status not in case.ends:
         return "fail"
-    if measurement.measured is None:
+    if math.isnan(found.measured):
         return "not judged"
-    return "pass" if measurement.measured <= _bound(case, measurement) else "fail"
+    return "pass" if found.measured <= _bound(case, found) else "fail"
 
 
-def _result(case: Case, measurement: Measurement | None, status: str, message: str, seconds: float) -> Row:
-    """Return the columns of extremes.csv and JSON; NaN where there is no number.
-
-    `check` is the measured quantity, or the reason why there is no measurement; `changes` are the fields that differ
-    from the paper's design; load and force are those of the last state.
-    """
-    end = measurement.solution if measurement else None
-    measured = measurement.measured if measurement else None
-    response = end.response if end else None
-    verdict = _verdict(case, measurement, status)
-    inside_out = extreme_checks.folded_share(end) if end and end.model == "axisymmetric" else NAN
-    row: Row = {"scene": case.name, "verdict": verdict, "status": status, "message": message, "seconds": seconds}
-    row |= {"check": measurement.check if measurement else "none", "measured": NAN if measured is None else measured}
-    row["bound"] = NAN if measurement is None or measured is None else _bound(case, measurement)
-    row |= {"passed": verdict == "pass", "ends": " ".join(case.ends), "model": end.model if end else case.model}
-    row |= {"accuracy": case.accuracy.name, "magnet": case.magnet}
-    row |= {"depth_mm": end.load.depth if end else NAN, "shear_mm": end.load.shear_x if end else NAN}
-    row |= {f"force_{axis}_N": response.force[k] if response else NAN for k, axis in ((0, "x"), (2, "z"))}
-    changes = " ".join(f"{name}={value:.9g}" for name, value in case.changes.items())
-    return row | {"inside_out_share": inside_out, "changes": changes}
+def line(row: Row) -> str:
+    """Return a row as a line of text: `pass  deep: ok in 0.5 s; force 0.0002, at most 0.005`."""
+    verdict = "FAIL" if row["verdict"] == "fail" else row["verdict"]
+    message = f"; {row['message']}" if row["message"] else ""
+    text = _text(row["check"], row["measured"], row["bound"])
+    return f"{verdict}  {row['scene']}: {row['status']} in {row['seconds']:.1f} s; {text}{message}"
 
 
-def line(result: Row) -> str:
-    """Return the result as a line of text: `pass  deep: ok in 0.5 s; force 0.0002, at most 0.005`."""
-    verdict = "FAIL" if result["verdict"] == "fail" else result["verdict"]
-    message = f"; {result['message']}" if result["message"] else ""
-    measured = None if math.isnan(result["measured"]) else result["measured"]
-    text = _text(result["check"], measured, result["bound"])
-    return f"{verdict}  {result['scene']}: {result['status']} in {result['seconds']:.1f} s; {text}{message}"
-
-
-def _text(check: str, measured: float | None, bound: float) -> str:
-    return check if measured is None else f"{check} {measured:.3g}, at most {bound:.3g}"
+def _text(check: str, measured: float, bound: float) -> str:
+    return check if math.isnan(measured) else f"{check} {measured:.3g}, at most {bound:.3g}"
 
 
 def counted(verdicts: Sequence[Verdict]) -> str:
@@ -248,3 +296,273 @@ def counted(verdicts: Sequence[Verdict]) -> str:
     passed, failed, not_judged = (verdicts.count(verdict) for verdict in ("pass", "fail", "not judged"))
     verb = "is" if not_judged == 1 else "are"
     return f"{passed} of {len(verdicts)} cases pass, {failed} fail, {not_judged} {verb} not judged"
+
+
+# Checks
+
+
+class StoppedError(Exception):
+    """A path did not reach its last load; its arguments are message and last state."""
+
+
+def path(case: Case) -> list[Solution]:
+    """Solve the case's own path, to its last load or to the state where it stopped."""
+    return trace(case.design, case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False)
+
+
+def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> list[Solution]:
+    """Solve a path to compare with, which differs from the case in loads, changes, magnet or model.
+
+    Raises
+    ------
+    StoppedError
+        The path stopped before its last load.
+    """
+    states = path(replace(case, loads=tuple(loads or case.loads), **other))  # type: ignore[arg-type]
+    if states[-1].status not in ("ok", "unstable"):
+        raise StoppedError(states[-1].message, states[-1])
+    return states
+
+
+def force(solution: Solution) -> float:
+    """Return the normal force, N."""
+    return solution.response.force[2]
+
+
+def off(value: float, reference: float) -> float:
+    """Return the magnitude of the relative difference; infinite for a reference of 0 or without a finite value."""
+    error = abs(value / reference - 1) if reference else math.inf
+    return error if math.isfinite(error) else math.inf
+
+
+def hertz(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare the force at first touch with Hertz's."""
+    last, design = states[-1], case.design
+    reference = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R) * last.load.depth**1.5
+    return Measurement("force against Hertz 1882", off(force(last), reference))
+
+
+def work(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare the work of the applied force between first and last state with the energy gained."""
+    from scipy.integrate import simpson
+
+    if case.loads[0].shear_x == case.loads[-1].shear_x:
+        travel, forces = [s.load.depth for s in states], [force(s) for s in states]
+    else:
+        travel, forces = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
+    gained = states[-1].energy - states[0].energy
+    return Measurement("work of the force against energy gained", off(float(simpson(forces, x=travel)), gained))
+
+
+def cone(_: Case, states: Sequence[Solution]) -> Measurement:
+    """Check the friction cone: tangential force over mu times the normal force is 1 at full slip, and never more."""
+    last = states[-1]
+    x, y, normal = last.response.force
+    ratio = math.hypot(x, y) / (float(last.load.friction) * normal) if normal > 0 else math.inf
+    short = last.slip_share == 1 and ratio < 1
+    check = "tangential force / (mu times normal force), difference from 1"
+    return Measurement(check, 1 - ratio if short else max(ratio - 1, 0.0))
+
+
+def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare force / (E D^2), shift / D and tilt with those of a similar design with the paper's E and D."""
+    last, (one, other) = states[-1], (case.design, paper())
+    ratio = other.D / one.D
+    loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in case.loads]
+    changes = {key: value for key, value in case.changes.items() if key not in (*LENGTHS, "E")}
+    match = follow(case, loads, changes=changes)[-1]
+    a = np.array([*last.response.force, *last.response.shift, last.response.tilt])
+    b = np.array([*match.response.force, *match.response.shift, match.response.tilt])
+    b *= [one.E / other.E / ratio**2] * 3 + [1 / ratio] * 3 + [1]
+    return Measurement("force / (E D^2) and pose / D against the paper's sensor", _largest_difference(a, b))
+
+
+def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the largest relative difference of two vectors' components, without those that are 0 in both."""
+    pairs = [(x, y) for x, y in zip(a, b, strict=True) if x or y]
+    return float(np.max([off(float(x), float(y)) for x, y in pairs]))
+
+
+def incompressible(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare the force, which is smooth in 1 - 2 nu, with the straight line through nu = 0.4998 and 0.5."""
+    last = states[-1]
+    near, limit = (force(follow(case, changes={**case.changes, "nu": nu})[-1]) for nu in (0.4998, 0.5))
+    share = (1 - 2 * case.design.nu) / (1 - 2 * 0.4998)
+    reference = limit + share * (near - limit)
+    return Measurement("force against the line through nu 0.4998 and 0.5", off(force(last), reference))
+
+
+def bar(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare a slender beam with its upper half in series with a uniform bar in place of the lower half.
+
+    The stretch s of the bar follows from the force F and the area A by the incompressible neo-Hookean law,
+    F / A = E / 3 (s^-2 - s). The upper half, at the remaining depth, must have the same force.
+    """
+    from scipy.optimize import brentq
+
+    last, design = states[-1], case.design
+    stress, half = force(last) / (math.pi * design.R**2), design.L / 2
+    s = brentq(lambda s: design.E / 3 * (s**-2 - s) - stress, 0.1, 1.0)
+    load = Load(depth=last.load.depth - half * (1 - s))
+    shorter = follow(case, [load], changes={**case.changes, "L": half})[-1]
+    return Measurement("force against half the beam in series with a uniform bar", off(force(shorter), force(last)))
+
+
+def ordered(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Check that the force grows with the magnet's height: none, HEIGHTS, then the case's own."""
+    softest = force(follow(case, magnet="ignored")[-1])
+    smaller = [follow(case, changes={**case.changes, "magnet_height": height})[-1] for height in HEIGHTS]
+    forces = [softest, *map(force, smaller), force(states[-1])]
+    largest = float(np.max([a / b for a, b in pairwise(forces)]))
+    check = f"largest ratio of forces, a magnet over the next larger one, from none to the last of {len(HEIGHTS) + 1}"
+    return Measurement(check, largest)
+
+
+def beyond_and_back(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare force and energy with those of a path that first goes 0.5 mm beyond the last load."""
+    return _other_path(case, states, [case.loads[-1].depth + 0.5])
+
+
+def many_steps(step: float, case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare force and energy with those of a path in steps of this length, mm."""
+    first, last = case.loads[0].depth, case.loads[-1].depth
+    return _other_path(case, states, [first + step * i for i in range(round((last - first) / step))])
+
+
+def _other_path(case: Case, states: Sequence[Solution], depths: Sequence[float]) -> Measurement:
+    """Compare force and energy with those of a path by other depths to the same last load on the same mesh."""
+    other = follow(case, [*press(*depths), case.loads[-1]])[-1]
+    check = f"force and energy against a path of {len(depths) + 1} loads"
+    return Measurement(check, apart(states[-1], other))
+
+
+def apart(one: Solution, other: Solution) -> float:
+    """Return the larger relative difference of two states in force and in energy."""
+    forces = (math.hypot(*state.response.force) for state in (one, other))
+    return float(np.maximum(off(*forces), off(one.energy, other.energy)))
+
+
+def alone(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare the last force of a path with that of its last load alone, on a mesh adapted to this load."""
+    last = states[-1]
+    other = follow(case, case.loads[-1:])[-1]
+    return Measurement("force against that of the last load alone", off(force(last), force(other)))
+
+
+def half_model(case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare the normal force with that of the half model on tetrahedra."""
+    last = states[-1]
+    solid = follow(case, model="half")[-1]
+    return Measurement("force against the half model", off(force(last), force(solid)))
+
+
+def folded(_: Case, states: Sequence[Solution]) -> Measurement:
+    """Check that the inverted share (J <= 0) at 45 points of each triangle is at most WIDE times the reported one."""
+    last = states[-1]
+    beyond = folded_share(last) - WIDE * last.facts.inverted_share
+    return Measurement(f"inverted share, less {WIDE:g} times the reported one", max(beyond, 0.0))
+
+
+def folded_share(solution: Solution) -> float:
+    """Return the share of the undeformed volume that is inverted (J = det F <= 0); section meshes only.
+
+    In the section, det F is the ratio of the Jacobians of the deformed and the undeformed triangle times r / R.
+    """
+    import skfem
+
+    mesh, nodes = solution.field.mesh, np.asarray(solution.field.mesh.dofs.element_dofs)
+    n = 8
+    points = np.array([(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]).T
+    basis = [skfem.ElementTriP2().lbasis(points, i) for i in range(6)]
+    values = np.array([value * np.ones(points.shape[1]) for value, _ in basis])
+    slopes = np.array([np.broadcast_to(slope, points.shape) for _, slope in basis])
+
+    def radius_and_area(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        J = np.einsum("cne,njq->cjqe", x[:, nodes], slopes)
+        return np.einsum("ne,nq->qe", x[0, nodes], values), J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+
+    R, before = radius_and_area(mesh.doflocs)
+    r, after = radius_and_area(mesh.doflocs + solution.field.u.T)
+    inside_out = (after / before <= 0) | ((r < 0) & (R > 0))
+    volume = R * np.abs(before)
+    return float(volume[inside_out].sum() / volume.sum())
+
+
+def largest_height(changes: Mapping[str, float]) -> float:
+    """Return the height of the tallest magnet of the design's diameter that leaves the least wall, mm, or 0."""
+    values = {name: changes.get(name, getattr(paper(), name)) for name in LENGTHS}
+    low, high = 2 * values["magnet_edge_radius"], values["D"]
+    for _ in range(60):
+        middle = (low + high) / 2
+        shape = Shape(values["D"], values["L"], values["magnet_diameter"], middle, values["magnet_edge_radius"])
+        low, high = (middle, high) if shape.wall >= LEAST_WALL else (low, middle)
+    return low if low > 2 * values["magnet_edge_radius"] else 0.0
+
+
+# Cases that do not end with status "ok": stopped, unstable, without contact, or refused
+
+SHORT = 0.02
+"""Largest share of the load by which a new path to the last converged state may stop before it."""
+SAME = 1e-6
+"""Largest relative difference of force and energy between the last converged state and a new path to it."""
+RUBBED, RUBBED_SHORT = 1e-2, 0.05
+"""SAME and SHORT with Coulomb friction, where force and last state depend on the increments of the path."""
+FINER, ONSET = 0.7, 0.1
+"""Edge length of the finer mesh on which an onset is computed again, over the case's, and the largest relative
+difference of the two onsets."""
+
+
+def stopped(case: Case, end: Solution) -> Measurement:
+    """Check the last state of a path that does not end with status "ok"."""
+    if end.status == "not_converged":
+        return last_good(case, end)
+    if end.status == "unstable":
+        symmetric = follow(case, [end.load], model="axisymmetric")[-1]
+        return Measurement("energy / energy of the symmetric press", end.energy / symmetric.energy, 1.0)
+    # without contact: the message recommends the axisymmetric model, whose force at first touch is Hertz's
+    touch = hertz(case, follow(case, [end.load], model="axisymmetric"))
+    return touch._replace(check=f"model that the message recommends: {touch.check}")
+
+
+def last_good(case: Case, end: Solution) -> Measurement:
+    """Compare the last converged state with the end of a new path to its load."""
+    before = [load for load in case.loads if _travel(load) < _travel(end.load)]
+    check = "last converged state against a new path to it"
+    try:
+        again = follow(case, [*before, end.load])[-1]
+    except StoppedError as stop:
+        short = 1 - _travel(stop.args[1].load) / _travel(end.load)
+        bound = SHORT if end.slip_share is None else RUBBED_SHORT
+        return Measurement(f"{check}: share of the load by which this stopped before it", short, bound)
+    return Measurement(check, apart(end, again), SAME if end.slip_share is None else RUBBED)
+
+
+def refused(case: Case) -> Measurement:
+    """Check a refused design: even the tallest magnet that fits must be shorter than its own."""
+    largest = largest_height({**case.changes})
+    check = "height of the tallest magnet that fits / height of this one"
+    return Measurement(check, largest / float(case.changes.get("magnet_height", paper().magnet_height)), 1.0)
+
+
+def onset(case: Case, end: Solution, why: str) -> Measurement:
+    """Compare the onset of an instability with that on a finer mesh.
+
+    Beyond the onset there are several equilibria, so that states on two meshes may differ although both are right.
+
+    Parameters
+    ----------
+    why : check and measurement of the case that did not pass.
+    """
+    finer = replace(case.accuracy, section_size=FINER * case.accuracy.section_size)
+    other = path(replace(case, accuracy=finer))[-1]
+    (low, high), there = end.facts.onset_mm or (math.nan, math.nan), other.facts.onset_mm
+    check = f"{end.facts.onset} of the onset against a mesh with {FINER:g} times the edge length ({why})"
+    if there is None and _travel(other.load) < high:
+        return Measurement(f"{check}: the path on that mesh stops before it")
+    gap = math.inf if there is None else max(there[0] - high, low - there[1], 0.0) / high
+    return Measurement(check, gap, ONSET)
+
+
+def _travel(load: Load) -> float:
+    """Return depth plus shear of a load, mm, which orders the loads of a path."""
+    return load.depth + abs(load.shear_x)

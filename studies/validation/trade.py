@@ -1,9 +1,14 @@
-"""Study trade: cost and error of every model, the rule of --tolerance that follows, and its confirmation."""
+"""Study trade: cost and error of every model, the rule of --tolerance that follows, and its confirmation.
+
+templates/trade.md.j2 says how a bound follows from errors. States are the rows of trade.csv (`trade_study`).
+"""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,29 +17,40 @@ import numpy as np
 
 from analytic import beam
 from geometry.design import BadInput
+from geometry.loads import Load
 from geometry.messages import Progress
-from studies.mechanics.model_choice import Statement
-from studies.output.atomic_files import write_text
+from studies.mechanics import model_choice
+from studies.mechanics.model_choice import ANY_REGION, Choice, Statement
+from studies.output import records
+from studies.output.atomic_files import json_line, write_text
 from studies.output.figures import picture
-from studies.output.goals import failures, page_lines
+from studies.output.goals import Goal, failures, page_lines
 from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.output.text_tables import cell as number
 from studies.simulation.compare import part
-from studies.validation import pages, trade_cases, trade_rule, trade_study
+from studies.validation import pages, trade_cases, trade_study
 from studies.validation.pages import Row
-from studies.validation.trade_cases import CALCULATED, KINDS, SHIPPED, SURROGATE, Kind
-from studies.validation.trade_rule import COUNTED
+from studies.validation.trade_cases import CALCULATED, KINDS, SHIPPED, SOLIDS, SURROGATE, Kind
 from studies.validation.trade_study import CLEAR, QUANTITIES, QUICK_KINDS
+from studies.web import verdict_figures
 
 if TYPE_CHECKING:
     import pandas as pd
-from studies.web import verdict_figures
 
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
-"""Files that `write` writes into a folder."""
 LEVELS = (*beam.LEVELS, SHIPPED, "quick", "standard", "fine")
 MODELS = ("formula", "surrogate", "axisymmetric", "harmonic", "half", "full")
+COUNTED = ("force", "shift", "tilt", "readings", "sideways")
+"""Quantities that a tolerance bounds."""
+TRUE = [f"{name}_error_percent" for name in QUANTITIES]
+TOLERANCES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
+SHARE, FACTOR = 0.95, 1.5
+"""Goals of the confirmation: share of the cases within the tolerance, largest error over the tolerance."""
+LAST = "last draw"
+"""Name of the results of the random designs that were drawn after the last change of the rule."""
+FEWEST = 4
+"""Least number of designs from which a bound of a formula or of the surrogate follows."""
 
 
 def run(
@@ -46,22 +62,24 @@ def run(
     ----------
     command : that model_choice.json names.
     """
+    import pandas as pd
+
     if not 2 <= designs <= trade_cases.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
     origin = made(command, versions())
     first, second = (part(progress, *ends) or progress for ends in ((0.0, 0.5 if confirm else 1.0), (0.5, 1.0)))
     states = trade_study.run(first, designs, quick=quick, store=store)
-    rule = trade_rule.statements(states)
-    results = []
-    if confirm:
-        states += trade_study.run(second, designs, quick=quick, confirm=True, store=store)
-        results = list(trade_rule.confirm(states, rule))
-    kinds = (QUICK_KINDS if quick else KINDS) if confirm else ()
-    return result(states, rule, results, kinds, origin)
+    rule = statements(states)
+    if not confirm:
+        return result(states, rule, [], (), origin)
+    random = trade_study.run(second, designs, quick=quick, confirm=True, store=store)
+    results = list(confirmed(random, rule))
+    states = pd.concat([states, random], ignore_index=True)
+    return result(states, rule, results, QUICK_KINDS if quick else KINDS, origin)
 
 
 def result(
-    states: Sequence[Row], rule: Sequence[Statement], results: Sequence[Row], kinds: Sequence[Kind], origin: str
+    states: pd.DataFrame, rule: Sequence[Statement], results: Sequence[Row], kinds: Sequence[Kind], origin: str
 ) -> Result:
     """Return the result of states and a rule.
 
@@ -69,44 +87,44 @@ def result(
     ----------
     results, kinds : of the confirmation, and the kinds that were to be confirmed; empty without it.
     """
-    table, summary = cells(states), trade_rule.summary(results)
+    table, confirmation = cells(states), summary(results)
     records = [{name: value for name, value in row.items() if not name.startswith("worst_")} for row in table]
     first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")
     shown = [Table(title="Cost and error", rows=records, first=first)]
     if kinds:
-        shown.append(Table(title="Confirmation", rows=summary))
+        shown.append(Table(title="Confirmation", rows=confirmation))
     page = pages.rendered(
         "trade.md.j2",
         tables={kind: [_errors(row) for row in table if row["kind"] == kind] for kind in KINDS},
         ran=[_designs(table, kind, model) for kind in KINDS for model in trade_cases.MODELS[kind]],
         rule=[_percents(each) for each in rule],
         results=results,
-        verdict=page_lines(trade_rule.goals(results)),
-        summary=summary,
-        tolerances=", ".join(f"{100 * each:g}" for each in trade_rule.TOLERANCES),
+        verdict=page_lines(goals(results)),
+        summary=confirmation,
+        tolerances=", ".join(f"{100 * each:g}" for each in TOLERANCES),
         designs=len({each["design"] for each in results}),
         counts={kind: len({each["design"] for each in results if each["kind"] == kind}) for kind in KINDS},
-        share=f"{trade_rule.SHARE:.0%}",
-        factor=trade_rule.FACTOR,
+        share=f"{SHARE:.0%}",
+        factor=FACTOR,
         worst=sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"]),
-        lost=[state for state in states if state["status"] not in ("ok", "refused")],
+        lost=pages.records(states[~states.status.isin(["ok", "refused"])]),
     )
-    text = trade_rule.as_text(rule, origin)
+    text, rows = as_text(rule, origin), pages.records(states)
     return Result(
         title="Cost and error",
-        records=[*records, *(summary if kinds else [])],
+        records=[*records, *(confirmation if kinds else [])],
         shown=shown,
-        tables={"trade": states} | ({"confirm": results} if results else {}),
+        tables={"trade": rows} | ({"confirm": results} if results else {}),
         files={
             "model_choice.json": lambda path: write_text(path, text),
-            "trade.png": partial(picture, rows=states, draw=verdict_figures.trade),
+            "trade.png": partial(picture, rows=rows, draw=verdict_figures.trade),
         },
         pages={"TRADE.md": page},
-        failures=failures(trade_rule.goals(results, kinds)) if kinds else (),
+        failures=failures(goals(results, kinds)) if kinds else (),
     )
 
 
-def cells(states: Sequence[Row]) -> list[Row]:
+def cells(states: pd.DataFrame) -> list[Row]:
     """Return a row for each kind, model and level that ran on the chosen designs: cost and errors of its states.
 
     Formulas and the surrogate count inside their ranges only; level paper states none. `solved` are the states with
@@ -115,8 +133,7 @@ def cells(states: Sequence[Row]) -> list[Row]:
     """
     import pandas as pd
 
-    frame = pd.DataFrame(states)
-    frame = frame[~frame.confirming.astype(bool)]
+    frame = states[~states.confirming]
     order = {"kind": KINDS, "model": MODELS, "level": LEVELS}
     frame = frame.assign(**{name: pd.Categorical(frame[name], values) for name, values in order.items()})
     groups = frame.groupby(list(order), observed=True, sort=True)
@@ -124,8 +141,7 @@ def cells(states: Sequence[Row]) -> list[Row]:
 
 
 def _cell(own: pd.DataFrame) -> Row:
-    names = [f"{name}_error_percent" for name in QUANTITIES]
-    inside = own[((own.model != "formula") | (own.message == "")) & own[names].notna().any(axis=1)]
+    inside = own[counting(own)]
     row: Row = {"designs": own.design.nunique(), "states": len(own), "solved": len(inside)}
     for name in QUANTITIES:
         middle, high, _ = _spread(inside[f"{name}_error_percent"])
@@ -140,6 +156,11 @@ def _cell(own: pd.DataFrame) -> Row:
     row |= dict(zip(("worst_median_percent", "worst_p95_percent", "largest_percent"), worst, strict=True))
     row["unclear_percent"] = 100 * float(unclear.mean()) if len(unclear) else math.nan
     return row | {name: float(answered[name].median()) for name in ("cpu_s", "cost", "peak_MB")}
+
+
+def counting(states: pd.DataFrame) -> pd.Series:
+    """Return which states have errors, and are no formulas outside their range."""
+    return ((states.model != "formula") | (states.message == "")) & states[TRUE].notna().any(axis=1)
 
 
 def _spread(values: pd.Series) -> tuple[float, float, float]:
@@ -177,3 +198,145 @@ def _percents(statement: Statement) -> Row:
     bounds = {f"{name} %": getattr(statement, name) for name in COUNTED}
     row |= {name: getattr(statement, name) for name in ("designs", "states", "cost")}
     return row | {name: None if value is None else 100 * value for name, value in bounds.items()}
+
+
+# The rule
+
+
+def statements(states: pd.DataFrame) -> list[Statement]:
+    """Return the statements that follow from the states of the chosen designs."""
+    own = states[~states.confirming & counting(states)]
+    own = own.assign(region=[_region(state) for state in pages.records(own)])
+    found = []
+    for (kind, region, model, level), group in own.groupby(["kind", "region", "model", "level"], sort=False):
+        designs, cost = group.design.nunique(), group.cost.median()
+        # a model of unknown cost is never the cheapest
+        if (model in CALCULATED and designs < FEWEST) or math.isnan(cost):
+            continue
+        bounds = {name: _bound(group, "along" if name == "sideways" else name, 1 + 1 / designs) for name in COUNTED}
+        place = {"kind": kind, "region": region, "model": model, "level": level, "designs": designs}
+        found.append(Statement(**place, states=len(group), cost=float(f"{cost:.3g}"), **bounds))
+    return found
+
+
+def _region(state: Row) -> str:
+    if state["model"] in SOLIDS:
+        return ANY_REGION
+    trial = trade_cases.trial(state["design"], state["kind"], "auto", confirm=state["confirming"])
+    name = model_choice.region(trial.design, load_of(state), trial.magnet, state["kind"]).name
+    return model_choice.formula_region(trial.design, name) if state["model"] == "formula" else name
+
+
+def load_of(state: Row) -> Load:
+    """Return the load of a state."""
+    return Load(depth=state["depth_mm"], shear_x=state["shear_mm"], friction=state["friction"])
+
+
+def _bound(states: pd.DataFrame, quantity: str, factor: float) -> float | None:
+    """Return the bound that follows from errors, each at least the bar of its reference; None for none."""
+    errors = states[[f"{quantity}_error_percent", f"{quantity}_bar_percent"]].max(axis=1)
+    return None if errors.isna().all() else model_choice.rounded_up(factor * float((errors / 100).max()), 3)
+
+
+def as_text(rule: Sequence[Statement], origin: str) -> str:
+    """Return the text of model_choice.json: the versions of the models, and a statement on each line."""
+    rows = ",\n".join(json_line(records.known(asdict(each))) for each in rule)
+    made = f'"made": {json.dumps(origin)}, "versions": {json.dumps(model_choice.versions())}'
+    return f'{{{made}, "statements": [\n{rows}\n]}}\n'
+
+
+# Confirmation
+
+
+def confirmed(states: pd.DataFrame, rule: Sequence[Statement]) -> Iterator[Row]:
+    """Yield a row of confirm.csv for each tolerance, random design and load.
+
+    `model` is the chosen model, empty if the rule refuses; `expected` its bound; `error` its largest true error of
+    the counted quantities, a fraction, None if refused or without a reference.
+    """
+    names = ["kind", "design", "depth_mm", "shear_mm"]
+    for place, group in states[states.confirming].groupby(names, sort=False):
+        models = {(state["model"], state["level"]): state for state in pages.records(group)}
+        for tolerance in TOLERANCES:
+            row = dict(zip(names, place, strict=True)) | {"tolerance": tolerance}
+            yield row | _confirmed(tolerance, models, rule)
+
+
+def _confirmed(tolerance: float, models: Mapping[tuple[str, str], Row], rule: Sequence[Statement]) -> Row:
+    """Return the result of a case: the model of the rule, or a finer one where its answer asks for it."""
+    some = next(iter(models.values()))
+    load = load_of(some)
+    trial = trade_cases.trial(some["design"], some["kind"], "auto", confirm=True)
+    case = trial.design, [load]
+    try:
+        choice: Choice | None = model_choice.choose(*case, tolerance, trial.magnet, rule=rule)
+    except BadInput:
+        choice = None
+    while choice is not None:
+        state = models.get((choice.model, choice.level_or_accuracy))
+        chosen: Row = {"model": choice.name, "status": "not run", "expected": choice.bound, "error": None}
+        if state is None:
+            return chosen
+        errors = [state[f"{name}_error_percent"] for name in COUNTED]
+        if np.isnan(errors).all():
+            return chosen | {"status": state["status"]}
+        if not model_choice.unmet(choice, tolerance, trial.design, load, state["along_N"]):
+            error = float(np.nanmax(errors)) / 100
+            return chosen | {"status": "within" if error <= tolerance else "exceeded", "error": error}
+        choice = model_choice.finer(*case, choice, trial.magnet, rule=rule)
+    return {"model": "", "status": "refused", "expected": None, "error": None}
+
+
+def summary(results: Sequence[Row]) -> list[Row]:
+    """Return the results by kind and tolerance, by tolerance over all kinds, and those of the last draw alone.
+
+    `refused` are cases for which the rule knows no model that meets the tolerance, `unjudged` those without a
+    reference, or whose chosen model was not run; `worst` is the largest error over the tolerance.
+    """
+    import pandas as pd
+
+    if not results:
+        return []
+    frame = pd.DataFrame(results).astype({"error": float})
+    parts = {kind: frame[frame.kind == kind] for kind in KINDS} | {"all": frame}
+    parts[LAST] = frame[frame.design >= trade_cases.CONFIRMED - trade_cases.DRAWN]
+    table = []
+    for kind, some in parts.items():
+        for tolerance, own in some.groupby("tolerance"):
+            judged, refused = int(own.error.notna().sum()), int((own.status == "refused").sum())
+            within = int((own.status == "within").sum())
+            row = {"kind": kind, "tolerance_percent": 100 * tolerance, "cases": len(own), "refused": refused}
+            row["unjudged"] = len(own) - judged - refused
+            row["formulas"] = int(own.model.str.startswith("formula").sum())
+            row["surrogate"] = int(own.model.str.startswith(SURROGATE).sum())
+            row |= {"within": within, "share_percent": 100 * within / judged if judged else math.nan}
+            table.append(row | {"worst": float(own.error.max()) / tolerance})
+    return table
+
+
+def goals(results: Sequence[Row], kinds: Sequence[Kind] = KINDS) -> list[Goal]:
+    """Return the goals of the confirmation: every case is judged, and within the tolerance.
+
+    Parameters
+    ----------
+    kinds : those that were to be confirmed; one without a judged case misses its goals.
+    """
+    table = summary(results)
+    posed = []
+    for kind in (*kinds, "all", LAST):
+        own = [row for row in table if row["kind"] == kind]
+        unjudged, cases = (sum(row[name] for row in own) for name in ("unjudged", "cases"))
+        posed.append(Goal(f"{kind}, cases without a judgement", unjudged, 0, cases))
+        # a tolerance at which the rule refuses every case promises nothing
+        known = [(row, row["cases"] - row["refused"] - row["unjudged"]) for row in own]
+        known = [(row, judged) for row, judged in known if judged]
+        if not known:
+            posed.append(Goal(f"{kind}, cases within the tolerance", None, 100 * SHARE, 0, "%", at_least=True))
+        for row, judged in known:
+            where = f"{kind}, tolerance {row['tolerance_percent']:g} %"
+            share = row["share_percent"]
+            posed += [
+                Goal(f"{where}, cases within it", share, 100 * SHARE, judged, "%", at_least=True),
+                Goal(f"{where}, largest error over it", row["worst"], FACTOR, judged),
+            ]
+    return posed

@@ -29,6 +29,8 @@ SURROGATE, SHIPPED = "surrogate", "shipped"
 """Name of the surrogate among the models, and of its one level."""
 CALCULATED = ("formula", SURROGATE)
 """Models without a mesh: they are evaluated in the study's own process, and count inside their ranges only."""
+SOLIDS = ("half", "full")
+"""Models of tetrahedra."""
 MODELS: dict[Kind, tuple[Model, ...]] = {
     "press": ("axisymmetric", "harmonic", "half", "full"),
     "glued shear": ("harmonic", "half", "full"),

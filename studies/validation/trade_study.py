@@ -13,7 +13,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,9 @@ from studies.validation.pages import Row
 from studies.validation.trade_cases import CALCULATED, KINDS, MODELS, SECTION, SHIPPED, SURROGATE, Fineness, Kind
 from studies.validation.verify import richardson
 
-SOLIDS = ("half", "full")
-"""Models of tetrahedra."""
+if TYPE_CHECKING:
+    import pandas as pd
+
 QUICK_KINDS: tuple[Kind, ...] = ("press", "glued shear")
 """Kinds of a quick study: a reference with friction takes a minute."""
 COMPONENTS = {
@@ -129,27 +130,24 @@ def _fineness(number: int) -> Fineness:
 
 def run(
     progress: Progress, count: int, *, quick: bool, confirm: bool = False, store: Path | None = None
-) -> list[Row]:
+) -> pd.DataFrame:
     """Return all states with their errors, and with costs but for the random designs."""
+    import pandas as pd
+
     runs, finenesses = plan(count, quick=quick, confirm=confirm)
     truths = references(finenesses, confirm, store, part(progress, 0.0, 0.5, "references"))
     wanted = [(one.model_of_cases, one.trial) for one in runs]
     found = answers(wanted, store, part(progress, 0.5, 0.8))
-    costs: dict[int, tuple[float, float]] = {}
+    states: list[Row] = []
     for k, one in enumerate(runs):
         progress(0.8 + 0.2 * k / len(runs), f"cost of design {one.trial.number}, {one.kind}, {one.model} {one.level}")
-        costs[k] = (math.nan, math.nan) if confirm else cost(one)
-    units = {
-        (one.trial.number, one.kind): costs[k][0]
-        for k, one in enumerate(runs)
-        if (one.model, one.level) == (SECTION[one.kind], "standard")
-    }
-    states = []
-    for k, one in enumerate(runs):
-        place = one.trial.number, one.kind
-        paid = {"cpu_s": costs[k][0], "peak_MB": costs[k][1], "cost": costs[k][0] / units.get(place, math.nan)}
-        states += [row | paid for row in judged(one, found[k], truths[place], confirm)]
-    return states
+        cpu_s, peak_MB = (math.nan, math.nan) if confirm else cost(one)
+        rows = judged(one, found[k], truths[one.trial.number, one.kind], confirm)
+        states += [row | {"cpu_s": cpu_s, "peak_MB": peak_MB} for row in rows]
+    table = pd.DataFrame(states)
+    section = (table.model == table.kind.map(SECTION)) & (table.level == "standard")
+    unit = table.cpu_s.where(section).groupby([table.design, table.kind]).transform("first")
+    return table.assign(cost=table.cpu_s / unit)
 
 
 def answers(
@@ -233,9 +231,11 @@ def full_scales(design: Design, truths: Sequence[Reference | None]) -> Array:
     return np.array([first, max(sideways), max(sideways)])
 
 
-def true_errors(
-    answer: Components, truth: Reference, scales: Array, unpressed_N: float = 0.0
-) -> dict[str, tuple[float, float]]:
+UNKNOWN = {f"{name}_{kind}_percent": math.nan for name in QUANTITIES for kind in ("error", "bar")}
+"""Errors of a state, and error bars of its reference."""
+
+
+def true_errors(answer: Components, truth: Reference, scales: Array, unpressed_N: float = 0.0) -> Row:
     """Return the errors of an answer against the reference of its state, with the reference's error bars, percent.
 
     They are relative to the quantity or, for readings, to full scale; there is none where the reference is nearly 0.
@@ -245,37 +245,22 @@ def true_errors(
     scales : full scale of each element, mT.
     unpressed_N : force along the same shear of the unpressed beam.
     """
-    errors = {}
-    for name in (name for name in QUANTITIES if name in answer and name in truth.values):
-        off, bar = answer[name] - truth.values[name], truth.bars[name]
-        size = float(np.linalg.norm(truth.values[name]))
-        if name != "readings" and size > NOTHING:
-            errors[name] = 100 * float(np.linalg.norm(off)) / size, 100 * float(np.linalg.norm(bar)) / size
-        elif name == "readings" and scales.min(initial=math.inf) > NOTHING and len(scales):
-            errors[name] = 100 * float(np.abs(off / scales).max()), 100 * float((bar / scales).max())
-    if "sideways" in answer and "sideways" in truth.values:
-        (own,), (true,), (width,) = answer["sideways"], truth.values["sideways"], truth.bars["sideways"]
-        size = max(abs(true), unpressed_N)
-        errors["along"] = 100 * float(abs(own - true)) / size, 100 * float(width) / size
+    errors: Row = dict(UNKNOWN)
+
+    def add(name: str, off: Array, bar: Array, size: float) -> None:
+        if size > NOTHING:
+            for kind, vector in (("error", off), ("bar", bar)):
+                errors[f"{name}_{kind}_percent"] = 100 * float(np.linalg.norm(vector)) / size
+
+    for name in (name for name in COMPONENTS if name in answer and name in truth.values):
+        off, bar, size = answer[name] - truth.values[name], truth.bars[name], np.linalg.norm(truth.values[name])
+        if name != "readings":
+            add(name, off, bar, float(size))
+        elif len(scales) and scales.min() > NOTHING:
+            add(name, np.abs(off / scales).max(), (bar / scales).max(), 1.0)
+        if name == "sideways":
+            add("along", off, bar, max(float(size), unpressed_N))
     return errors
-
-
-def errors_of(state: Row) -> dict[str, tuple[float, float]]:
-    """Return the true errors of a state by quantity, with the error bars of the reference, percent."""
-    pairs = {name: (state[f"{name}_error_percent"], state[f"{name}_bar_percent"]) for name in QUANTITIES}
-    return {name: pair for name, pair in pairs.items() if math.isfinite(pair[0])}
-
-
-def with_errors(state: Row, errors: Mapping[str, tuple[float, float]]) -> Row:
-    """Return a state with errors and error bars; NaN where there is none."""
-    pairs = {name: errors.get(name, (math.nan, math.nan)) for name in QUANTITIES}
-    columns = {name: dict(zip(("error", "bar"), pair, strict=True)) for name, pair in pairs.items()}
-    return state | {f"{name}_{kind}_percent": v for name, own in columns.items() for kind, v in own.items()}
-
-
-def load_of(state: Row) -> Load:
-    """Return the load of a state."""
-    return Load(depth=state["depth_mm"], shear_x=state["shear_mm"], friction=state["friction"])
 
 
 def judged(one: Run, found: Sequence[Row], truths: Sequence[Reference | None], confirm: bool) -> list[Row]:
@@ -289,7 +274,7 @@ def judged(one: Run, found: Sequence[Row], truths: Sequence[Reference | None], c
         state: Row = {"design": one.trial.number, "confirming": confirm, "kind": one.kind}
         state |= {"model": one.model, "level": one.level, "depth_mm": load.depth, "shear_mm": load.shear_x}
         state |= {"friction": load.friction, "status": answer["status"]}
-        message, errors, along = answer["message"], {}, math.nan
+        message, errors, along = answer["message"], UNKNOWN, math.nan
         if one.model in CALCULATED:
             known = math.isfinite(answer["force_N"])
             state["status"] = "ok" if known else "refused"
@@ -301,7 +286,7 @@ def judged(one: Run, found: Sequence[Row], truths: Sequence[Reference | None], c
             values = components(design, load, answer)
             along = float(values["sideways"][0]) if "sideways" in values else math.nan
             errors = true_errors(values, truth, scales, buckling.sideways_stiffness(design) * load.shear)
-        rows.append(with_errors(state, errors) | {"along_N": along, "message": message})
+        rows.append(state | errors | {"along_N": along, "message": message})
     return rows
 
 
