@@ -320,8 +320,9 @@ def maps(table: Columns, grids: Sequence[Cells], means: Sequence[Row]) -> Pictur
     return found
 
 
-def best_levels(errors: dict[str, Array]) -> NDArray[Any]:
+def best_levels(grid: Cells, table: Columns, quantity: str) -> NDArray[Any]:
     """Return the level of least error in each cell, "none" where even that exceeds the bound, None without any."""
+    errors = all_errors(table, grid, quantity)
     sizes = np.abs(np.array(list(errors.values())))
     least = np.where(np.isfinite(sizes), sizes, np.inf)
     names = np.array([*errors, "none", None], dtype=object)
@@ -337,8 +338,7 @@ def best_maps(table: Columns, grids: Sequence[Cells]) -> list[Figure]:
     for kind, quantity in (("press", "press force"), ("shear", "shear force")):
         own = [grid for grid in grids if grid.kind == kind]
         if own:
-            best = {id(grid): best_levels(all_errors(table, grid, quantity)) for grid in own}
-            data, axes = map_cells(own, lambda grid, best=best: best[id(grid)], value)
+            data, axes = map_cells(own, partial(best_levels, table=table, quantity=quantity), value)
             figures.append(
                 heat(f"Level of least error, {quantity}", "", data, axes, value, colours=colours, marked=MARKED)
             )

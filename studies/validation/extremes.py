@@ -213,6 +213,7 @@ def examine(case: Case) -> Row:
     """Return the row of one case; an exception has the status "crashed" and its text as the message."""
     begin = time.perf_counter()
     end, found = None, None
+    status: str
     try:
         end, found = measure(case)
         status, message = end.status, end.message

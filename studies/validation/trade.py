@@ -213,8 +213,10 @@ def statements(states: pd.DataFrame) -> list[Statement]:
         # a model of unknown cost is never the cheapest
         if (model in CALCULATED and designs < FEWEST) or math.isnan(cost):
             continue
-        bounds = {name: _bound(group, "along" if name == "sideways" else name, 1 + 1 / designs) for name in COUNTED}
-        place = {"kind": kind, "region": region, "model": model, "level": level, "designs": designs}
+        bounds: Row = {
+            name: _bound(group, "along" if name == "sideways" else name, 1 + 1 / designs) for name in COUNTED
+        }
+        place: Row = {"kind": kind, "region": region, "model": model, "level": level, "designs": designs}
         found.append(Statement(**place, states=len(group), cost=float(f"{cost:.3g}"), **bounds))
     return found
 
