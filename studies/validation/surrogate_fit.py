@@ -42,7 +42,7 @@ from studies.mechanics import prediction, surrogate_range
 from studies.mechanics.gaussian_process import ROOT5, GaussianProcess, with_constant
 from studies.mechanics.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
 from studies.mechanics.surrogate_file import Group, Surrogate
-from studies.validation.surrogate_training import Beams, States, joined
+from studies.validation.surrogate_training import Beams, States, density_ratio, joined
 
 LEAST_LOSS = 1e-4
 """Least loss 1 - k/k_0 of the sideways stiffness whose logarithm is taken: below it lies the error of the mesh."""
@@ -61,23 +61,18 @@ class TrainingSet:
     mode: States
     shear: States
 
-    def kept(self, rows: NDArray[Any]) -> TrainingSet:
-        """Return the beams of these rows."""
-        return TrainingSet(self.beams[rows], self.press.kept(rows), self.mode.kept(rows), self.shear.kept(rows))
-
     def complete(self) -> TrainingSet:
         """Return the beams of which no state has failed."""
-        ratio = np.isnan(self.press.quantities["sideways_ratio"]).any(axis=1)
-        return self.kept(self.press.complete & self.shear.complete & self.mode.complete & ~ratio)
+        needed = self.press["force_x"], self.press["sideways_ratio"], self.shear["force_x"], self.mode["frequency"]
+        rows = ~np.isnan(np.hstack(needed)).any(axis=1)
+        parts = ({name: q[rows] for name, q in part.items()} for part in (self.press, self.mode, self.shear))
+        return TrainingSet(self.beams[rows], *parts)
 
     def joined(self, other: TrainingSet) -> TrainingSet:
         """Return the beams of both."""
-        return TrainingSet(
-            joined(self.beams, other.beams),
-            self.press.joined(other.press),
-            self.mode.joined(other.mode),
-            self.shear.joined(other.shear),
-        )
+        pairs = ((self.press, other.press), (self.mode, other.mode), (self.shear, other.shear))
+        parts = ({name: np.concatenate([q, two[name]]) for name, q in one.items()} for one, two in pairs)
+        return TrainingSet(joined(self.beams, other.beams), *parts)
 
     @property
     def features(self) -> Array:
@@ -87,7 +82,7 @@ class TrainingSet:
 
 def press_outputs(press: States) -> dict[str, Array]:
     """Return the logarithms of the press's forms, (n, PRESS_NODES) each, by quantity."""
-    q, depth = press.quantities, press.depth
+    q, depth = press, press["depth"]
     return {
         "force": np.log(q["force_z"] / depth**1.5),
         "shift": np.log(-q["shift_z"] / depth),
@@ -105,7 +100,7 @@ def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict
     L : lengths of the beams, shape (n, 1).
     pressed : force and shift (down) of the press at the depth of each shear, shape (n, 1).
     """
-    q, s = shear.quantities, shear.shear
+    q, s = shear, shear["shear"]
     return {
         "force_x": q["force_x"] / s * prediction.compliance(L),
         # the plate is pushed back less in a shear; a rise would be an error of the mesh
@@ -113,7 +108,7 @@ def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict
         "shift_x": q["shift_x"] / s,
         "shift_z": (-q["shift_z"] - pressed["shift"]) / s**2,
         "tilt": q["tilt"] / s,
-        "contact_radius": np.log(q["contact_radius"] / np.sqrt(shear.depth / 2)),
+        "contact_radius": np.log(q["contact_radius"] / np.sqrt(q["depth"] / 2)),
         "strain": np.log(q["strain"]),
     }
 
@@ -138,10 +133,10 @@ def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
         if name == "strain":
             widths = (g[:, None] * quantiles["sideways_ratio"][region]).mean(axis=1)
             quantiles[prediction.CRITICAL] = _critical_quantiles(
-                states.press.depth, outputs["sideways_ratio"], left_out["sideways_ratio"], widths, region
+                states.press["depth"], outputs["sideways_ratio"], left_out["sideways_ratio"], widths, region
             )
         groups[name] = Group(process, quantities, surrogate_range.PRESS_NODES, quantiles)
-    groups["mode"] = _mode_group(x, b, states.mode.quantities["frequency"], region)
+    groups["mode"] = _mode_group(x, b, states.mode["frequency"], region)
     groups |= _shear_groups(states, x, left_out, region)
     return Surrogate(groups, about)
 
@@ -166,7 +161,7 @@ def _critical_quantiles(
 
 
 def _mode_group(x: Array, beams: Beams, mode: Array, region: NDArray[np.int64]) -> Group:
-    features, y = prediction.mode_features(x, beams.density_ratio), np.log(mode)
+    features, y = prediction.mode_features(x, density_ratio(beams)), np.log(mode)
     process = fitted(features, y)
     predicted, g = process.left_out()
     scores = np.abs(1 - np.exp(y - predicted)) / g[:, None]
@@ -178,7 +173,7 @@ def _shear_groups(
 ) -> dict[str, Group]:
     """Return the groups of shears; their errors include those of the press that a shear begins from."""
     shear, L = states.shear, states.beams.L[:, None]
-    depth, s = shear.depth[:, :1], shear.shear
+    depth, s = shear["depth"][:, :1], shear["shear"]
     outputs = shear_outputs(shear, L, press_at(states.beams, press_outputs(states.press), depth))
     points = prediction.shear_features(x, depth[:, 0])
     forms: dict[str, Array] = {}
@@ -191,7 +186,7 @@ def _shear_groups(
         spreads |= dict.fromkeys(quantities, g)
     values = prediction.shear_values(forms, L, depth, s, press_at(states.beams, left_out, depth))
     rods = prediction.yardsticks(values)
-    truth = {name: -q if name == "shift_z" else q for name, q in shear.quantities.items()}
+    truth = {name: -shear[name] if name == "shift_z" else shear[name] for name in SHEAR}
     where = prediction.shear_region(region, depth[:, 0])
     quantiles = {
         name: quantiles_by_region(

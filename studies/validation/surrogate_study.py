@@ -35,7 +35,9 @@ from studies.validation.surrogate_fit import TrainingSet, quantiles_by_region, s
 from studies.validation.surrogate_training import (
     Beams,
     States,
+    compared,
     critical_depths,
+    density_ratio,
     first_modes,
     presses,
     random_beams,
@@ -155,7 +157,7 @@ def unseen(solver: Solver, count: int, critical: int, seed: int) -> Unseen:
     states = random_states(solver, regional_beams(count, seed), seed)
     complete = states.complete()
     first = complete.beams[: critical * prediction.REGIONS]
-    depths = critical_depths(solver, first).compared(critical_depths(solver.coarser(), first))
+    depths = compared(critical_depths(solver, first), critical_depths(solver.coarser(), first))
     return Unseen(complete, depths, len(states.beams) - len(complete.beams))
 
 
@@ -171,9 +173,9 @@ def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
     other = solver.coarser()
     return TrainingSet(
         beams,
-        press.compared(presses(other, beams, depths)),
-        first_modes(solver, beams).compared(first_modes(other, beams)),
-        shears(solver, beams, sheared, sideways).compared(shears(other, beams, sheared, sideways)),
+        compared(press, presses(other, beams, depths)),
+        compared(first_modes(solver, beams), first_modes(other, beams)),
+        compared(shears(solver, beams, sheared, sideways), shears(other, beams, sheared, sideways)),
     )
 
 
@@ -267,17 +269,17 @@ def errors(surrogate: Surrogate, states: TrainingSet) -> Errors:
 
 def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States) -> Errors:
     """Return the errors of the critical depths by `fem.analyses.stability` of the first beams, within the range."""
-    if not len(critical.depth):
+    if not len(critical["depth"]):
         return errors(surrogate, states).iloc[:0]
-    first = states.beams[: len(critical.depth)]
+    first = states.beams[: len(critical["depth"])]
     predicted = _predicted(surrogate, first)
-    deepest, true = predicted.deepest[:, None], critical.quantities["depth"]
+    deepest, true = predicted.deepest[:, None], critical["depth"]
     # a beam that is stable as far as the range goes by one of both counts as critical at its end
     value = np.minimum(predicted.critical_depth().value[:, None], deepest)
     exists = (true < deepest) | (value < deepest)
     shown = np.where(exists, true, np.nan)
     column = Quantity(value, value * predicted.critical_spread[:, None])
-    one = replace(critical, depth=shown, quantities={"depth": shown})
+    one = {**critical, "depth": shown}
     return _rows(first, CRITICAL_KIND, "depth", one, "depth", column, value)
 
 
@@ -332,7 +334,7 @@ def _shares(rows: Errors) -> Array:
 
 def _presses(states: TrainingSet, predicted: prediction.Beams) -> Iterator[Errors]:
     press = states.press
-    for name, quantity in predicted.press(press.depth).items():
+    for name, quantity in predicted.press(press["depth"]).items():
         rod = 1 - quantity.value if name == "sideways_ratio" else quantity.value
         column = {"force": "force_z", "shift": "shift_z"}.get(name, name)
         yield _rows(states.beams, PRESS_KIND, name, press, column, quantity, rod)
@@ -340,14 +342,14 @@ def _presses(states: TrainingSet, predicted: prediction.Beams) -> Iterator[Error
 
 def _shears(states: TrainingSet, predicted: prediction.Beams) -> Iterator[Errors]:
     shear = states.shear
-    found = predicted.shear(shear.depth, shear.shear, beyond_stable=True)
+    found = predicted.shear(shear["depth"], shear["shear"], beyond_stable=True)
     rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
     for name, quantity in found.items():
         yield _rows(states.beams, SHEAR_KIND, name, shear, name, quantity, rods[name])
 
 
 def _modes(states: TrainingSet, predicted: prediction.Beams) -> Errors:
-    quantity = predicted.first_mode(states.beams.density_ratio)
+    quantity = predicted.first_mode(density_ratio(states.beams))
     column = Quantity(quantity.value[:, None], quantity.half_width[:, None])
     return _rows(states.beams, MODE_KIND, "frequency", states.mode, "frequency", column, column.value)
 
@@ -361,8 +363,8 @@ def _rows(b: Beams, kind: str, name: str, states: States, column: str, quantity:
     """
     import pandas as pd
 
-    true = states.quantities[column] * (-1.0 if column == "shift_z" else 1.0)
-    own = states.errors.get(column, np.full(true.shape, np.nan))
+    true = states[column] * (-1.0 if column == "shift_z" else 1.0)
+    own = states.get(f"{column}_error", np.full(true.shape, np.nan))
     at = np.nonzero(~np.isnan(true))
     beam, unit = at[0], 100 / np.abs(rod[at])
     return pd.DataFrame(
@@ -374,8 +376,8 @@ def _rows(b: Beams, kind: str, name: str, states: States, column: str, quantity:
             "magnet_diameter_over_D": b.diameter[beam],
             "magnet_height_over_D": b.height[beam],
             "nu": b.nu[beam],
-            "depth_over_D": states.depth[at],
-            "shear_over_D": states.shear[at],
+            "depth_over_D": states["depth"][at],
+            "shear_over_D": states["shear"][at],
             "fem": true[at],
             "surrogate": quantity.value[at],
             "error_percent": unit * (quantity.value[at] - true[at]),

@@ -1,9 +1,6 @@
 """Errors of the surrogate on beams that training has not seen, whether its intervals hold, and its files.
 
-Errors are in percent of the yardstick of the quantity: of the value itself, of the length of the vector of force or
-shift in a shear, of the loss 1 - k/k_0 of the sideways stiffness, of the critical depth. An interval holds the truth
-if it holds every value that the own error of the finite elements allows, and a beam is covered if all of its states
-are.
+Errors are those of `surrogate_study`; a beam is covered if the intervals of all of its states hold the truth.
 """
 
 from __future__ import annotations
@@ -30,7 +27,7 @@ from studies.validation import pages, surrogate_study
 from studies.validation.pages import Row
 from studies.validation.surrogate_fit import COVERAGE
 from studies.validation.surrogate_study import Errors, Extent, Outcome, scores
-from studies.validation.surrogate_training import random_beams
+from studies.validation.surrogate_training import density_ratio, random_beams
 
 GOALS = {"force": 2.0, "force_x": 2.0, "force_z": 2.0, "tilt": 3.0}
 """Largest 95th percentile of the errors, %, of presses and shears."""
@@ -136,7 +133,7 @@ def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, fl
     press = time.process_time()
     beams.shear(0.5 * beams.deepest[:, None], 0.5 * beams.farthest[:, None])
     beams.critical_depth()
-    beams.first_mode(b.density_ratio)
+    beams.first_mode(density_ratio(b))
     end = time.process_time()
     return {"press": count / (press - begin), "press, shear, critical depth and mode": count / (end - begin)}
 

@@ -10,7 +10,7 @@ States are presses, first modes, critical depths and glued shears, from the stor
 between `SHALLOWEST_SHEAR` and the deepest press, but before the tip would buckle sideways: beyond that depth an
 equilibrium depends on the path. So presses come first, and tell each beam's critical depth. The finite elements have
 an error of their own. Answers bring estimates of it for force, shift and tilt; for the other quantities it is taken
-for the difference from the same state on the coarser mesh (`States.compared`).
+for the difference from the same state on the coarser mesh (`compared`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,61 +45,36 @@ STRETCH = 1.2
 faces."""
 
 
-@dataclass(frozen=True, slots=True)
-class Beams:
-    """Beams of the surrogate, arrays of shape (n,).
+Beams = Any
+"""Beams of the surrogate, a record array of shape (n,) with fields BEAM."""
+BEAM = np.dtype([(name, float) for name in ("L", "diameter", "height", "nu", "edge", "share")])
+"""Length and size of the magnet over D, Poisson's ratio, radius of the magnet's edges over the smaller side of its
+section; where the depth of its shear lies between the least and the largest one, 0 to 1 in the root of the depth."""
 
-    Attributes
-    ----------
-    L, diameter, height : length of the beam, and size of its magnet, over D.
-    nu : Poisson's ratio.
-    edge : radius of the magnet's edges over the smaller side of its section.
-    share : where the depth of its shear lies between the least and the largest one, 0 to 1 in the root of the depth.
+
+def in_range(beams: Beams) -> NDArray[np.bool_]:
+    """Return which beams have enough silicone below the magnet for the surrogate, shape (n,)."""
+    return np.asarray(surrogate_range.below(beams.L, beams.height) >= surrogate_range.LEAST_BELOW)
+
+
+def density_ratio(beams: Beams) -> Array:
+    """Return the density of the magnet over that of the silicone, for the natural frequencies, shape (n,).
+
+    It follows the last coordinate, which matters to shears only otherwise.
     """
-
-    L: Array
-    diameter: Array
-    height: Array
-    nu: Array
-    edge: Array
-    share: Array
-
-    def __len__(self) -> int:
-        return len(self.L)
-
-    def __getitem__(self, rows: slice | NDArray[Any]) -> Beams:
-        return Beams(*(getattr(self, name)[rows] for name in self.__slots__))
-
-    @property
-    def in_range(self) -> NDArray[np.bool_]:
-        """Which beams have enough silicone below the magnet for the surrogate, shape (n,)."""
-        return surrogate_range.below(self.L, self.height) >= surrogate_range.LEAST_BELOW
-
-    @property
-    def density_ratio(self) -> Array:
-        """Density of the magnet over that of the silicone, for the natural frequencies, shape (n,).
-
-        It follows the last coordinate, which matters to shears only otherwise.
-        """
-        low, high = DENSITY_RATIO
-        return np.asarray(np.round(low + (high - low) * self.share, DIGITS))
-
-    def design(self, k: int) -> Design:
-        """Return beam `k` as a design of D = 10 mm and E = 1 MPa."""
-        D, smaller = DIAMETER_MM, min(float(self.diameter[k]), float(self.height[k]))
-        return Design(
-            D=D,
-            L=_round(self.L[k]) * D,
-            nu=_round(self.nu[k]),
-            magnet_diameter=_round(self.diameter[k]) * D,
-            magnet_height=_round(self.height[k]) * D,
-            magnet_edge_radius=_round(self.edge[k] * smaller) * D,
-            l0=10 * D,
-        )
+    low, high = DENSITY_RATIO
+    return np.asarray(np.round(low + (high - low) * beams.share, DIGITS))
 
 
-def _round(value: float) -> float:
-    return round(float(value), DIGITS)
+def design(beam: Any) -> Design:
+    """Return a beam as a design of D = 10 mm and E = 1 MPa."""
+    L, diameter, height, nu, edge = (
+        round(float(value), DIGITS)
+        for value in (beam.L, beam.diameter, beam.height, beam.nu, beam.edge * min(beam.diameter, beam.height))
+    )
+    magnet: dict[str, Any] = {"magnet_diameter": diameter, "magnet_height": height, "magnet_edge_radius": edge}
+    D = DIAMETER_MM
+    return Design(D=D, L=L * D, nu=nu, l0=10 * D, **{name: value * D for name, value in magnet.items()})
 
 
 def training_beams(count: int, seed: int) -> Beams:
@@ -108,7 +83,7 @@ def training_beams(count: int, seed: int) -> Beams:
     found = corners()
     while len(found) < count:
         beams = of_cube(np.clip(0.5 + STRETCH * (points.random(1024) - 0.5), 0.0, 1.0))
-        found = joined(found, beams[beams.in_range])
+        found = joined(found, beams[in_range(beams)])
     return found[:count]
 
 
@@ -133,10 +108,10 @@ def corners() -> Beams:
 def random_beams(count: int, seed: int) -> Beams:
     """Return independent random beams of the range."""
     rng = np.random.default_rng(seed)
-    found = joined()
+    found = of_cube(np.empty((0, DIMENSIONS)))
     while len(found) < count:
         beams = of_cube(rng.random((1024, DIMENSIONS)))
-        found = joined(found, beams[beams.in_range])
+        found = joined(found, beams[in_range(beams)])
     return found[:count]
 
 
@@ -166,7 +141,7 @@ def _scaled(unit: Array) -> Beams:
     d, h, edge = (a + (b - a) * unit[:, k] for k, (a, b) in ((1, DIAMETER), (2, HEIGHT), (4, EDGE)))
     nu = (1 - soft * unit[:, 3] ** 2) / 2
     L, d, h, nu, edge = (np.round(x, DIGITS) for x in (L, d, h, nu, edge))
-    return Beams(L, d, h, nu, edge, unit[:, 5])
+    return np.rec.fromarrays([L, d, h, nu, edge, unit[:, 5]], dtype=BEAM)
 
 
 def _walled(beams: Beams) -> NDArray[np.bool_]:
@@ -175,13 +150,12 @@ def _walled(beams: Beams) -> NDArray[np.bool_]:
 
 
 def _possible(beams: Beams) -> NDArray[np.bool_]:
-    return np.asarray(_walled(beams) & beams.in_range)
+    return np.asarray(_walled(beams) & in_range(beams))
 
 
 def joined(*parts: Beams) -> Beams:
     """Return the beams of all parts."""
-    empty = np.empty(0)
-    return Beams(*(np.concatenate([empty, *(getattr(one, name) for one in parts)]) for name in Beams.__slots__))
+    return np.concatenate(parts).view(np.recarray)
 
 
 # States
@@ -190,51 +164,21 @@ SAFE = 0.95
 """Deepest shear over the critical depth."""
 
 
-@dataclass(frozen=True, slots=True)
-class States:
-    """States of beams at their depths or shears: arrays of shape (n, k), NaN where a solve failed.
+States = Mapping[str, Array]
+"""States of beams by names: depth and shear over D, forces over E D^2, lengths over D, tilt in rad, frequencies over
+`frequency_unit`, arrays of shape (n, k), NaN where a solve failed; and, behind `_error`, the estimated errors of the
+finite elements themselves, NaN or missing where they are unknown."""
 
-    Attributes
-    ----------
-    depth, shear : position over D.
-    quantities : by name, forces over E D^2, lengths over D, tilt in rad, frequencies over `frequency_unit`.
-    errors : by name, estimated errors of the finite elements themselves; a name or a number (NaN) is missing where
-        the error is unknown.
-    """
 
-    depth: Array
-    shear: Array
-    quantities: Mapping[str, Array]
-    errors: Mapping[str, Array]
-
-    @property
-    def complete(self) -> NDArray[np.bool_]:
-        """Which beams have all their states, shape (n,)."""
-        return np.asarray(~np.isnan(next(iter(self.quantities.values()))).any(axis=1))
-
-    def kept(self, rows: NDArray[Any]) -> States:
-        """Return the states of some beams."""
-        parts = ({name: q[rows] for name, q in part.items()} for part in (self.quantities, self.errors))
-        return States(self.depth[rows], self.shear[rows], *parts)
-
-    def joined(self, other: States) -> States:
-        """Return the states of the beams of both."""
-        parts = (
-            {name: np.concatenate([q, theirs[name]]) for name, q in mine.items()}
-            for mine, theirs in ((self.quantities, other.quantities), (self.errors, other.errors))
-        )
-        return States(np.concatenate([self.depth, other.depth]), np.concatenate([self.shear, other.shear]), *parts)
-
-    def compared(self, coarse: States) -> States:
-        """Return these states with errors, where they have none, that are the differences from coarser ones."""
-        differences = {name: np.abs(q - coarse.quantities[name]) for name, q in self.quantities.items()}
-        return replace(self, errors=differences | dict(self.errors))
+def compared(states: States, coarse: States) -> States:
+    """Return states with errors, where they have none, that are the differences from coarser ones."""
+    return {f"{name}_error": np.abs(q - coarse[name]) for name, q in states.items() if name in coarse} | dict(states)
 
 
 def presses(solver: Solver, beams: Beams, depths: Array) -> States:
     """Return the states of frictionless presses to depths over D, shape (n, k), rising."""
     scenes = [
-        Scene(beams.design(k), tuple(Load(depth=float(x) * DIAMETER_MM) for x in row), solver.accuracy)
+        Scene(design(beams[k]), tuple(Load(depth=float(x) * DIAMETER_MM) for x in row), solver.accuracy)
         for k, row in enumerate(depths)
     ]
     return _states(depths, np.zeros_like(depths), solver.answers(scenes))
@@ -246,13 +190,13 @@ def shears(solver: Solver, beams: Beams, depth: Array, shears: Array) -> States:
     for k, row in enumerate(shears):
         at = float(depth[k]) * DIAMETER_MM
         loads = tuple(Load(depth=at, shear_x=float(x) * DIAMETER_MM, friction="stick") for x in row)
-        scenes.append(Scene(beams.design(k), loads, solver.accuracy, model="harmonic"))
+        scenes.append(Scene(design(beams[k]), loads, solver.accuracy, model="harmonic"))
     return _states(np.broadcast_to(depth[:, None], shears.shape), shears, solver.answers(scenes))
 
 
 def critical_depths(solver: Solver, beams: Beams) -> States:
     """Return the critical depths over D, at most the deepest press of the surrogate; NaN where a search fails."""
-    scenes = [Scene(beams.design(k), (Load(depth=1.0),), solver.accuracy) for k in range(len(beams))]
+    scenes = [Scene(design(beams[k]), (Load(depth=1.0),), solver.accuracy) for k in range(len(beams))]
     deepest = surrogate_range.deepest(beams.L, beams.diameter, beams.height).tolist()
     found = []
     for (answer,), most in zip(solver.answers(scenes, "critical depth"), deepest, strict=True):
@@ -265,12 +209,12 @@ def critical_depths(solver: Solver, beams: Beams) -> States:
 
 def first_modes(solver: Solver, beams: Beams) -> States:
     """Return the lowest natural frequencies of the unloaded beams over `frequency_unit`."""
-    rest, ratios = (Load(depth=0.0),), beams.density_ratio
+    rest, ratios = (Load(depth=0.0),), density_ratio(beams)
     scenes = []
     for k in range(len(beams)):
-        design = beams.design(k)
-        design = replace(design, magnet_density=float(ratios[k]) * design.density)
-        scenes.append(Scene(design, rest, solver.accuracy, model="axisymmetric"))
+        one = design(beams[k])
+        one = replace(one, magnet_density=float(ratios[k]) * one.density)
+        scenes.append(Scene(one, rest, solver.accuracy, model="axisymmetric"))
     lowest = [(answer.values.get("frequency") or [np.nan])[0] for (answer,) in solver.answers(scenes, "modes")]
     return _single("frequency", lowest)
 
@@ -278,7 +222,7 @@ def first_modes(solver: Solver, beams: Beams) -> States:
 def shear_depth(beams: Beams, press: States) -> Array:
     """Return the depth of each beam's shear, over D, shape (n,), above the depth at which its press buckles."""
     low = np.sqrt(surrogate_range.SHALLOWEST_SHEAR)
-    critical = first_zero(press.depth, np.nan_to_num(press.quantities["sideways_ratio"], nan=-1.0))
+    critical = first_zero(press["depth"], np.nan_to_num(press["sideways_ratio"], nan=-1.0))
     most = np.minimum(surrogate_range.deepest(beams.L, beams.diameter, beams.height), SAFE * critical)
     high = np.maximum(np.sqrt(most), low)
     return np.asarray(np.round((low + (high - low) * beams.share) ** 2, 5))
@@ -287,8 +231,7 @@ def shear_depth(beams: Beams, press: States) -> Array:
 def _single(name: str, values: Sequence[float]) -> States:
     """Return the states of a quantity that each beam has once."""
     column = np.array(values, dtype=float)[:, None]
-    none = np.zeros_like(column)
-    return States(none, none, {name: column}, {})
+    return {"depth": np.zeros_like(column), "shear": np.zeros_like(column), name: column}
 
 
 def _states(depth: Array, shear: Array, answers: Sequence[Sequence[Answer]]) -> States:
@@ -318,4 +261,5 @@ def _states(depth: Array, shear: Array, answers: Sequence[Sequence[Answer]]) -> 
         "shift_z": of_shift * table(lambda a, _: a.estimates.get("shift")),
         "tilt": np.abs(quantities["tilt"]) * table(lambda a, _: a.estimates.get("tilt")),
     }
-    return States(depth, shear, quantities, errors)
+    known = {f"{name}_error": error for name, error in errors.items()}
+    return {"depth": depth, "shear": shear, **quantities, **known}
