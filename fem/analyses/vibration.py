@@ -35,6 +35,7 @@ The mesh must carry the shortest shear wave, of length c / f with the wave speed
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -49,6 +50,7 @@ from fem.model import coulomb_friction, element_assembly, plate_contact, single_
 from fem.model.material import lame
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
+from fem.results.error_estimates import solve_coarser
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import pose_slopes, read
 from fem.scene import Model, Scene, choose_model, turns
@@ -305,12 +307,14 @@ class VibratingSensor:
     state : the state at rest.
     relaxation : branches of the silicone.
     parts : linear systems of all motions.
+    coarser : the same sensor on a coarser mesh, for estimates of errors at any frequency; None without one.
     """
 
     scene: Scene
     state: Solution
     relaxation: Relaxation
     parts: tuple[_Part, ...]
+    coarser: VibratingSensor | None = None
 
     @property
     def factorisations(self) -> int:
@@ -420,6 +424,7 @@ def vibrating_sensor(
     *,
     magnet: Magnet = "rigid",
     check: bool = True,
+    estimate: bool = False,
 ) -> VibratingSensor:
     """Solve for a state at rest, and prepare its vibrations at frequencies in a band (lowest, highest), Hz.
 
@@ -428,7 +433,8 @@ def vibrating_sensor(
     load : a press, with friction "none" or "stick" (the contact area is then glued to the plate for the vibration); a
         press and a shear in any direction with "stick"; either with a friction coefficient; a tilted plate; a grip;
         or depth 0: the free sensor, whose base is shaken.
-    check : call `check_vibration`; not for a coarser mesh that only estimates errors.
+    check : call `check_vibration`; not for other meshes that this one is compared with.
+    estimate : solve on a coarser mesh too, for `fem.results.error_estimates.estimate_vibration`.
 
     Raises
     ------
@@ -444,6 +450,12 @@ def vibrating_sensor(
     free = not load.depth and load.grip is None
     model: Model = "axisymmetric" if free else vibration_model(load)
     scene = Scene(at_rest, (Load() if free else load,), accuracy, magnet, model)
+    find = functools.partial(_solve_sensor, load=load, band=band, relaxation=relaxation)
+    sensor = find(scene)
+    return replace(sensor, coarser=solve_coarser(scene, find)) if estimate else sensor
+
+
+def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxation: Relaxation) -> VibratingSensor:
     path_state, blocks = build_blocks(scene)
     f = np.geomspace(*band, BETWEEN)
     c, eigenvalues = _coefficients(scene, relaxation, f)

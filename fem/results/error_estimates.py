@@ -207,6 +207,7 @@ class WithEstimates(Protocol):
 
 
 Answer = TypeVar("Answer", bound=WithEstimates)
+Found = TypeVar("Found")
 
 
 def estimated(
@@ -222,12 +223,18 @@ def estimated(
     estimate : returns the estimates of an answer from the one on the coarser mesh.
     found : whether an answer has something to estimate.
     """
-    answer, coarser = solve(scene), scene.coarser()
-    try:
-        coarse = solve(coarser) if coarser is not None and found(answer) else None
-    except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
-        coarse = None
+    answer = solve(scene)
+    coarse = solve_coarser(scene, solve) if found(answer) else None
     return answer if coarse is None else replace(answer, estimates=estimate(answer, coarse, scene))
+
+
+def solve_coarser(scene: Scene, solve: Callable[[Scene], Found]) -> Found | None:
+    """Return the answer for a scene on the mesh for error estimates; None where that has none."""
+    coarser = scene.coarser()
+    try:
+        return None if coarser is None else solve(coarser)
+    except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
+        return None
 
 
 def estimate_response(found: Response, coarse: Response, load: Load, scene: Scene, model: str) -> Estimates:

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -120,13 +120,11 @@ def _solve(
     frequencies = np.geomspace(*band, count)
     # geomspace rounds its ends
     frequencies[[0, -1]] = band
-    progress(0.0, "the state and its vibrations on a coarser mesh")
-    # the coarser mesh comes first, and is released before the finer one needs its memory
-    coarse = _coarse_curves(design, load, band, level, magnet, frequencies)
-    progress(0.3, "the state and its vibrations")
-    sensor = vibrating_sensor(design, load, band, level, magnet=magnet)
+    progress(0.0, "the state and its vibrations")
+    sensor = vibrating_sensor(design, load, band, level, magnet=magnet, estimate=True)
     progress(0.7, "resonances")
     at = response_curves.evaluator(design, sensor)
+    coarse = {} if sensor.coarser is None else response_curves.evaluator(design, sensor.coarser)(frequencies)
     curves = at(frequencies)
     motions = [report_motion(sensor, at, one, load, coarse.get(one.motion)) for one in curves.values()]
     ladder: list[FlatRow] = []
@@ -159,20 +157,6 @@ def _draw(path: Path, curves: Curves, scene: Scene, models: Models) -> None:
         undamped = [name for name, response in responses.items() if not np.iscomplex(response).any()]
         drawn.append(time_figures.oscillators(curves.frequency, gains, undamped))
     save(path, drawn)
-
-
-def _coarse_curves(
-    design: Design, load: Load, band: tuple[float, float], level: Accuracy, magnet: Magnet, frequencies: Array
-) -> Mapping[str, Curves]:
-    """Return the curves of each motion on a coarser mesh; none if the path stops earlier on it."""
-    from fem.accuracy import coarser
-    from fem.analyses.vibration import vibrating_sensor
-
-    try:
-        sensor = vibrating_sensor(design, load, band, coarser(level), magnet=magnet, check=False)
-    except BadInput:
-        return {}
-    return response_curves.evaluator(design, sensor)(frequencies)
 
 
 def _shift_per_force(at: At, motion: str, f: Array) -> Complex:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analytic import relaxation_loops
-from fem.accuracy import LEVELS, coarser
+from fem.accuracy import LEVELS
 from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
 from fem.results.error_estimates import VibrationQuantity, estimate_vibration
 from fem.solve import load_increments
@@ -71,13 +71,8 @@ def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating
     if not band[0] < band[1]:
         raise BadInput(f"the silicone's branches speak for {low:.3g} to {high:.3g} Hz only, which is no band")
     check_vibration(design, load, band, accuracy)
-    sensor = vibrating_sensor(design, load, band, accuracy, magnet=magnet)
-    coarse: At | None = None
-    try:
-        other = vibrating_sensor(design, load, band, coarser(accuracy), magnet=magnet, check=False)
-        coarse = response_curves.evaluator(design, other)
-    except BadInput:  # the path may stop earlier on the coarser mesh
-        pass
+    sensor = vibrating_sensor(design, load, band, accuracy, magnet=magnet, estimate=True)
+    coarse = None if sensor.coarser is None else response_curves.evaluator(design, sensor.coarser)
     return Vibrating(sensor, response_curves.evaluator(design, sensor), coarse, band)
 
 
