@@ -6,11 +6,12 @@ import pytest
 from fem.model import viscoelasticity
 from fem.model.nonlinear_system import State, System
 from fem.model.symmetry_models import MeshSpecification
-from fem.model.viscoelasticity import Branches
+from fem.model.viscoelasticity import ViscousLaw
 from geometry.arrays import Array
 from geometry.design import paper
+from geometry.relaxation import Relaxation
 
-BRANCHES = Branches(np.array([0.2, 0.1]), np.array([0.5, 5.0]), 1 / 0.7)
+BRANCHES = Relaxation((0.2, 0.1), (0.5, 5.0))
 
 
 def _system(harmonics: int) -> System:
@@ -22,11 +23,11 @@ def _deformed(system: System, seed: int, size: float = 2e-4) -> Array:
     return size * np.random.default_rng(seed).standard_normal(system.size)
 
 
-def _in_step(system: System, law: str) -> System:
+def _in_step(system: System, law: ViscousLaw) -> System:
     """Return the system in a time step after another one."""
     e = system.elements
     points = len(e.angles.theta), *e.weights.shape
-    history = viscoelasticity.at_rest(law, BRANCHES, points)
+    history = viscoelasticity.at_rest(law, BRANCHES, points, 1 / 0.7)
     before = system.state(_deformed(system, 1))
     history = history.advance(viscoelasticity.measure(e, system.law, system.mu, before.u), 0.3)
     system.viscous = history.overstress(0.4)
@@ -41,7 +42,7 @@ def _admissible(system: System, q: Array) -> State:
 
 @pytest.mark.parametrize("law", ["prony", "finite"])
 @pytest.mark.parametrize("harmonics", [0, 1])
-def test_tangent_is_the_derivative_of_the_residual(law: str, harmonics: int) -> None:
+def test_tangent_is_the_derivative_of_the_residual(law: ViscousLaw, harmonics: int) -> None:
     system = _in_step(_system(harmonics), law)
     q, along = _deformed(system, 2), _deformed(system, 3, 1.0)
     tangent = system.assemble(_admissible(system, q), None).tangent

@@ -141,7 +141,7 @@ class ViscousState:
 
 def at_rest(path: PathState, history: History) -> ViscousState:
     """Return the state at time 0 of a path at rest."""
-    return ViscousState(path, history, measure(path, path.u), np.zeros(len(history.branches.times)))
+    return ViscousState(path, history, measure(path, path.u), np.zeros(len(history.times)))
 
 
 def measure(path: PathState, u: Array) -> PointState:
@@ -192,7 +192,7 @@ def advance(tangent: KeptTangent, state: ViscousState, position: Array, dt: floa
 
 def with_error_of_first(before: ViscousState, first: ViscousState, second: ViscousState) -> ViscousState:
     """Return the first state of a smooth motion with its error, which only a second, equal step can tell."""
-    decay = np.exp((before.time - first.time) / before.history.branches.times)
+    decay = np.exp((before.time - first.time) / before.history.times)
     gained = (second.errors - decay**2 * before.errors) / (1 + decay)
     return replace(first, errors=decay * before.errors + gained)
 
@@ -283,8 +283,8 @@ def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
 
 
 def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array:
-    branches = before.history.branches
-    decayed = np.exp(-dt / branches.times) * before.errors
+    times, moduli = before.history.times, before.history.moduli
+    decayed = np.exp(-dt / times) * before.errors
     if not before.past or after.strain is None:
         return decayed
     last = before.past[-1]
@@ -293,9 +293,8 @@ def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array
     force = after.points.integral(viscoelasticity.contract(curved, after.strain))
 
     def gained(step: float) -> Array:
-        weight = viscoelasticity.curvature_weight(step / branches.times)
-        return np.asarray(branches.instantaneous * branches.shares * branches.times**2 * weight * force)
+        return np.asarray(moduli * times**2 * viscoelasticity.curvature_weight(step / times) * force)
 
     # the curvature of the first step of a motion is known only after the second one
-    earlier = np.exp(-dt / branches.times) * gained(first) if len(before.past) == 1 else 0.0
+    earlier = np.exp(-dt / times) * gained(first) if len(before.past) == 1 else 0.0
     return np.asarray(decayed + gained(dt) + earlier)

@@ -24,7 +24,6 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.analyses import time_steps
 from fem.analyses.time_steps import ViscousState
 from fem.model import coulomb_friction, viscoelasticity
-from fem.model.viscoelasticity import Branches
+from fem.model.viscoelasticity import ViscousLaw
 from fem.results import diagnostics
 from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin
 from fem.results.postprocess import reached_load, read_response
@@ -52,9 +51,7 @@ from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_of
 
-__all__ = ["TimeControl", "TimedLoad", "TimedState", "follow"]
-
-ViscousLaw = Literal["prony", "finite"]
+__all__ = ["TimeControl", "TimedLoad", "TimedState", "ViscousLaw", "follow"]
 
 LEAST_TOLERANCE = 1e-7
 """Least permitted error of the force from the time steps: Newton's tolerance leaves errors near it, and the number of
@@ -318,13 +315,6 @@ class Segment:
         return self.goal if place == 1 else self.start + place * (self.goal - self.start)
 
 
-def branches_of(design: Design) -> Branches:
-    """Return the branches of a design with the ratio of the instantaneous modulus to its E."""
-    relaxation = relaxation_of(design)
-    instantaneous = 1.0 if design.modulus == "instantaneous" else 1 / relaxation.rest
-    return Branches(np.array(relaxation.shares), np.array(relaxation.times), instantaneous)
-
-
 class TimedPath:
     """Models and solver of a path in time; its states are frozen values.
 
@@ -334,7 +324,7 @@ class TimedPath:
     least_force : force over E D^2 that errors refer to at least.
     """
 
-    def __init__(self, scene: Scene, law: str, control: TimeControl) -> None:
+    def __init__(self, scene: Scene, law: ViscousLaw, control: TimeControl) -> None:
         deepest = max(load.depth for load in scene.loads)
         # the mesh is that of the deepest load and of a glued area; states that carry less are read on the same mesh
         pressed = tuple(load for load in scene.loads if load.depth == deepest)
@@ -350,11 +340,13 @@ class TimedPath:
             kappa=control.kappa,
         )
         rest, depth = self._path.rest, deepest / scene.design.D
-        branches, e = branches_of(scene.design), rest.d.elements
-        history = viscoelasticity.at_rest(law, branches, (len(e.angles.theta), *e.weights.shape))
+        relaxation, e = relaxation_of(scene.design), rest.d.elements
+        instantaneous = 1.0 if scene.design.modulus == "instantaneous" else 1 / relaxation.rest
+        points = len(e.angles.theta), *e.weights.shape
+        history = viscoelasticity.at_rest(law, relaxation, points, instantaneous)
         stiffness = rest.plate_at(np.array([depth, 0.0, 0.0])).stiffness
         self.rest = time_steps.at_rest(replace(rest, stiffness=stiffness), history)
-        self.least_force = HERTZ_SHARE * branches.instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
+        self.least_force = HERTZ_SHARE * instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
         self._sideways = SidewaysModel(rest.d) if rest.d.model == "axisymmetric" else None
         self._stable_to = 0.0
 
@@ -434,7 +426,7 @@ class TimedPath:
 
     def _next_step(self, before: ViscousState, tried: ViscousState, dt: float, shortest: float) -> tuple[bool, float]:
         """Return whether a step of length dt is accurate enough, and the length of the next one."""
-        decayed = np.exp(-dt / before.history.branches.times) * before.errors
+        decayed = np.exp(-dt / before.history.times) * before.errors
         gained = float(np.abs(tried.errors - decayed).sum())
         permitted = self._control.tolerance / time_steps.CERTAINTY * max(tried.largest, self.least_force)
         allowed = max(BUDGET / 10 * permitted, BUDGET * (permitted - float(np.abs(decayed).sum())))

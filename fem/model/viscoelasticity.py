@@ -36,14 +36,14 @@ C_i^-1 = det(X)^(1/3) X^-1 is (3/b) d(det(X)^(1/3)) / dCbar. So the step of a br
 (3/b) det(X)^(1/3), and its consistent tangent is symmetric. At small strain both laws agree.
 
 Symmetric tensors have six components first, in the order of PAIRS. Arrays over the integration points have the shape
-(..., t, m, q): angles, elements in the order of `nonlinear_system.System`, points of each. The two histories have the
-same methods: `overstress` before a step, `advance` after it. What a step adds to the elements is added in loops that
-numba compiles.
+(..., t, m, q): angles, elements in the order of `nonlinear_system.System`, points of each. What a step adds to the
+elements is added in loops that numba compiles.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,9 @@ from fem.model import elements, material
 from fem.model.elements import Elements
 from geometry.arrays import Array
 from geometry.compiled import compiled
+from geometry.relaxation import Relaxation
+
+ViscousLaw = Literal["prony", "finite"]
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Rows and columns of the six components of a symmetric tensor."""
@@ -90,19 +93,11 @@ def contract(X: Array, Y: Array) -> Array:
     return np.asarray(np.tensordot(TWICE, X * Y, axes=1))
 
 
-def determinant(X: Array) -> Array:
-    """Return the determinants of symmetric tensors (6, ...)."""
-    a, b, c, f, e, d = X
-    return np.asarray(a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e))
-
-
-def inverse(X: Array) -> Array:
-    """Return the inverses of symmetric tensors (6, ...)."""
-    a, b, c, f, e, d = X
-    return np.asarray(
-        np.stack([b * c - f * f, a * c - e * e, a * b - d * d, d * e - a * f, d * f - b * e, e * f - c * d])
-        / determinant(X)
-    )
+def invert(X: Array) -> tuple[Array, Array]:
+    """Return the inverses (6, ...) and determinants (...) of symmetric tensors (6, ...)."""
+    inverses, determinants = np.empty(X.shape), np.empty(X.shape[1:])
+    _invert_all(np.ascontiguousarray(X).reshape(6, -1), inverses.reshape(6, -1), determinants.ravel())
+    return inverses, determinants
 
 
 def cauchy_green(G: Array) -> Array:
@@ -118,7 +113,7 @@ def viscous_step(viscous: Array, before: Array, dt: Array) -> tuple[Array, Array
     viscous, before : C_i and Cbar at the start of the step, (6, ...).
     dt : length of the step over tau.
     """
-    rate = contract(before, inverse(viscous)) / 3
+    rate = contract(before, invert(viscous)[0]) / 3
     e, w = decay(rate * dt)
     x = rate * dt
     # 1 - w and w - e vanish with x: series keep their digits
@@ -128,16 +123,8 @@ def viscous_step(viscous: Array, before: Array, dt: Array) -> tuple[Array, Array
     return e * viscous + early / rate * before, late / rate
 
 
-def viscous_strain(A: Array, b: Array, after: Array) -> Array:
-    """Return C_i at the end of a step, with Cbar (6, ...) there."""
-    X = A + b * after
-    return X / np.cbrt(determinant(X))
-
-
 def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array) -> tuple[Array, Array]:
-    """Return potential (...) and stress S (6, ...) of one branch over one step.
-
-    `add_branch` adds both, and the tangent, to the elements.
+    """Return energy (...) and stress S (6, ...) of one branch at the end of a step.
 
     Parameters
     ----------
@@ -145,11 +132,10 @@ def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array) -> tuple[Ar
     C, J : right Cauchy-Green tensor (6, ...) and volume ratio at the end of the step.
     mu : g_i mu0, (...).
     """
-    less = J ** (-2 / 3)
-    X = A + b * (less * C)
-    Y = np.cbrt(determinant(X)) * inverse(X)
-    trace = contract(Y, C)
-    return mu / 2 * (less * trace - 3), mu * less * (Y - trace / 3 * inverse(C))
+    W, S = np.empty(J.shape), np.empty(C.shape)
+    flat = (np.ascontiguousarray(tensors).reshape(6, -1) for tensors in (A, C))
+    _branch_stresses(*flat, np.ravel(b), np.ravel(J), W.ravel(), S.reshape(6, -1))
+    return mu * W, mu * S
 
 
 def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
@@ -279,6 +265,36 @@ def _invert(X, out):
 
 
 @compiled
+def _invert_all(X, inverses, determinants):
+    for x in range(len(determinants)):
+        determinants[x] = _invert(X[:, x], inverses[:, x])
+
+
+@compiled
+def _branch_stress(A, b, C, less, Ci, Xi, S):
+    """Write C^-1, X^-1 and the stress of a branch over mu; return Y : C, det(X)^(1/3) and the energy over mu.
+
+    X = A + b Cbar and Y = det(X)^(1/3) X^-1; less is J^(-2/3).
+    """
+    _invert(C, Ci)
+    for a in range(6):
+        S[a] = A[a] + b * less * C[a]
+    root, trace = _invert(S, Xi) ** (1 / 3), 0.0
+    for a in range(6):
+        trace += (1.0 if a < 3 else 2.0) * root * Xi[a] * C[a]
+    for a in range(6):
+        S[a] = less * (root * Xi[a] - trace / 3 * Ci[a])
+    return trace, root, (less * trace - 3) / 2
+
+
+@compiled
+def _branch_stresses(A, C, b, J, W, S):
+    Ci, Xi = np.empty(6), np.empty(6)
+    for x in range(len(W)):
+        W[x] = _branch_stress(A[:, x], b[x], C[:, x], J[x] ** (-2 / 3), Ci, Xi, S[:, x])[2]
+
+
+@compiled
 def _sandwich(X, a, b):
     """Return an entry of (X_IK X_JL + X_IL X_JK) / 2, which maps dC to X dC X."""
     I, J, K, L = _ROWS[a], _COLUMNS[a], _ROWS[b], _COLUMNS[b]
@@ -287,13 +303,13 @@ def _sandwich(X, a, b):
 
 @compiled
 def add_branch(G, Jm1, A0, b0, mu, w, W, P, A):
-    """Add a branch of the law "finite", `branch_stress`, with A0 (6, n), b0 and mu (n,).
+    """Add a branch of the law "finite", `_branch_stress`, with A0 (6, n), b0 and mu (n,).
 
-    With X = A0 + b Cbar and Y = det(X)^(1/3) X^-1, dY = det(X)^(1/3) b (Xi (Xi : dCbar) / 3 - Xi dCbar Xi), where
+    With X and Y as there, dY = det(X)^(1/3) b (Xi (Xi : dCbar) / 3 - Xi dCbar Xi), where
     Xi = X^-1 and dCbar = J^(-2/3) (dC - C (C^-1 : dC) / 3). P_iJ gains F_iI S_IJ, and its tangent delta_ik S_JL +
     F_iI F_kK (2 dS/dC)_IJKL.
     """
-    C, Ci, X, Xi, S, along = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    C, Ci, Xi, S, along = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
     F, CC, inner, half = np.empty((3, 3)), np.empty((6, 6)), np.empty((6, 6)), np.empty((9, 6))
     for x in range(len(w)):
         for i in range(3):
@@ -303,17 +319,11 @@ def add_branch(G, Jm1, A0, b0, mu, w, W, P, A):
             I, J = _ROWS[a], _COLUMNS[a]
             C[a] = F[0, I] * F[0, J] + F[1, I] * F[1, J] + F[2, I] * F[2, J]
         less, b = (1 + Jm1[x]) ** (-2 / 3), b0[x]
-        _invert(C, Ci)
-        for a in range(6):
-            X[a] = A0[a, x] + b * less * C[a]
-        root = _invert(X, Xi) ** (1 / 3)
-        trace = 0.0
-        for a in range(6):
-            trace += (1.0 if a < 3 else 2.0) * root * Xi[a] * C[a]
+        trace, root, energy = _branch_stress(A0[:, x], b, C, less, Ci, Xi, S)
         scale = w[x] * mu[x] * less
-        W[x] += w[x] * mu[x] / 2 * (less * trace - 3)
+        W[x] += w[x] * mu[x] * energy
         for a in range(6):
-            S[a] = scale * (root * Xi[a] - trace / 3 * Ci[a])
+            S[a] *= w[x] * mu[x]
         for i in range(3):
             for J in range(3):
                 for I in range(3):
@@ -358,36 +368,6 @@ def _add_tangent(F, S, CC, half, x, A):
 
 
 @dataclass(frozen=True, slots=True)
-class Branches:
-    """Branches of the silicone in units of the given modulus.
-
-    Attributes
-    ----------
-    shares, times : (b,) g_i of the instantaneous modulus, and tau_i in s.
-    instantaneous : instantaneous modulus over the modulus E of the design, 1 or 1 / rest.
-    """
-
-    shares: Array
-    times: Array
-    instantaneous: float
-
-    @property
-    def rest(self) -> float:
-        """Long-term over instantaneous modulus."""
-        return 1 - float(self.shares.sum())
-
-    @property
-    def long_term(self) -> float:
-        """Long-term modulus over E."""
-        return self.instantaneous * self.rest
-
-    @property
-    def moduli(self) -> Array:
-        """Moduli of the branches over E, (b,)."""
-        return self.instantaneous * self.shares
-
-
-@dataclass(frozen=True, slots=True)
 class PointState:
     """Strain and elastic stress at the integration points of a state.
 
@@ -413,99 +393,93 @@ class PointState:
 
 
 @dataclass(frozen=True, slots=True)
-class LinearHistory:
-    """History of the law "prony": overstresses Q (b, 6, t, m, q) over E, and S_iso with E at the same time."""
+class History:
+    """History of the integration points by one of the two laws.
 
-    branches: Branches
-    Q: Array
-    S: Array
+    Attributes
+    ----------
+    law : "prony" or "finite".
+    relaxation : branches of the silicone.
+    instantaneous : instantaneous modulus over the modulus E of the design, 1 or 1 / rest.
+    internal : (b, 6, t, m, q) overstresses Q_i over E, or viscous strains C_i.
+    last : (6, t, m, q) S_iso with the modulus E, or Cbar, at the same time.
+    """
+
+    law: ViscousLaw
+    relaxation: Relaxation
+    instantaneous: float
+    internal: Array
+    last: Array
+
+    @property
+    def times(self) -> Array:
+        """(b,) times of the branches, s."""
+        return np.array(self.relaxation.times)
+
+    @property
+    def moduli(self) -> Array:
+        """(b,) moduli of the branches over E."""
+        return self.instantaneous * np.array(self.relaxation.shares)
+
+    @property
+    def long_term(self) -> float:
+        """Long-term modulus over E."""
+        return self.instantaneous * self.relaxation.rest
 
     def overstress(self, dt: float) -> Overstress:
         """Return what a step of length dt, s, adds."""
-        branches = self.branches
-        e, w = decay(dt / branches.times)
-        risen = float(branches.moduli @ w)
-        return Overstress(branches.long_term + risen, np.tensordot(e, self.Q, axes=1) - risen * self.S)
+        if self.law == "finite":
+            parts = zip(self._viscous_steps(dt), self.moduli.tolist(), strict=True)
+            return Overstress(self.long_term, branches=tuple(ViscousBranch(A, b, share) for (A, b), share in parts))
+        e, w = decay(dt / self.times)
+        risen = float(self.moduli @ w)
+        return Overstress(self.long_term + risen, np.tensordot(e, self.internal, axes=1) - risen * self.last)
 
-    def advance(self, now: PointState, dt: float) -> LinearHistory:
+    def advance(self, now: PointState, dt: float) -> History:
         """Return the history after a step to a state."""
-        branches = self.branches
-        e, w = decay(dt / branches.times)
-        gained = now.S - self.S
-        Q = np.empty_like(self.Q)
-        # branch by branch, for all at once would need another array as large as Q
-        for after, before, decayed, share in zip(Q, self.Q, e, branches.moduli * w, strict=True):
+        internal = np.empty_like(self.internal)
+        if self.law == "finite":
+            Cbar = now.J ** (-2 / 3) * now.C
+            for after, (A, b) in zip(internal, self._viscous_steps(dt), strict=True):
+                X = A + b * Cbar
+                np.divide(X, np.cbrt(invert(X)[1]), out=after)
+            return replace(self, internal=internal, last=Cbar)
+        e, w = decay(dt / self.times)
+        gained = now.S - self.last
+        # branch by branch, for all at once would need another array as large
+        for after, before, decayed, share in zip(internal, self.internal, e, self.moduli * w, strict=True):
             np.multiply(before, decayed, out=after)
             after += share * gained
-        return replace(self, Q=Q, S=now.S)
+        return replace(self, internal=internal, last=now.S)
 
     def stored(self, now: PointState) -> float:
         """Return the energy stored by the isochoric stresses."""
-        branches = self.branches
-        energy = branches.long_term * now.W
-        if len(branches.times):
-            energy = energy + overstress_energy(self.Q, now.C, now.mu, branches.moduli)
+        energy = self.long_term * now.W
+        if self.law == "finite":
+            for modulus, Ci in zip(self.moduli, self.internal, strict=True):
+                energy = energy + modulus * now.mu / 2 * (contract(self.last, invert(Ci)[0]) - 3)
+        elif len(self.internal):
+            energy = energy + overstress_energy(self.internal, now.C, now.mu, self.moduli)
         return now.integral(energy)
 
     def stress(self, now: PointState) -> Array:
         """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
-        return np.asarray(self.branches.long_term * now.S + self.Q.sum(axis=0))
-
-    def revolve(self, angles: int) -> LinearHistory:
-        """Return the history of a section without angles at several angles."""
-        return replace(self, Q=np.repeat(self.Q, angles, axis=-3), S=np.repeat(self.S, angles, axis=-3))
-
-
-@dataclass(frozen=True, slots=True)
-class FiniteHistory:
-    """History of the law "finite": viscous strains (b, 6, t, m, q), and Cbar (6, t, m, q) at the same time."""
-
-    branches: Branches
-    viscous: Array
-    Cbar: Array
-
-    def overstress(self, dt: float) -> Overstress:
-        """Return what a step of length dt, s, adds."""
-        branches = tuple(
-            ViscousBranch(A, b, float(modulus))
-            for (A, b), modulus in zip(self._steps(dt), self.branches.moduli, strict=True)
-        )
-        return Overstress(self.branches.long_term, branches=branches)
-
-    def advance(self, now: PointState, dt: float) -> FiniteHistory:
-        """Return the history after a step to a state."""
-        Cbar = now.J ** (-2 / 3) * now.C
-        viscous = [viscous_strain(A, b, Cbar) for A, b in self._steps(dt)]
-        return replace(self, viscous=np.array(viscous).reshape(self.viscous.shape), Cbar=Cbar)
-
-    def stored(self, now: PointState) -> float:
-        """Return the energy stored by the isochoric stresses."""
-        energy = self.branches.long_term * now.W
-        for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
-            stretch = contract(self.Cbar, inverse(Ci)) - 3
-            energy = energy + modulus * now.mu / 2 * stretch
-        return now.integral(energy)
-
-    def stress(self, now: PointState) -> Array:
-        """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
-        S, still = self.branches.long_term * now.S, np.zeros(now.J.shape)
-        for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
+        S = self.long_term * now.S
+        if self.law == "prony":
+            return np.asarray(S + self.internal.sum(axis=0))
+        for modulus, Ci in zip(self.moduli, self.internal, strict=True):
             # a step of length 0 leaves C_i as it is
-            _, added = branch_stress(Ci, still, now.C, now.J, modulus * now.mu)
-            S = S + added
+            S = S + branch_stress(Ci, np.zeros(now.J.shape), now.C, now.J, modulus * now.mu)[1]
         return S
 
-    def _steps(self, dt: float) -> list[tuple[Array, Array]]:
-        """Return A and b of each branch after a step of length dt, s, as `viscoelasticity.viscous_step`."""
-        return [
-            viscous_step(Ci, self.Cbar, dt / tau) for Ci, tau in zip(self.viscous, self.branches.times, strict=True)
-        ]
+    def _viscous_steps(self, dt: float) -> list[tuple[Array, Array]]:
+        """Return A and b of each branch after a step of length dt, s."""
+        return [viscous_step(Ci, self.last, dt / tau) for Ci, tau in zip(self.internal, self.times, strict=True)]
 
-    def revolve(self, angles: int) -> FiniteHistory:
+    def revolve(self, angles: int) -> History:
         """Return the history of a section without angles at several angles."""
-        return replace(
-            self, viscous=np.repeat(self.viscous, angles, axis=-3), Cbar=np.repeat(self.Cbar, angles, axis=-3)
-        )
+        internal, last = (np.repeat(values, angles, axis=-3) for values in (self.internal, self.last))
+        return replace(self, internal=internal, last=last)
 
 
 def measure(e: Elements, law: material.Law, mu: Array, u: Array) -> PointState:
@@ -525,14 +499,11 @@ def measure(e: Elements, law: material.Law, mu: Array, u: Array) -> PointState:
     return PointState(by_angle(cauchy_green(G)), by_angle(1 + Jm1), by_angle(W), by_angle(S), weights, mu)
 
 
-History = LinearHistory | FiniteHistory
-
-
-def at_rest(law: str, branches: Branches, points: tuple[int, int, int]) -> History:
-    """Return the history of an undeformed body with points (t, m, q), by the law "prony" or "finite"."""
-    count, zero = len(branches.times), np.zeros((6, *points))
-    if law == "prony":
-        return LinearHistory(branches, np.zeros((count, 6, *points)), zero)
-    unit = zero.copy()
-    unit[:3] = 1.0
-    return FiniteHistory(branches, np.repeat(unit[None], count, axis=0), unit)
+def at_rest(
+    law: ViscousLaw, relaxation: Relaxation, points: tuple[int, int, int], instantaneous: float = 1.0
+) -> History:
+    """Return the history of an undeformed body with points (t, m, q); for the others see `History`."""
+    last = np.zeros((6, *points))
+    if law == "finite":
+        last[:3] = 1.0
+    return History(law, relaxation, instantaneous, np.repeat(last[None], len(relaxation.times), axis=0), last)
