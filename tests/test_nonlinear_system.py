@@ -51,7 +51,7 @@ def half_ball():
     fixed[e.nodes[:, 1] < 1e-9, 1] = True
     core = np.flatnonzero(np.abs(e.nodes).max(axis=1) < 0.5 + 1e-9)
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return System(e, skin, lame(1.0, 0.49), fixed, core, rigid_inclusion.solid(e.nodes[core], 3))
+    return System(e, skin, lame(1.0, 0.49), fixed, (core, rigid_inclusion.solid(e.nodes[core], 3)))
 
 
 def sensor(harmonics=0):
@@ -215,8 +215,8 @@ def stiff_or_rigid(magnet, angles, depth):
     if magnet == "meshed":
         stiff[mesh.subdomains["magnet"]] = 1e5
     glued = elements.boundary_nodes(mesh, "magnet") if magnet == "hole" else NONE
-    body = rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles) if magnet == "hole" else None
-    system = System(e, skin, (mu * stiff, inverse_K / stiff), fixed, glued, body)
+    body = (glued, rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles)) if magnet == "hole" else None
+    system = System(e, skin, (mu * stiff, inverse_K / stiff), fixed, body)
     q = np.zeros(system.size)
     for press in np.linspace(0.1, depth, round(depth / 0.1)):
         flat = Plate(shape.L - press, 5000.0, np.zeros(2))

@@ -33,6 +33,7 @@ from fem.model.viscoelasticity import Overstress
 from geometry.arrays import Array, Ints
 
 NONE: Ints = np.empty(0, dtype=np.int64)
+"""No nodes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +84,7 @@ class System:
     elements, surface : interior and skin.
     moduli : shear modulus and inverse bulk modulus, numbers or one per element.
     fixed : (nodes, fields) mask of the prescribed displacements, which are zero unless `prescribed` is given.
-    glued : nodes on the magnet's surface (empty without a rigid magnet).
-    rigid : motion of these nodes with the magnet.
+    magnet : nodes on a rigid magnet's surface, and their motion with it.
     dead : (nodes, fields) nodal forces that do not change with the deformation.
     law : isochoric law of the silicone.
     prescribed : (nodes, fields) values of the fixed displacements, and those of the nodes on the magnet before its
@@ -94,6 +94,7 @@ class System:
     Attributes
     ----------
     size, n_free, n_rigid, n_pressure : numbers of unknowns.
+    glued, rigid : the nodes of `magnet` (empty without), and their motion.
     free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and of those that are fixed or
         follow the magnet.
     corner_nodes : nodes that carry pressures.
@@ -106,8 +107,7 @@ class System:
         surface: Surface | None,
         moduli: tuple[float | Array, float | Array],
         fixed: NDArray[np.bool_],
-        glued: Ints = NONE,
-        rigid: RigidBody | None = None,
+        magnet: tuple[Ints, RigidBody] | None = None,
         dead: Array | None = None,
         law: material.Law = material.neo_hookean,
         prescribed: tuple[Array, Array | None] | None = None,
@@ -118,10 +118,11 @@ class System:
         self.fixed = fixed
         self.dead = np.zeros(fixed.shape) if dead is None else dead
         self.prescribed, held = (np.zeros(fixed.shape), None) if prescribed is None else prescribed
-        self.glued, self.rigid = glued, rigid
+        self.glued = NONE if magnet is None else magnet[0]
+        self.rigid = None if magnet is None else magnet[1]
         self._last: State | None = None
         touches = np.zeros(len(elements.nodes), dtype=bool)
-        touches[glued] = True
+        touches[self.glued] = True
         at_magnet = touches[elements.cells].any(axis=1)
         # elements at the magnet come last: only they have the unknowns of its motion
         order = np.lexsort((element_assembly.places_on_curve(elements), at_magnet))

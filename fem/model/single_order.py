@@ -17,7 +17,7 @@ import numpy as np
 from fem.model import angular_fields, elements, rigid_inclusion
 from fem.model.angular_fields import Angles
 from fem.model.elements import SAME_PLACE, Surface
-from fem.model.nonlinear_system import NONE, State, System
+from fem.model.nonlinear_system import State, System
 from fem.model.symmetry_models import Discretisation
 from geometry.arrays import Array
 
@@ -34,9 +34,9 @@ def build(low: Discretisation, order: int) -> Discretisation:
     if order == 1:
         fixed[on_axis & ~clamped, 2] = False
     fixed[:, [0, 3]] = True
-    rigid = None
+    magnet = None
     if base.rigid is not None and order == 1:
-        rigid = rigid_inclusion.sideways(e.nodes[base.glued] - [0, low.shape.H], angles)
+        magnet = base.glued, rigid_inclusion.sideways(e.nodes[base.glued] - [0, low.shape.H], angles)
     else:  # the magnet moves with orders 0 and 1 only
         fixed[base.glued] = True
     held = np.zeros((len(e.nodes), 2))
@@ -46,8 +46,7 @@ def build(low: Discretisation, order: int) -> Discretisation:
         revolve_surface(base.surface, angles),
         (base.mu[:, 0], base.inverse_K[:, 0]),
         fixed,
-        base.glued if rigid else NONE,
-        rigid,
+        magnet,
         law=base.law,
         prescribed=(np.zeros(fixed.shape), held),
     )

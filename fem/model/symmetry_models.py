@@ -22,7 +22,7 @@ from fem.model import angular_fields, elements, rigid_inclusion
 from fem.model.elements import Elements, Surface
 from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.material import Law, lame, neo_hookean
-from fem.model.nonlinear_system import NONE, System
+from fem.model.nonlinear_system import System
 from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.design import Shape
@@ -145,12 +145,14 @@ def _build_section(spec: MeshSpecification) -> Discretisation:
     fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics, sines=spec.sines))] = True
     angles = 4 * max(harmonics, spec.skin_harmonics) + 4 if harmonics else None
     skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5, angles=angles)
-    held = elements.boundary_nodes(mesh, "magnet") if spec.magnet == "rigid" else NONE
-    body = rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles) if len(held) else None
+    magnet = None
+    if spec.magnet == "rigid":
+        held = elements.boundary_nodes(mesh, "magnet")
+        magnet = held, rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles)
     dead = distribute_push(skin, fixed.shape, shape.H, spec.push) if spec.push else None
     if spec.glued and spec.rim is not None:
         skin = _release_next_point(skin, shape, spec.rim[0])
-    system = System(e, skin, lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
+    system = System(e, skin, lame(1.0, spec.nu), fixed, magnet, dead, law=spec.law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
 
@@ -163,11 +165,13 @@ def _build_solid(spec: MeshSpecification) -> Discretisation:
     if half:
         fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    held = elements.boundary_nodes(mesh, "magnet") if spec.magnet == "rigid" else NONE
-    body = rigid_inclusion.solid(e.nodes[held] - [0, 0, shape.H], 3 if half else 6) if len(held) else None
+    magnet = None
+    if spec.magnet == "rigid":
+        held = elements.boundary_nodes(mesh, "magnet")
+        magnet = held, rigid_inclusion.solid(e.nodes[held] - [0, 0, shape.H], 3 if half else 6)
     symmetry = 2.0 if half else 1.0
     dead = distribute_push(skin, fixed.shape, shape.H, spec.push / symmetry) if spec.push else None
-    system = System(e, skin, lame(1.0, spec.nu), fixed, held, body, dead, law=spec.law)
+    system = System(e, skin, lame(1.0, spec.nu), fixed, magnet, dead, law=spec.law)
     return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
 
 
