@@ -17,9 +17,9 @@ import dataclasses
 import decimal
 import math
 import numbers
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from studies.mechanics.plate_motion import check_motion
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import (
     DEFAULT_QUANTITIES,
+    Columns,
     FemModel,
     Plan,
     check_quantities,
@@ -88,17 +89,15 @@ def answer(
 
     Parameters
     ----------
-    cases : a row for each case. Columns are fields of the design (`D_mm`, `L_mm`, `f_mm`, `E_MPa`, `nu`, ...), of the
-        load (`depth_mm`, `shear_mm`, `shear_y_mm`, `plate_tilt_deg`, `grip_mm`, `friction`, `imperfection_N`,
-        `frequency_Hz`, `speed_mm_per_s`; NaN as `grip_mm` means no grip) and `magnet` (rigid or ignored), with the
-        names that `magtip sweep` writes; `depth_mm` or `grip_mm` must be there. Any number of rows: a
-        million rows of formulas, or of stored states, take seconds if they share a few thousand problems, and some
-        seven minutes if the mechanics of all differ. A cell that is no number, or out of its field's bounds, makes
-        its row a bad_input.
+    cases : a row for each case, any number of them. Columns are fields of the design (`D_mm`, `L_mm`, `f_mm`,
+        `E_MPa`, `nu`, ...), of the load (`depth_mm`, `shear_mm`, `shear_y_mm`, `plate_tilt_deg`, `grip_mm`, `friction`,
+        `imperfection_N`, `frequency_Hz`, `speed_mm_per_s`; NaN as `grip_mm` means no grip) and `magnet` (rigid or
+        ignored), with the names that `magtip sweep` writes; `depth_mm` or `grip_mm` must be there. A million rows
+        take seconds if they share a few thousand stored problems, and some seven minutes if the mechanics of all
+        differ. A cell that is no number, or out of its field's bounds, makes its row a bad_input.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
-        formulas: paper, column, tip, magnet, finite. A `FemModel` stands for finite elements with an accuracy that
-        is no level, under its own name.
+        formulas: paper, column, tip, magnet, finite; or a `FemModel` with an accuracy and a name of its own.
     base : what the columns do not say; default: the paper's sensor. Its Hall elements keep their places in the base
         where L or D vary, unless `l0_mm` is a column.
     quantities : any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth,
@@ -106,46 +105,58 @@ def answer(
         to the side.
     reference : name of the model that errors are relative to; default: the finest finite elements.
     store : file that keeps all solved states, a path; default: the user's.
-    workers : number of processes that solve; default: one for each core, none if all solves take only seconds.
-    scheduler : address of a Dask scheduler whose workers solve.
+    workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler.
     retry_failed : solve again the cases whose process died.
     progress : called with the share that is done and a text.
 
     Returns
     -------
     A table with the index of `cases`: its fields, then for each model force (N), shift (mm), tilt (rad), contact
-    radius (mm), readings (mT and V) and so on under the column names of `magtip sweep`, such as `fem_force_N`,
-    `analytic_paper_shift_z_mm`, `surrogate_force_N`; errors against the reference in %; estimated relative errors
-    (half widths of 90 % intervals for the surrogate); `status` (ok, unstable, not_converged, bad_input, ...) and
-    `message`. What a model cannot answer is NaN, and an impossible case has the status bad_input with its reason.
+    radius (mm), readings (mT and V) and so on under the column names of `magtip sweep`, such as `fem_force_N`;
+    errors against the reference in %; estimated relative errors (half widths of 90 % intervals for the surrogate);
+    `status` (ok, unstable, not_converged, bad_input, ...) and `message`. What a model cannot answer is NaN, and an
+    impossible case has the status bad_input with its reason.
 
     Raises
     ------
     BadInput
         A column, a model or a quantity is unknown, an argument is of a wrong kind, or no column presses the sensor.
     """
-    import pandas as pd
-
     _check_kinds(cases, models, base, quantities, reference)
-    base = base or paper()
-    names = [_axis(str(column)) for column in cases.columns]
-    if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
-        raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
-    if not names or not {"depth", "grip"} & set(names):
-        raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
-    fem, formulas = models_of([model for model in models if isinstance(model, str)])
-    fem += tuple(model for model in models if isinstance(model, FemModel))
-    asked = study_input.checked_quantities(tuple(quantities))
+    processes = Processes(workers, scheduler, retry_failed)
+    names = _axes(cases)
     columns, refusals = zip(
         *(_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)), strict=True
     )
     reasons = np.array(["; ".join(filter(None, each)) for each in zip(*refusals, strict=True)], dtype=object)
     possible = np.flatnonzero(reasons == "") if len(cases) else np.arange(0)
     factor = Factor(tuple(names), tuple(values[possible] for values in columns), sampled=True)
-    magnet = "rigid" if base.shape.has_magnet else "ignored"
-    plan = Plan(
-        base, (factor,), {}, cast("Any", magnet), fem, formulas, asked, model_name(reference) if reference else ""
-    )
+    plan = _plan(base or paper(), factor, models, tuple(quantities), reference)
+    with stores.opened(Path(store or stores.default())) as states:
+        parts = list(sweep.run(plan, None, states, processes=processes, progress=progress)) if len(possible) else []
+    return _joined(dict(zip(names, columns, strict=True)), parts, reasons).set_axis(cases.index)
+
+
+def _axes(cases: pd.DataFrame) -> list[str]:
+    """Return the fields of the columns."""
+    names = [_axis(str(column)) for column in cases.columns]
+    if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+        raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
+    if not names or not {"depth", "grip"} & set(names):
+        raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
+    return names
+
+
+def _plan(
+    base: Design, factor: Factor, models: Sequence[str | FemModel], quantities: tuple[str, ...], reference: str
+) -> Plan:
+    """Return the study of the possible cases."""
+    fem, formulas = models_of([model for model in models if isinstance(model, str)])
+    fem += tuple(model for model in models if isinstance(model, FemModel))
+    magnet: Magnet = "rigid" if base.shape.has_magnet else "ignored"
+    asked, names = study_input.checked_quantities(quantities), factor.names
+    truth = model_name(reference) if reference else ""
+    plan = Plan(base, (factor,), {}, magnet, fem, formulas, asked, truth)
     if not asked:
         readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(names)
         usual = [name for name in DEFAULT_QUANTITIES if name != "readings" or readings]
@@ -155,19 +166,24 @@ def answer(
     check_motion(names, asked)
     if reference and plan.truth not in (*(model.name for model in fem), *formulas):
         raise BadInput(f"the reference {reference!r} is not among the models: add it to them")
-    processes = Processes(workers, scheduler, retry_failed)
-    with stores.opened(Path(store or stores.default())) as states:
-        tables = sweep.run(plan, None, states, processes=processes, progress=progress) if len(possible) else ()
-        parts = [pd.DataFrame(part) for part in tables]
-    given = pd.DataFrame({study_axes.column(name): values for name, values in zip(names, columns, strict=True)})
-    answers = pd.concat(parts, ignore_index=True).set_axis(possible) if parts else given.iloc[:0]
-    if len(possible) < len(cases):
-        answers = answers.reindex(range(len(cases)))
-        refused = reasons != ""
-        for column in given:
-            answers[column] = given[column]
-        answers.loc[refused, "status"], answers.loc[refused, "message"] = "bad_input", reasons[refused]
-    return answers.set_axis(cases.index)
+    return plan
+
+
+def _joined(given: Mapping[str, Any], parts: Sequence[Columns], reasons: np.ndarray[Any, Any]) -> pd.DataFrame:
+    """Return the answers of the possible cases, and the reasons of the others, in the order of the cases."""
+    import pandas as pd
+
+    refused = reasons != ""
+    fields = pd.DataFrame({study_axes.column(name): values for name, values in given.items()})
+    frames = [pd.DataFrame(part) for part in parts]
+    answers = pd.concat(frames, ignore_index=True) if frames else fields.iloc[:0]
+    if not refused.any():
+        return answers
+    answers = answers.set_axis(np.flatnonzero(~refused)).reindex(range(len(refused)))
+    for column in fields:
+        answers[column] = fields[column]
+    answers.loc[refused, "status"], answers.loc[refused, "message"] = "bad_input", reasons[refused]
+    return answers
 
 
 def _check_kinds(cases: object, models: object, base: object, quantities: object, reference: object) -> None:

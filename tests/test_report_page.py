@@ -55,12 +55,13 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def report(folder, tmp_path_factory):
-    return report_page.report(folder, tmp_path_factory.mktemp("page") / "report.html", solve=False)
+    """The file of the page."""
+    return Path(report_page.report(folder, tmp_path_factory.mktemp("page") / "report.html", solve=False)["file"])
 
 
 @pytest.fixture(scope="module")
 def page(chromium, report):
-    return opened(chromium, report.out)
+    return opened(chromium, report)
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +141,7 @@ def test_arrow_keys_turn_the_sensor(page):
 
 def test_page_without_webgl_says_so(chromium, report):
     with launch(chromium.browser_type, "--disable-3d-apis") as plain:
-        page = opened(plain, report.out, width=500, height=700)
+        page = opened(plain, report, width=500, height=700)
         assert page.evaluate("document.querySelector('.stage').dataset.renderer") == "none"
         assert "needs WebGL" in page.evaluate("document.querySelector('.stage').textContent")
 
@@ -214,7 +215,7 @@ def test_texts_of_files_are_never_executed(page):
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_contrast_suffices_in_both_themes(chromium, report, dark):
-    page = opened(chromium, report.out, color_scheme="dark" if dark else "light")
+    page = opened(chromium, report, color_scheme="dark" if dark else "light")
     ratios = page.evaluate(CONTRAST)
     assert min(ratios[name] for name in ("--ink", "--soft", "--link")) >= 4.5
     assert min(ratios.values()) >= 3
@@ -232,14 +233,14 @@ def test_button_changes_the_theme(page):
 
 
 def test_narrow_screen_does_not_scroll_sideways(chromium, report):
-    page = opened(chromium, report.out, width=390, height=800)
+    page = opened(chromium, report, width=390, height=800)
     page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
     wait(page, "document.querySelectorAll('details.data tbody').length > 0")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
 def test_page_prints_black_on_white_with_all_figures(chromium, report, data):
-    page = opened(chromium, report.out, color_scheme="dark")
+    page = opened(chromium, report, color_scheme="dark")
     pdf = page.pdf(prefer_css_page_size=True)
     assert pdf.startswith(b"%PDF")
     page.emulate_media(media="print")
@@ -252,21 +253,20 @@ def test_page_prints_black_on_white_with_all_figures(chromium, report, data):
 
 def test_nothing_is_evaluated(report):
     """Vega interprets its expressions: without that it would need the permission to evaluate texts."""
-    policy = report.out.read_text("utf-8").partition('Content-Security-Policy" content="')[2].partition('"')[0]
+    policy = report.read_text("utf-8").partition('Content-Security-Policy" content="')[2].partition('"')[0]
     assert "script-src" in policy
     assert "unsafe-eval" not in policy
 
 
 def test_size_is_bounded(report):
-    assert report.size == report.out.stat().st_size
-    assert report.size < report_page.MOST_BYTES
+    assert report.stat().st_size < report_page.MOST_BYTES
 
 
 def test_ticks_of_a_narrow_range_differ(chromium, tmp_path):
     """Four digits of 0.90001, 0.90002 ... all read 0.9."""
     rows = "".join(f"{0.1 * k:.1f},{0.90001 + 4e-6 * k:.6f},ok\n" for k in range(5))
     (tmp_path / "sweep.csv").write_text("depth_mm,fem_force_N,status\n" + rows)
-    page = opened(chromium, report_page.report(tmp_path, solve=False).out)
+    page = opened(chromium, Path(report_page.report(tmp_path, solve=False)["file"]))
     script = "[...document.querySelectorAll('.panel .role-axis-label text')].map((text) => text.textContent)"
     labels = page.evaluate(script)
     high = [label for label in labels if label.startswith("0.9")]
@@ -278,6 +278,6 @@ def test_folders_of_one_title_are_told_apart(tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "sweep.csv").write_text("depth_mm,fem_force_N,status\n0.5,1,ok\n1,2,ok\n")
-    text = report_page.report(tmp_path, solve=False).out.read_text("utf-8")
+    text = Path(report_page.report(tmp_path, solve=False)["file"]).read_text("utf-8")
     assert "Sweep (one)" in text
     assert "Sweep (two)" in text

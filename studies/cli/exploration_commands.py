@@ -333,7 +333,7 @@ def report(folder: Results, /, *, out: Path | None = None, no_solve: bool = Fals
 
     def study(progress: Progress) -> Result:
         page = report_page.report(folder, out, command=command_line, solve=not no_solve, progress=progress)
-        return of_record("Report", page.row())
+        return of_record("Report", page)
 
     return publish(study, Destination(as_json=as_json))
 

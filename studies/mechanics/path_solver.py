@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -151,14 +152,8 @@ def _at(load: Load, at: Position, D: float) -> Load:
 
 def solve_task(task: Task, progress: Progress | None = None) -> list[State]:
     """Solve a task and return its states for the store."""
-    if task.kind == "critical depth":
-        return [_critical(task.scene)]
-    if task.kind == "modes":
-        return [_modes(task.scene)]
-    if task.kind == "response":
-        return [_timed(task.scene, task.kind, response_paths.solve)]
-    if task.kind == "cycle":
-        return [_timed(task.scene, task.kind, functools.partial(cycle_paths.solve, motion=task.motion))]
+    if task.kind != "states":
+        return [_single(task)]
     scene = task.scene
     D = scene.design.D
 
@@ -300,66 +295,61 @@ def unsolved(task: Task, reason: str) -> list[State]:
     ]
 
 
-def _critical(scene: Scene) -> State:
-    """Return the critical depth of a frictionless press as a state: lengths over D, force over E D^2."""
-    import time
-
-    from fem.analyses import stability
-
-    begin, design = time.perf_counter(), scene.design
-    D, unit = design.D, design.E * design.D**2
-    try:
-        state = stability.critical(design, scene.magnet, accuracy=scene.accuracy)
-    except SolveFailed as error:
-        return _other(scene, "failed", "not_converged", {}, str(error), time.perf_counter() - begin)
-    found = {
-        "critical_depth_over_D": None if state.depth is None else state.depth / D,
-        "critical_force_over_ED2": None if state.force is None else state.force / unit,
-        "stable_to_over_D": state.stable_to / D,
-    }
-    return _other(scene, "ok", "ok", found, state.message, time.perf_counter() - begin)
-
-
-def _modes(scene: Scene) -> State:
-    """Return the lowest natural frequencies about a press as a state: f D (rho / E)^(1/2), with rho in kg/m^3."""
-    import time
-
-    from fem.analyses.modes import modes
-
-    begin, design = time.perf_counter(), scene.design
-    try:
-        lowest = modes(design, scene.magnet, MODES, depth=scene.loads[0].depth, accuracy=scene.accuracy)
-    except SolveFailed as error:
-        return _other(scene, "failed", "failed", {}, str(error), time.perf_counter() - begin)
-    unit = frequency_unit(design.D, design.E, design.density)
-    values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
-    return _other(scene, "ok", lowest.status, values, lowest.message, time.perf_counter() - begin)
-
-
-def _timed(scene: Scene, kind: Kind, solve: Callable[[Scene], dict[str, Any]]) -> State:
-    """Return the vibration or the cycles of a scene as a state, see `response_paths` and `cycle_paths`."""
-    import time
-
+def _single(task: Task) -> State:
+    """Return the state of a quantity that is a path of its own."""
     begin = time.perf_counter()
+    solve = SINGLE[task.kind]
     try:
-        values = solve(scene)
+        values = solve(task)
         result: Outcome = "ok"
         status, message = values.pop("status"), values.pop("message")
     except SolveFailed as error:
-        values, result, status, message = {}, "failed", "failed", str(error)
-    estimate = {"error_estimate": values.pop("time_error", None)}
-    state = _other(scene, result, status, values, message, time.perf_counter() - begin)
-    return replace(state, answer=state.answer | units_of(scene, kind) | estimate)
+        values, result, message = {}, "failed", str(error)
+        status = "not_converged" if task.kind == "critical depth" else "failed"
+    answer = units_of(task.scene, task.kind) | {"response": None, "error_estimate": values.pop("time_error", None)}
+    answer |= {"message": message, "values": values}
+    return State(0.0, 0.0, result, status, answer, time.perf_counter() - begin, _origin())
+
+
+def _critical(task: Task) -> dict[str, Any]:
+    """Return the critical depth of a frictionless press: lengths over D, force over E D^2."""
+    from fem.analyses import stability
+
+    design = task.scene.design
+    D, unit = design.D, design.E * design.D**2
+    state = stability.critical(design, task.scene.magnet, accuracy=task.scene.accuracy)
+    return {
+        "critical_depth_over_D": None if state.depth is None else state.depth / D,
+        "critical_force_over_ED2": None if state.force is None else state.force / unit,
+        "stable_to_over_D": state.stable_to / D,
+        "status": "ok",
+        "message": state.message,
+    }
+
+
+def _modes(task: Task) -> dict[str, Any]:
+    """Return the lowest natural frequencies about a press: f D (rho / E)^(1/2), with rho in kg/m^3."""
+    from fem.analyses.modes import modes
+
+    scene, design = task.scene, task.scene.design
+    lowest = modes(design, scene.magnet, MODES, depth=scene.loads[0].depth, accuracy=scene.accuracy)
+    unit = frequency_unit(design.D, design.E, design.density)
+    values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
+    return values | {"status": lowest.status, "message": lowest.message}
+
+
+SINGLE: dict[Kind, Callable[[Task], dict[str, Any]]] = {
+    "critical depth": _critical,
+    "modes": _modes,
+    "response": lambda task: response_paths.solve(task.scene),
+    "cycle": lambda task: cycle_paths.solve(task.scene, task.motion),
+}
+"""Solves of the quantities that are paths of their own; each returns its values, status and message."""
 
 
 def frequency_unit(D: float, E: float, density: float) -> float:
     """Return (E / rho)^(1/2) / D, to which frequencies are proportional; mm, MPa, kg/m^3."""
     return math.sqrt(E / density) / D
-
-
-def _other(scene: Scene, result: Outcome, status: str, values: dict[str, Any], message: str, seconds: float) -> State:
-    answer = units_of(scene) | {"response": None, "error_estimate": None, "message": message, "values": values}
-    return State(0.0, 0.0, result, status, answer, seconds, _origin())
 
 
 def answer(state: State) -> Answer:

@@ -11,7 +11,6 @@ import base64
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,35 +50,6 @@ MOST_PICTURE_BYTES = 1_800_000
 """Bytes of pictures in a page."""
 
 
-@dataclass(frozen=True, slots=True)
-class Made:
-    """A page that was written.
-
-    Attributes
-    ----------
-    sections, figures, surfaces : counts.
-    remarks : sentences on what was left out, with the folder they belong to.
-    """
-
-    out: Path
-    size: int
-    sections: int
-    figures: int
-    surfaces: int
-    remarks: tuple[str, ...]
-
-    def row(self) -> dict[str, Any]:
-        """Return what the command prints."""
-        return {
-            "file": str(self.out),
-            "size_MB": round(self.size / 1e6, 2),
-            "sections": self.sections,
-            "figures": self.figures,
-            "surfaces": self.surfaces,
-            "warnings": list(self.remarks),
-        }
-
-
 def report(
     folder: Path,
     out: Path | None = None,
@@ -87,7 +57,7 @@ def report(
     command: str = "",
     solve: bool = True,
     progress: Progress | None = None,
-) -> Made:
+) -> dict[str, Any]:
     """Write the page of a folder of results.
 
     Parameters
@@ -95,6 +65,11 @@ def report(
     out : file of the page, .html; default: report.html in the folder.
     command : command line that the page names.
     solve : whether sensors that the folders name are solved for the figures in 3D.
+
+    Returns
+    -------
+    What the command prints: file, size_MB, numbers of sections, figures and surfaces, and sentences on what was left
+    out, with the folder they belong to.
 
     Raises
     ------
@@ -121,9 +96,14 @@ def report(
             f"the page would have {size / 1e6:.1f} MB and may have {MOST_BYTES / 1e6:.0f} MB: report a sub-folder"
         )
     atomic_files.write_text(file, text)
-    remarks = tuple(f"{one.name}: {remark}" if one.name else remark for one in sections for remark in one.remarks)
-    drawn, surfaces = sum(len(one.figures) for one in sections), sum(len(one.surfaces) for one in sections)
-    return Made(file, size, len(sections), drawn, surfaces, remarks)
+    return {
+        "file": str(file),
+        "size_MB": round(size / 1e6, 2),
+        "sections": len(sections),
+        "figures": sum(len(one.figures) for one in sections),
+        "surfaces": sum(len(one.surfaces) for one in sections),
+        "warnings": [f"{one.name}: {remark}" if one.name else remark for one in sections for remark in one.remarks],
+    }
 
 
 def page(folder: Path, sections: Sequence[Section], command: str) -> str:

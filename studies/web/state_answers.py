@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analytic import beam, hall
+from analytic.inverse.forward_model import slopes_at
 from analytic.parts import of_design
 from analytic.relaxation_loops import loop
 from fem.accuracy import LEVELS
@@ -31,8 +32,6 @@ from studies.web.state_pictures import section
 if TYPE_CHECKING:
     from analytic.decode import Decoder
 
-STEP = 1e-4
-"""Half of the distance over which readings are differenced: over D, and rad."""
 DECODER_LEVEL = "finite"
 """Level of the formulas that give the load of a decoded pose."""
 
@@ -163,31 +162,12 @@ def pose_half_widths(response: Response, widths: Data) -> Array:
 
 
 def reading_slopes(design: Design, response: Response) -> Array:
-    """Return the slopes of the outputs along shift and rotation, shape (elements, 5), V/mm and V/rad.
-
-    They are central differences, and 0 for an element at its rail.
-    """
-    elements = of_design(design)
-    points, owners = hall.plates_of(elements)
-    steps = np.concatenate([STEP * design.D * np.eye(5)[:3], STEP * np.eye(5)[3:]])
-    pose = np.array([*response.shift, *response.rotation])
-    poses = np.concatenate([pose + steps, pose - steps])
-    count = len(points)
-    field = hall.field_at(
-        np.tile(points, (10, 1)),
-        design,
-        np.repeat(poses[:, :3], count, axis=0),
-        np.repeat(poses[:, 3:], count, axis=0),
-    )
-    normals = np.array([element.direction for element in elements])[owners]
-    along = (field.reshape(10, count, 3) * normals).sum(axis=2)
-    size = np.bincount(owners)
-    values = np.array([np.bincount(owners, row) / size for row in along])
-    sizes = np.array([STEP * design.D] * 3 + [STEP] * 2)[:, None]
-    slopes = ((values[:5] - values[5:]) / (2 * sizes)).T
-    gains = np.array([element.gain for element in elements])
+    """Return the slopes of the outputs along shift and rotation, shape (elements, 5), V/mm and V/rad; 0 at a rail."""
+    by_shift, by_rotation = slopes_at(design, response.shift, response.rotation)
+    gains = np.array([element.gain for element in of_design(design)])
     saturated = np.array(hall.readings(design, response).saturated)
-    return np.asarray(np.where(saturated[:, None], 0.0, gains[:, None] * slopes))
+    slopes = gains[:, None] * np.concatenate([by_shift, by_rotation[:, :2]], axis=1)
+    return np.asarray(np.where(saturated[:, None], 0.0, slopes))
 
 
 def build_decoder(design: Design) -> Decoder | None:

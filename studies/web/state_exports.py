@@ -105,22 +105,24 @@ def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
             text = plain(value)
             # a value that begins with a dash is joined to its option
             words += [f"{name}={text}"] if text.startswith("-") else [name, text]
-    for name, value in changed_fields(state).items():
+    for name, value in changed_fields(state.design, state.preset).items():
         words += ["--set", f"{name}={plain(value)}"]
     return shlex.join(words)
 
 
-def changed_fields(state: ExplorerState) -> dict[str, float | str]:
-    """Return the fields of the design that differ from its preset."""
-    base = PRESETS[state.preset]()
+def changed_fields(design: Design, preset: str = "paper") -> dict[str, float | str]:
+    """Return the fields of a design that differ from a preset."""
+    base = PRESETS[preset]()
     names = [spec.name for spec in dataclasses.fields(base)]
-    return {name: getattr(state.design, name) for name in names if getattr(state.design, name) != getattr(base, name)}
+    return {name: getattr(design, name) for name in names if getattr(design, name) != getattr(base, name)}
 
 
 def python(state: ExplorerState) -> str:
     """Return the lines of Python that solve for the state, read the Hall elements, and vibrate where it has rates."""
     accuracy, has_magnet = state.level.upper(), state.design.shape.has_magnet
-    fields = "".join(f", {name}={_literal(value)}" for name, value in changed_fields(state).items())
+    fields = "".join(
+        f", {name}={_literal(value)}" for name, value in changed_fields(state.design, state.preset).items()
+    )
     magnet = "" if state.magnet == "rigid" else f', magnet="{state.magnet}"'
     vibrates, about = bool(state.frequency), _load_source(state.vibrating_load)
     band = ", ".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
@@ -151,9 +153,7 @@ def address_fields(design: Design) -> dict[str, str]:
     >>> address_fields(Design(L=32, l0=30))
     {'preset': 'paper', 'L': '32', 'l0': '30', 'depth': '0.32'}
     """
-    base = PRESETS["paper"]()
-    names = [spec.name for spec in dataclasses.fields(base)]
-    changed = {name: plain(getattr(design, name)) for name in names if getattr(design, name) != getattr(base, name)}
+    changed = {name: plain(value) for name, value in changed_fields(design).items()}
     depth = first_depth(design)
     if depth != OPENING_DEPTH:
         changed["depth"] = plain(depth)
@@ -202,10 +202,8 @@ def design_text(design: Design) -> str:
     law = "yeoh"
     """
     lines = ['base = "paper"']
-    for spec in dataclasses.fields(design):
-        value = getattr(design, spec.name)
-        if value != spec.default:
-            lines.append(f'{spec.name} = "{value}"' if isinstance(value, str) else f"{spec.name} = {value!r}")
+    for name, value in changed_fields(design).items():
+        lines.append(f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}")
     return "\n".join(lines) + "\n"
 
 
