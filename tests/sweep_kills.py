@@ -1,6 +1,6 @@
 """What a sweep leaves behind when it is killed: its rows, its solves, its worker processes and its store.
 
-A sweep is killed with SIGKILL, at random moments and each third time after its first row, and started again with the
+A sweep is killed with SIGKILL, at random moments and each second time after its first row, and started again with the
 same store, until it completes; then a new round begins with an empty store. Each solve notes in a log that it begins.
 After each kill, `Kill` has what is in the store of the rows that were printed, which solves are begun but not stored,
 and which processes are left.
@@ -46,7 +46,7 @@ AXES = ("L=lin:10:16:24", "depth=0.2,0.4")
 WORKERS = 2
 AFTERLIFE = 2.0
 """Time within which worker processes end after their parent was killed, s."""
-MOST_BEGUN = 8
+MOST_BEGUN = 4
 """A kill comes when fewer solves have begun; the number is drawn first, so that a busy machine gets as far."""
 SPAN = 0.5
 """Time over which kills are spread after that, s; it is longer than a solve."""
@@ -60,8 +60,6 @@ class Kill:
 
     Attributes
     ----------
-    round : number of the store, from 1.
-    moment_s : from the start of the process.
     rows : number of rows that the killed process had printed.
     lost : number of these rows whose state is not in the store, or that differ from those of an undisturbed sweep.
     begun : number of solves that the killed process had begun.
@@ -69,12 +67,9 @@ class Kill:
     repeated : number of these that an earlier process of the round had begun too.
     workers : number of worker processes at the moment of the kill.
     survivors : number of these that still ran after `AFTERLIFE`.
-    ended_s : time until all of them had ended.
     intact : whether the store passes all its checks.
     """
 
-    round: int
-    moment_s: float
     rows: int
     lost: int
     begun: int
@@ -82,7 +77,6 @@ class Kill:
     repeated: int
     workers: int
     survivors: int
-    ended_s: float
     intact: bool
 
 
@@ -126,18 +120,16 @@ class KilledStudy:
             raise RuntimeError(f"the sweep ended with status {process.returncode}")
         return _rows(base)
 
-    def kill(self, number: int, base: Path, *, after_row: bool = False) -> Kill | None:
+    def kill(self, base: Path, *, after_row: bool = False) -> Kill | None:
         """Start the sweep with the store of a round and kill it at a random moment; None if it ends before.
 
         Parameters
         ----------
-        number : of the round.
         base : path of the store and of the files beside it, without a suffix.
         after_row : kill it when it has printed a row.
         """
         before = _begun(base)
         solves, delay = self.moments.randrange(MOST_BEGUN), self.moments.uniform(0.0, SPAN)
-        begin = time.perf_counter()
         process = self._start(base)
         while process.poll() is None and not (
             _rows(base) if after_row else len(_begun(base)) >= len(before) + solves
@@ -150,10 +142,9 @@ class KilledStudy:
         workers = _children(process.pid)
         process.kill()
         process.wait()
-        moment, killed = time.perf_counter() - begin, time.perf_counter()
+        killed = time.perf_counter()
         while (left := [pid for pid in workers if _runs(pid)]) and time.perf_counter() - killed < AFTERLIFE:
             time.sleep(0.01)
-        ended = time.perf_counter() - killed
         rows, begun = _rows(base), _begun(base)[len(before) :]
         stored = self._stored(base)
         wrong = [
@@ -161,8 +152,6 @@ class KilledStudy:
             for row, whole, target in zip(rows, self.undisturbed, self.targets, strict=False)
         ]
         return Kill(
-            round=number,
-            moment_s=moment,
             rows=len(rows),
             lost=sum(wrong),
             begun=len(begun),
@@ -170,7 +159,6 @@ class KilledStudy:
             repeated=sum(solve in before for solve in begun),
             workers=len(workers),
             survivors=len(left),
-            ended_s=ended,
             intact=all(check["status"] == "ok" for check in store_check.checks(base.with_suffix(".sqlite"))),
         )
 
@@ -205,7 +193,7 @@ def kills(folder: Path, count: int, seed: int = 1, axes: Sequence[str] = AXES) -
     while done < count:
         base = folder / f"round{number}"
         # random moments are often too early for a row
-        while done < count and (kill := study.kill(number, base, after_row=done % 3 == 2)) is not None:
+        while done < count and (kill := study.kill(base, after_row=done % 2 == 1)) is not None:
             done += 1
             console.say(f"kill {done} of {count}: {kill}")
             yield kill

@@ -157,44 +157,26 @@ def test_a_cluster_without_workers_is_refused_or_ends_the_run(tmp_path, monkeypa
             next(finished([4.0], math.sqrt, workers=0, scheduler=own.address))
 
 
-def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(tmp_path):
+def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(shared, tmp_path):
+    """The last test: it leaves the shared cluster without its scheduler."""
     axes = ["--axis", "L=lin:10:16:14", "--depth", "0.4", "--magnet", "ignored", "--accuracy", "quick"]
     sweep = [sys.executable, "-m", "studies.cli", "sweep", *axes, "--store", str(tmp_path / "store.sqlite"), "--json"]
     env = {**os.environ, "PYTHONPATH": str(TESTS.parent)}
-    with started(tmp_path, 2) as own:
-        command = [*sweep, "--scheduler", own.address]
-        with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
-            rows = [run.stdout.readline()]
-            own.workers[0].kill()
-            rows += [run.stdout.readline() for _ in range(3)]
-            own.scheduler.kill()
-            # communicate() would leave out the rows that readline() has read in advance
-            rows += run.stdout.readlines()
-            errors = run.stderr.read()
-            run.wait(timeout=60)
+    command = [*sweep, "--scheduler", shared.address]
+    with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        rows = [run.stdout.readline()]
+        shared.workers[0].kill()
+        rows += [run.stdout.readline() for _ in range(3)]
+        shared.scheduler.kill()
+        # communicate() would leave out the rows that readline() has read in advance
+        rows += run.stdout.readlines()
+        errors = run.stderr.read()
+        run.wait(timeout=60)
     sentence = (
-        rf"magtip: the scheduler at {own.address} is gone: \d+ tasks are unfinished; the same command continues\n"
+        rf"magtip: the scheduler at {shared.address} is gone: \d+ tasks are unfinished; the same command continues\n"
     )
     assert run.returncode == 3, errors
     assert re.fullmatch(sentence, errors)
     whole = subprocess.run(sweep, env=env, capture_output=True, text=True, check=True).stdout
     assert whole.splitlines(keepends=True)[: len(rows)] == rows, "times too, because they are read from the store"
     assert len(whole.splitlines()) == 14
-
-
-def test_a_lost_worker_costs_nothing_and_a_lost_scheduler_ends_the_run(shared):
-    """The last test: it leaves the shared cluster without its scheduler."""
-    begun = []
-    for each in finished([0.2] * 10, time.sleep, workers=0, scheduler=shared.address):
-        begun.append(each)
-        if len(begun) == 3:
-            shared.workers[0].kill()
-    assert [each.reason for each in begun] == [""] * 10
-    results = finished([0.2] * 10, time.sleep, workers=0, scheduler=shared.address)
-    next(results)
-    shared.scheduler.kill()
-    begin = time.monotonic()
-    with pytest.raises(SchedulerLost, match=r"tasks are unfinished; the same command continues") as lost:
-        list(results)
-    assert time.monotonic() - begin < 5
-    assert str(lost.value).startswith(f"the scheduler at {shared.address} is gone: ")

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import csv
+import html
 import io
 import json
 import math
@@ -397,9 +398,9 @@ def test_many_moves_leave_no_error_and_no_memory(loop, running, live):
             else:
                 assert math.isfinite(answer["data"]["response"]["force"][2])
 
-    loop.run_until_complete(moves(16))
+    loop.run_until_complete(moves(10))
     before = memory(pids)
-    loop.run_until_complete(moves(20))
+    loop.run_until_complete(moves(12))
     assert memory(pids) < 1.15 * before
     assert len(running.shared.pages) == 1
 
@@ -501,58 +502,45 @@ def children(pid):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are listed from /proc")
-def test_interrupt_ends_the_server_and_its_workers():
-    command = [sys.executable, "-m", "studies.cli", "explore", "--no-browser", "--set", "D=10"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        address = process.stdout.readline()
-        assert address.startswith("http://127.0.0.1:")
-        assert address.endswith("#preset=paper&D=10\n")
-        port = urlsplit(address).port
-        workers = children(process.pid)
-        assert len(workers) == 2
-        # a second server on this port says so
-        again = [*command, "--port", str(port)]
-        refused = subprocess.run(again, capture_output=True, text=True, timeout=PATIENCE, check=False)
-        assert refused.returncode == 2
-        assert refused.stderr.startswith(f"magtip: port {port} cannot be used (")
-        assert refused.stderr.count("\n") == 1
-    finally:
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    assert "Traceback" not in errors
-    end = time.monotonic() + 5
-    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < end:
-        time.sleep(0.05)
-    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
-
-
-def test_token_is_in_no_command_line(tmp_path):
+def test_token_is_in_no_command_line_and_an_interrupt_ends_the_server_and_its_workers(tmp_path):
     browser, said = tmp_path / "browser", tmp_path / "said"
     browser.write_text(
         '#!/bin/sh\nfile=${1#file://}\n{ echo "$*"; stat -c %a "$(dirname "$file")"; cat "$file"; } '
         f"> {said}.new\nmv {said}.new {said}\n"
     )
     browser.chmod(0o700)
-    command = [sys.executable, "-m", "studies.cli", "explore"]
+    command = [sys.executable, "-m", "studies.cli", "explore", "--set", "D=10"]
     environment = {**os.environ, "BROWSER": f"{browser} %s"}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     try:
         address = process.stdout.readline().strip()
+        assert address.startswith("http://127.0.0.1:")
+        assert address.endswith("#preset=paper&D=10")
         end = time.monotonic() + PATIENCE
         while not said.exists() and time.monotonic() < end:
             time.sleep(0.05)
         line, mode, *content = said.read_text().splitlines()
+        workers = children(process.pid)
+        # a second server on this port says so
+        again = [*command, "--no-browser", "--port", str(urlsplit(address).port)]
+        refused = subprocess.run(again, capture_output=True, text=True, timeout=PATIENCE, check=False)
     finally:
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=PATIENCE)
-    token = urlsplit(address).query
-    assert token.startswith("token=")
-    assert token not in line
+        _, errors = process.communicate(timeout=PATIENCE)
+    assert urlsplit(address).query.startswith("token=")
+    assert urlsplit(address).query not in line
     assert mode == "700"
-    assert f"url={address}" in "\n".join(content)
+    assert f"url={html.escape(address)}" in "\n".join(content)
     assert not Path(line.removeprefix("file://")).exists()
+    assert refused.returncode == 2
+    assert refused.stderr.startswith(f"magtip: port {urlsplit(address).port} cannot be used (")
+    assert refused.stderr.count("\n") == 1
+    assert (process.returncode, len(workers)) == (0, 2)
+    assert "Traceback" not in errors
+    end = time.monotonic() + 5
+    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
 
 
 def test_files_of_the_page_are_in_the_wheel():
