@@ -93,7 +93,7 @@ def answer(
         `E_MPa`, `nu`, ...), of the load (`depth_mm`, `shear_mm`, `shear_y_mm`, `plate_tilt_deg`, `grip_mm`,
         `friction`, `imperfection_N`, `frequency_Hz`, `speed_mm_per_s`; NaN as `grip_mm` means no grip) and `magnet`
         (rigid or ignored), with the names that `magtip sweep` writes; `depth_mm` or `grip_mm` must be there. A
-        million rows take seconds if they share a few thousand stored problems, and some seven minutes if the mechanics
+        million rows take seconds if they share a few thousand stored problems, some seven minutes if the mechanics
         of all differ. A cell that is no number, or out of its field's bounds, makes its row a bad_input.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
