@@ -32,7 +32,7 @@ def grid():
 @pytest.fixture(scope="module")
 def file(grid, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "explorer.html"
-    atomic_files.write_text(path, offline_page.page(grid, "rigid", "quick"))
+    atomic_files.write_text(path, offline_page.page(grid, "rigid"))
     return path
 
 
@@ -128,7 +128,7 @@ def test_the_page_is_one_small_file_without_addresses(file):
     assert file.stat().st_size < MOST_BYTES
     text = re.sub(r"<script>.*?</script>|<style>.*?</style>", "", file.read_text("utf-8"), flags=re.S)
     assert re.findall(r'(?:src|href)="([^"]*)"', text) == ["data:,", "#stage"]
-    for words in ("This file is fixed to one design, the paper's sensor", "accuracy quick", "off by at most"):
+    for words in ("This file is fixed to one design, the paper's sensor", "accuracy standard", "off by at most"):
         assert words in text.replace("&#x27;", "'")
 
 
@@ -186,7 +186,7 @@ def test_a_sensor_without_a_magnet_and_of_another_law_has_a_page():
     design = Design(magnet_diameter=0.0, magnet_height=0.0, law="yeoh", yeoh_2=0.1)
     assert offline_page.magnet_of(design) == "ignored"
     grid = offline_tables.solve(design, "ignored", QUICK, size=SIZE)
-    assert "the paper&#x27;s sensor with" in offline_page.page(grid, "ignored", "quick")
+    assert "the paper&#x27;s sensor with" in offline_page.page(grid, "ignored")
 
 
 def test_the_file_of_a_page_ends_in_html(run):

@@ -78,9 +78,9 @@ def magnet_of(design: Design) -> Magnet:
     return "rigid" if design.shape.has_magnet else "ignored"
 
 
-def page(grid: Grid, magnet: Magnet, level: Level = LEVEL) -> str:
-    """Return the page of a design whose states are solved at a level of accuracy."""
-    content, about = _content(grid, magnet, level)
+def page(grid: Grid, magnet: Magnet) -> str:
+    """Return the page of a design whose states are solved."""
+    content, about = _content(grid, magnet)
     text = (PAGE / INDEX).read_text(encoding="utf-8")
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
     text = text.replace("</head>", f"<style>{STYLE} {HIDDEN}</style>\n</head>", 1)
@@ -90,21 +90,21 @@ def page(grid: Grid, magnet: Magnet, level: Level = LEVEL) -> str:
     return re.sub(r'<script src="([^"]+)"></script>', lambda script: _scripts(script[1], content), text)
 
 
-def _content(grid: Grid, magnet: Magnet, level: Level) -> tuple[Data, str]:
+def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
     """Return everything that the page's engine reads, and what the page says of itself, as HTML."""
     design = grid.design
     errors = offline_tables.measured(grid)
     response = offline_tables.response(grid, errors)
     formulas, remarks, remark_texts = offline_tables.formulas(design, response.axes)
     statuses, status_texts = offline_tables.statuses(grid, response.axes)
-    curve = state_answers.curve(design, magnet, level, estimate=True)
-    curves = {one: state_answers.with_formulas(curve, design, one) for one in beam.LEVELS}
+    curve = state_answers.curve(design, magnet, LEVEL, estimate=True)
+    curves = {level: state_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
     sensor = _sensor(design)
     content: Data = {
         "fields": _fields(grid),
         "sensor": sensor,
         "model": "finite elements",
-        "level": level,
+        "level": LEVEL,
         "levels": list(beam.LEVELS),
         "fixed": {"D": design.D, "L": design.L, "H": design.H},
         "response": response.data(),
@@ -114,13 +114,13 @@ def _content(grid: Grid, magnet: Magnet, level: Level) -> tuple[Data, str]:
         "readings": None,
         "elements": offline_tables.elements(design),
         "pictures": offline_tables.pictures(grid, magnet),
-        "stability": state_answers.by_finite_elements(design, magnet, level),
+        "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
         "curve": {
             **curves["paper"],
-            "levels": {name: one["level"] for name, one in curves.items()},
-            "tables": {name: state_exports.of_curve(one).decode() for name, one in curves.items()},
+            "levels": {level: one["level"] for level, one in curves.items()},
+            "tables": {level: state_exports.of_curve(one).decode() for level, one in curves.items()},
         },
-        "commands": state_exports.without_load(design, magnet, level),
+        "commands": state_exports.without_load(design, magnet, LEVEL),
         "files": {"design.toml": state_exports.design_text(design)},
         "refusal": _refusal(grid),
     }
@@ -137,7 +137,7 @@ def _content(grid: Grid, magnet: Magnet, level: Level) -> tuple[Data, str]:
             "decoded": table.data(),
             "decoding": {"numbers": status.ravel(), "names": names, "level": state_answers.DECODER_LEVEL},
         }
-    return content, _about(grid, level, errors, sensor, volts)
+    return content, _about(grid, errors, sensor, volts)
 
 
 def _fields(grid: Grid) -> list[Data]:
@@ -184,12 +184,12 @@ def _refusal(grid: Grid) -> str:
     )
 
 
-def _about(grid: Grid, level: str, errors: offline_tables.Errors, sensor: str, volts: str) -> str:
+def _about(grid: Grid, errors: offline_tables.Errors, sensor: str, volts: str) -> str:
     force, shift = (100 * np.nanmax(errors.share[:, k]) for k in (1, 2))
     tangential, tilt = errors.absolute[0], errors.absolute[4]
     presses = sum(not shear for _, shear, _ in grid.states)
     text = (
-        f"This file is fixed to one design, {sensor}, solved by finite elements at accuracy {level}: {presses} "
+        f"This file is fixed to one design, {sensor}, solved by finite elements at accuracy {LEVEL}: {presses} "
         f"presses to {grid.roots[-1] ** 2 * grid.design.D:.3g} mm and {len(grid.states) - presses} shears to "
         f"{grid.shears[-1]:.3g} mm, in which the contact sticks; between them it interpolates. "
         f"Against {len(grid.checks)} further solves between these states the force is off by at most "
@@ -200,7 +200,7 @@ def _about(grid: Grid, level: str, errors: offline_tables.Errors, sensor: str, v
         "magtip explore without --export."
     )
     summary = (
-        f"Fixed design: {sensor}. Finite elements, accuracy {level}; interpolated to {_figure(force)} % of the force."
+        f"Fixed design: {sensor}. Finite elements, accuracy {LEVEL}; interpolated to {_figure(force)} % of the force."
     )
     return (
         f'<details id="about-model" class="soft"><summary>{html.escape(summary)} Show for what this page holds.'
