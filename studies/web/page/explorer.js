@@ -14,6 +14,7 @@ const Explorer = (() => {
     cut: ["open", "whole"],
     formula: ["paper", "column", "tip", "magnet", "finite"],
   };
+  const EVERYTHING = ["layout", "controls", ...Requests.PARTS];
   const $ = (selector, root = document) => root.querySelector(selector);
   const engine = window.MAGTIP_OFFLINE ? OfflineEngine(window.MAGTIP_OFFLINE) : LiveEngine();
   const sides = { a: null, b: null };
@@ -112,19 +113,22 @@ const Explorer = (() => {
     }
     Object.assign(sides, read);
     Object.assign(view, seen);
-    if (!sides.b) {
-      view.edit = "a";
-      answers.b = {};
-      refusals.b = null;
-      requests.forget("b");
-    }
-    for (const side of shownSides()) requests.change(side);
+    if (!sides.b) closeB();
+    shownSides().forEach((side) => requests.change(side));
     say(
       unknown.length
         ? `The address has parts that this page does not know, and leaves out: ${unknown.join(", ")}.`
         : "",
     );
-    touch("layout", "controls", "state", "curve", "sensor3d", "stability", "vibration", "loop", "commands");
+    touch(...EVERYTHING);
+  }
+
+  function closeB() {
+    sides.b = null;
+    view.edit = "a";
+    answers.b = {};
+    refusals.b = null;
+    requests.forget("b");
   }
 
   const commitSoon = () => {
@@ -198,13 +202,12 @@ const Explorer = (() => {
     drawing = true;
     requestAnimationFrame(() => {
       drawing = false;
-      const all = new Set(dirty);
-      dirty.clear();
-      draw(all);
+      draw(new Set(dirty));
     });
   }
 
   function draw(all) {
+    dirty.clear();
     if (all.has("layout")) layout();
     if (all.has("controls")) drawControls();
     if (all.has("state")) drawState();
@@ -301,7 +304,7 @@ const Explorer = (() => {
     const share = answers[side].progress;
     const last = answer ? "The last picture is shown in grey" : "There is no picture";
     if (refusal) return { chip: "stopped", time: "", text: `${last}: ${refusal.error}` };
-    if (!answer) return { chip: "", time: "", text: notice ? "" : first() };
+    if (!answer) return { chip: "", time: "", text: notice ? "" : engine.wait || "" };
     const { status, message: text, seconds } = answer.data;
     const waits = requests.behind(side, "state");
     const own =
@@ -315,8 +318,6 @@ const Explorer = (() => {
     const state = status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `;
     return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${state}${text || ""}` };
   }
-
-  const first = () => engine.wait || "";
 
   function drawSensor(changed) {
     const list = shownSides().filter((side) => answers[side].sensor3d);
@@ -443,32 +444,23 @@ const Explorer = (() => {
       }
     });
     $("#compare").addEventListener("click", () => {
-      if (sides.b) {
-        sides.b = null;
-        view.edit = "a";
-        answers.b = {};
-        refusals.b = null;
-        requests.forget("b");
-      } else {
+      if (sides.b) closeB();
+      else {
         sides.b = { ...sides.a };
         view.edit = "b";
         requests.change("b");
       }
-      touch("layout", "controls", "state", "curve", "sensor3d", "stability", "vibration", "loop", "commands");
+      touch(...EVERYTHING);
       commit();
     });
     for (const input of document.querySelectorAll("[name=edit]"))
       input.addEventListener("change", () => look("edit", input.value));
-    $("#view-field").addEventListener("change", (event) => look("field", event.target.value));
-    $("#view-lines").addEventListener("change", (event) => {
-      look("lines", event.target.checked ? "yes" : "no");
-      if (event.target.checked) shownSides().forEach((side) => requests.change(side));
-    });
-    $("#view-mesh").addEventListener("change", (event) => look("mesh", event.target.checked ? "yes" : "no"));
-    $("#view-formula").addEventListener("change", (event) => {
-      look("formula", event.target.value);
-      shownSides().forEach((side) => requests.change(side));
-    });
+    // choices of the view; those that the server answers are asked for
+    for (const [key, asks] of Object.entries({ field: false, lines: true, mesh: false, formula: true }))
+      $(`#view-${key}`).addEventListener("change", ({ target }) => {
+        look(key, target.type === "checkbox" ? (target.checked ? "yes" : "no") : target.value);
+        if (asks) shownSides().forEach((side) => requests.change(side));
+      });
     $("#level").addEventListener("change", (event) => {
       level = event.target.value;
       shownSides().forEach((side) => requests.change(side));
@@ -507,19 +499,15 @@ const Explorer = (() => {
     message,
     commit,
     commitSoon,
-    undo,
-    redo,
     show,
     refuse,
     progress,
     say,
     touch,
-    draw,
     wire,
     address,
     look,
     complete,
-    value,
     fields: () => fields,
     times: () => requests.times,
     requests: () => requests,

@@ -4,7 +4,6 @@
 
 const Requests = (engine, { message, show, refuse, progress }) => {
   const MOST_TIMES = 2000;
-  const PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "commands"];
   const NEW = () => ({ number: 0, flying: 0, since: 0, dirty: false, inputs: [], drawn: {} });
   const sides = { a: NEW(), b: NEW() };
   const times = [];
@@ -111,7 +110,8 @@ const Requests = (engine, { message, show, refuse, progress }) => {
     for (const side of Object.values(sides)) side.flying = 0;
   }
   function forget(name) {
-    sides[name] = { ...NEW(), drawn: Object.fromEntries(PARTS.map((part) => [part, { number: number + 0.5 }])) };
+    const drawn = Requests.PARTS.map((part) => [part, { number: number + 0.5 }]);
+    sides[name] = { ...NEW(), drawn: Object.fromEntries(drawn) };
   }
   // Whether a part that the newest request asks for is older than this request.
   const behind = (name, part) => sides[name].dirty || (sides[name].drawn[part]?.number || 0) < sides[name].number;
@@ -129,6 +129,6 @@ const Requests = (engine, { message, show, refuse, progress }) => {
     resting,
     times,
     newest: (name) => sides[name].number,
-    parts: PARTS,
   };
 };
+Requests.PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "commands"];
