@@ -24,7 +24,7 @@ from analytic import beam
 from analytic.batch_readings import batch_readings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Response
+from geometry.loads import Response, rotation_of
 from geometry.relaxation import relaxation_of
 from studies.inputs import study_axes
 from studies.mechanics import response_paths
@@ -35,25 +35,20 @@ from studies.sensing.field_readings import columns as element_columns
 NAN = math.nan
 FIRST_AXES = ("D", "L", "f", "E", "depth")
 """Axes whose columns every table has, first."""
-MECHANICS = ("force", "shift", "tilt", "contact_radius")
-"""Quantities of a response."""
+COMPONENTS = {
+    "force": ("force_N", "force_x_N", "force_y_N"),
+    "shift": ("shift_z_mm", "shift_x_mm", "shift_y_mm"),
+    "tilt": ("tilt_rad", "tilt_y_rad"),
+    "contact_radius": ("contact_radius_mm",),
+}
+"""Columns of the quantities of a response; where no load acts sideways the first one of each alone."""
+POSE = ("shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad")
+"""Columns that place the magnet."""
 MOST_DECODERS = 16
 """Number of decoders that are kept, some MB each."""
 
 
 # Results of a model
-
-
-@dataclass(frozen=True, slots=True)
-class Results:
-    """Results of one model in the cases of a batch: force, N, shift, mm, (n, 3); rotation vector, rad, (n, 2);
-    contact radius, mm, (n,); NaN where the model has none.
-    """
-
-    force: Array
-    shift: Array
-    rotation: Array
-    contact_radius: Array
 
 
 def prefixes(plan: Plan) -> dict[str, str]:
@@ -76,24 +71,18 @@ def error_prefix(plan: Plan, name: str) -> str:
     return "" if len(plan.fem) + len(plan.formulas) <= 2 else prefixes(plan)[name]
 
 
-def spread(batch: Batch, responses: Sequence[Response | None]) -> Results:
-    """Return the results of all cases from the responses of the distinct problems: forces are proportional to E.
+def spread(batch: Batch, responses: Sequence[Response | None]) -> Columns:
+    """Return the columns of `COMPONENTS` of one model from the responses of the distinct problems.
 
-    A case whose sensor is impossible has no results, although its mechanics may be those of others.
+    Forces are proportional to E. A case whose sensor is impossible has no results, NaN, although its mechanics may
+    be those of others.
     """
-    none = (NAN, NAN, NAN)
-    force = np.array([none if r is None else r.force for r in responses])[batch.problem]
-    own = _of_problems(batch, lambda design: design.E)
+    rows = [(NAN,) * 9 if r is None else (*r.force, *r.shift, r.tilt, r.tilt_y, r.contact_radius) for r in responses]
     # 1 for a possible sensor, else NaN, which every product keeps
-    possible = _of_sensors(batch, lambda design: 1.0)
-    each = possible[:, None]
-    return Results(
-        force=force * (batch.E / own)[:, None] * each + 0.0,
-        shift=np.array([none if r is None else r.shift for r in responses])[batch.problem] * each + 0.0,
-        rotation=np.array([none[:2] if r is None else r.rotation for r in responses])[batch.problem] * each,
-        contact_radius=np.array([NAN if r is None else r.contact_radius for r in responses])[batch.problem]
-        * possible,
-    )
+    each = np.array(rows)[batch.problem].T * _of_sensors(batch, lambda design: 1.0)
+    each[:3] *= batch.E / _of_problems(batch, lambda design: design.E)
+    names = ("force_x_N", "force_y_N", "force_N", "shift_x_mm", "shift_y_mm", "shift_z_mm")
+    return dict(zip((*names, "tilt_rad", "tilt_y_rad", "contact_radius_mm"), each + 0.0, strict=True))
 
 
 def percents(model: Array, truth: Array) -> Array:
@@ -173,7 +162,7 @@ class Rows:
         table |= self._verdict(batch, solved, remarks)
         if not plan.fem:
             # without finite elements a case without any formula has no result at all
-            without = np.all([np.isnan(result.force[:, 2]) for result in results.values()], axis=0)
+            without = np.all([np.isnan(result["force_N"]) for result in results.values()], axis=0)
             table["status"][without] = "bad_input"
         return table
 
@@ -189,25 +178,20 @@ class Rows:
             table[study_axes.column(name)] = _as_column(values)
         return table
 
-    def _mechanics(self, results: Mapping[str, Results]) -> Columns:
+    def _mechanics(self, results: Mapping[str, Columns]) -> Columns:
         """Return force, shift, tilt and contact radius by all models, then the errors."""
         plan = self.plan
-        asked = [name for name in plan.quantities if name in MECHANICS]
-        parts = [part for quantity in asked for part in self._parts(quantity)]
-        table: Columns = {}
-        for name, result in results.items():
-            table |= {f"{self.prefixes[name]}{column}": read(result) for column, read, _ in parts}
-        if not plan.truth:
-            return table
-        truth = results[plan.truth]
-        for name, result in results.items():
-            if name != plan.truth:
-                before = error_prefix(plan, name)
-                table |= {
-                    f"{before}{error}_error_percent": percents(read(result), read(truth))
-                    for _, read, error in parts
-                    if error
-                }
+        shown = [
+            name
+            for quantity in plan.quantities
+            for name in COMPONENTS.get(quantity, ())[: None if plan.loads_sideways else 1]
+        ]
+        table = {f"{self.prefixes[model]}{name}": result[name] for model, result in results.items() for name in shown}
+        if plan.truth:
+            for model in (model for model in results if model != plan.truth):
+                for name in shown:
+                    error = f"{error_prefix(plan, model)}{name.rpartition('_')[0].replace('shift_z', 'shift')}"
+                    table[f"{error}_error_percent"] = percents(results[model][name], results[plan.truth][name])
         return table
 
     def _strains(self, batch: Batch, solved: Solved) -> Columns:
@@ -216,29 +200,6 @@ class Rows:
             * _of_answers(batch, [answer.values.get("largest_strain") for answer in answers])
             for name, answers in solved.states.items()
         }
-
-    def _parts(self, quantity: str) -> list[tuple[str, Callable[[Results], Array], str]]:
-        """Return the columns of a quantity: name, how it is read, and the name of its error, "" for none."""
-        sideways = self.plan.loads_sideways
-        if quantity == "contact_radius":
-            return [("contact_radius_mm", lambda r: r.contact_radius, "contact_radius")]
-        if quantity == "tilt":
-            # a rotation vector (rx, ry) is a lean of (ry, -rx)
-            lean = [("tilt_rad", lambda r: r.rotation[:, 1], "tilt")]
-            return [*lean, ("tilt_y_rad", lambda r: -r.rotation[:, 0] + 0.0, "tilt_y")] if sideways else lean
-        if quantity == "force":
-            parts = [("force_N", lambda r: r.force[:, 2], "force")]
-            more = [
-                ("force_x_N", lambda r: r.force[:, 0], "force_x"),
-                ("force_y_N", lambda r: r.force[:, 1], "force_y"),
-            ]
-        else:
-            parts = [("shift_z_mm", lambda r: r.shift[:, 2], "shift")]
-            more = [
-                ("shift_x_mm", lambda r: r.shift[:, 0], "shift_x"),
-                ("shift_y_mm", lambda r: r.shift[:, 1], "shift_y"),
-            ]
-        return parts + more if sideways else parts
 
     def _formula(self, level: str, code: int, problem: Problem) -> tuple[Response | None, str]:
         def make() -> tuple[Response | None, str]:
@@ -317,14 +278,13 @@ class StudyReadings:
         self.prefixes = prefixes(plan)
         self._decoders: Recent[Any] = Recent(MOST_DECODERS)
 
-    def columns(self, batch: Batch, results: Mapping[str, Results]) -> Columns:
+    def columns(self, batch: Batch, results: Mapping[str, Columns]) -> Columns:
         """Return fields and outputs of the elements by all models, and errors in % of the change from rest.
 
         If the layout varies, the columns of one layout are empty in the rows of another.
         """
-        n = len(batch)
-        rest = self._read(batch, np.zeros((n, 3)), np.zeros((n, 2)))[0]
-        read = {name: self._read(batch, result.shift, result.rotation) for name, result in results.items()}
+        rest = self._read(batch, dict.fromkeys(POSE, np.zeros(len(batch))))[0]
+        read = {name: self._read(batch, result) for name, result in results.items()}
         table: Columns = {}
         for (names, unit), layouts in self._layouts().items():
             other = np.array([design is None or design.hall_layout not in layouts for design in batch.sensors])
@@ -368,23 +328,24 @@ class StudyReadings:
                     table[column] = np.where(other, NAN, percents(field[:, k] - rest[:, k], truth))
         return table
 
-    def _read(self, batch: Batch, shift: Array, rotation: Array) -> tuple[Array, Array]:
+    def _read(self, batch: Batch, result: Columns) -> tuple[Array, Array]:
         """Return fields, T, and outputs of the elements in the cases, shape (n, 3)."""
         if not any(design is not None and design.shape.has_magnet for design in batch.sensors):
             return np.full((len(batch), 3), NAN), np.full((len(batch), 3), NAN)
-        possible = np.array([design is not None for design in batch.sensors])
+        x, y, z, tilt, tilt_y = (result[name] for name in POSE)
+        shift = np.stack([x, y, z], axis=1) * _of_sensors(batch, lambda design: 1.0)[:, None]
         designs = [design or self.plan.design for design in batch.sensors]
-        shift = np.where(possible[batch.sensor][:, None], shift, NAN)
-        readings = batch_readings(designs, batch.sensor, shift, rotation)
+        readings = batch_readings(designs, batch.sensor, shift, np.stack(rotation_of(tilt, tilt_y), axis=1))
         return readings.field_T, readings.output
 
-    def decoded(self, batch: Batch, results: Mapping[str, Results]) -> Columns:
+    def decoded(self, batch: Batch, results: Mapping[str, Columns]) -> Columns:
         """Return the forces that each formula level decodes from the reference's readings, and their errors."""
         table: Columns = {}
         reference = self.plan.reference
         assert reference is not None
         truth = results[reference.name]
-        output = self._read(batch, truth.shift, truth.rotation)[1]
+        true = np.stack([truth[name] for name in ("force_x_N", "force_y_N", "force_N")], axis=1)
+        output = self._read(batch, truth)[1]
         for level in self.plan.formulas:
             force = np.full((len(batch), 3), NAN)
             for k, design in enumerate(batch.sensors):
@@ -395,11 +356,11 @@ class StudyReadings:
 
                     force[rows] = decode(decoder, field_of(decoder.forward.elements, output[rows])).force
             force = force * (batch.E / self.plan.design.E)[:, None]
-            difference = np.linalg.norm(force - truth.force, axis=1)
+            difference = np.linalg.norm(force - true, axis=1)
             prefix = f"decoded_{level}_" if len(self.plan.formulas) > 1 else "decoded_"
             table[f"{prefix}force_N"] = force[:, 2]
             table[f"{prefix}force_error_N"] = difference
-            size = np.linalg.norm(truth.force, axis=1)
+            size = np.linalg.norm(true, axis=1)
             table[f"{prefix}force_error_percent"] = 100 * ratio(difference, size)
         return table
 

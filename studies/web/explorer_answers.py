@@ -18,7 +18,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,6 +36,7 @@ from fem.solve.newton import Stop
 from fem.solve.path_state import FIRST_TOUCH, PathState
 from geometry.bad_input import SolveFailed
 from geometry.design import OF_TIME, BadInput, Design
+from studies.mechanics.study_cases import Recent
 from studies.web import (
     state_answers,
     state_exports,
@@ -58,7 +59,7 @@ class Answers:
 
     def __init__(self) -> None:
         self.paths = KeptPaths()
-        self._kept: dict[Any, Any] = {}
+        self._kept: Recent[Any] = Recent(MOST_RESULTS)
         self._design: dict[str, Any] = {}
         self._vibrating: tuple[Any, time_answers.Vibrating] | None = None
 
@@ -91,13 +92,13 @@ class Answers:
     def forget(self) -> None:
         """Free everything that is kept."""
         self.paths = KeptPaths()
-        self._kept.clear()
+        self._kept.values.clear()
         self._design.clear()
         self._vibrating = None
 
     def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer | None]:
         """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
-        decoder = self._kept.get(("decoder", state.design))
+        decoder = self._kept.values.get(("decoder", state.design))
         solution = solve(self.paths, state, level)
         if "state" in parts:
             yield "state", level, state_answers.answer(state, solution, decoder)
@@ -117,20 +118,20 @@ class Answers:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""
         design, magnet, estimate = state.design, state.magnet, level == state.level
         key = ("curve", mechanics(design), magnet, level, estimate)
-        data = self._keep(key, lambda: state_answers.curve(design, magnet, level, estimate=estimate))
+        data = self._kept.get(key, lambda: state_answers.curve(design, magnet, level, estimate=estimate))
         return state_answers.with_formulas(data, design, state.formula_level)
 
     def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
         """Yield the stability by the surrogate, and by finite elements at the level of the state."""
         design, magnet = state.design, state.magnet
         key = ("stability", mechanics(design), magnet, level)
-        if key not in self._kept and level == "quick":
+        if key not in self._kept.values and level == "quick":
             data = state_answers.by_surrogate(design, magnet)
             if data is not None:
                 yield "stability", "surrogate", data
         if level == state.level:
             compute = state_answers.by_finite_elements
-            yield "stability", level, self._keep(key, lambda: compute(design, magnet, level))
+            yield "stability", level, self._kept.get(key, lambda: compute(design, magnet, level))
 
     def _vibration(self, state: ExplorerState, level: str) -> Data:
         """Return the vibration about a state; its systems stay for other frequencies, those of one state only."""
@@ -156,20 +157,13 @@ class Answers:
             yield "loop", level, time_answers.refusal(str(error))
             return
         key = ("loop", state.design, state.magnet, motion)
-        if key not in self._kept:
+        if key not in self._kept.values:
             yield "loop", "linear", time_answers.linear_loop(state, motion)
         if level == state.level:
-            yield "loop", level, self._keep(key, lambda: time_answers.loop(state, motion))
+            yield "loop", level, self._kept.get(key, lambda: time_answers.loop(state, motion))
 
     def _decoder(self, design: Design) -> Any:
-        return self._keep(("decoder", design), lambda: state_answers.build_decoder(design))
-
-    def _keep(self, key: tuple[Any, ...], compute: Callable[[], Any]) -> Any:
-        result = self._kept.pop(key) if key in self._kept else compute()
-        while len(self._kept) >= MOST_RESULTS:
-            self._kept.pop(next(iter(self._kept)))
-        self._kept[key] = result
-        return result
+        return self._kept.get(("decoder", design), lambda: state_answers.build_decoder(design))
 
 
 def mechanics(design: Design) -> tuple[Any, ...]:

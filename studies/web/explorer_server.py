@@ -32,7 +32,7 @@ from studies.web.explorer_workers import encoded, fault
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""
-INDEX = "index.html"
+INDEX, CONTROLS = "index.html", "fields.json"
 COOKIE = "magtip_token"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -105,6 +105,9 @@ class Guarded(Ours):
         if not is_allowed(self):
             raise tornado.web.HTTPError(403)
 
+    def get(self, name: str = "") -> None:
+        raise tornado.web.HTTPError(404)
+
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{status_code}: {self._reason}\n")
@@ -136,32 +139,17 @@ def cookie_name(shared: Shared) -> str:
     return f"{COOKIE}_{min(shared.hosts).rpartition(':')[2]}"
 
 
-class Index(Guarded):
-    """The page itself."""
-
-    def get(self) -> None:
-        shared = self.shared
-        self.set_cookie(cookie_name(shared), shared.token, httponly=True, samesite="Strict", path="/")
-        self.set_header("Content-Type", TYPES[".html"])
-        self.finish((PAGE / INDEX).read_bytes())
-
-
 class Files(Guarded):
-    """The page's scripts, styles and pictures."""
+    """The page, its scripts, styles and pictures, and its controls with the values of the preset."""
 
-    def get(self, name: str) -> None:
-        if name not in FILES:
+    def get(self, name: str = INDEX) -> None:
+        if name == INDEX:
+            shared = self.shared
+            self.set_cookie(cookie_name(shared), shared.token, httponly=True, samesite="Strict", path="/")
+        if name != CONTROLS and name not in FILES:
             raise tornado.web.HTTPError(404)
-        self.set_header("Content-Type", TYPES[FILES[name].suffix])
-        self.finish(FILES[name].read_bytes())
-
-
-class Controls(Guarded):
-    """The controls of the page, with the values of the preset."""
-
-    def get(self) -> None:
-        self.set_header("Content-Type", TYPES[".json"])
-        self.finish(json.dumps(explorer_fields(paper())))
+        self.set_header("Content-Type", TYPES[Path(name).suffix])
+        self.finish(json.dumps(explorer_fields(paper())) if name == CONTROLS else FILES[name].read_bytes())
 
 
 class Live(Ours, tornado.websocket.WebSocketHandler):
@@ -237,13 +225,12 @@ def application(shared: Shared) -> tornado.web.Application:
     options = {"shared": shared}
     return tornado.web.Application(
         [
-            ("/", Index, options),
-            ("/page/fields.json", Controls, options),
+            ("/", Files, options),
             ("/page/(.*)", Files, options),
             ("/live", Live, options),
             ("/export/([a-z.]+)", Export, options),
         ],
-        default_handler_class=Missing,
+        default_handler_class=Guarded,
         default_handler_args=options,
         log_function=lambda handler: None,
         websocket_max_message_size=MOST_BYTES,
@@ -286,13 +273,6 @@ class Export(Guarded):
         """End the export of a client that has left."""
         if self.making is not None:
             self.making.cancel()
-
-
-class Missing(Guarded):
-    """Everything else."""
-
-    def get(self) -> None:
-        raise tornado.web.HTTPError(404)
 
 
 @dataclass(frozen=True, slots=True)
