@@ -134,12 +134,6 @@ def test_a_store_without_its_header_is_refused(file, large, refused):
         pass
 
 
-def test_a_truncated_store_is_refused(file, large, refused):
-    file.write_bytes(large[: len(large) // 2])
-    with refused("is damaged"), store.opened(file):
-        pass
-
-
 def test_damage_of_a_large_store_is_found_where_it_is_read(file, large, refused, monkeypatch):
     monkeypatch.setattr(store_file, "LARGEST_CHECKED", 1000)
     large[3 * 4096 :] = bytes(len(large) - 3 * 4096)

@@ -48,18 +48,8 @@ const OfflineEngine = (packed) => {
   function placed({ depth, shear, direction }) {
     const turn = (((shear < 0 ? direction + 180 : direction) % 360) + 360) % 360;
     const size = Math.abs(shear);
-    const quarter = turn / 90;
-    const exact = [
-      [1, 0],
-      [0, 1],
-      [-1, 0],
-      [0, -1],
-    ];
-    const [c, s] = !size
-      ? [1, 0]
-      : quarter === Math.round(quarter)
-        ? exact[quarter % 4]
-        : [Math.cos(turn / DEGREES), Math.sin(turn / DEGREES)];
+    // exactly 0 along an axis
+    const [c, s] = size ? [Math.cos, Math.sin].map((f) => Number(f(turn / DEGREES).toFixed(15))) : [1, 0];
     const point = [Math.sqrt(depth / fixed.D), size, size ? turn : 0];
     const plane = at(response, point);
     if (!plane.every((value, k) => k > 5 || Number.isFinite(value))) throw new Error(page.refusal);
