@@ -535,7 +535,8 @@ def test_token_is_in_no_command_line_and_an_interrupt_ends_the_server_and_its_wo
     assert refused.returncode == 2
     assert refused.stderr.startswith(f"magtip: port {urlsplit(address).port} cannot be used (")
     assert refused.stderr.count("\n") == 1
-    assert (process.returncode, len(workers)) == (0, 2)
+    # the browser may still be a process of it
+    assert (process.returncode, len(workers) >= 2) == (0, True)
     assert "Traceback" not in errors
     end = time.monotonic() + 5
     while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < end:
