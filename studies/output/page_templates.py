@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -54,4 +55,5 @@ def _environment(folder: Path) -> Any:
         "shown": functools.partial(shown, ""),
         "f": format,
     }
+    environment.tests["finite"] = math.isfinite
     return environment

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from analytic import beam
 from geometry.design import Design
 from geometry.loads import ANSWERED, Load
+from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.sensing.field_readings import columns
 from studies.simulation.comparison_rows import NAN, at_rest
 
+TEMPLATE = Path(__file__).with_name("templates") / "compare.j2"
 Figures = dict[str, Any]
 """Figures of a comparison under their names in JSON, which carry those of the Hall elements."""
 Span = tuple[float, float]
 Error = tuple[float, float]
 """A depth or a shear, mm, and the error there, %."""
-
-
-# Figures
 
 
 def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow]) -> Figures:
@@ -48,7 +48,7 @@ def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow])
     figures["shear_force_x_error_estimate_percent"] = _largest_percent(shear, "sideways_error_estimate")
     figures["missing_states"] = sum(row["status"] not in ANSWERED for row in (*press, *shear))
     figures["warnings"] = design.warnings()
-    figures["sentences"] = [*press_sentences(figures), *shear_sentences(figures), *trust_sentences(figures)]
+    figures["sentences"] = [text for part in ("press", "shear", "trust") for text in sentences(part, figures)]
     return figures
 
 
@@ -149,129 +149,10 @@ def _per_mm(label: str, row: FlatRow) -> dict[str, float]:
     return found | {"analytic_shift_per_mm": row["analytic_shift_x_mm"] / way}
 
 
-# Sentences
-
-
-def press_sentences(figures: Mapping[str, Any]) -> list[str]:
-    """Return the findings of the press."""
-    lines = []
-    for name, text in (("homogeneous", "of a beam that is all silicone"), ("rigid", "with the rigid magnet inside")):
-        five, ten = (figures[f"{name}_within_{bound}_percent_mm"] for bound in (5, 10))
-        prefix = "homogeneous_" if name == "homogeneous" else ""
-        worst = figures[f"worst_{prefix}force_error_percent"]
-        if not math.isfinite(worst):
-            lines.append(f"Press force {text}: no depth to compare.")
-            continue
-        at = figures[f"worst_{prefix}force_error_percent_at_mm"]
-        held = f"within 5 % of the finite elements {_where(five, figures)}, and within 10 % {_where(ten, figures)}"
-        lines.append(
-            f"Press force {text}: the paper's F(d) is {held if ten else 'never within 10 % of the finite elements'}; "
-            f"its worst error is {worst:+z.0f} %, at {at:.3g} mm."
-        )
-    worst, at = (figures[f"worst_shift_error_percent{end}"] for end in ("", "_at_mm"))
-    if math.isfinite(worst):
-        why = (
-            ": a uniform bar spreads the compression evenly, a round tip takes most of it itself" if worst > 0 else ""
-        )
-        lines.append(
-            f"Sinking of the magnet: the paper's value is off by up to {worst:+z.0f} % (at {at:.3g} mm){why}."
-        )
-    first, second, third = figures["elements"]
-    errors = [figures[f"worst_analytic_{name}_error_percent_FS"] for name in (first, second)]
-    if math.isfinite(errors[0]):
-        lines.append(
-            f"Readings at equal depth: off by up to {errors[0]:+z.0f} % of full scale in {_words(first)} and "
-            f"{errors[1]:+z.0f} % in {_words(second)} and {_words(third)}."
-        )
-    output = f"{first}_{figures['output']}"
-    worst = figures[f"{output}_against_force_error_percent_FS"]
-    if math.isfinite(worst):
-        volts = figures["output"] == "V"
-        what = "Voltage of S1" if volts else f"Output of {_words(first)}"
-        lines.append(
-            f"{what} at equal force (the paper reports less than 5 %{'' if volts else ' of its S1'}), up to "
-            f"{figures[f'{output}_against_force_up_to_N']:.3g} N: off by up to {worst:+z.0f} % of full scale; "
-            f"{'this agrees with the paper.' if abs(worst) < 5 else 'the finite elements do not confirm the claim.'}"
-        )
-    if math.isfinite(figures["secant_force_N"]):
-        lines.append(
-            f"Formula (5) with (7) is a secant law: at {figures['secant_depth_mm']:.3g} mm it gives "
-            f"{figures['secant_force_N']:.2f} N, while the same stiffness taken as a tangent gives "
-            f"{figures['tangent_force_N']:.2f} N. Its contact area (7) is twice Hertz's at first touch and "
-            f"{figures['area_over_hertz']:.2f} times at that depth."
-        )
-    return lines
-
-
-def shear_sentences(figures: Mapping[str, Any]) -> list[str]:
-    """Return the findings of the sheared press."""
-    if not math.isfinite(figures.get("fem_first_stiffness_N_per_mm", NAN)):
-        return ["Shear: the finite elements reached no state to compare."]
-    stiff, bare = (figures[f"{model}_first_stiffness_N_per_mm"] for model in ("fem", "fem_homogeneous"))
-    worst, at = (figures[f"worst_force_x_error_percent{end}"] for end in ("", "_at_mm"))
-    shift, tilt = (figures[f"fem_first_{name}_per_mm"] for name in ("shift", "tilt_deg"))
-    lines = []
-    lines.append(
-        f"Shear stiffness, plate stuck to a tip pressed by {figures['shear_depth_mm']:.3g} mm: the paper's 3EI/L³ is "
-        f"{figures['shear_stiffness_N_per_mm']:.3f} N/mm; the finite elements give {stiff:.3f} N/mm with the rigid "
-        f"magnet and {bare:.3f} N/mm all silicone, over the first {figures['first_shear_mm']:.3g} mm. Against the "
-        f"former, the paper's shear force is off by up to {worst:+z.0f} % (at {at:.3g} mm)."
-    )
-    lines.append(
-        f"For each mm of shear the magnet moves sideways by {shift:.2f} mm (paper: "
-        f"{figures['analytic_shift_per_mm']:.2f} mm) and tilts by {tilt:.1f}° (paper: 0°)."
-    )
+def sentences(part: str, figures: Figures) -> list[str]:
+    """Return the findings of the press or of the shear, or how far to trust them ("trust")."""
     tilted, whole = (
         [figures[f"worst_shear_{model}_{name}_error_percent_FS"] for name in figures["elements"]]
         for model in ("untilted", "analytic")
     )
-    if all(math.isfinite(value) for value in (*tilted, *whole)):
-        guilty = max(map(abs, tilted)) >= 0.5 * max(map(abs, whole))
-        elements = ", ".join(map(_words, figures["elements"]))
-        lines.append(
-            f"Readings of {elements}: off by up to {_list(whole)} % of full scale. With the finite elements' "
-            f"position of the magnet but without its tilt they are still off by up to {_list(tilted)} %: the tilt "
-            f"{'explains most of' if guilty else 'alone does not explain'} the paper's error"
-            f"{'.' if guilty else '; the wrong position of the magnet matters more.'}"
-        )
-    return lines
-
-
-def trust_sentences(figures: Mapping[str, Any]) -> list[str]:
-    """Return sentences on the uncertainty of the finite elements themselves."""
-    lines = []
-    if math.isfinite(figures["press_error_estimate_percent"]):
-        lines.append(
-            "Press: by comparison with a coarser mesh, the error of the force is estimated at "
-            f"{figures['press_error_estimate_percent']:.2g} % at most."
-        )
-    if math.isfinite(figures["shear_force_x_error_estimate_percent"]):
-        lines.append(
-            "Shear: by comparison with a coarser mesh and one harmonic fewer, the error of the shear force (Fx) is "
-            f"estimated at {figures['shear_force_x_error_estimate_percent']:.2g} % at most, that of the whole force, "
-            f"which is mainly the press force, at {figures['shear_error_estimate_percent']:.2g} %."
-        )
-    missing = figures["missing_states"]
-    lines.append(
-        f"{missing} state{'s were' if missing > 1 else ' was'} not reached; the table says why."
-        if missing
-        else "Every requested state was reached."
-    )
-    return lines
-
-
-def _words(element: str) -> str:
-    return element.replace("_", " ")
-
-
-def _where(runs: Sequence[Span], figures: Mapping[str, Any]) -> str:
-    depths = figures["depths_mm"]
-    if not runs:
-        return "at none of the depths"
-    if list(runs) == [(depths[0], depths[-1])]:
-        return f"at all depths ({depths[0]:.3g} to {depths[-1]:.3g} mm)"
-    return "at " + " and ".join(f"{a:.3g} mm" if a == b else f"{a:.3g} to {b:.3g} mm" for a, b in runs)
-
-
-def _list(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:+z.0f}" for value in values)
+    return page_templates.sentences(TEMPLATE, part, f=figures, tilted=tilted, whole=whole)

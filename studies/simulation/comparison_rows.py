@@ -22,6 +22,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -31,6 +32,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 from geometry.relaxation import range_remedy, range_sentence, relaxation_of
+from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.sensing.field_readings import columns
 
@@ -206,20 +208,18 @@ def with_rate(
 def rate_sentence(design: Design, rows: Sequence[FlatRow], frequency: float | None, speed: float | None) -> str:
     """Return what the rate does to the force of the deepest press that was solved, in a sentence."""
     solved = [row for row in rows if row["fem_force_at_rate_N"] == row["fem_force_at_rate_N"]]
-    relaxation = relaxation_of(design)
     if not solved:
         return "no press was solved, so the force at this rate is not known"
     last = solved[-1]
-    change, depth = last["fem_force_at_rate_change_percent"], last["depth_mm"]
-    beside = f"{abs(change):.1f} % {'above' if change >= 0 else 'below'}"
-    which = "at rest" if design.modulus == "long-term" else "with the instantaneous modulus"
-    if frequency is not None:
-        loss = float(relaxation.loss_factor(2 * math.pi * frequency))
-        return (
-            f"in small vibrations at {frequency:g} Hz the forces in phase are {beside} those {which}, and "
-            f"the loss factor is {loss:.3g} (columns at_rate, without inertia; magtip response has it)"
-        )
-    return (
-        f"pressed at {speed:g} mm/s to {depth:g} mm the force is {last['fem_force_at_rate_N']:.4g} N, "
-        f"{beside} that {which} (columns at_rate, by superposition; magtip cycle solves for it)"
+    (text,) = page_templates.sentences(
+        Path(__file__).with_name("templates") / "compare.j2",
+        "rate",
+        change=last["fem_force_at_rate_change_percent"],
+        depth=last["depth_mm"],
+        force=last["fem_force_at_rate_N"],
+        modulus=design.modulus,
+        frequency=frequency,
+        speed=speed,
+        loss=None if frequency is None else float(relaxation_of(design).loss_factor(2 * math.pi * frequency)),
     )
+    return text
