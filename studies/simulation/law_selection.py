@@ -10,11 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from geometry.design import SILICONE_E, BadInput, Design
+from studies.output import page_templates
 from studies.simulation.law_regression import (
     MISFIT,
     MODES,
@@ -22,7 +25,6 @@ from studies.simulation.law_regression import (
     SMALL_STRAIN,
     SOLVE,
     Fit,
-    Ranges,
     nominal_stress,
     ranges_of_test,
     within,
@@ -38,6 +40,7 @@ Reason = Literal[
     "ranks_lower",
     "another_asked_for",
 ]
+sentences = partial(page_templates.sentences, Path(__file__).with_name("templates") / "fit.j2")
 
 WRONG = 0.2
 """Rms error over the largest stress from which on a law does not describe the test at all, and is no design."""
@@ -141,95 +144,32 @@ def _pressed(fit: Fit) -> float:
 
 def warnings(judged: Judged, data: Specimen) -> list[str]:
     """Return warnings about the use of a law."""
-    fit, remarks = judged.fit, []
-    if not judged.possible or not SILICONE_E[0] <= fit.E <= SILICONE_E[1]:
-        remarks.append(_impossible(judged, data))
-    if fit.share > MISFIT or abs(fit.small) > SMALL_MISFIT:
-        remarks.append(
-            f"{fit.law} fits the test poorly: its rms error is {100 * fit.share:.2g} % of the largest stress, "
-            f"and up to {100 * max(SMALL_STRAIN, data.least_strain):.3g} % strain its stress is "
-            f"{100 * abs(fit.small):.2g} % too {'large' if fit.small > 0 else 'small'}; forces may be off by as "
-            "much"
-        )
-    if fit.exact:
-        constants = f"{fit.constants} constant{'s' if fit.constants > 1 else ''}"
-        remarks.append(
-            f"{fit.law} has {constants} and the test as many points, so its error is zero by construction: measure "
-            "more points"
-        )
-    if data.least_strain > SMALL_STRAIN:
-        remarks.append(
-            f"the smallest strain of the test is {100 * data.least_strain:.3g} %, so E (the stiffness at small "
-            "strain) is extrapolated"
-        )
-    if data.stretch.min() > PRESSED and judged.spread > SPREAD:
-        remarks.append(
-            f"the test contains no compression: at a stretch of {PRESSED:g} other laws that fit the test differ from "
-            f"{fit.law} by {100 * judged.spread:.3g} %, and press forces may be off by as much; test in "
-            "compression too"
-        )
-    ends_early = not judged.in_test or not within({"planar": RANGE}, fit.stable)
-    if not judged.in_test:
-        low, high = fit.stable["uniaxial"]
-        remarks.append(f"the test exceeds the stable range of {fit.law}, stretches from {low:.3g} to {high:.3g}")
-    elif ends_early:
-        remarks.append(
-            f"{fit.law} is stable {_ends(fit.stable)}: at the magnet's edge a press to D/4 reaches a planar "
-            "stretch of 2.7, a press to 3/8 D one of 4.3; a solve that stops there reports it"
-        )
-    if ends_early and judged.farther is not None:
-        remarks.append(_what_is_farther(fit, judged.farther))
-    if fit.bounded:
-        where = " and ".join(f"{name} = {fit.numbers[name]:.4g}" for name in fit.bounded)
-        remarks.append(f"{where} lies at a bound of the search, so it is not an optimum: the law is ranked last")
-    return remarks
-
-
-def _what_is_farther(fit: Fit, other: Fit) -> str:
-    """Return a sentence on the law that is stable in a wider range, and on its misfit."""
-    whole = within(dict.fromkeys(MODES, RANGE), other.stable)
-    where = f"in all stretches from {RANGE[0]:g} to {RANGE[1]:g}" if whole else _ends(other.stable)
-    return (
-        f"{other.law} has an rms error of {100 * other.share:.2g} % ({fit.law}: {100 * fit.share:.2g} %) and is "
-        f"stable {where}: --law {other.law} may allow deeper presses"
+    fit, spec = judged.fit, Design.__dataclass_fields__["E"].metadata
+    units = {name.rpartition("_")[2]: fit.E * factor / STRESS[data.column] for name, factor in STRESS.items()}
+    no_compression = data.stretch.min() > PRESSED and judged.spread > SPREAD
+    return sentences(
+        "law",
+        fit=fit,
+        possible=judged.possible,
+        silicone=SILICONE_E,
+        design=(spec["low"], spec["high"]),
+        column=data.column,
+        others=[(unit, E) for unit, E in units.items() if SILICONE_E[0] <= E <= SILICONE_E[1]],
+        misfit=MISFIT,
+        small_misfit=SMALL_MISFIT,
+        small_strain=max(SMALL_STRAIN, data.least_strain),
+        extrapolated=data.least_strain > SMALL_STRAIN,
+        compression=PRESSED if no_compression else None,
+        spread=judged.spread,
+        in_test=judged.in_test,
+        ends_early=not judged.in_test or not within({"planar": RANGE}, fit.stable),
+        farther=judged.farther,
+        whole=judged.farther is not None and within(dict.fromkeys(MODES, RANGE), judged.farther.stable),
+        range=RANGE,
     )
-
-
-def _impossible(judged: Judged, data: Specimen) -> str:
-    """Return a sentence on an impossible E, and on the unit that would explain it."""
-    fit, unit = judged.fit, data.column.rpartition("_")[2]
-    if judged.possible:
-        text = (
-            f"is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to {SILICONE_E[1]:g} MPa (Shore A 90)"
-        )
-    else:
-        low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
-        text = f"is outside the range of a design, {low:g} to {high:g} MPa"
-    others = [
-        f"; in {name.rpartition('_')[2]} E would be {value:.4g} MPa"
-        for name, factor in STRESS.items()
-        if SILICONE_E[0] <= (value := fit.E * factor / STRESS[data.column]) <= SILICONE_E[1]
-    ]
-    check = f"check that the column {data.column} is in {unit}{''.join(others)}"
-    return f"{fit.law}: E = {fit.E:.4g} MPa {text}: {check}"
-
-
-def _ends(stable: Ranges) -> str:
-    """Format the stable range of each mode."""
-    return ", ".join(f"{mode} {low:.3g} to {high:.3g}" for mode, (low, high) in stable.items())
 
 
 def reasons(judged: Judged) -> str:
     """Return the reasons against a law; empty for the chosen one."""
-    fit = judged.fit
-    texts: dict[Reason, str] = {
-        "E_not_possible": "its E is outside the range of a design",
-        "unstable_in_test": "it is unstable at some of the test's stretches",
-        "misses_test": (f"its rms error is {100 * fit.share:.3g} % ({abs(100 * fit.small):.3g} % at small strain)"),
-        "unstable_in_solve": (f"it is stable {_ends(fit.stable)}, but a press to 3/8 D reaches {_ends(SOLVE)}"),
-        "number_at_bound": f"{', '.join(fit.bounded)} lies at a bound of the search",
-        "ranks_lower": "it ranks lower",
-        "another_asked_for": "--law chooses another law",
-    }
-    against = [texts[reason] for reason in judged.against]
-    return f"{fit.law} is not chosen: {'; '.join(against)}" if against else ""
+    against = sentences("reasons", fit=judged.fit, against=judged.against, solve=SOLVE)
+    return f"{judged.fit.law} is not chosen: {'; '.join(against)}" if against else ""

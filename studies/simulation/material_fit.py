@@ -219,7 +219,7 @@ def branches(
 
 def branch_record(fit: BranchFit, test: Test, rank: int, *, chosen: bool) -> FlatRow:
     """Return the record of one number of branches; E is None where the file has a stress without a stretch."""
-    relaxation, warned = fit.relaxation, [*_remarks(test), *_warnings(fit, test)]
+    relaxation, warned = fit.relaxation, _warnings(fit, test)
     E = {
         "E_MPa": fit.long_term,
         "E_long_term_MPa": fit.long_term,
@@ -316,48 +316,15 @@ def branches_design(path: str, fit: BranchFit, test: Test, nu: float, command: s
     return "\n".join([head, f"# by {printable(command)}", about, *design_lines(fit, test, nu), ""])
 
 
-def _remarks(test: Test) -> list[str]:
-    """Return warnings about a test that hold for every number of branches."""
-    texts = []
-    if test.kind == "relaxation" and test.ramp is None:
-        texts.append(
-            "no ramp time is stated: the stretch is taken to rise at once at t = 0; state --ramp, or give data from "
-            "ten ramp times on"
-        )
-    if test.ramp and test.at[0] < test.ramp:
-        texts.append(
-            f"the first time, {test.at[0]:.3g} s, is shorter than the ramp of {test.ramp:.3g} s: the fit accounts "
-            f"for the ramp, but speaks for times from {test.ramp:.3g} s on; data from ten ramp times on are safer"
-        )
-    if not test.has_modulus:
-        texts.append("the file has a stress, but no held stretch: E is unknown; state --stretch")
-    if test.covered[1] < 10 * test.covered[0]:
-        texts.append("the test covers less than one decade of time: it says little of the relaxation")
-    return texts
-
-
-def _warnings(each: BranchFit, test: Test) -> list[str]:
-    """Return warnings about the use of fitted branches."""
-    texts = []
-    if each.rms > MISFIT and each.count:
-        ramp = "; a wrong --ramp does so" if test.ramp else ""
-        texts.append(f"the branches miss the test by {100 * each.rms:.2g} % (rms){ramp}")
-    times = each.relaxation.times
-    if times and times[-1] > test.covered[1] / STILL_FALLING:
-        texts.append(
-            f"relaxation goes on beyond the test: a branch has {times[-1]:.3g} s where the test covers "
-            f"{test.covered[1]:.3g} s, so the long-term modulus is extrapolated"
-        )
-    if times and test.kind == "relaxation" and times[0] < AT_START * test.at[0]:
-        texts.append(
-            f"a branch is as short as the first time of the test, {test.at[0]:.3g} s, and may be shorter: the "
-            "instantaneous modulus is extrapolated; record from the beginning of the stretch, whose time is 0"
-        )
-    if not times:
-        texts.append(f"the test shows no relaxation above its noise of {100 * each.rms:.2g} % (rms)")
-    if test.has_modulus and not SILICONE_E[0] <= each.long_term <= SILICONE_E[1]:
-        texts.append(
-            f"E = {each.long_term:.3g} MPa is outside the range of silicones, {SILICONE_E[0]:g} to "
-            f"{SILICONE_E[1]:g} MPa: check that the column {test.column} is in the unit of its name"
-        )
-    return texts
+def _warnings(fit: BranchFit, test: Test) -> list[str]:
+    """Return warnings about a test and about the use of fitted branches."""
+    return law_selection.sentences(
+        "branches",
+        fit=fit,
+        times=fit.relaxation.times,
+        test=test,
+        silicone=SILICONE_E,
+        misfit=MISFIT,
+        still_falling=STILL_FALLING,
+        at_start=AT_START,
+    )
