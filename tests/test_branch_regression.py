@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from geometry.design import BadInput
 from geometry.relaxation import Relaxation
 from studies.simulation.branch_regression import fit, kernel, model, thinned
-from studies.simulation.relaxation_test import Test
+from studies.simulation.material_tests import Test
 
 SERIES = Relaxation((0.15, 0.1, 0.2), (0.03, 1.0, 40.0))
 TIMES = np.geomspace(0.01, 200, 60)

@@ -10,9 +10,9 @@ from fem.model.material import evaluate, law
 from geometry.design import LAWS, SILICONE_E, BadInput
 from studies.inputs.option_groups import LawName
 from studies.inputs.user_input import read_design
-from studies.simulation import law_regression, law_selection
+from studies.simulation import law_regression
 from studies.simulation import material_fit as work
-from studies.simulation.tensile_test import Specimen
+from studies.simulation.material_tests import Specimen
 
 CASES = {
     "neo-hookean": (),
@@ -103,7 +103,7 @@ def interpolated(count=21):
 
 
 def chosen_of(data, asked=None):
-    (chosen,) = [judged for judged in law_selection.choose(law_regression.fit(data), data, asked) if judged.chosen]
+    (chosen,) = [judged for judged in law_regression.choose(law_regression.fit(data), data, asked) if judged.chosen]
     return chosen
 
 
@@ -124,11 +124,11 @@ def test_an_accurate_law_that_ends_before_deep_solves_goes_before_one_that_misse
     fits = [found for found in law_regression.fit(data) if found.law != "ogden"]
     early = {"uniaxial": (0.5, 2.0), "equibiaxial": (0.7, 1.5), "planar": (0.6, 1.7)}
     fits = [dataclasses.replace(found, stable=early) if found.law == "yeoh" else found for found in fits]
-    (chosen,) = [judged for judged in law_selection.choose(fits, data) if judged.chosen]
+    (chosen,) = [judged for judged in law_regression.choose(fits, data) if judged.chosen]
     assert chosen.fit.law == "yeoh"
     assert chosen.in_test
     assert not chosen.in_solve
-    assert any("yeoh is stable uniaxial" in said for said in law_selection.warnings(chosen, data))
+    assert any("yeoh is stable uniaxial" in said for said in law_regression.warnings(chosen, data))
 
 
 def test_the_user_chooses_and_is_told_by_how_much_the_law_misses_the_test(run, strict, tmp_path):
@@ -200,12 +200,12 @@ def test_three_values_of_a_data_sheet_give_the_stiffness_of_the_whole_curve(run,
 def test_a_law_that_is_stable_farther_is_named_with_its_misfit():
     """With yeoh a press of the paper's sensor ends at 2.13 mm of 3, with ogden it does not."""
     data = interpolated()
-    said = " ".join(law_selection.warnings(chosen_of(data), data))
+    said = " ".join(law_regression.warnings(chosen_of(data), data))
     assert "ogden has an rms error of 0.46 % (yeoh: 0.26 %)" in said
     assert "stable in all stretches from 0.3 to 4: --law ogden may allow deeper presses" in said
     # neither is one that misses the test, nor is a law sent to itself
     assert "--law neo-hookean" not in said
-    assert "--law" not in " ".join(law_selection.warnings(chosen_of(data, "ogden"), data))
+    assert "--law" not in " ".join(law_regression.warnings(chosen_of(data, "ogden"), data))
 
 
 def test_rounding_decides_nothing_and_is_not_shown():
@@ -231,12 +231,12 @@ def test_fits_that_tie_are_ranked_by_stability_then_by_name():
 def test_a_law_with_more_constants_than_points_cannot_be_chosen():
     data = sheet((1.0, 0.6))
     with pytest.raises(BadInput, match=r"yeoh has more constants than the test has distinct stretches \(1\)"):
-        law_selection.choose(law_regression.fit(data), data, "yeoh")
+        law_regression.choose(law_regression.fit(data), data, "yeoh")
 
 
 def test_what_one_far_value_leaves_open_is_said():
     data = sheet((1.0, 0.6))
-    said = " ".join(law_selection.warnings(chosen_of(data), data))
+    said = " ".join(law_regression.warnings(chosen_of(data), data))
     assert "has 1 constant and the test as many points" in said
     assert "the smallest strain of the test is 100 %, so E (the stiffness at small strain) is extrapolated" in said
 
@@ -244,10 +244,10 @@ def test_what_one_far_value_leaves_open_is_said():
 @pytest.mark.parametrize(("factor", "other"), [(1000.0, "in kPa E would be 0.5"), (0.01, "check that the column")])
 def test_an_E_that_no_silicone_has_is_remarked_on(factor, other):
     data = sheet(*DRAGON_SKIN_30, factor=factor)
-    said = law_selection.warnings(chosen_of(data), data)
+    said = law_regression.warnings(chosen_of(data), data)
     assert any("is outside the range of silicones, 0.01 MPa" in text and other in text for text in said)
     assert not any(
-        "range of silicones" in text for text in law_selection.warnings(chosen_of(interpolated()), interpolated())
+        "range of silicones" in text for text in law_regression.warnings(chosen_of(interpolated()), interpolated())
     )
 
 
@@ -271,7 +271,7 @@ def test_compression_alone_is_fitted():
     chosen = chosen_of(data)
     assert chosen.fit.law == "neo-hookean"
     assert pytest.approx(1.2, rel=1e-3) == chosen.fit.E
-    assert law_selection.warnings(chosen, data) == []
+    assert law_regression.warnings(chosen, data) == []
 
 
 def test_tables_hold_in_80_columns_and_leave_nothing_out(run, tmp_path, monkeypatch):
@@ -306,10 +306,10 @@ def test_a_number_at_a_bound_is_no_optimum():
     assert ogden.bounded == ("ogden_alpha1",)
     order = [bool(found.bounded) for found in fits]
     assert order == sorted(order)
-    judged = law_selection.choose(fits, data, "neo-hookean")[fits.index(ogden)]
+    judged = law_regression.choose(fits, data, "neo-hookean")[fits.index(ogden)]
     assert "number_at_bound" in judged.against
     assert any(
-        "ogden_alpha1 = 30 lies at a bound of the search" in said for said in law_selection.warnings(judged, data)
+        "ogden_alpha1 = 30 lies at a bound of the search" in said for said in law_regression.warnings(judged, data)
     )
 
 

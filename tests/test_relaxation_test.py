@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry.design import BadInput
-from studies.simulation.relaxation_test import kind_of, read
+from studies.simulation.material_tests import kind_of, read
 
 TIMES = np.geomspace(0.1, 100, 8)
 

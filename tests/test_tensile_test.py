@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry.design import BadInput
-from studies.simulation.tensile_test import read
+from studies.simulation.material_tests import read_specimen as read
 
 GOOD = "stretch,nominal_stress_MPa\n1,0\n1.1,0.1\n1.2,0.2\n1.3,0.3\n1.4,0.4\n"
 

@@ -469,10 +469,10 @@ def fit(
     nu
         Poisson's ratio for which E is given.
     """
-    from studies.simulation import material_fit, relaxation_test
+    from studies.simulation import material_fit, material_tests
 
     here = destination(fit, locals(), material_fit.FILES, [data])
-    kind = relaxation_test.kind_of(data)
+    kind = material_tests.kind_of(data)
     uses = (("--law", law, "uniaxial"), ("--stretch", stretch, "relaxation"), ("--ramp", ramp, "relaxation"))
     for option, value, fits in uses:
         if value is not None and kind != fits:

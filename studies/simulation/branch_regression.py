@@ -28,7 +28,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.relaxation import Relaxation, branch_moduli
 from studies.simulation.law_regression import ALIKE, EXACT, aicc
-from studies.simulation.relaxation_test import Test
+from studies.simulation.material_tests import Test
 
 PER_DECADE = 10
 """Times per decade of the first search: branches closer than a fifth of a decade cannot be told apart by tests."""

@@ -1,51 +1,70 @@
 """What `magtip fit` finds: laws of a uniaxial test, or branches of a relaxation or dynamic test, and a design file.
 
-`laws` ranks the laws (`law_regression`, `law_selection`), and `branches` the numbers of Prony branches
-(`branch_regression`). A law or a number of branches is a record; fit.csv has its lists as texts.
+`laws` ranks the laws (`law_regression`), and `branches` the numbers of Prony branches (`branch_regression`). A law or
+a number of branches is a record; fit.csv has its lists as texts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.design import SILICONE_E, BadInput, Design
 from geometry.messages import Progress
 from geometry.relaxation import branches_text, range_text
 from studies.output.atomic_files import write_text
-from studies.output.figures import save
+from studies.output.figures import Figure, Guide, Look, plot, save
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Texts
-from studies.simulation import (
-    branch_regression,
-    fit_figures,
-    law_regression,
-    law_selection,
-    relaxation_test,
-    tensile_test,
-)
+from studies.simulation import branch_regression, law_regression, material_tests
 from studies.simulation.branch_regression import BranchFit, thinned
-from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
-from studies.simulation.law_selection import Judged
-from studies.simulation.relaxation_test import Test
-from studies.simulation.tensile_test import Specimen
+from studies.simulation.law_regression import MISFIT, Fit, Judged, nominal_stress
+from studies.simulation.material_tests import Specimen, Test
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FILES = ("fit.csv", "fit.png", "design.toml")
 """Files of a fit."""
-MARK = "# fitted to "
-"""First characters of a design file that this module writes."""
 STILL_FALLING = 3.0
 """A branch longer than the longest time over this has not relaxed by the end of the test."""
 WRONG = 0.05
 """Rms residual from which on branches do not describe the test, and are no design."""
 AT_START = 1.02
 """Ratio of the shortest branch to the first time up to which it lies at the bound of the fit."""
+Curve = tuple[Array, NDArray[Any]]
+"""Stretches, times or frequencies, and values at these, shape (n,) each."""
+
+
+def _texts(record: FlatRow) -> FlatRow:
+    """Return a record for tables: numbers, ranges and lists as texts."""
+
+    def text(name: str, value: Any) -> Any:
+        if isinstance(value, dict):
+            return ", ".join(f"{key}={number:.6g}" for key, number in value.items())
+        if not isinstance(value, list):
+            return value
+        if name.startswith("stable_"):
+            return "{:.3g} to {:.3g}".format(*value)
+        return ", ".join(part if isinstance(part, str) else f"{part:.6g}" for part in value)
+
+    return {name: text(name, value) for name, value in record.items() if name != "warnings"}
+
+
+def _design_file(path: str, rms: str, command: str, lines: Sequence[str]) -> str:
+    """Return the text of the design file of a fit; it names the test and the command."""
+    head = [f"# fitted to {Path(path).name}: rms residual {rms}", f"# by {command}"]
+    # a comment cannot contain the end of a line, which the name of a file can
+    clean = ["".join(letter if letter.isprintable() else "?" for letter in line) for line in head]
+    return "\n".join([*clean, *lines, ""])
+
 
 # Laws of a uniaxial test
 
@@ -59,34 +78,39 @@ def laws(path: str, nu: float, asked: str | None, command: str, progress: Progre
     command : command line that design.toml names as its origin.
     wide : whether the terminal shows one wide table.
     """
-    data = tensile_test.read(path)
+    data = material_tests.read_specimen(path)
     progress(0.0, "fits of all laws")
-    judged = law_selection.choose(law_regression.fit(data, nu), data, asked)
+    judged = law_regression.choose(law_regression.fit(data, nu), data, asked)
     records = [law_record(each, data) for each in judged]
-    texts = [_law_texts(each, record) for each, record in zip(judged, records, strict=True)]
+    texts = [_texts(record) for record in records]
     chosen = [each for each in judged if each.chosen]
-    said = [f"{reason}." for reason in map(law_selection.reasons, judged) if reason]
+    said = [f"{reason}." for reason in map(law_regression.reasons, judged) if reason]
     lost = (
         "no law is chosen and no design.toml written: every fitted E is outside the range of a design, or the law "
-        f"misses the test by more than {100 * law_selection.WRONG:g} % of the largest stress"
+        f"misses the test by more than {100 * law_regression.WRONG:g} % of the largest stress"
     )
     files = {"fit.png": partial(_draw_laws, data=data, fits=[each.fit for each in judged], nu=nu)}
-    if chosen:
-        files["design.toml"] = partial(write_text, text=design_text(path, chosen[0].fit, nu, command))
+    for each in chosen:
+        values = {"E": each.fit.E, "nu": nu, "law": each.fit.law, **each.fit.numbers}
+        lines = [
+            f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in values.items()
+        ]
+        rms = f"{100 * each.fit.share:.3g} % of the largest stress"
+        files["design.toml"] = partial(write_text, text=_design_file(path, rms, command, lines))
     return Result(
         title="Laws",
         records=records,
         shown=[*_law_tables(texts, wide=wide), *said],
         tables={"fit": texts},
         files=files,
-        warnings=[text for each in chosen or judged for text in law_selection.warnings(each, data)],
+        warnings=[text for each in chosen or judged for text in law_regression.warnings(each, data)],
         failures=[] if chosen else [lost],
     )
 
 
 def law_record(judged: Judged, data: Specimen) -> FlatRow:
     """Return the record of one law fitted to a test, with the properties of the test."""
-    fit, warned = judged.fit, law_selection.warnings(judged, data)
+    fit, warned = judged.fit, law_regression.warnings(judged, data)
     return {
         "rank": judged.rank,
         "law": fit.law,
@@ -115,15 +139,6 @@ def law_record(judged: Judged, data: Specimen) -> FlatRow:
     }
 
 
-def _law_texts(judged: Judged, record: FlatRow) -> FlatRow:
-    """Return a record for tables: numbers, ranges and lists as texts."""
-    fit = judged.fit
-    texts: FlatRow = {"numbers": ", ".join(f"{name}={value:.6g}" for name, value in fit.numbers.items())}
-    texts |= {f"stable_{mode}": f"{low:.3g} to {high:.3g}" for mode, (low, high) in fit.stable.items()}
-    texts |= {"at_bound": ", ".join(fit.bounded), "not_chosen_because": ", ".join(judged.against)}
-    return {name: value for name, value in (record | texts).items() if name != "warnings"}
-
-
 def _law_tables(rows: Sequence[FlatRow], *, wide: bool) -> list[Block]:
     """Return the laws as three tables that fit into 80 columns, or as a wide one."""
     by_AICc = rows[0]["ranked_by"] == "AICc"
@@ -142,29 +157,24 @@ def _law_tables(rows: Sequence[FlatRow], *, wide: bool) -> list[Block]:
 
 
 def _draw_laws(path: Path, data: Specimen, fits: Sequence[Fit], nu: float) -> None:
+    """Draw the test with the laws fitted to it, the best first, and what they leave over."""
     smooth = np.geomspace(min(1.0, data.stretch.min()), max(1.0, data.stretch.max()), 300)
-    curves = {fit.law: (_stress(fit, smooth, nu), _stress(fit, data.stretch, nu)) for fit in fits}
-    save(path, fit_figures.laws(data.stretch, data.stress, smooth, curves))
+    x, y, rest = "stretch", "nominal stress (MPa)", "law less test (% of the largest)"
 
+    def stress(fit: Fit, stretch: Array) -> Array:
+        return fit.E / (2 * (1 + nu)) * nominal_stress(fit.law, tuple(fit.numbers.values()), stretch)
 
-def _stress(fit: Fit, stretch: Array, nu: float) -> Array:
-    """Return the nominal stress of a fitted law at stretches, MPa."""
-    return fit.E / (2 * (1 + nu)) * nominal_stress(fit.law, tuple(fit.numbers.values()), stretch)
-
-
-def design_text(path: str, fit: Fit, nu: float, command: str) -> str:
-    """Return the text of the design file of a fit; it names the command."""
-    values: dict[str, Any] = {"E": fit.E, "nu": nu, "law": fit.law, **fit.numbers}
-    lines = [
-        f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}" for name, value in values.items()
-    ]
-    head = f"{MARK}{printable(Path(path).name)}: rms residual {100 * fit.share:.3g} % of the largest stress"
-    return "\n".join([head, f"# by {printable(command)}", *lines, ""])
-
-
-def printable(text: str) -> str:
-    """Return the text without characters that a comment cannot contain."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
+    whole = {fit.law: (smooth, stress(fit, smooth)) for fit in fits}
+    largest = np.abs(data.stress).max()
+    left = {fit.law: (data.stretch, 100 * (stress(fit, data.stretch) - data.stress) / largest) for fit in fits}
+    names, points = ("test", *whole), _joined(x, y, {"test": (data.stretch, data.stress)}, whole)
+    save(
+        path,
+        [
+            plot("Uniaxial test and laws", "", points, x, y, Look(names=names)),
+            plot("What the laws leave over", "", _joined(x, rest, left, {}), x, rest, Look(names=names, guides=ZERO)),
+        ],
+    )
 
 
 # Branches of a relaxation test or a dynamic test
@@ -191,29 +201,33 @@ def branches(
     """
     if not 0.0 <= nu <= 0.5:
         raise BadInput(f"--nu must lie between 0 and 0.5; got {nu:g}")
-    test = relaxation_test.read(path, nu, stretch, ramp)
+    test = material_tests.read(path, nu, stretch, ramp)
     progress(0.0, "fits of branches")
     fits, best = branch_regression.fit(thinned(test))
     chosen = fits[best]
-    order = sorted(range(len(fits)), key=lambda k: fits[k].aicc)
-    records = [branch_record(fits[k], test, place + 1, chosen=k == best) for place, k in enumerate(order)]
-    texts = [_branch_texts(record) for record in records]
+    ranked = sorted(fits, key=lambda each: each.aicc)
+    records = [branch_record(each, test, rank, chosen=each is chosen) for rank, each in enumerate(ranked, 1)]
+    texts = [_texts(record) for record in records]
     files = {"fit.png": partial(_draw_branches, test=test, fit=chosen)}
-    shown = _branch_tables(texts, chosen, test, wide=wide)
-    usable = is_usable(chosen, test)
-    if usable:
-        files["design.toml"] = partial(write_text, text=branches_design(path, chosen, test, nu, command))
-        shown += ["Lines for a design file:", *(f"  {line}" for line in design_lines(chosen, test, nu))]
+    shown, unusable = _branch_tables(texts, chosen, test, wide=wide), why_unusable(chosen, test)
+    speaks = f"branches speak for {range_text(chosen.relaxation)}"
+    if not unusable:
+        # E at rest, if it is known
+        lines = [f"E = {chosen.long_term:.6g}", f"nu = {nu!r}"] if test.has_modulus else []
+        lines += ['modulus = "long-term"', f'prony = "{branches_text(chosen.relaxation)}"']
+        text = _design_file(path, f"{100 * chosen.rms:.3g} %", command, [f"# the {speaks}", *lines])
+        files["design.toml"] = partial(write_text, text=text)
+        shown += ["Lines for a design file:", *(f"  {line}" for line in lines)]
     if chosen.count:
-        shown.append(f"The branches speak for {range_text(chosen.relaxation)}.")
+        shown.append(f"The {speaks}.")
     return Result(
         title="Branches",
         records=records,
         shown=shown,
         tables={"fit": texts},
         files=files,
-        warnings=next(record["warnings"] for record in records if record["chosen"]),
-        failures=[] if usable else [f"{_why_unusable(chosen)}: no design.toml is written"],
+        warnings=_warnings(chosen, test),
+        failures=[f"{unusable}: no design.toml is written"] if unusable else [],
     )
 
 
@@ -240,25 +254,11 @@ def branch_record(fit: BranchFit, test: Test, rank: int, *, chosen: bool) -> Fla
         "times_s": list(relaxation.times),
         "covered_s": list(relaxation.speaks_for),
         "covered_Hz": list(relaxation.speaks_for_frequencies),
-        "prony": _prony(fit),
+        "prony": branches_text(relaxation) if fit.count else "",
         "points": len(test.at),
         "ranked_by": "AICc",
         "warnings": warned,
         "warning": "; ".join(warned),
-    }
-
-
-def _prony(fit: BranchFit) -> str:
-    """Return the branches as the field `prony` takes them; empty without branches."""
-    return branches_text(fit.relaxation) if fit.count else ""
-
-
-def _branch_texts(record: FlatRow) -> FlatRow:
-    """Return a record for tables: lists as texts."""
-    return {
-        name: ", ".join(f"{part:.6g}" for part in value) if isinstance(value, list) else value
-        for name, value in record.items()
-        if name != "warnings"
     }
 
 
@@ -281,44 +281,20 @@ def _branch_tables(rows: Sequence[FlatRow], chosen: BranchFit, test: Test, *, wi
     return tables
 
 
-def _draw_branches(path: Path, test: Test, fit: BranchFit) -> None:
-    smooth = replace(test, at=np.geomspace(test.at[0], test.at[-1], 400))
-    curves = (branch_regression.model(each, fit) for each in (smooth, test))
-    save(path, fit_figures.branches(test, smooth.at, *curves))
-
-
-def is_usable(fit: BranchFit, test: Test) -> bool:
-    """Return whether a design can have the branches and the E of a fit, and these describe the test."""
-    if fit.rms > WRONG:
-        return False
+def why_unusable(fit: BranchFit, test: Test) -> str:
+    """Return why no design can have the branches and the E of a fit, or these do not describe the test; else ""."""
     spec = Design.__dataclass_fields__["E"].metadata
-    return fit.count > 0 and (not test.has_modulus or spec["low"] <= fit.long_term <= spec["high"])
-
-
-def _why_unusable(fit: BranchFit) -> str:
     if not fit.count:
         return "the test has no branches"
     if fit.rms > WRONG:
         return f"the branches miss the test by more than {100 * WRONG:g} %"
-    return "E is outside the range of a design"
-
-
-def design_lines(fit: BranchFit, test: Test, nu: float) -> list[str]:
-    """Return the lines of a design file: E at rest, if it is known, and the branches."""
-    lines = [f"E = {fit.long_term:.6g}", f"nu = {nu!r}"] if test.has_modulus else []
-    return [*lines, 'modulus = "long-term"', f'prony = "{_prony(fit)}"']
-
-
-def branches_design(path: str, fit: BranchFit, test: Test, nu: float, command: str) -> str:
-    """Return the text of the design file of a fit; it names the command and the range of the test."""
-    head = f"{MARK}{printable(Path(path).name)}: rms residual {100 * fit.rms:.3g} %"
-    about = f"# the branches speak for {range_text(fit.relaxation)}"
-    return "\n".join([head, f"# by {printable(command)}", about, *design_lines(fit, test, nu), ""])
+    known = not test.has_modulus or spec["low"] <= fit.long_term <= spec["high"]
+    return "" if known else "E is outside the range of a design"
 
 
 def _warnings(fit: BranchFit, test: Test) -> list[str]:
     """Return warnings about a test and about the use of fitted branches."""
-    return law_selection.sentences(
+    return law_regression.sentences(
         "branches",
         fit=fit,
         times=fit.relaxation.times,
@@ -328,3 +304,52 @@ def _warnings(fit: BranchFit, test: Test) -> list[str]:
         still_falling=STILL_FALLING,
         at_start=AT_START,
     )
+
+
+def _draw_branches(path: Path, test: Test, fit: BranchFit) -> None:
+    """Draw the moduli of a test with the fitted branches, and the loss factor or what the fit leaves over."""
+    smooth = np.geomspace(test.at[0], test.at[-1], 400)
+    curve, at_points = (branch_regression.model(each, fit) for each in (replace(test, at=smooth), test))
+    save(path, branch_figures(test, (smooth, curve), at_points))
+
+
+ZERO = (Guide("y", 0.0),)
+PARTS = {"storage": np.real, "loss": np.imag}
+
+
+def branch_figures(test: Test, curve: Curve, at_points: NDArray[Any]) -> list[Figure]:
+    """Return the figures of a test and of E(t), or E' + i E'', MPa, along a smooth curve and at the test's points."""
+    unit = "(MPa)" if test.has_modulus else "(MPa, nominal)"
+    smooth, fitted = curve
+    if test.kind == "dynamic":
+        x, y, loss = "frequency (Hz)", f"modulus {unit}", "loss factor"
+        points = {f"{name}, test": (test.at, part(test.values)) for name, part in PARTS.items()}
+        lines = {f"{name}, fit": (smooth, part(fitted)) for name, part in PARTS.items()}
+        factors = {"test": (test.at, test.values.imag / test.values.real)}
+        data = _joined(x, loss, factors, {"fit": (smooth, fitted.imag / fitted.real)})
+        return [
+            plot("Moduli of the test and of the branches", "", _joined(x, y, points, lines), x, y, Look(log="xy")),
+            plot("Loss factor", "", data, x, loss, Look(log="x")),
+        ]
+    x, y = "time (s)", f"{'modulus E(t)' if test.has_modulus else 'stress'} {unit}"
+    rest = "fit less test (% of the largest)"
+    left = {"fit": (test.at, 100 * (at_points - test.values) / test.values.max())}
+    data = _joined(x, y, {"test": (test.at, test.values)}, {"fit": curve})
+    look = Look(log="x", guides=ZERO, names=("test", "fit"))
+    return [
+        plot("Relaxation of the test and of the branches", "", data, x, y, Look(log="x")),
+        plot("What the branches leave over", "", _joined(x, rest, left, {}), x, rest, look),
+    ]
+
+
+def _joined(x: str, y: str, points: Mapping[str, Curve], lines: Mapping[str, Curve]) -> pd.DataFrame:
+    """Return points and lines by their names as the table of a plot; without lines the points are joined, too."""
+    import pandas as pd
+
+    parts = [
+        pd.DataFrame({x: at, y: values}).assign(series=name, joined=line)
+        for line, curves in ((False, points), (True, lines))
+        for name, (at, values) in curves.items()
+    ]
+    data = pd.concat(parts, ignore_index=True)
+    return data if lines else data.drop(columns="joined")
