@@ -12,7 +12,7 @@ from analytic.inverse import response_surface
 from analytic.stream import Stream
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies.sensing import decode_readings, force_level_check
+from studies.sensing import decode_readings
 
 PRESSED = "2.973987,2.903726,2.853713"
 """Readings of finite elements at a press force of 8.8 N."""
@@ -91,7 +91,7 @@ def test_the_force_beside_is_that_of_the_formulas_where_these_hold():
     law = decode_readings.of_level(design, "finite")
     loads = [Load(depth=d, shear_x=s, friction="stick") for d, s in ((1.0, 0.0), (1.0, 1.0), (1.9, 0.5), (2.4, 0.0))]
     found = [beam.solve(design, load, "finite") for load in loads]
-    beside = force_level_check.finite_force(design, law, np.array([one.shift for one in found]))
+    beside = decode_readings.finite_force(design, law, np.array([one.shift for one in found]))
     assert_allclose(beside[:3], [one.force for one in found[:3]], atol=2 * max(law.errors[1:3]))
     assert np.isnan(beside[3]).all()
 
@@ -99,8 +99,8 @@ def test_the_force_beside_is_that_of_the_formulas_where_these_hold():
 def test_a_design_that_level_finite_does_not_know_is_not_compared():
     design = Design(nu=0.4)
     law = decode_readings.of_level(design, "finite")
-    assert np.isnan(force_level_check.finite_force(design, law, np.array([[0.0, 0.0, -0.3]]))).all()
-    assert np.isnan(force_level_check.finite_force(design, None, np.array([[0.0, 0.0, -0.3]]))).all()
+    assert np.isnan(decode_readings.finite_force(design, law, np.array([[0.0, 0.0, -0.3]]))).all()
+    assert np.isnan(decode_readings.finite_force(design, None, np.array([[0.0, 0.0, -0.3]]))).all()
 
 
 @pytest.mark.parametrize("level", ["paper", "finite"])

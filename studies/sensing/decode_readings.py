@@ -1,4 +1,7 @@
-"""Decode readings: a design's decoder with its mechanics, one set of readings, and a table of them row by row."""
+"""Decode readings: a design's decoder with its mechanics, one set of readings, and a table of them row by row.
+
+A force is compared with that by level finite of the formulas at the same pose. Forces in N, lengths in mm.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,23 @@ import io
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic import beam
+from analytic.decode import decode, decoder, exceeded_limit, field_of, poses_outside
+from analytic.inverse import response_surface
+from analytic.parts import columns
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, tilts_of
+from geometry.loads import ANSWERED, Load, tilts_of
 from studies.inputs import state_files, user_input
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, page_templates
 from studies.output.records import FlatRow
 from studies.output.result import Result, failure_of, of_record
 from studies.sensing.field_tables import read_rows
@@ -24,11 +37,14 @@ if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder, Limit, Status
     from analytic.inverse.response_surface import Mechanics
     from analytic.parts import Element
-    from geometry.arrays import Array
-    from studies.sensing.force_level_check import Gap
 
+sentences = partial(page_templates.sentences, Path(__file__).with_name("sentences.j2"))
 RESPONSES, NO_LEVEL = "responses", "none"
 """Names in place of a level: states give the mechanics, and there are no mechanics."""
+BEST = "finite"
+"""The level with which the others are compared."""
+APART = 0.1
+"""Difference of the forces, over that of level finite, above which a warning is given."""
 WHY = {
     "ok": "",
     "ambiguous": "several poses give these readings: the result is the pose nearest to rest, and poses_mm lists all",
@@ -57,21 +73,9 @@ def limit_sentence(coder: Decoder, limit: Limit | None, *, solved: bool) -> str:
     limit : the limit that the pose exceeds; None if there is no pose outside the workspace either.
     solved : True if the mechanics come from states, False if they come from formulas.
     """
-    source, remedy = ("states", "solve") if solved else ("formulas", "give states by --responses that go")
-    if limit == "depth":
-        return f"the magnet is deeper than {-coder.low[2]:.3g} mm, the limit of the {source}: {remedy} deeper"
-    if limit == "shear":
-        return (
-            f"the magnet is more than {coder.high[0]:.3g} mm sideways, the limit of the {source}: {remedy} farther "
-            "sideways"
-        )
-    if limit == "workspace":
-        low, high = coder.low, coder.high
-        return (
-            f"the magnet is outside the workspace, {high[0]:.3g} mm sideways, {-low[2]:.3g} mm down and"
-            f" {high[2]:.3g} mm up: press or shear less, or check order and units"
-        )
-    return WHY["out_of_workspace"]
+    if limit is None:
+        return WHY["out_of_workspace"]
+    return sentences("limit", limit=limit, low=coder.low.tolist(), high=coder.high.tolist(), solved=solved)[0]
 
 
 def result(record: FlatRow) -> Result:
@@ -90,8 +94,6 @@ def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt
     BadInput
         Level and file are both given, or the mechanics do not suit the decoder.
     """
-    from analytic.decode import decoder
-
     law = mechanics_of(design, level, file)
     warn_if_upright(law, ignore_tilt=ignore_tilt)
     return decoder(design, law, ignore_tilt=ignore_tilt)
@@ -111,15 +113,13 @@ def level_name(level: str | None, file: Path | None, default: str = "paper") -> 
 
 def force_gap(coder: Decoder, level: str, shift: Array, force: Array) -> Gap | None:
     """Compare forces (n, 3), N, at shifts (n, 3), mm, with level finite; None if there is nothing to compare."""
-    from studies.sensing import force_level_check
-
     if coder.mechanics is None or level == RESPONSES:
         return None
-    design, law = coder.forward.design, coder.mechanics if level == force_level_check.BEST else None
+    design, law = coder.forward.design, coder.mechanics if level == BEST else None
     # level finite refuses some designs; the gap is then of unknown size
     with contextlib.suppress(BadInput):
-        law = law or of_level(design, force_level_check.BEST)
-    return force_level_check.gap(design, law, shift, force)
+        law = law or of_level(design, BEST)
+    return _gap(design, law, shift, force)
 
 
 def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
@@ -130,9 +130,6 @@ def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
 
 def of_level(design: Design, level: str) -> Mechanics:
     """Return the mechanics of a level of the formulas, over the workspace or up to the limits of the formulas."""
-    from analytic import beam
-    from analytic.inverse import response_surface
-
     if level not in beam.LEVELS:
         raise BadInput(f"level must be one of {', '.join(beam.LEVELS)}; got {level!r}")
     # the paper's magnet follows the tip by H/L; the other levels bend too much beyond the paper's own range of loads
@@ -143,8 +140,6 @@ def of_level(design: Design, level: str) -> Mechanics:
 
 def of_file(path: Path, design: Design) -> Mechanics:
     """Return the mechanics of the converged states in a file; the states must belong to this design."""
-    from analytic.inverse import response_surface
-
     samples = [
         (state.load, state.response)
         for state in state_files.read(path, design)
@@ -170,9 +165,6 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
         errors of the polynomials for tilt and force; None without mechanics.
     field, decoded : the readings, shape (1, k), T, and what was decoded from them.
     """
-    from analytic.decode import decode
-    from studies.sensing import force_level_check
-
     elements = coder.forward.elements
     values = user_input.parse_numbers("--readings", text)
     if len(values) != len(elements):
@@ -201,7 +193,7 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
         "tilt_y_rad": tilt_y,
         "rotation_rad": decoded.tilt[0].tolist(),
         "force_N": decoded.force[0].tolist(),
-        "finite_force_N": None if gap is None or level == force_level_check.BEST else gap.finite[0].tolist(),
+        "finite_force_N": None if gap is None or level == BEST else gap.finite[0].tolist(),
         "contact": contact,
         "depth_mm": depth,
         "shear_mm": shear,
@@ -217,24 +209,18 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
         "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
         "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
-        "warnings": [] if gap is None else force_level_check.warnings(level, gap),
+        "warnings": [] if gap is None else level_warnings(level, gap),
     }
     return record, field, decoded
 
 
 def _limits_of(coder: Decoder, field: Array) -> list[tuple[Limit | None, list[float]]]:
     """Return which limit each pose outside the workspace exceeds, and its shift, mm; None and NaN without one."""
-    from analytic.decode import exceeded_limit, poses_outside
-
     return [(exceeded_limit(coder, pose), pose.tolist()) for pose in poses_outside(coder, field)]
 
 
 def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Array:
     """Convert readings, shape (n, k), in V, T or (`units` None) the elements' own unit to flux densities, T."""
-    import numpy as np
-
-    from analytic.decode import field_of
-
     unit = elements[0].unit
     if units in (None, unit):
         return field_of(elements, values)
@@ -278,11 +264,6 @@ def decode_file(
     BadInput
         A file cannot be read or written, or is not a table of readings.
     """
-    import numpy as np
-
-    from analytic.decode import decode
-    from analytic.parts import columns
-
     elements = coder.forward.elements
     unit = units or elements[0].unit
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
@@ -336,8 +317,6 @@ def _result(
     printed: bool,
 ) -> Result:
     """Return the counts of each status with their reasons; `printed`: whether the rows were printed, not written."""
-    from studies.sensing import force_level_check
-
     gap = force_gap(coder, level, decoded.shift, decoded.force)
     counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
     remarks: list[str] = []
@@ -359,7 +338,90 @@ def _result(
         title="Decoded",
         records=[] if printed else [counts],
         shown=[],
-        warnings=([] if gap is None else force_level_check.warnings(level, gap)) + said,
+        warnings=([] if gap is None else level_warnings(level, gap)) + said,
         remarks=remarks,
         failures=failures,
+    )
+
+
+# The force of a level beside that of level finite
+#
+# The levels below finite assume small loads, and level paper a bar without contact or magnet: on the paper's sensor
+# its press force is a third of that by finite elements. Both forces are therefore compared at the same shift of the
+# magnet, within the range in which level finite was compared with finite elements (`analytic.beam.outside`).
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Forces of a level and of level finite at the same poses, one row each.
+
+    Attributes
+    ----------
+    chosen, best : sizes of the forces, shape (n,), N; NaN for no force, and for a pose outside level finite's range.
+    apart : size of their difference, shape (n,), N.
+    finite : force of level finite, (F_x, F_y, F_n), shape (n, 3), N.
+    slack : error of the polynomials by which the decoder represents level finite, N.
+    """
+
+    chosen: Array
+    best: Array
+    apart: Array
+    finite: Array
+    slack: float
+
+    @property
+    def wide(self) -> NDArray[np.bool_]:
+        """Rows in which the forces differ by more than `APART`, shape (n,)."""
+        return np.asarray(self.apart > np.maximum(APART * self.best, self.slack))
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Rows with a force outside the range of level finite, so that its error is unknown, shape (n,)."""
+        return np.asarray((self.chosen > 0) & np.isnan(self.best))
+
+
+def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
+    """Return the force by level finite at shifts (n, 3), mm; NaN outside the range of `analytic.beam.outside`.
+
+    Parameters
+    ----------
+    law : the mechanics of level finite; None if this level refuses the design.
+
+    Returns
+    -------
+    force : (F_x, F_y, F_n), shape (n, 3), N.
+    """
+    if law is None:
+        return np.full(shift.shape, np.nan)
+    force, load, _ = response_surface.force_and_load(law, np.ascontiguousarray(shift.T))
+    low, high = response_surface.workspace(design, law)
+    inside = ((shift >= low) & (shift <= high)).all(axis=1) & (load[0] <= beam.DEEPEST * design.D)
+    inside &= np.hypot(load[1], load[2]) <= beam.FARTHEST * design.D
+    inside &= not beam.outside(design, Load(), BEST)
+    return np.where(inside, force, np.nan).T
+
+
+def _gap(design: Design, law: Mechanics | None, shift: Array, force: Array) -> Gap:
+    """Compare forces (n, 3), N, of a level at shifts (n, 3), mm, with level finite; `law` as in `finite_force`."""
+    best = finite_force(design, law, shift)
+    chosen, size, apart = (np.sqrt((values**2).sum(axis=1)) for values in (force, best, force - best))
+    return Gap(chosen, size, apart, best, max(law.errors[1:3]) if law else 0.0)
+
+
+def level_warnings(level: str, found: Gap) -> list[str]:
+    """Return warnings: forces that differ much from level finite, and forces whose error is unknown."""
+    wide, shares = found.wide, found.apart / np.maximum(found.best, found.slack)
+    worst = int(np.argmax(np.where(wide, shares, -np.inf)))
+    return sentences(
+        "level",
+        level=level,
+        best_level=BEST,
+        count=len(wide),
+        wide=int(wide.sum()),
+        limit=100 * APART,
+        share=100 * shares[worst],
+        row=worst + 1,
+        chosen=found.chosen[worst],
+        best=found.best[worst],
+        unknown=int(found.unknown.sum()),
     )

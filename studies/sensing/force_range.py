@@ -7,7 +7,6 @@ mechanics give the magnet's shift under each load, and a survey of that pose giv
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -150,14 +149,8 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
         for element, flags in zip(coder.forward.elements, poses.by_element, strict=True)
         if (flags & reached).any()
     ]
-    return {
-        "message": "; ".join(
-            [
-                _summary(normal, tangential, largest),
-                f"{' and '.join(names)} saturate{'s' * (len(names) == 1)}" if names else "no element saturates",
-                *_limits(share, ambiguous, blocked, folded=poses.folded),
-            ]
-        ),
+    found: FlatRow = {
+        "message": "",
         "normal_N": normal,
         "tangential_N": tangential,
         "loads": int(grid.distinct.sum()),
@@ -182,6 +175,8 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
         "full_load_N_per_N": None if full_load is None else [s / size for s in full_load],
         "warnings": _force_warnings(coder, grid, level),
     }
+    said = decode_readings.sentences("forces", f=found, percent=percent_text)
+    return found | {"message": "; ".join(said)}
 
 
 def _largest(sigma: Array) -> list[float] | None:
@@ -189,50 +184,25 @@ def _largest(sigma: Array) -> list[float] | None:
     return sigma.max(axis=1).tolist() if sigma.shape[1] else None
 
 
-def _summary(normal: float, tangential: float, worst: Sequence[float] | None) -> str:
-    """Return the range and its worst resolution as a part of a sentence."""
-    span = f"0 to {normal:g} N normal and 0 to {tangential:g} N tangential"
-    if worst is None:
-        return f"{span}: no load is usable"
-    if math.inf in worst:
-        return f"{span}: the readings do not determine the force at every load"
-    return (
-        f"{span}: resolution {', '.join(f'{1e3 * value:.3g}' for value in worst)} mN along x, y, z at the worst load"
-    )
-
-
-def _limits(reached: float, ambiguous: float, blocked: float, *, folded: bool) -> list[str]:
-    """Return what limits the range, from shares in %, as parts of a sentence."""
-    parts = ["det J changes its sign within the range"] if folded else []
-    if ambiguous:
-        parts.append(f"{percent_text(ambiguous)} of the loads are ambiguous")
-    if blocked:
-        parts.append(f"{percent_text(blocked)} of the loads are blocked by an element or the base")
-    if reached < 100:
-        parts.append(f"only {percent_text(reached)} of the loads are within the formulas or states")
-    return parts
-
-
 def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
     """Return warnings: forces that differ from those of the best level, or loads outside the range of that level."""
     import numpy as np
 
     from analytic import beam
-    from studies.sensing import force_level_check
 
     reached = grid.reached
     if level == decode_readings.RESPONSES:
         beyond = 100 * float((~reached[grid.distinct]).mean())
         text = f"{percent_text(beyond)} of the loads lie beyond the states: solve deeper or farther sideways"
         return [text] if beyond else []
-    if level == force_level_check.BEST:
+    if level == decode_readings.BEST:
         depth, shear = float(grid.plate[0, reached].max()), float(np.hypot(*grid.plate[1:, reached]).max())
         remark = beam.outside(coder.forward.design, Load(depth=depth, shear_x=shear, friction="stick"), level)
         return [f"{remark}: give states solved by finite elements with --responses"] if remark else []
     # the rows of force_range.csv; those that are not reached have no force to compare
     shift, force = (np.where(reached, v, np.nan).T[grid.distinct] for v in (grid.poses.shift, grid.force))
     gap = decode_readings.force_gap(coder, level, shift, force)
-    return [] if gap is None else force_level_check.warnings(level, gap)
+    return [] if gap is None else decode_readings.level_warnings(level, gap)
 
 
 def table(grid: Loads) -> pd.DataFrame:

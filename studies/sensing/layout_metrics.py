@@ -74,7 +74,7 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Fla
     known = 100 * float((poses.weight > 0).mean())
     return {
         "status": "ok",
-        "message": sentence(measured, known),
+        "message": "; ".join(decode_readings.sentences("layout", f=measured, known=known, percent=percent_text)),
         "layout": design.hall_layout,
         "elements": [element.name for element in elements],
         "f_mm": design.f if three else None,
@@ -155,45 +155,14 @@ def _worst_place(poses: Survey) -> list[float] | None:
 
 def _hits(coder: Decoder, poses: Survey) -> list[str]:
     """Return a sentence for each collision, with its share of the workspace."""
-    sentences = []
-    for what, flags in (("the magnet", poses.magnet_hits), ("the beam's wall (estimate)", poses.wall_hits)):
-        for element, hit in zip(coder.forward.elements, flags, strict=True):
-            share = poses.share(hit)
-            if share > 0:
-                sentences.append(f"{what} meets {element.name} in {percent_text(100 * share)} of the workspace")
-    if poses.share(poses.grounded) > 0:
-        sentences.append(
-            f"the magnet meets the base in {percent_text(100 * poses.share(poses.grounded))} of the workspace"
-        )
-    return sentences
-
-
-def sentence(figures: FlatRow, known: float = 100.0) -> str:
-    """Return the summary sentence of a layout; `known` percent of its poses have a known tilt and were examined."""
-    clear = figures["unique_percent"] + figures["ambiguous_percent"]
-    if not clear > 0:
-        return "no pose in the workspace is usable: each is blocked by an element or saturated"
-    parts = []
-    if not figures["ambiguous_percent"] > 0:
-        parts.append(
-            "the readings are unique: no two poses in the workspace give the same readings"
-            if clear > 100 - 1e-6
-            else f"the readings are unique in the usable {percent_text(clear)} of the workspace"
-        )
-    else:
-        parts.append(
-            f"{percent_text(figures['ambiguous_percent'])} of the workspace is ambiguous: poses up to "
-            f"{figures['alike_apart_mm']:.2g} mm apart give the same readings"
-        )
-    if known < 100:
-        parts.append(
-            f"this holds for the {percent_text(known)} of the poses whose tilt is known: the others were not examined"
-        )
-    if figures["folded"]:
-        parts.append(
-            "det J changes sign on a surface in the workspace: condition number and noise are infinite there"
-        )
-    return "; ".join(parts)
+    return decode_readings.sentences(
+        "hits",
+        elements=coder.forward.elements,
+        magnet=[poses.share(hit) for hit in poses.magnet_hits],
+        wall=[poses.share(hit) for hit in poses.wall_hits],
+        ground=poses.share(poses.grounded),
+        percent=percent_text,
+    )
 
 
 def percent_text(value: float) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.sensing import layout_metrics
+from studies.sensing import decode_readings, layout_metrics
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -79,49 +78,20 @@ def check(design: Design) -> None:
 
 def answer(claim: Claim) -> list[str]:
     """Return the answer to the claim in sentences: for the design's layout, and over c."""
-    lines = _answer_for_the_layout(claim["forms"])
-    given = claim["limits"][0]["magnet_height_mm"]
-    for limit in (row for row in claim["limits"] if row["magnet_height_mm"] == given):
-        same = [(r["magnet_height_mm"], r["readings"]) == (given, limit["readings"]) for r in claim["heights"]]
-        worst = max(itertools.compress(claim["heights"], same), key=lambda row: row["alike_percent"])
-        if worst["alike_percent"]:
-            limits = (("below", limit["unique_from_c_mm"]), ("above", limit["unique_to_c_mm"]))
-            ends = " and".join(f" {name} c = {end:.2g} mm" for name, end in limits if end is not None)
-            lines.append(
-                f"{limit['readings']}, over c: fails{ends or ' at the given c'}; at c = {worst['c_mm']:.2g} mm"
-                f" {_shared(worst)}"
-            )
-    for limit in claim["limits"]:
-        if limit["magnet_height_mm"] != given and limit["below"] and not limit["unique"]:
-            lines.append(
-                f"{limit['readings']}, with a magnet {limit['magnet_height_mm']:g} mm high that gives S1 the same"
-                f" reading at rest (l0 = {limit['l0_mm']:g} mm): fails at c = {limit['below']['c_mm']:g} mm, for"
-                f" {limit['below']['alike_percent']:.2g} % of the poses."
-            )
-    return lines
-
-
-def _shared(row: FlatRow) -> str:
-    return (
-        f"{row['alike_percent']:.2g} % of the poses share their readings with others, up to"
-        f" {row['alike_apart_mm']:.2g} mm away."
+    height = claim["limits"][0]["magnet_height_mm"]
+    given = [limit for limit in claim["limits"] if limit["magnet_height_mm"] == height]
+    heights = [row for row in claim["heights"] if row["magnet_height_mm"] == height]
+    worst = [
+        max((row for row in heights if row["readings"] == limit["readings"]), key=lambda row: row["alike_percent"])
+        for limit in given
+    ]
+    return decode_readings.sentences(
+        "claim",
+        claim=claim,
+        differences=differences,
+        given=list(zip(given, worst, strict=True)),
+        taller=[limit for limit in claim["limits"] if limit["magnet_height_mm"] != height],
     )
-
-
-def _answer_for_the_layout(forms: Sequence[FlatRow]) -> list[str]:
-    """Return which forms of the readings fail, and the least difference of readings of the others."""
-    failing = [row for row in forms if row["alike_percent"]]
-    lines = [f"{row['readings']}: the claim fails for the given layout; {_shared(row)}" for row in failing]
-    if not failing:
-        lines.append("For the given layout the claim holds in every form: no two poses give the same readings.")
-    for row in forms:
-        if not row["alike_percent"]:
-            (near, at_near), (far, at_far) = list(differences(row).items())[:2]
-            lines.append(
-                f"{row['readings']}: two poses {near} mm apart differ in their readings by {at_near:.2g} times the"
-                f" noise at least, {far} mm apart by {at_far:.2g} times."
-            )
-    return lines
 
 
 def differences(row: FlatRow) -> dict[str, float]:
