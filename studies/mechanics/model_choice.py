@@ -146,6 +146,10 @@ class Region:
     beyond: str = ""
 
 
+Bound = tuple[float, float]
+"""Largest bound of the errors under a load, and that of the force along the shear as in `Statement`."""
+
+
 @functools.cache
 def _shipped() -> dict[str, Any]:
     return dict(json.loads(DATA.read_text("utf-8")))
@@ -303,44 +307,32 @@ def _choices(
     rule: Sequence[Statement], design: Design, loads: Sequence[Load], magnet: Magnet, *, formulas: bool
 ) -> Iterator[Choice]:
     """Yield every model that can carry the loads with its largest bound, the cheapest first."""
-    fem = choose_model(loads, "auto")
-    kind = kind_of(loads)
+    fem, kind = choose_model(loads, "auto"), kind_of(loads)
     places = [(load, region(design, load, magnet, kind)) for load in loads]
-    costs: dict[tuple[str, str], float] = {}
+    own: dict[tuple[str, str], list[Statement]] = {}
     for each in rule:
         if each.kind == kind:
-            costs[each.model, each.level] = max(costs.get((each.model, each.level), 0.0), each.cost)
-    names = sorted(costs, key=lambda name: costs[name])
+            own.setdefault((each.model, each.level), []).append(each)
+    names = sorted(own, key=lambda name: max(each.cost for each in own[name]))
 
-    def choice(model: str, level: str, bounds: Sequence[Bound | None]) -> list[Choice]:
-        known = [bound for bound in bounds if bound is not None]
-        designs = max(each.designs for each in rule if (each.kind, each.model, each.level) == (kind, model, level))
-        own = [place for _, place in places]
-        return [_choice(model, level, known, own, designs)] if len(known) == len(bounds) else []
+    def choice(model: str, level: str) -> list[Choice]:
+        known = own[model, level]
+        bounds = [_bound(known, design, load, place, magnet) for load, place in places]
+        found = [bound for bound in bounds if bound is not None]
+        designs = max(each.designs for each in known)
+        return [_choice(model, level, found, [place for _, place in places], designs)] if None not in bounds else []
 
     if formulas:
-        cheap = []
-        for _, level in (name for name in names if name[0] == "formula"):
-            cheap += choice(
-                "formula",
-                level,
-                [_formula_bound(rule, design, load, place, magnet, level) for load, place in places],
-            )
         # all formulas take milliseconds: of these the most accurate one counts
+        cheap = [one for model, level in names if model == "formula" for one in choice(model, level)]
         yield from sorted(cheap, key=lambda each: each.bound)[:1]
     for model, level in names:
-        if model == SURROGATE and formulas:
-            yield from choice(
-                model, level, [_surrogate_bound(rule, design, load, place, magnet, level) for load, place in places]
-            )
-        elif model == fem:
-            yield from choice(
-                model, level, [_fem_bound(rule, place, model, level, design, magnet) for _, place in places]
-            )
+        if model == fem or (model == SURROGATE and formulas):
+            yield from choice(model, level)
 
 
 def _choice(model: str, level: str, bounds: Sequence[Bound], places: Sequence[Region], designs: int) -> Choice:
-    largest, sideways = max(bound.largest for bound in bounds), max(bound.sideways for bound in bounds)
+    largest, sideways = (max(values) for values in zip(*bounds, strict=True))
     beyond = list(dict.fromkeys(place.beyond for place in places if place.beyond))
     names = list(dict.fromkeys(place.name for place in places))
     where = f"{places[0].kind} ({', '.join(names)})"
@@ -419,81 +411,47 @@ def _region_name(design: Design, load: Load, magnet: Magnet, kind: Kind, slack: 
     return f"depth to {LIGHT:g} D" if load.depth <= LIGHT * D * slack else "depth to D/4"
 
 
-@dataclass(frozen=True, slots=True)
-class Bound:
-    """Largest bound of the errors under a load, and that of the force along the shear as in `Statement`."""
+def _bound(known: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet) -> Bound | None:
+    """Return the bound of a model and level, of which all statements are given; None where it has none.
 
-    largest: float
-    sideways: float
-
-
-def _fem_bound(
-    rule: Sequence[Statement], place: Region, model: str, level: str, design: Design, magnet: Magnet
-) -> Bound | None:
-    """Return the bound of a finite-element model; None if the study has no such run.
-
-    A model that the study ran on a few designs only may lack a region: then the largest bound of the kind holds.
+    Finite elements that the study ran on a few designs only may lack a region: then the largest bound of the kind
+    holds. Formulas and the surrogate have no bound outside their range, and the surrogate at least its half widths.
     """
-    own = [each for each in rule if (each.kind, each.model, each.level) == (place.kind, model, level)]
-    exact = [each for each in own if each.region in (place.name, ANY_REGION)] or own
-    if not exact:
+    model, level, has_magnet = known[0].model, known[0].level, design.shape.has_magnet
+    if model not in ("formula", SURROGATE):
+        exact = [each for each in known if each.region in (place.name, ANY_REGION)] or known
+        largest = max(each.bound(readings=magnet == "rigid" and has_magnet) for each in exact)
+        return place.growth * largest, place.growth * max(each.sideways or 0.0 for each in exact)
+    name = formula_region(design, place.name) if model == "formula" else place.name
+    own = next((each for each in known if each.region == name), None)
+    if own is None or place.beyond:
         return None
-    readings = magnet == "rigid" and design.shape.has_magnet
-    return Bound(
-        place.growth * max(each.bound(readings=readings) for each in exact),
-        place.growth * max(each.sideways or 0.0 for each in exact),
-    )
+    if model == "formula":
+        if (magnet == "ignored" and has_magnet) or beam.outside(design, load, level):
+            return None
+        response, largest = beam.solve(design, load, level), own.bound(readings=has_magnet)
+    else:
+        from studies.mechanics import surrogate_response
 
-
-def _formula_bound(
-    rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
-) -> Bound | None:
-    """Return the bound of a level of the formulas; None outside its range, where its error has no bound."""
-    if magnet == "ignored" and design.shape.has_magnet:
-        return None
-    if place.beyond or beam.outside(design, load, level):
-        return None
-    wanted = place.kind, formula_region(design, place.name), "formula", level
-    own = next((each for each in rule if (each.kind, each.region, each.model, each.level) == wanted), None)
-    if own is None:
-        return None
-    largest = own.bound(readings=design.shape.has_magnet)
-    return _with_sideways(own, largest, design, load, beam.solve(design, load, level))
-
-
-def _with_sideways(own: Statement, largest: float, design: Design, load: Load, response: Response) -> Bound | None:
-    """Return the bound of an answer that is known already, with the force along the shear relative to itself.
-
-    None if the study has no error of this force.
-    """
+        if surrogate_response.refusal(design, load, magnet):
+            return None
+        estimate = surrogate_response.respond(design, load, magnet)
+        widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error, estimate.sideways_error)
+        largest = max(own.bound(readings=True), *(width for width in widths if width is not None))
+        response = estimate.response
     if not load.shears_tip:
-        return Bound(largest, 0.0)
+        return largest, 0.0
+    # the error of a force along the shear that was not measured has no bound
     if own.sideways is None:
         return None
     along = sideways_error(own.sideways, design, load, along_shear(load, response))
-    return Bound(max(largest, along), own.sideways)
+    return max(largest, along), own.sideways
 
 
 def along_shear(load: Load, response: Response) -> float:
     """Return the force along the shear, N."""
     x, y = load.direction
     return x * response.force[0] + y * response.force[1]
-
-
-def _surrogate_bound(
-    rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
-) -> Bound | None:
-    """Return the larger one of the surrogate's measured bound and its half widths; None where it refuses the load."""
-    from studies.mechanics import surrogate_response
-
-    wanted = place.kind, place.name, SURROGATE, level
-    own = [each for each in rule if (each.kind, each.region, each.model, each.level) == wanted]
-    if not own or place.beyond or surrogate_response.refusal(design, load, magnet):
-        return None
-    estimate = surrogate_response.respond(design, load, magnet)
-    widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error, estimate.sideways_error)
-    largest = max(own[0].bound(readings=True), *(width for width in widths if width is not None))
-    return _with_sideways(own[0], largest, design, load, estimate.response)
 
 
 def formula_region(design: Design, name: str) -> str:
