@@ -60,10 +60,6 @@ class NotStarted(RuntimeError):
     """No process could be started, or jobs of this owner have been ended."""
 
 
-def _unheard(content: Any) -> None:
-    """Drop what a job says."""
-
-
 def environment(threads: int) -> dict[str, str]:
     """Return the environment of a process that may use a number of threads, or fewer if the user has set so."""
     limits = {}
@@ -89,7 +85,9 @@ class WorkerProcesses:
         self._busy: dict[subprocess.Popen[bytes], str] = {}
         self._ended: set[str] = set()
 
-    def call(self, job: bytes, owner: str = "", *, tries: int = 2, hear: Callable[[Any], None] = _unheard) -> bytes:
+    def call(
+        self, job: bytes, owner: str = "", *, tries: int = 2, hear: Callable[[Any], None] = lambda _: None
+    ) -> bytes:
         """Have a process do a job and return its pickled `Answer`.
 
         Parameters
@@ -97,7 +95,7 @@ class WorkerProcesses:
         job : pickled pair of function and task.
         owner : on whose behalf; `end` ends the jobs of one owner.
         tries : number of processes that may die of the job.
-        hear : takes what the job says before it returns.
+        hear : takes what the job says before it returns; default: nothing does.
 
         Raises
         ------
@@ -178,14 +176,15 @@ def _start(threads: int) -> subprocess.Popen[bytes]:
     return subprocess.Popen(COMMAND, env=environment(threads), stdin=pipe, stdout=pipe, start_new_session=True)
 
 
-def _exchange(process: subprocess.Popen[bytes], job: bytes, hear: Callable[[Any], None]) -> bytes | None:
+def _exchange(process: subprocess.Popen[bytes], job: bytes, hear: Callable[[Any], None] | None) -> bytes | None:
     """Send a job and return the answer; None if the process dies."""
     try:
         _write(process, job)
     except BrokenPipeError:
         return None
     while isinstance(message := _receive(process), tuple):
-        hear(*message)
+        if hear is not None:
+            hear(*message)
     answer: bytes | None = message
     return answer
 
@@ -285,12 +284,12 @@ class Executor:
     ----------
     submit : hands over a function and a task, to be done in the order of the calls.
     size : returns the number of tasks that are done at the same time.
-    check : raises `SchedulerLost` if no answer can come any more.
+    check : raises `SchedulerLost` if no answer can come any more; processes of this machine are not lost unnoticed.
     """
 
     submit: Callable[[Callable[[Any], Any], Any], Future[Answer]]
     size: Callable[[], int]
-    check: Callable[[], None]
+    check: Callable[[], None] = lambda: None
 
 
 def inline() -> Executor:
@@ -301,7 +300,7 @@ def inline() -> Executor:
         future.set_result(answer(function, task))
         return future
 
-    return Executor(submit, lambda: 0, _no_check)
+    return Executor(submit, lambda: 0)
 
 
 @contextlib.contextmanager
@@ -324,16 +323,12 @@ def processes(count: int, tries: int = 2) -> Iterator[Executor]:
         return threads.submit(do, pickle.dumps((function, task)))
 
     try:
-        yield Executor(submit, lambda: count, _no_check)
+        yield Executor(submit, lambda: count)
     finally:
         # end the processes before joining the threads: these wait for answers of the processes
         threads.shutdown(wait=False, cancel_futures=True)
         pool.end()
         threads.shutdown()
-
-
-def _no_check() -> None:
-    """Accept that an answer takes long: processes of this machine cannot be lost unnoticed."""
 
 
 def main() -> None:

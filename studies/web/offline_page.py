@@ -18,6 +18,7 @@ import numpy as np
 
 from analytic import beam
 from fem.accuracy import LEVELS
+from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
@@ -94,7 +95,7 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
     """Return everything that the page's engine reads, and what the page says of itself, as HTML."""
     design = grid.design
     errors = offline_tables.measured(grid)
-    response = offline_tables.response(grid, errors)
+    response = offline_tables.response(grid, errors[0])
     formulas, remarks, remark_texts = offline_tables.formulas(design, response.axes)
     statuses, status_texts = offline_tables.statuses(grid, response.axes)
     curve = state_answers.curve(design, magnet, LEVEL, estimate=True)
@@ -172,7 +173,7 @@ def _sensor(design: Design) -> str:
 
 
 def _refusal(grid: Grid) -> str:
-    D, lowest = grid.design.D, np.flatnonzero(np.isfinite(grid.values[:, 1, 0]))
+    D, lowest = grid.design.D, np.flatnonzero(np.isfinite(grid.rows[:, 1, 0]))
     sheared = (
         f", and shears to {grid.shears[-1]:.3g} mm at depths from {grid.roots[lowest[0]] ** 2 * D:.3g} mm"
         if len(lowest)
@@ -184,9 +185,10 @@ def _refusal(grid: Grid) -> str:
     )
 
 
-def _about(grid: Grid, errors: offline_tables.Errors, sensor: str, volts: str) -> str:
-    force, shift = (100 * np.nanmax(errors.share[:, k]) for k in (1, 2))
-    tangential, tilt = errors.absolute[0], errors.absolute[4]
+def _about(grid: Grid, errors: tuple[Array, Array], sensor: str, volts: str) -> str:
+    share, absolute = errors
+    force, shift = (100 * np.nanmax(share[:, k]) for k in (1, 2))
+    tangential, tilt = absolute[0], absolute[4]
     presses = sum(not shear for _, shear, _ in grid.states)
     text = (
         f"This file is fixed to one design, {sensor}, solved by finite elements at accuracy {LEVEL}: {presses} "

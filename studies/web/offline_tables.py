@@ -65,6 +65,8 @@ SKIN = "back"
 Data = dict[str, Any]
 Place = tuple[float, float]
 """A state's r and its shear, mm."""
+State = tuple[float, float, "Solution"]
+"""A solution at its place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +76,8 @@ class Grid:
     Attributes
     ----------
     roots, shears : nodes r of the rows, and of the shear, mm; `press_roots` are those of the presses.
-    press, press_widths : `QUANTITIES` and `WIDTHS` of the presses, shapes (p, 6) and (p, 4).
-    values, widths : those at the nodes of rows and shears, shapes (n, m, 6) and (n, m, 4).
+    press, rows : `QUANTITIES` and `WIDTHS` of the presses, shape (p, 10), and at the nodes of rows and shears, shape
+        (n, m, 10).
     states : the solutions with their place (r, shear).
     checks : states in the middle of the cells, in the same form.
     failed_checks : places of those without an answer.
@@ -86,19 +88,17 @@ class Grid:
     shears: Array
     press_roots: Array
     press: Array
-    press_widths: Array
-    values: Array
-    widths: Array
-    states: list[tuple[float, float, Solution]]
-    checks: list[tuple[float, float, Solution]]
-    failed_checks: list[tuple[float, float]]
+    rows: Array
+    states: list[State]
+    checks: list[State]
+    failed_checks: list[Place]
 
     def at(self, roots: Array, shears: Array) -> tuple[Array, Array]:
         """Return quantities and half widths at all pairs of r and shear, shapes (a, b, 6) and (a, b, 4)."""
         values, widths = (
-            between(self.press_roots, press, roots, degree)[:, None]
-            + self._change(rows - rows[:, :1], roots, shears, degree)
-            for press, rows, degree in ((self.press, self.values, 3), (self.press_widths, self.widths, 1))
+            between(self.press_roots, self.press[:, part], roots, degree)[:, None]
+            + self._change((self.rows - self.rows[:, :1])[..., part], roots, shears, degree)
+            for part, degree in ((slice(len(QUANTITIES)), 3), (slice(len(QUANTITIES), None), 1))
         )
         values[..., 5] = np.maximum(values[..., 5], 0.0)
         return values, np.maximum(widths, 0.0)
@@ -159,7 +159,7 @@ def solve(
     shears = np.linspace(0.0, FARTHEST * D, columns + 1)
     first = rows * FIRST_ROW // ROWS
 
-    def path(places: list[Place], *, estimate: bool) -> list[tuple[float, float, Solution]]:
+    def path(places: list[Place], *, estimate: bool) -> list[State]:
         loads = [Load(root**2 * D, shear, friction="stick" if shear else "none") for root, shear in places]
         states = trace(design, loads, accuracy, magnet=magnet, estimate=estimate)
         return [(*place, state) for place, state in zip(places, states, strict=False)]
@@ -211,28 +211,22 @@ def _widths(solution: Solution) -> Array:
 def _grid(
     design: Design,
     nodes: tuple[Array, Array, Array],
-    states: list[tuple[float, float, Solution]],
-    checks: list[tuple[float, float, Solution]],
-    failed_checks: list[tuple[float, float]],
+    states: list[State],
+    checks: list[State],
+    failed_checks: list[Place],
 ) -> Grid:
     roots, shears, press_roots = nodes
-    press, widths = (
-        np.full((len(press_roots), len(QUANTITIES)), np.nan),
-        np.full((len(press_roots), len(WIDTHS)), np.nan),
-    )
-    values = np.full((len(roots), len(shears), len(QUANTITIES)), np.nan)
-    row_widths = np.full((len(roots), len(shears), len(WIDTHS)), np.nan)
-    press[0] = widths[0] = 0.0
+    press = np.full((len(press_roots), len(QUANTITIES) + len(WIDTHS)), np.nan)
+    rows = np.full((len(roots), len(shears), press.shape[1]), np.nan)
+    press[0] = 0.0
     for root, shear, state in states:
+        values = np.concatenate([quantities(state), _widths(state)])
         if shear:
-            place = int(np.argmin(np.abs(roots - root))), int(np.argmin(np.abs(shears - shear)))
-            values[place], row_widths[place] = quantities(state), _widths(state)
+            rows[np.argmin(np.abs(roots - root)), np.argmin(np.abs(shears - shear))] = values
         else:
-            row = int(np.argmin(np.abs(press_roots - root)))
-            press[row], widths[row] = quantities(state), _widths(state)
-    every = (len(press_roots) - 1) // (len(roots) - 1)
-    values[:, 0], row_widths[:, 0] = press[::every], widths[::every]
-    return Grid(design, roots, shears, press_roots, press, widths, values, row_widths, states, checks, failed_checks)
+            press[np.argmin(np.abs(press_roots - root))] = values
+    rows[:, 0] = press[:: (len(press_roots) - 1) // (len(roots) - 1)]
+    return Grid(design, roots, shears, press_roots, press, rows, states, checks, failed_checks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -277,23 +271,16 @@ def directions(number: int) -> Array:
     return np.linspace(0.0, 360.0, number + 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Errors:
-    """Largest errors of the page's interpolation at the checks of a grid, by interval of the depth.
+def measured(grid: Grid) -> tuple[Array, Array]:
+    """Return the largest errors of the response, interpolated by spline and table, at the checks.
 
-    Attributes
-    ----------
-    share : of force and shift over the lengths of the vectors, of the force along the shear, and of the tilt over
-        themselves, as far as there is a shear: force_t, force_n, shift, tilt, shape (n, 4); NaN where no check tells.
-    absolute : largest error of each quantity at any check, in the order of `QUANTITIES`.
+    Returns
+    -------
+    share : by interval of the depth; of force and shift over the lengths of the vectors, of the force along the
+        shear and of the tilt over themselves, as far as there is a shear, in the order of `WIDTHS`, shape (n, 4); NaN where
+        no check tells.
+    absolute : of each of `QUANTITIES` at any check.
     """
-
-    share: Array
-    absolute: Array
-
-
-def measured(grid: Grid) -> Errors:
-    """Return the errors of the response, interpolated by spline and table, at the checks."""
     table, _ = _response(grid)
     points = np.array([check[:2] for check in grid.checks])
     exact = np.array([quantities(state) for *_, state in grid.checks])
@@ -314,7 +301,7 @@ def measured(grid: Grid) -> Errors:
     if grid.failed_checks:
         failed = np.array(grid.failed_checks)
         largest[_interval(grid, failed[np.isfinite(table.at(failed)[:, 0]), 0])] = np.nan
-    return Errors(largest, np.nanmax(off, axis=0))
+    return largest, np.nanmax(off, axis=0)
 
 
 def _interval(grid: Grid, roots: Array) -> Ints:
@@ -341,10 +328,10 @@ def _response(grid: Grid) -> tuple[Table, Array]:
     return Table((roots, shears), values), widths
 
 
-def response(grid: Grid, errors: Errors) -> Table:
+def response(grid: Grid, share: Array) -> Table:
     """Return quantities and half widths of the finite elements with the errors of the interpolation, 10 channels."""
     table, widths = _response(grid)
-    share, values = _at_depths(grid, errors.share, table.axes[0])[:, None], np.abs(table.values)
+    share, values = _at_depths(grid, share, table.axes[0])[:, None], np.abs(table.values)
     force, shift = np.hypot(values[..., 0], values[..., 1]), np.hypot(values[..., 2], values[..., 3])
     size = np.stack([values[..., 0], force, shift, values[..., 4]], axis=-1)
     return replace(table, values=np.concatenate([table.values, widths + share * size], axis=-1))
