@@ -277,7 +277,7 @@ def measured(grid: Grid) -> tuple[Array, Array]:
     Returns
     -------
     share : by interval of the depth; of force and shift over the lengths of the vectors, of the force along the
-        shear and of the tilt over themselves, as far as there is a shear, in the order of `WIDTHS`, shape (n, 4); NaN where
+        shear and of the tilt over themselves, as far as there is a shear; in the order of `WIDTHS`, NaN where
         no check tells.
     absolute : of each of `QUANTITIES` at any check.
     """

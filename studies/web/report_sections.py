@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 
 MOST_SURFACES = 3
 """Largest number of solutions of one folder that are shown in 3D, of about 0.4 MB each."""
-MOST_CASES = 20_000
-"""About the largest number of cases among which the one that is shown in 3D is chosen."""
 MOST_OPEN_ROWS, MOST_OPEN_COLUMNS = 40, 9
 """Size up to which a table of words is shown at once, and not only on demand."""
 
@@ -200,27 +197,25 @@ def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
 
 def _largest_state(table: Table, base: Design) -> tuple[Design, Load] | None:
     """Return the case of a table with the greatest shear, then depth, of the base design if the table has it."""
-    columns = {name: study_axes.column(name) for name in study_axes.AXES}
-    present = {name: column for name, column in columns.items() if column in table.frame}
-    if "depth" not in present or not table.ok.any():
+    import numpy as np
+    import pandas as pd
+
+    present = {study_axes.column(name): name for name in study_axes.AXES if study_axes.column(name) in table.frame}
+    if "depth_mm" not in present or not table.ok.any():
         return None
-    rows = table.frame[table.ok][list(present.values())]
-    shown = rows.iloc[:: len(rows) // MOST_CASES + 1].set_axis(list(present), axis=1)
-    cases: list[dict[str, Any]] = [
-        {name: _axis_value(value) for name, value in case.items() if value == value and value != ""}
-        for case in shown.to_dict("records")
-    ]
-
-    def rank(case: dict[str, Any]) -> tuple[bool, float, float]:
-        own = all(getattr(base, name) == value for name, value in case.items() if name in study_axes.DESIGN)
-        aside = math.hypot(_size(case.get("shear")), _size(case.get("shear_y")))
-        return own, aside, _size(case.get("depth"))
-
-    case = max(cases, key=rank)
-    fields = {k: value for k, value in case.items() if k in study_axes.DESIGN and value != getattr(base, k)}
-    load = {name: value for name, value in case.items() if name in study_axes.LOAD}
+    rows = table.frame.loc[table.ok, list(present)].rename(columns=present)
+    own = [rows[name] == getattr(base, name) for name in rows if name in study_axes.DESIGN]
+    sizes = {
+        name: pd.to_numeric(rows[name], errors="coerce").abs().fillna(0.0) if name in rows else 0.0
+        for name in ("shear", "shear_y", "depth")
+    }
+    rank = pd.DataFrame({"own": np.logical_and.reduce(own) if own else True, "aside": 0.0}, index=rows.index)
+    rank = rank.assign(aside=np.hypot(sizes["shear"], sizes["shear_y"]), depth=sizes["depth"])
+    place = rank.sort_values(["own", "aside", "depth"], ascending=False, kind="stable").index[0]
+    case = {name: _axis_value(value) for name, value in rows.loc[place].items() if value == value and value != ""}
+    fields = {k: v for k, v in case.items() if k in study_axes.DESIGN and v != getattr(base, k)}
     try:
-        return varied(base, fields), load_of(load)
+        return varied(base, fields), load_of({name: v for name, v in case.items() if name in study_axes.LOAD})
     except (BadInput, TypeError):
         return None
 
@@ -231,10 +226,6 @@ def _axis_value(value: Any) -> float | str:
         return float(value)
     except ValueError:
         return str(value)
-
-
-def _size(value: float | str | None) -> float:
-    return abs(value) if isinstance(value, float) else 0.0
 
 
 def design_of(contents: Contents) -> Design | None:
