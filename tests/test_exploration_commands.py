@@ -70,7 +70,10 @@ def test_a_tolerance_may_choose_the_surrogate_which_needs_no_solve(run, strict, 
         estimate = surrogate_response.respond(paper(), Load(depth=row["depth_mm"]))
         assert (row["chosen_model"], row["solve"], row["status"]) == ("surrogate shipped", 0, "ok")
         assert row["chosen_force_N"] == pytest.approx(estimate.response.force[2], rel=1e-12)
-        assert (row["error_estimate"], row["shift_error_estimate"]) == (estimate.force_error, estimate.shift_error)
+        assert (row["error_estimate"], row["shift_error_estimate"]) == (
+            estimate.errors["force"],
+            estimate.errors["shift"],
+        )
         assert row["message"].startswith("by the surrogate; 90 % intervals: force +-")
 
 

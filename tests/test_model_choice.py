@@ -188,7 +188,7 @@ def test_the_half_widths_of_the_surrogate_must_meet_the_tolerance_too():
     exact = [dataclasses.replace(each, **small) for each in RULE]
     only = [each for each in exact if each.model == "surrogate"]
     widths = surrogate_response.respond(STUBBY, PRESS)
-    widest = max(widths.force_error, widths.shift_error)
+    widest = max(widths.errors["force"], widths.errors["shift"])
     assert choose(STUBBY, [PRESS], 0.5, rule=only).bound == pytest.approx(widest)
     with pytest.raises(BadInput, match="by model surrogate shipped"):
         choose(STUBBY, [PRESS], 0.9 * widest, rule=only)

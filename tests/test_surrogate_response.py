@@ -18,7 +18,7 @@ def test_forces_scale_with_E_and_lengths_with_D():
     assert large.response.force == pytest.approx([12 * part for part in small.response.force])
     assert large.response.shift == pytest.approx([2 * part for part in small.response.shift])
     assert large.response.tilt == pytest.approx(small.response.tilt)
-    assert (large.strain, large.force_error) == pytest.approx((small.strain, small.force_error))
+    assert (large.strain, large.errors["force"]) == pytest.approx((small.strain, small.errors["force"]))
 
 
 def test_a_shear_in_another_direction_is_turned():

@@ -72,7 +72,7 @@ def test_the_error_estimates_of_the_surrogate_are_its_half_widths(run, monkeypat
     own = surrogate_response.respond(paper(), Load(depth=0.8, shear_x=1.0, friction="stick"))
     names = ("error_estimate", "shift_error_estimate", "tilt_error_estimate", "sideways_error_estimate")
     assert [row[name] for name in names] == pytest.approx(
-        [own.force_error, own.shift_error, own.tilt_error, own.sideways_error]
+        [own.errors[name] for name in ("force", "shift", "tilt", "sideways")]
     )
     assert row["message"].startswith("by the surrogate; 90 % intervals: force +-")
 

@@ -186,7 +186,7 @@ def versions() -> dict[str, str]:
     except BadInput as refusal:
         return found | {SURROGATE: str(refusal)}
     values = [value for one in estimates for value in (*one.response.force, *one.response.shift, one.response.tilt)]
-    widths = [width or 0.0 for one in estimates for width in (one.force_error, one.shift_error, one.sideways_error)]
+    widths = [one.errors[name] or 0.0 for one in estimates for name in ("force", "shift", "sideways")]
     return found | {SURROGATE: _digest([*values, *widths])}
 
 
@@ -436,8 +436,7 @@ def _bound(known: Sequence[Statement], design: Design, load: Load, place: Region
         if surrogate_response.refusal(design, load, magnet):
             return None
         estimate = surrogate_response.respond(design, load, magnet)
-        widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error, estimate.sideways_error)
-        largest = max(own.bound(readings=True), *(width for width in widths if width is not None))
+        largest = max(own.bound(readings=True), *(width for width in estimate.errors.values() if width is not None))
         response = estimate.response
     if not load.shears_tip:
         return largest, 0.0

@@ -162,17 +162,10 @@ def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
         if isinstance(estimate, str):
             answers[k] = replace(IMPOSSIBLE, message=estimate)
             continue
-        answers[k] = Answer(
-            design.D,
-            design.E,
-            estimate.response,
-            "ok",
-            surrogate_response.surrogate_message(estimate),
-            estimate.force_error,
-            0.0,
-            {"shift": estimate.shift_error, "tilt": estimate.tilt_error, "sideways": estimate.sideways_error},
-            {"largest_strain": estimate.strain},
-        )
+        errors, values = dict(estimate.errors), {"largest_strain": estimate.strain}
+        force = errors.pop("force")
+        assert force is not None
+        answers[k] = Answer(design.D, design.E, estimate.response, "ok", estimate.message, force, 0.0, errors, values)
     return answers
 
 

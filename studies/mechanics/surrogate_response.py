@@ -27,16 +27,20 @@ class Estimate:
     Attributes
     ----------
     strain : largest strain of the silicone (see `fem.results.silicone_limits`).
-    force_error, shift_error, tilt_error : half widths of 90 % intervals, over the length of force, shift and tilt.
-    sideways_error : half width of the force along a shear, over this force.
+    errors : half widths of 90 % intervals, over the lengths of force, shift and tilt, and of the force along a shear
+        ("sideways") over itself; None for tilt and sideways of a press.
     """
 
     response: Response
     strain: float
-    force_error: float
-    shift_error: float
-    tilt_error: float | None = None
-    sideways_error: float | None = None
+    errors: Mapping[str, float | None]
+
+    @property
+    def message(self) -> str:
+        """Which model the state is from, and its intervals, in a sentence."""
+        named = {name.replace("sideways", "force along the shear"): width for name, width in self.errors.items()}
+        shown = ", ".join(f"{name} +-{100 * width:.2g} %" for name, width in named.items() if width is not None)
+        return f"by the surrogate; 90 % intervals: {shown}"
 
 
 def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:
@@ -75,23 +79,25 @@ def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate |
         design = cases[k][0]
         if reason := load_refusal(beams, row, design.D, load.depth, float(shear[row])):
             answers[k] = f"{reason}: take finite elements"
-        elif load.shears_tip:
-            answers[k] = _sheared(sheared, row, design, load)
         else:
-            answers[k] = _pressed(press, row, design)
+            answers[k] = _estimate(sheared if load.shears_tip else press, row, design, load)
     return answers
 
 
-def _pressed(press: Mapping[str, Quantity], row: int, design: Design) -> Estimate:
-    q = {name: _number(quantity, row) for name, quantity in press.items()}
-    force, shift, D, unit = q["force"], q["shift"], design.D, design.E * design.D**2
-    response = Response((0.0, 0.0, unit * force[0]), (0.0, 0.0, -D * shift[0]), 0.0, D * q["contact_radius"][0])
-    return Estimate(response, q["strain"][0], force[1] / force[0], shift[1] / abs(shift[0]))
-
-
-def _sheared(sheared: Mapping[str, Quantity], row: int, design: Design, load: Load) -> Estimate:
-    x, y = load.shear_x / load.shear, load.shear_y / load.shear
-    q = {name: _number(quantity, row) for name, quantity in sheared.items()}
+def _estimate(found: Mapping[str, Quantity], row: int, design: Design, load: Load) -> Estimate:
+    """Return the response of a case from its dimensionless values and half widths."""
+    q = {name: (float(one.value[row, 0]), float(one.half_width[row, 0])) for name, one in found.items()}
+    errors, x, y = dict[str, float | None](), 1.0, 0.0
+    if load.shears_tip:
+        x, y = load.shear_x / load.shear, load.shear_y / load.shear
+    else:
+        q |= dict.fromkeys(("force_x", "shift_x", "tilt"), (0.0, 0.0))
+        q |= {"force_z": q["force"], "shift_z": q["shift"]}
+    for name in ("force", "shift"):
+        size, width = (np.hypot(*pair) for pair in zip(q[f"{name}_x"], q[f"{name}_z"], strict=True))
+        errors[name] = float(width / size)
+    for name, key in (("tilt", "tilt"), ("sideways", "force_x")):
+        errors[name] = q[key][1] / abs(q[key][0]) if load.shears_tip else None
     D, unit = design.D, design.E * design.D**2
     force, shift, tilt = q["force_x"][0] * unit, q["shift_x"][0] * D, q["tilt"][0]
     response = Response(
@@ -101,10 +107,7 @@ def _sheared(sheared: Mapping[str, Quantity], row: int, design: Design, load: Lo
         contact_radius=D * q["contact_radius"][0],
         tilt_y=y * tilt,
     )
-    size = {name: float(np.hypot(q[f"{name}_x"][0], q[f"{name}_z"][0])) for name in ("force", "shift")}
-    widths = {name: float(np.hypot(q[f"{name}_x"][1], q[f"{name}_z"][1])) / size[name] for name in ("force", "shift")}
-    tilt_error, sideways_error = (q[name][1] / abs(q[name][0]) for name in ("tilt", "force_x"))
-    return Estimate(response, q["strain"][0], widths["force"], widths["shift"], tilt_error, sideways_error)
+    return Estimate(response, q["strain"][0], errors)
 
 
 def beams_of(designs: list[Design]) -> Beams:
@@ -171,15 +174,3 @@ def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> 
             f"got {depth:g} mm"
         )
     return ""
-
-
-def _number(quantity: Quantity, row: int) -> tuple[float, float]:
-    return float(quantity.value[row, 0]), float(quantity.half_width[row, 0])
-
-
-def surrogate_message(estimate: Estimate) -> str:
-    """Return which model a state is from, and its 90 % intervals, in a sentence."""
-    widths = {"force": estimate.force_error, "shift": estimate.shift_error, "tilt": estimate.tilt_error}
-    widths["force along the shear"] = estimate.sideways_error
-    shown = ", ".join(f"{name} +-{100 * width:.2g} %" for name, width in widths.items() if width is not None)
-    return f"by the surrogate; 90 % intervals: {shown}"

@@ -95,18 +95,16 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
 
 def surrogate_row(load: Load, estimate: Estimate, model: str, made_for: Fields, seconds: float) -> FlatRow:
     """Return the row of a state by the surrogate: its error estimates are the half widths of its 90 % intervals."""
-    from studies.mechanics.surrogate_response import surrogate_message
-
     return state_row(
         load,
         estimate.response,
         model,
         made_for,
-        message=surrogate_message(estimate),
-        error_estimate=estimate.force_error,
-        shift_error_estimate=estimate.shift_error,
-        tilt_error_estimate=estimate.tilt_error,
-        sideways_error_estimate=estimate.sideways_error,
+        message=estimate.message,
+        error_estimate=estimate.errors["force"],
+        shift_error_estimate=estimate.errors["shift"],
+        tilt_error_estimate=estimate.errors["tilt"],
+        sideways_error_estimate=estimate.errors["sideways"],
         seconds=seconds,
         largest_strain_percent=100 * estimate.strain,
     )
