@@ -347,6 +347,8 @@ async def _serve(changed: dict[str, str], port: int, ready: Callable[[str], None
         with contextlib.suppress(NotImplementedError, RuntimeError):
             loop.add_signal_handler(number, stop.set)
     try:
+        # the worker processes start meanwhile
+        await asyncio.sleep(0)
         ready(running.address)
         # the first request of a page then finds what its checks import
         request_of({})

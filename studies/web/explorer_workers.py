@@ -16,12 +16,12 @@ import pickle
 import time
 import traceback
 from collections.abc import Callable, Hashable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from geometry.design import BadInput
 from studies.mechanics import worker_process
-from studies.mechanics.worker_process import NotStarted, WorkerDied, WorkerProcesses
+from studies.mechanics.worker_process import Answer, NotStarted, WorkerDied, WorkerProcesses
 from studies.web.explorer_state import Request, request_of
 from studies.web.page_content import as_json
 
@@ -183,105 +183,91 @@ class Asked(NamedTuple):
 
 
 class PageWorker:
-    """One worker process, started again if it dies, and the jobs that wait for it.
-
-    Its methods are called in the thread of the event loop.
-    """
+    """One worker process, started again if it dies, and the jobs that wait for it, in the order of their keys."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, *, background: bool = False) -> None:
         self._loop, self._background = loop, background
         self.processes, self._thread = WorkerProcesses(1), ThreadPoolExecutor(1)
         self._waiting: dict[Key, Asked] = {}
-        self._running: tuple[Key, Asked] | None = None
-        self._number = self._failures = 0
-        self._closed = self._ready = False
-        self._lost = ""
-        self._call(warm, background)
+        self._arrived = asyncio.Event()
+        self._running: Key = None
+        self._number, self._lost = 0, ""
+        self._task = loop.create_task(self._serve())
 
     def ask(self, key: Key, asked: Asked) -> None:
         """Queue a request, or an export, in place of an older one of this key."""
         self.drop(key)
-        self._waiting[key] = asked
         if self._lost:
-            self._refuse_waiting()
-        self._next()
+            asked.refuse(self._lost)
+            return
+        self._waiting[key] = asked
+        self._arrived.set()
 
     def drop(self, key: Key) -> None:
         """Forget the request of a key that waits, and give up the one that runs."""
         self._waiting.pop(key, None)
-        if self._running is not None and self._running[0] == key:
+        if self._running == key:
             self.processes.give_up(self._number)
 
     def close(self) -> None:
         """End the process."""
-        self._closed = True
-        self._waiting.clear()
+        self._task.cancel()
         self.processes.end()
         self._thread.shutdown()
 
-    def _call(self, function: Callable[[Any], Any], task: Any) -> None:
-        """Have the process call a function; what it says and returns is taken in the thread of the event loop."""
-        later, job = self._loop.call_soon_threadsafe, pickle.dumps((function, task))
-
-        def hear(content: str) -> None:
-            later(self._hear, content)
-
-        called = self._thread.submit(self.processes.call, job, tries=1, hear=hear)
-        called.add_done_callback(lambda called: later(self._finish, called))
-
-    def _hear(self, content: str) -> None:
-        if self._running is not None:
-            self._running[1].send(content)
-
-    def _finish(self, called: Future[bytes]) -> None:
-        """Take the end of a job, or that the process is warm, and begin the next job."""
-        if self._closed:
-            return
-        asked = None if self._running is None else self._running[1]
-        self._running = None
-        try:
-            content, error, _ = pickle.loads(called.result())
-        except (WorkerDied, NotStarted) as death:
-            # the cause of a process that was not started is the death of the last one
-            ending = str(death.__cause__ or death)
-            if asked is not None:
-                asked.refuse(f"the process that solved this state ended ({ending}): change the state and try again")
-            self._start_again(ending)
-            return
-        if asked is not None:
-            asked.finish(content, error)
-        elif error is not None:
-            traceback.print_exception(error)
-            self._start_again(f"{type(error).__name__}: {error}")
-            return
-        self._ready, self._failures = True, 0
-        self._next()
-
-    def _start_again(self, ending: str) -> None:
-        """Warm another process, or say that none can answer if that has failed too often."""
-        self._ready, self._failures = False, self._failures + 1
-        if self._failures <= MOST_STARTS:
-            self._call(warm, self._background)
-            return
+    async def _serve(self) -> None:
+        """Warm a process, and have it do one job after the other; begin again if it dies, but not too often."""
+        failures, ending = 0, ""
+        while failures <= MOST_STARTS:
+            try:
+                _, error, _ = await self._call(warm, self._background)
+                if error is None:
+                    failures = 0
+                    while True:
+                        await self._do_next()
+                traceback.print_exception(error)
+                ending = f"{type(error).__name__}: {error}"
+            except (WorkerDied, NotStarted) as death:
+                # the cause of a process that was not started is the death of the last one
+                ending = str(death.__cause__ or death)
+            failures += 1
         self._lost = (
             f"the process that solves ends whenever it is started ({ending}), and the terminal says why: "
             "mend the installation, then start magtip explore again"
         )
-        self._refuse_waiting()
+        for asked in self._waiting.values():
+            asked.refuse(self._lost)
+        self._waiting.clear()
 
-    def _refuse_waiting(self) -> None:
-        while self._waiting:
-            self._waiting.pop(next(iter(self._waiting))).refuse(self._lost)
-
-    def _next(self) -> None:
-        """Begin the job that has waited longest."""
-        if not self._ready or self._running is not None or not self._waiting:
-            return
-        key = next(iter(self._waiting))
-        asked = self._waiting.pop(key)
+    async def _do_next(self) -> None:
+        """Have the process do the job that has waited longest."""
+        while not self._waiting:
+            self._arrived.clear()
+            await self._arrived.wait()
+        self._running = next(iter(self._waiting))
+        asked = self._waiting.pop(self._running)
         self._number += 1
-        self._running = key, asked
-        self._call(do, asked.job._replace(number=self._number, background=self._background))
+        job = asked.job._replace(number=self._number, background=self._background)
+        try:
+            content, error, _ = await self._call(do, job, asked.send)
+        except (WorkerDied, NotStarted) as death:
+            ending = death.__cause__ or death
+            asked.refuse(f"the process that solved this state ended ({ending}): change the state and try again")
+            raise
+        finally:
+            self._running = None
+        asked.finish(content, error)
+
+    async def _call(self, function: Callable[[Any], Any], task: Any, hear: Send | None = None) -> Answer:
+        """Have the process call a function; what it says is heard in the thread of the event loop."""
+
+        def said(content: str) -> None:
+            if hear is not None:
+                self._loop.call_soon_threadsafe(hear, content)
+
+        call = functools.partial(self.processes.call, pickle.dumps((function, task)), tries=1, hear=said)
+        answer: Answer = pickle.loads(await self._loop.run_in_executor(self._thread, call))
+        return answer
 
 
 class Workers:
