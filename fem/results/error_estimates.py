@@ -47,7 +47,7 @@ Scenes and their bases:
 - vibrating press, vibrating shear: gains of a vibration away from resonances, about a press or about a state that is
   sheared, tilted or held; b = 1. force is the force over the motion, shift and reading the magnet's shift and the
   reading of an element over the force, base the shift over that of the base of the free sensor. The constants come
-  from `python -m studies.validation.vibration_errors results/vibration` (frictionless and glued presses, glued
+  from `magtip validate vibration --out results/vibration` (frictionless and glued presses, glued
   shears, free, with a rigid magnet), such that 95 % of the errors over all frequencies are at most the estimates.
   Tilted plates, Coulomb friction, grips and beams without a rigid magnet are not in it, and use them too.
 """

@@ -72,7 +72,10 @@ ACTIONS = {
         "validate": (
             "Run a study of how far the answers can be trusted, and what they cost.",
             "validation_commands",
-            "verify friction extremes accuracy crosscheck ladder range_ claims assumption bench trade surrogate",
+            (
+                "verify friction extremes accuracy vibration crosscheck ladder range_ claims assumption bench trade "
+                "surrogate"
+            ),
         ),
     },
 }

@@ -14,38 +14,36 @@ from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files
 from studies.output.result import publish
 
+Folder = Annotated[Path | None, Parameter(help="Folder for the page, tables and pictures of the study.")]
 
-def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
+
+def verify(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
     """Solve published and closed-form problems and check each against its tolerance; exit status 3 if one fails.
 
     Parameters
     ----------
     quick
         Use coarser meshes: an eighth of the time.
-    out
-        Folder for verify.csv and VERIFY.md.
     """
     from studies.validation import verify as study
 
     return publish(partial(study.run, quick=quick), destination(verify, locals(), study.FILES))
 
 
-def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
+def friction(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
     """Check Coulomb friction against Cattaneo and Mindlin, full slip and energy; exit status 3 if a check fails.
 
     Parameters
     ----------
     quick
         Use coarser meshes and no tetrahedra: one minute instead of several.
-    out
-        Folder for friction.csv, FRICTION.md and friction.png.
     """
     from studies.validation import friction as study
 
     return publish(partial(study.run, quick=quick), destination(friction, locals(), study.FILES))
 
 
-def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+def extremes(*, quick: bool = False, out: Folder = None, as_json: AsJson = False) -> int:
     """Solve cases at the limits of the input ranges; exit status 3 if one ends in a wrong result or status.
 
     A case that yields no measurement is listed separately; it is no pass either.
@@ -54,29 +52,41 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     ----------
     quick
         Use accuracy quick and skip the slow cases: one minute.
-    out
-        Folder for extremes.csv and EXTREMES.md.
     """
     from studies.validation import extremes as study
 
     return publish(partial(study.run, quick=quick), destination(extremes, locals(), study.FILES))
 
 
-def accuracy(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
+def accuracy(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
     """Compare error estimates and accuracy levels with much finer meshes; exit status 3 if a goal is missed.
+
+    The store keeps the states of paths, so that a run that was stopped continues there; critical depths, small shears
+    and frequencies, some minutes, are solved again.
 
     Parameters
     ----------
     quick
         Use two designs, accuracy quick and a coarser reference: half a minute instead of an hour.
-    out
-        Folder for accuracy.csv, ACCURACY.md, a plot and error_rules.csv. The store keeps the states of paths,
-        so that a run that was stopped continues there; critical depths, small shears and frequencies, some minutes,
-        are solved again.
     """
     from studies.validation import accuracy_study as study
 
     return publish(partial(study.run, quick=quick), destination(accuracy, locals(), study.FILES))
+
+
+def vibration(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
+    """Compare error estimates of vibrations with a much finer mesh; exit status 3 if a goal is missed.
+
+    Nothing of a run that was stopped is kept: start it again.
+
+    Parameters
+    ----------
+    quick
+        Use two vibrations of one design, accuracy quick and a coarser reference: some seconds instead of hours.
+    """
+    from studies.validation import vibration_errors as study
+
+    return publish(partial(study.run, quick=quick), destination(vibration, locals(), study.FILES))
 
 
 def crosscheck(
@@ -84,7 +94,7 @@ def crosscheck(
     accuracy: AccuracyName = "quick",
     count: Whole = 12,
     tilted: bool = False,
-    out: Path | None = None,
+    out: Folder = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -98,8 +108,6 @@ def crosscheck(
         Number of designs, 1 to 12.
     tilted
         Also compare loads of tilted plates: a quarter of an hour more, most of it for Coulomb friction on tetrahedra.
-    out
-        Folder for crosscheck.csv and CROSSCHECK.md.
     """
     from studies.validation import crosscheck as study
 
@@ -111,7 +119,7 @@ def ladder(
     *,
     accuracy: AccuracyName = "quick",
     count: Whole = 10,
-    out: Path | None = None,
+    out: Folder = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -125,33 +133,35 @@ def ladder(
         Accuracy of the finite elements.
     count
         Number of designs, 1 to 10.
-    out
-        Folder for ladder.csv, LADDER.md and ladder.png.
     """
     from studies.validation import ladder as study
 
     return publish(partial(study.run, accuracy=accuracy, count=count), destination(ladder, locals(), study.FILES))
 
 
-def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
+def range_(
+    *, quick: bool = False, count: Whole = 64, out: Folder = None, wide: Wide = False, as_json: AsJson = False
+) -> int:
     """Make solids, mould and meshes of designs sampled over all input ranges; exit status 3 if one fails.
+
+    Nothing of a run that was stopped is kept: start it again.
 
     Parameters
     ----------
+    quick
+        Use the first four designs: 15 seconds.
     count
-        Number of sampled designs, 1 to 1024; 64 take some minutes, 4 take 15 seconds.
-    out
-        Folder for range.csv and RANGE.md. Nothing of a run that was stopped is kept: start it again.
+        Number of sampled designs, 1 to 1024; 64 take some minutes.
     """
     from studies.validation import design_range as study
 
-    return publish(partial(study.run, count=count), destination(range_, locals(), study.FILES))
+    return publish(partial(study.run, count=4 if quick else count), destination(range_, locals(), study.FILES))
 
 
 def claims(
     *,
     quick: bool = False,
-    out: Path | None = None,
+    out: Folder = None,
     store: OwnStore = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -162,8 +172,6 @@ def claims(
     ----------
     quick
         Use few loads and coarser meshes: some seconds instead of some minutes.
-    out
-        Folder for CLAIMS.md, tables and plots.
     """
     from studies.validation import claims as study
 
@@ -177,20 +185,14 @@ def assumption(
     ] = None,
     /,
     *,
-    out: Path | None = None,
+    out: Folder = None,
     store: OwnStore = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Map where the paper's formulas, and every level above them, are within 5 and 10 % of finite elements.
-
-    Parameters
-    ----------
-    out
-        Folder for ASSUMPTION.md, tables and maps.
-    """
+    """Map where the paper's formulas, and every level above them, are within 5 and 10 % of finite elements."""
     from studies.mechanics.solve_plan import Processes
     from studies.validation import assumption as about
 
@@ -206,11 +208,14 @@ def trade(
     designs: Whole = 24,
     confirm: bool = False,
     quick: bool = False,
-    out: Path | None = None,
+    out: Folder = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """Measure cost and true error of every model over the range of designs; the rule of --tolerance follows.
+
+    The store keeps all answers, so that a run that was stopped continues there; the costs, up to half an hour, are
+    measured again.
 
     Parameters
     ----------
@@ -220,9 +225,6 @@ def trade(
         Check the rule on 78 random designs; exit status 3 if a goal is missed.
     quick
         Use the section models at accuracy quick in presses and glued shears only: seconds instead of an hour.
-    out
-        Folder for trade.csv, TRADE.md, trade.png and model_choice.json. The store keeps all answers, so that a run
-        that was stopped continues there; the costs, up to half an hour, are measured again.
     """
     from studies.validation import trade as study
 
@@ -237,7 +239,7 @@ def bench(
     cases: str | None = None,
     peers: Path = Path("out/peers"),
     ccx: str = "ccx",
-    out: Path | None = None,
+    out: Folder = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -257,8 +259,6 @@ def bench(
         Folder of a Python environment with FElupe: python3 -m venv DIR && DIR/bin/pip install felupe.
     ccx
         Command that runs CalculiX.
-    out
-        Folder for bench.csv and BENCH.md.
     """
     from studies.validation import bench as study
 
@@ -270,7 +270,7 @@ def bench(
 def surrogate(
     *,
     quick: bool = False,
-    out: Path | None = None,
+    out: Folder = None,
     store: OwnStore = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -286,8 +286,6 @@ def surrogate(
     ----------
     quick
         Use few beams and coarser meshes: some minutes, and errors of 10 %.
-    out
-        Folder for surrogate.npz, SURROGATE.md, tables and the picture.
     """
     from studies.mechanics import store as stores
     from studies.mechanics.solve_plan import Processes

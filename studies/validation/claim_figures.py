@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,9 @@ import numpy as np
 from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import paper
-from studies.output.figures import Figure, Look, bands, heat, plot, save
+from studies.output.figures import Figure, Look, bands, heat, plot, save, table_of
 from studies.validation.claim_errors import CLAIMED, FARTHEST, compared, error_of_largest, formula, moduli, voltages
-from studies.validation.claim_states import Press, States, s1_output, with_magnet
+from studies.validation.claim_states import Press, States, s1_output
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,8 +31,8 @@ CLASSES = {
 EDGES = (5.0, 10.0, 20.0, 50.0, 100.0)
 ENLARGED = 1.4
 """Top of the enlarged part of Figure 12 over the largest force of the paper."""
-HEIGHTS, MODULI = 25, 33
-"""Heights of the magnet in the map, between those that are solved, and moduli."""
+MODULI = 33
+"""Moduli in the map."""
 
 
 def pictures(states: States, best_E: float) -> dict[str, Callable[[Path], None]]:
@@ -41,14 +42,19 @@ def pictures(states: States, best_E: float) -> dict[str, Callable[[Path], None]]
     ----------
     best_E : modulus that fits the press forces of the preset's magnet best, MPa.
     """
-    return {
-        "modulus_and_height.png": lambda path: save(path, modulus_and_height(states.presses)),
-        "figure_6.png": lambda path: save(path, figure_6(states.sheared)),
-        "figure_8.png": lambda path: save(path, figure_8(states, best_E)),
-        "figure_9.png": lambda path: save(path, [figure_9(states.preset, best_E)]),
-        "figure_11.png": lambda path: save(path, [figure_11(states.sheared)]),
-        "figure_12.png": lambda path: save(path, figure_12(states)),
+    figures: dict[str, Callable[[], list[Figure]]] = {
+        "modulus_and_height": partial(modulus_and_height, states.presses),
+        "figure_6": partial(figure_6, states.sheared),
+        "figure_8": partial(figure_8, states, best_E),
+        "figure_9": partial(figure_9, states.preset, best_E),
+        "figure_11": partial(figure_11, states.sheared),
+        "figure_12": partial(figure_12, states),
     }
+
+    def write(path: Path, draw: Callable[[], list[Figure]]) -> None:
+        save(path, draw())
+
+    return {f"{name}.png": partial(write, draw=draw) for name, draw in figures.items()}
 
 
 def _curves(x: str, y: str, curves: Mapping[str, tuple[Array, Array]], **more: str) -> pd.DataFrame:
@@ -69,7 +75,7 @@ def figure_6(sheared: pd.DataFrame) -> list[Figure]:
     first = sheared[sheared.tip == sheared.tip.iloc[0]]
     side = np.linspace(-3.0, 3.0, POINTS)
     x, y = (grid.ravel() for grid in np.meshgrid(side, side))
-    models = {FORMULA: _magnitudes_by_formula(first.depth_mm.iloc[0], x, y), FEM: _magnitudes_by_fem(first, x, y)}
+    models = {FORMULA: _by_formula(first.depth_mm.iloc[0], x, y), FEM: _by_fem(first, x, y)}
     field, cuts, figures = "|B| (mT)", [], []
     middle = slice(POINTS * (POINTS // 2), POINTS * (POINTS // 2 + 1))
     for k, name in enumerate(("S1", "S2")):
@@ -87,14 +93,14 @@ def figure_6(sheared: pd.DataFrame) -> list[Figure]:
     return [*figures, plot("|B| at y = 0", "", pd.concat(cuts, ignore_index=True), "x (mm)", field, look)]
 
 
-def _magnitudes_by_formula(depth: float, x: Array, y: Array) -> list[Array]:
+def _by_formula(depth: float, x: Array, y: Array) -> list[Array]:
     """Return |B| at S1 and S2 by (3) and (4) for displacements of the tip, each of shape (n,), mT."""
     lever = paper().H / paper().L
     shift = np.column_stack([lever * x, lever * y, np.full_like(x, -lever * depth)])
     return _magnitudes(shift, np.zeros((len(x), 2)), "paper")
 
 
-def _magnitudes_by_fem(sheared: pd.DataFrame, x: Array, y: Array) -> list[Array]:
+def _by_fem(sheared: pd.DataFrame, x: Array, y: Array) -> list[Array]:
     """Return |B| at S1 and S2 by finite elements, each of shape (n,), mT; NaN beyond the shears that were reached."""
     from scipy.interpolate import PchipInterpolator
 
@@ -104,27 +110,18 @@ def _magnitudes_by_fem(sheared: pd.DataFrame, x: Array, y: Array) -> list[Array]
     # beyond the farthest state there is no pose: the interpolation returns NaN there
     aside, lower, tilt = PchipInterpolator(shear, poses, extrapolate=False)(size).T
     inside = np.isfinite(aside)
-    shift = np.column_stack([aside * np.cos(angle), aside * np.sin(angle), lower])[inside]
-    rotation = np.column_stack([-tilt * np.sin(angle), tilt * np.cos(angle)])[inside]
-    values = []
-    for part in _magnitudes(shift, rotation, "exact"):
-        whole = np.full(len(x), np.nan)
-        whole[inside] = part
-        values.append(whole)
-    return values
+    shift = np.column_stack([aside * np.cos(angle), aside * np.sin(angle), lower])
+    rotation = np.column_stack([-tilt * np.sin(angle), tilt * np.cos(angle)])
+    whole = np.full((2, len(x)), np.nan)
+    whole[:, inside] = _magnitudes(shift[inside], rotation[inside], "exact")
+    return list(whole)
 
 
 def _magnitudes(shift: Array, rotation: Array, field: hall.Field) -> list[Array]:
-    """Return |B| at S1 and S2 of the preset, each of shape (n,), mT."""
-    design = paper()
-    points = hall.elements(design)[0][:2]
-    return [
-        1e3
-        * np.linalg.norm(
-            hall.field_at(point[None].repeat(len(shift), 0), design, shift, rotation, field=field), axis=1
-        )
-        for point in points
-    ]
+    design, n = paper(), len(shift)
+    points = (point[None].repeat(n, 0) for point in hall.elements(design)[0][:2])
+    fields = (hall.field_at(each, design, shift, rotation, field=field) for each in points)
+    return [1e3 * np.linalg.norm(each, axis=1) for each in fields]
 
 
 def figure_8(states: States, best_E: float) -> list[Figure]:
@@ -148,7 +145,7 @@ def figure_8(states: States, best_E: float) -> list[Figure]:
     ]
 
 
-def figure_9(press: Press, best_E: float) -> Figure:
+def figure_9(press: Press, best_E: float) -> list[Figure]:
     """Return F_N over the change of S1's voltage by the formulas and by finite elements."""
     found = voltages(press)
     # the paper presses to 3 mm
@@ -158,10 +155,10 @@ def figure_9(press: Press, best_E: float) -> Figure:
     curves["formulas (3) and (5), E = 1 MPa"] = (found.modelled[kept], found.predicted[kept])
     rest = s1_output(press.design, np.zeros(1))[0]
     x = f"change of S1 from its {rest:.2f} V at rest (V)"
-    return plot("Press force over the change of S1", "", _curves(x, FORCE, curves), x, FORCE)
+    return [plot("Press force over the change of S1", "", _curves(x, FORCE, curves), x, FORCE)]
 
 
-def figure_11(sheared: pd.DataFrame) -> Figure:
+def figure_11(sheared: pd.DataFrame) -> list[Figure]:
     """Return F_mu over the displacement of the tip by (6), and by finite elements under each condition of the tip."""
     ends = np.linspace(0.0, FARTHEST, 9)
     curves = {}
@@ -171,7 +168,7 @@ def figure_11(sheared: pd.DataFrame) -> Figure:
         curves[name] = (np.append(0.0, known.shear_mm), np.append(0.0, known.fem_force_x_N))
     curves["formula (6)"] = (ends, beam.cantilever_stiffness(paper()) * ends)
     x, y = "displacement of the tip along x (mm)", "shear force F_mu (N)"
-    return plot("Force along the shear", "", _curves(x, y, curves), x, y)
+    return [plot("Force along the shear", "", _curves(x, y, curves), x, y)]
 
 
 def figure_12(states: States) -> list[Figure]:
@@ -203,45 +200,21 @@ def figure_12(states: States) -> list[Figure]:
 def modulus_and_height(presses: Sequence[Press]) -> list[Figure]:
     """Return the error of the force, and of S1's voltage with a fitted gain, over the magnet's height and E."""
     known = [press for press in presses if press.complete and press.height]
-    rows = interpolated(known, np.linspace(known[0].height, known[-1].height, HEIGHTS))
-    searched, predicted = moduli(MODULI), formula(rows[0].depth)
-    curves = [voltages(press) for press in rows]
-    forces = [[error_of_largest(predicted, press.force, E) for press in rows] for E in searched.tolist()]
-    outputs = [[c.error(E, any_gain=True) if c.reaches(E) else np.nan for c in curves] for E in searched.tolist()]
-    return [
-        _error_map("Error of F_N, % of the largest", rows, searched, np.array(forces)),
-        _error_map(
-            "Error of the voltage of S1 with a fitted gain, % of the largest", rows, searched, np.array(outputs)
-        ),
-    ]
-
-
-def _error_map(title: str, presses: Sequence[Press], E: Array, errors: Array) -> Figure:
-    """Return a map of errors, shape (moduli, heights), %."""
-    import pandas as pd
-
-    heights = np.array([press.height for press in presses]).round(3)
-    grid, moduli_ = np.meshgrid(heights, [float(f"{one:.3g}") for one in E])
-    classes = np.searchsorted(EDGES, errors.ravel(), side="right")
-    names = np.array([*CLASSES, None], dtype=object)[np.where(np.isfinite(errors.ravel()), classes, -1)]
+    rows = []
+    for press in known:
+        predicted, readings = formula(press.depth), voltages(press)
+        for E in moduli(MODULI).tolist():
+            voltage = readings.error(E, any_gain=True) if readings.reaches(E) else np.nan
+            rows.append((press.height, float(f"{E:.3g}"), error_of_largest(predicted, press.force, E), voltage))
+    height, E, *errors = np.array(rows).T
+    titles = "Error of F_N, % of the largest", "Error of the voltage of S1 with a fitted gain, % of the largest"
     axes, value = ("height of the magnet (mm)", "E (MPa)"), "largest error"
-    data = pd.DataFrame({axes[0]: grid.ravel(), axes[1]: moduli_.ravel()})
-    data[value] = names
-    return heat(title, "", data, axes, value, colours=CLASSES)
-
-
-def interpolated(presses: Sequence[Press], heights: Array) -> list[Press]:
-    """Return presses at other heights of the magnet, interpolated between those that were solved."""
-    from scipy.interpolate import PchipInterpolator
-
-    if len(presses) < 2:
-        return list(presses)
-    solved = [press.height for press in presses]
-    # the force grows by orders of magnitude with the height, its logarithm evenly
-    force = np.exp(PchipInterpolator(solved, np.log([press.force for press in presses]))(heights))
-    sinking = PchipInterpolator(solved, [press.sinking for press in presses])(heights)
-    depth = presses[0].depth
-    return [
-        Press(height, with_magnet(height), depth, by_force, by_sinking)
-        for height, by_force, by_sinking in zip(heights.tolist(), force, sinking, strict=True)
-    ]
+    names = np.array([*CLASSES, None], dtype=object)
+    figures = []
+    for title, error in zip(titles, errors, strict=True):
+        classes = np.where(np.isfinite(error), np.searchsorted(EDGES, error, side="right"), -1)
+        data = table_of(
+            {axes[0]: a, axes[1]: b, value: name} for a, b, name in zip(height, E, names[classes], strict=True)
+        )
+        figures.append(heat(title, "", data, axes, value, colours=CLASSES))
+    return figures

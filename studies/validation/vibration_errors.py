@@ -1,17 +1,11 @@
-"""True errors of vibrations, compared with a much finer mesh, and whether their estimates hold.
-
-`python -m studies.validation.vibration_errors OUT [--quick]` writes VIBRATION_ERRORS.md and vibration_errors.csv into
-the folder OUT. Nothing of a run that was stopped is kept: start it again.
-"""
+"""True errors of vibrations, compared with a much finer mesh, and whether their estimates hold."""
 
 from __future__ import annotations
 
 import functools
 import itertools
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +18,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.output.goals import Goal, missed, verdict
-from studies.output.result import Destination, Result, publish
+from studies.output.result import Result, Table
 from studies.simulation import response_curves
 from studies.simulation.response_curves import Complex, Curves
 from studies.validation import pages
@@ -41,6 +35,7 @@ FINE_DESIGNS = (0, 3, 6, 9)
 GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
 """Goals; estimate over error up to which it is sharp; estimate below which the reference is hardly better."""
 NAN = float("nan")
+FILES = ("VIBRATION_ERRORS.md", "vibration_errors.csv")
 FIGURES = ("static_error", "static_estimate", "largest_error", "difference", "holds", "sharp")
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
 
@@ -78,7 +73,7 @@ def cases(*, quick: bool = False) -> list[Case]:
     return chosen
 
 
-def run(progress: Progress, *, quick: bool = False) -> list[Row]:
+def run(progress: Progress, *, quick: bool = False) -> Result:
     """Solve and judge all cases."""
     chosen, judged = cases(quick=quick), list[Row]()
     truth = replace(REFERENCE, section_size=0.06, section_patch=0.003, harmonics=3) if quick else REFERENCE
@@ -90,7 +85,7 @@ def run(progress: Progress, *, quick: bool = False) -> list[Row]:
             solved[accuracy] = solve(case, accuracy)
         for level in levels:
             judged += judge(case, level, *(solved[one] for one in (level, coarser(level), truth)))
-    return judged
+    return result(judged)
 
 
 def solve(case: Case, accuracy: Accuracy) -> Mapping[str, Curves]:
@@ -190,32 +185,14 @@ def goals(judged: Sequence[Row]) -> list[Goal]:
 
 def result(judged: Sequence[Row]) -> Result:
     """Return the result of judged cases."""
-    posed = goals(judged)
-    page = pages.rendered(
-        "vibration_errors.md.j2",
-        verdict=verdict(posed),
-        posed=list(map(str, posed)),
-        summary=summary(judged),
-        reference=REFERENCE,
-    )
+    posed, title, table = goals(judged), "Errors of vibrations", summary(judged)
+    page = {"verdict": verdict(posed), "posed": list(map(str, posed)), "summary": table, "reference": REFERENCE}
     return Result(
-        title="Errors of vibrations",
+        title=title,
         records=judged,
-        shown=(),
+        shown=[Table(title=title, rows=table)],
         tables={"vibration_errors": judged},
         digits=4,
-        pages={"VIBRATION_ERRORS.md": page},
+        pages={"VIBRATION_ERRORS.md": pages.rendered("vibration_errors.md.j2", **page)},
         failures=list(map(str, missed(posed))),
     )
-
-
-def main(out: str, *, quick: bool = False) -> int:
-    """Run the study, write its files into a folder, and return exit status 3 if a goal is missed, else 0."""
-    command = f"python -m studies.validation.vibration_errors {out}{' --quick' if quick else ''}"
-    here = Destination(command=command, out=Path(out), names=("VIBRATION_ERRORS.md", "vibration_errors.csv"))
-    return publish(lambda progress: result(run(progress, quick=quick)), here)
-
-
-if __name__ == "__main__":
-    words = [word for word in sys.argv[1:] if word != "--quick"]
-    sys.exit(main(*words[:1] or ["out/vibration"], quick="--quick" in sys.argv))
