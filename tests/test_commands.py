@@ -20,7 +20,9 @@ def test_help_lists_the_verbs_in_groups_from_a_design_to_its_validation(run):
 
 def test_validate_lists_its_studies(run):
     listed = re.findall(r"^│ ([-\w]+)", run("validate")[1], re.MULTILINE)
-    studies = "verify friction extremes accuracy crosscheck ladder range claims assumption bench trade surrogate"
+    studies = (
+        "verify friction extremes accuracy vibration crosscheck ladder range claims assumption bench trade surrogate"
+    )
     assert listed == studies.split()
 
 

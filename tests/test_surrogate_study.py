@@ -85,14 +85,6 @@ def test_new_points_go_where_intervals_are_widest_and_not_twice_to_one_place():
     assert widest_points(process, points, np.array([100.0, 1, 1, 1, 1]) * 1e3, 1).tolist() in ([1], [2], [0])
 
 
-def test_a_wider_quantile_of_a_region_attracts_points():
-    x = np.linspace(0, 1, 6)[:, None]
-    process = GaussianProcess(x, np.sin(x), np.array([0.3]), 1e-6)
-    points = np.array([[0.1], [0.9]])
-    assert widest_points(process, points, np.array([1.0, 3.0]), 1).tolist() == [1]
-    assert widest_points(process, points, np.array([3.0, 1.0]), 1).tolist() == [0]
-
-
 def test_forms_of_a_hertzian_press_do_not_vary_with_the_depth(result):
     press = result.training.press
     hertz = {**press, "force_z": 0.7 * press["depth"] ** 1.5}
@@ -259,9 +251,3 @@ def test_corners_of_the_cube_are_corners_of_the_range():
     assert beams.diameter.tolist() == [0.2, 0.5]
     assert density_ratio(beams).tolist() == list(surrogate_range.DENSITY_RATIO)
     assert beams.dtype == BEAM
-
-
-def test_a_design_has_the_lengths_of_its_beam():
-    beams = training_beams(3, 1)
-    one = design(beams[2])
-    assert (one.L, one.magnet_height) == pytest.approx((10 * beams.L[2], 10 * beams.height[2]))

@@ -3,7 +3,6 @@
 import contextlib
 import csv
 import io
-import itertools
 import json
 import math
 
@@ -22,7 +21,7 @@ from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
 from studies.validation import bench_programs, trade, trade_cases, trade_study
 from studies.validation.trade import FILES, summary
-from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, references, runs_on, trial
+from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, trial
 from studies.validation.trade_study import (
     COMPONENTS,
     Reference,
@@ -60,12 +59,6 @@ def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
 def test_every_run_has_a_reference():
     for runs, finenesses in (trade_study.plan(), trade_study.plan(confirm=True), trade_study.plan(2, quick=True)):
         assert {(one.trial.number, one.kind) for one in runs} == set(finenesses)
-
-
-def test_the_confirming_runs_are_on_other_designs():
-    trials = {one.trial.design for one in trade_study.plan(confirm=True)[0]}
-    assert len(trials) >= 20
-    assert not trials & set(trade_cases.designs())
 
 
 @pytest.fixture(scope="module")
@@ -125,19 +118,6 @@ def test_every_model_can_carry_the_loads_of_its_kind(kind, confirm):
         for model in MODELS[kind]:
             one = trial(number, kind, model, confirm=confirm)
             assert Scene(one.design, one.loads, magnet=one.magnet, model=model).model == model
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("fineness", ["rough", "coarser", "usual", "finer"])
-def test_each_mesh_of_a_reference_is_finer_by_the_root_of_two(kind, fineness):
-    sizes = [accuracy.section_size for accuracy in references(kind, fineness)]
-    assert [a / b for a, b in itertools.pairwise(sizes)] == pytest.approx([2**0.5] * 2, rel=0.01)
-
-
-def test_cells_that_run_on_few_designs_take_different_ones():
-    numbers = runs_on("press", "half", "quick", trade_cases.STUDIED)
-    assert len({designs()[number].L / designs()[number].D for number in numbers}) == len(numbers)
-    assert set(numbers) <= set(range(trade_cases.STUDIED))
 
 
 # References by extrapolation, and the true errors against them
@@ -318,18 +298,15 @@ def test_more_designs_tighten_a_bound():
     assert one.force == pytest.approx(1.25 * 0.01, rel=0.01)
 
 
-def test_a_formula_on_too_few_designs_has_no_bound():
-    assert statements([state(1.0, model="formula", level="finite", design=i) for i in (0, 3, 5)]) == []
+@pytest.mark.parametrize(("model", "level"), [("formula", "finite"), ("surrogate", "shipped")])
+def test_a_formula_or_the_surrogate_on_too_few_designs_has_no_bound(model, level):
+    assert statements([state(1.0, model=model, level=level, design=i) for i in (0, 3, 5)]) == []
 
 
 def test_the_surrogate_has_a_bound_for_each_region_of_loads_and_is_read_back():
     rule = statements([state(1.0, model="surrogate", level="shipped", design=i) for i in (0, 3, 9, 10)])
     assert [(one.model, one.level, one.region) for one in rule] == [("surrogate", "shipped", "depth to 0.06 D")]
     assert [Statement(**each) for each in json.loads(trade.as_text(rule, ""))["statements"]] == rule
-
-
-def test_the_surrogate_on_too_few_designs_has_no_bound():
-    assert statements([state(1.0, model="surrogate", level="shipped", design=i) for i in (0, 3, 9)]) == []
 
 
 def test_tetrahedra_have_one_bound_for_all_regions():
