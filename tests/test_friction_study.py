@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geometry.bad_input import SolveFailed
 from geometry.loads import Load
 from studies.output import result
 from studies.validation import extremes, friction
@@ -62,7 +63,7 @@ def test_coulombs_law_holds_under_a_tilted_plate():
 
 def test_a_part_that_stops_is_a_missed_check(monkeypatch):
     def stopped(*args, **options):
-        raise friction.StoppedError("stopped at depth 0.5 mm")
+        raise SolveFailed("stopped at depth 0.5 mm")
 
     passed = friction._check("onset", "share", 1.0, 1.0, 0.1)
     monkeypatch.setattr(friction, "onset", lambda level: [passed])

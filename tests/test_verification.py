@@ -7,10 +7,10 @@ import pytest
 
 from fem.model import material
 from fem.model.plate_contact import SECTION_KAPPA
+from geometry.bad_input import SolveFailed
 from studies.cli import entry_point
 from studies.output.result import FAILED, GOOD
 from studies.validation import manufactured_solutions, motion_problems, static_problems, verify
-from studies.validation.static_problems import NotSolvedError
 
 QUICK = {target["name"]: target for target in verify.targets(quick=True)}
 BONDED = "clamped cylinder, bonded base, nu = 0.4998"
@@ -149,7 +149,7 @@ def pose(monkeypatch, problems, meshes):
 
 def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, capsys):
     def unsolved(_):
-        raise NotSolvedError("no convergence in 30 iterations")
+        raise SolveFailed("no convergence in 30 iterations")
 
     problems = {"good": lambda n: 1.0, "missed": lambda n: 1.2, "unsolved": unsolved}
     pose(monkeypatch, problems, meshes=[1])

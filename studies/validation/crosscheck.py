@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,25 +34,9 @@ COMPONENTS = {
 """Columns of the components of each quantity that is compared."""
 SHEAR = 0.05
 """Shear of a tilted plate over D: with a coefficient of 0.4 some of the contact area slips, and some sticks."""
-Friction = float | Literal["none", "stick"]
-TILTED: tuple[tuple[int, float, Friction, bool], ...] = (
-    (0, 8, "none", False),
-    (0, 8, "stick", True),
-    (1, 2, "stick", False),
-    (1, 2, "stick", True),
-    (2, 5, "none", False),
-    (3, 12, "stick", False),
-    (4, 20, "none", False),
-    (5, 3, 0.4, False),
-    (6, 15, "stick", False),
-    (7, 10, "none", False),
-    (8, 6, 0.4, False),
-    (9, 18, "stick", False),
-    (10, 4, "none", False),
-    (11, 16, 0.4, False),
-)
-"""Loads of tilted plates: design, tilt in degrees, friction, and whether the shear is across the tilt, along y. A
-plate without friction only presses. Each kind of load occurs with and without a rigid magnet."""
+TILTED = Path(__file__).with_name("tilted_loads.csv")
+"""Loads of tilted plates: design, tilt, friction, and whether the shear is across the tilt, along y. A plate without
+friction only presses. Each kind of load occurs with and without a rigid magnet."""
 Case = tuple[int, Load]
 """Number of the design, and load."""
 
@@ -61,7 +46,7 @@ def run(progress: Progress, level: str, count: int, *, tilted: bool = False, sto
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
     chosen = [(number, upright(number)) for number in range(count)]
-    chosen += [(case[0], tilted_load(*case)) for case in TILTED if tilted and case[0] < count]
+    chosen += [case for case in tilted_loads() if tilted and case[0] < count]
     return result(compared(chosen, *solved(chosen, LEVELS[level], store, progress)))
 
 
@@ -75,12 +60,18 @@ def upright(number: int) -> Load:
     return error_study_cases.trial(number, magnet_of(number), "stick", "auto").loads[-1]
 
 
-def tilted_load(number: int, tilt: float, friction: Friction, across: bool) -> Load:
-    """Return a load of TILTED, at the depth of the design's upright case."""
-    D = error_study_cases.designs()[number].D
-    shear = 0.0 if friction == "none" else error_study_cases.rounded(SHEAR * D)
-    x, y = (0.0, shear) if across else (shear, 0.0)
-    return Load(upright(number).depth, x, y, friction, plate_tilt=round(math.radians(tilt), 6))
+def tilted_loads() -> Iterator[Case]:
+    """Yield the loads of TILTED, each at the depth of the design's upright case."""
+    import pandas as pd
+
+    for row in pd.read_csv(TILTED, dtype={"friction": str}).itertuples():
+        number, friction = int(row.design), row.friction
+        shear = (
+            0.0 if friction == "none" else error_study_cases.rounded(SHEAR * error_study_cases.designs()[number].D)
+        )
+        x, y = (0.0, shear) if row.across else (shear, 0.0)
+        mu: Any = friction if friction in ("none", "stick") else float(friction)
+        yield number, Load(upright(number).depth, x, y, mu, plate_tilt=round(math.radians(row.tilt_deg), 6))
 
 
 def solved(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
@@ -26,20 +26,16 @@ END = 0.1
 
 VOLUME, BASE, LEAST_JACOBIAN = 1e-5, 1e-4, 0.05
 """Largest relative errors of volumes and of the base, and least ratio of the Jacobians of a cell."""
+STEPS = ["solids", "section", "solid_mesh"]
 SIZES = ("D", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-MEASURED = (
-    *("wall_mm", "solids_s", "section_ms", "triangles", "section_volume_error", "least_angle_rad", "tetrahedra"),
-    *("mesh_s", "mesh_cpu_s", "silicone_volume_error", "magnet_volume_error", "base_error"),
-    *("gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
-)
-"""Columns that are measured numbers; None where a step was not reached or did not pass. Errors are relative."""
 COLUMNS = (
     *("wall_mm", "solids", "solids_s", "section", "section_ms", "triangles", "section_volume_error"),
     *("least_angle_rad", "solid_mesh", "tetrahedra", "mesh_s", "mesh_cpu_s", "silicone_volume_error"),
     *("magnet_volume_error", "base_error", "gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
 )
 """Columns of range.csv after sizes, status ("impossible": the design itself is refused) and message; `solids`,
-`section` and `solid_mesh` are outcomes of the steps: ok, impossible, failed."""
+`section` and `solid_mesh` are outcomes of the steps: ok, impossible, failed. The others are measured numbers, None
+where a step was not reached or did not pass; errors are relative."""
 
 
 def samples(count: int) -> list[Row]:
@@ -115,7 +111,9 @@ def summary(rows: Sequence[Row]) -> list[Row]:
     """Return least, median and greatest magnitude of each measured quantity over the designs that have a value."""
     import pandas as pd
 
-    sizes = pd.DataFrame(rows, columns=list(MEASURED)).astype(float).abs().dropna(axis=1, how="all")
+    sizes = (
+        pd.DataFrame(rows, columns=list(COLUMNS)).drop(columns=STEPS).astype(float).abs().dropna(axis=1, how="all")
+    )
     table = sizes.agg(["min", "median", "max"]).T.set_axis(["least", "median", "greatest"], axis=1)
     return pages.records(table.rename_axis("quantity").reset_index())
 
@@ -137,9 +135,7 @@ def examine(number: int, sample: Row) -> Row:
     except BadInput as refusal:
         return row | {"status": "impossible", "message": str(refusal)}
     row["wall_mm"] = design.shape.wall
-    steps: dict[str, Callable[[Design], Row]]
-    steps = {"solids": _solids, "section": _section, "solid_mesh": _solid_mesh}
-    for name, step in steps.items():
+    for name, step in zip(STEPS, (_solids, _section, _solid_mesh), strict=True):
         try:
             row |= {name: "ok"} | step(design)
         except BadInput as refusal:

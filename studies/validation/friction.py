@@ -41,10 +41,6 @@ QUICK_ONSET = replace(ONSET, section_size=0.06, harmonics=1)
 SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
 
-class StoppedError(SolveFailed):
-    """A path of this study stopped before its last load, or without full slip."""
-
-
 def run(progress: Progress, *, quick: bool = False) -> Result:
     """Run all checks; if quick, on coarser meshes and without tetrahedra."""
     curves: list[list[Solution]] = []
@@ -70,7 +66,7 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         progress(i / len(parts), name)
         try:
             checks += part()
-        except StoppedError as stop:
+        except SolveFailed as stop:
             checks.append(_check(name, f"no measurement: {stop}", NAN, NAN, NAN))
     return result(checks, curves, loop)
 
@@ -107,7 +103,7 @@ def _follow(
 ) -> list[Solution]:
     states = trace(paper(), loads, level, magnet=magnet, model=model, estimate=False)
     if states[-1].status != "ok":
-        raise StoppedError(states[-1].message)
+        raise SolveFailed(states[-1].message)
     return states
 
 
@@ -136,7 +132,7 @@ def curve(mu: float, farthest: float, count: int, level: Accuracy) -> list[Solut
     shears = np.linspace(0.0, farthest, count + 1)
     states = _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
     if states[-1].slip_share != 1:
-        raise StoppedError(f"at mu = {mu:g} and a shear of {farthest:g} mm the contact does not slip as a whole")
+        raise SolveFailed(f"at mu = {mu:g} and a shear of {farthest:g} mm the contact does not slip as a whole")
     return states
 
 
@@ -193,7 +189,7 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
     x, _, z = state.response.force
     along, across = x * math.cos(TILT) + z * math.sin(TILT), z * math.cos(TILT) - x * math.sin(TILT)
     if state.slip_share != 1:
-        raise StoppedError(f"under a tilted plate a shear of {shear:g} mm is not enough for full slip")
+        raise SolveFailed(f"under a tilted plate a shear of {shear:g} mm is not enough for full slip")
     name = f"force along / across the plate, tilt {TILT:g} rad, mu = {mu:g}"
     return _check("tilted plate", name, along / across, mu, 0.01)
 

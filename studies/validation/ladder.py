@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
 from studies.validation import pages
+from studies.validation.error_study_cases import rows_of
 from studies.web import verdict_figures
 
 if TYPE_CHECKING:
@@ -37,19 +38,13 @@ SIZES = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_
 
 def designs() -> list[Design]:
     """Return the paper's design and nine others in order of L/D."""
-    shapes = (
-        *((8.0, 0.8, 0.3, 0.15), (6.0, 1.25, 0.0, 0.0), (10.0, 1.25, 0.4, 0.4), (8.0, 1.6, 0.0, 0.0)),
-        *((5.0, 1.75, 0.6, 0.2), (12.0, 2.25, 0.3, 0.15), (8.0, 2.5, 0.45, 0.5), (6.0, 3.5, 0.0, 0.0)),
-        (8.0, 3.5, 0.5, 0.25),
-    )
-    return [paper(), *(_design(*shape) for shape in shapes)]
+    return [paper(), *(_design(**row) for row in rows_of(Path(__file__).with_name("ladder_designs.csv")))]
 
 
-def _design(D: float, slenderness: float, diameter: float, height: float) -> Design:
-    L, edge = slenderness * D, 0.0125 * D if diameter else 0.0
-    return Design(
-        D=D, L=L, l0=L, f=D, magnet_diameter=diameter * D, magnet_height=height * D, magnet_edge_radius=edge
-    )
+def _design(D: float, L_over_D: float, magnet_diameter_over_D: float, magnet_height_over_D: float) -> Design:
+    L, edge = L_over_D * D, 0.0125 * D if magnet_diameter_over_D else 0.0
+    magnet: dict[str, Any] = {"magnet_diameter": magnet_diameter_over_D * D, "magnet_height": magnet_height_over_D * D}
+    return Design(D=D, L=L, l0=L, f=D, magnet_edge_radius=edge, **magnet)
 
 
 def run(progress: Progress, accuracy: str, count: int, store: Path | None = None) -> Result:

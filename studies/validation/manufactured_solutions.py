@@ -102,7 +102,7 @@ def errors(n: int, name: str) -> tuple[float, float]:
 
     Raises
     ------
-    NotSolvedError
+    SolveFailed
         Newton's method does not converge from the exact displacement.
     """
     case = CASES[name]

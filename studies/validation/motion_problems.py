@@ -33,11 +33,12 @@ from fem.solve.direct_solver import Solver
 from fem.solve.newton import newton
 from fem.solve.reduced_basis import Complex, Problem, reduce
 from geometry.arrays import Array
+from geometry.bad_input import SolveFailed
 from geometry.design import Design, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation, relaxation_of
 from studies.mechanics import resonance_peaks
-from studies.validation.static_problems import LEVEL, SKIN, Mask, NotSolvedError, solve
+from studies.validation.static_problems import LEVEL, SKIN, Mask, solve
 
 TWO = Relaxation((0.3, 0.2), (0.5, 4.0))
 """Branches of the cubes, with the shear modulus 1 in the fast limit."""
@@ -171,7 +172,7 @@ def silicone(nu: float = 0.5) -> Design:
 def _solved(states: Iterator[TimedState]) -> list[TimedState]:
     passed = list(states)
     if passed[-1].status not in ("ok", "unstable"):
-        raise NotSolvedError(passed[-1].message)
+        raise SolveFailed(passed[-1].message)
     return passed
 
 

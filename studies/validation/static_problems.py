@@ -42,10 +42,6 @@ SKIN = 1e-9
 """Nodes nearer than this to a face lie on it."""
 
 
-class NotSolvedError(SolveFailed):
-    """Newton's method did not converge on a problem."""
-
-
 def body(
     e: Elements, fixed: Mask, mu: float, inverse_K: float, *, dead: Array | None = None, moved: Array | None = None
 ) -> System:
@@ -66,7 +62,7 @@ def solve(system: System, u: Array | None = None, q: Array | None = None) -> Equ
 
     Raises
     ------
-    NotSolvedError
+    SolveFailed
         Newton's method does not converge.
     """
     start = np.zeros(system.size) if q is None else q
@@ -75,7 +71,7 @@ def solve(system: System, u: Array | None = None, q: Array | None = None) -> Equ
     solver = Solver()
     answer = newton(system, solver, start, None)
     if not answer.converged:
-        raise NotSolvedError(STOPPED[answer.reason])
+        raise SolveFailed(STOPPED[answer.reason])
     return answer
 
 
@@ -471,7 +467,7 @@ def hertz(n: int) -> tuple[float, ...]:
     for depth in depths:
         state = trace(design, [Load(depth=depth)], LEVELS[LEVEL[n - 1]], magnet="ignored", estimate=False)[0]
         if state.status != "ok":
-            raise NotSolvedError(state.message)
+            raise SolveFailed(state.message)
         constant = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R)
         ratios.append(state.response.force[2] / (constant * depth**1.5))
     slope = 1.5 + math.log(ratios[-1] / ratios[0]) / math.log(depths[-1] / depths[0])
@@ -505,5 +501,5 @@ def penalty(n: int, depth: float, magnet: Magnet) -> float:
         pushed = plate_contact.springs(skin, answer.state.u, harder).traction[..., 2]
         forces.append(float(np.sum(skin.weights * pushed)))
     if reason:
-        raise NotSolvedError(STOPPED[reason])
+        raise SolveFailed(STOPPED[reason])
     return forces[0] / float(np.polynomial.Polynomial.fit(1 / factors, forces, 1)(0.0))
