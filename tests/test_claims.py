@@ -258,11 +258,15 @@ def test_nothing_is_decided_without_data(holds, figures):
 
 def test_claims_without_data_are_not_decidable():
     lost = press(np.full(12, NAN))
-    rows = [height_row(lost)]
+    rows = pd.DataFrame([height_row(lost)])
     none = States([lost], lost, pd.DataFrame(), pd.DataFrame())
     answers = [
         *(claims.at_each_depth(rows), claims.of_largest(rows, none), claims.voltage(rows, 2.0)),
-        *(claims.largest_forces(none), claims.shear_force([], 0.6), claims.tilt_as_cause([])),
+        *(
+            claims.largest_forces(none),
+            claims.shear_force(pd.DataFrame([tip("stuck", *[NAN] * 8)]), 0.6),
+            claims.tilt_as_cause([]),
+        ),
     ]
     assert {answer["verdict"] for answer in answers} == {"not decidable"}
 
@@ -277,7 +281,7 @@ def test_claims_without_data_are_not_decidable():
     ids=["formula", "other modulus", "other law"],
 )
 def test_presses(force, each, largest, voltage):
-    rows = [height_row(press(force))]
+    rows = pd.DataFrame([height_row(press(force))])
     assert claims.at_each_depth(rows)["verdict"] == each
     assert claims.of_largest(rows, states(force))["verdict"] == largest
     assert claims.voltage(rows, 2.0)["verdict"] == voltage
@@ -288,16 +292,16 @@ def test_the_band_of_moduli_is_in_the_sentence():
     row = {"magnet_height_mm": 2.0, "l0_mm": 7.2, "reached_mm": 3.0, "status": "ok"} | dict(
         zip(HEIGHT_FIGURES, figures, strict=True)
     )
-    text = claims.of_largest([row], states(formula(DEPTH)))["text"]
+    text = claims.of_largest(pd.DataFrame([row]), states(formula(DEPTH)))["text"]
     assert "E from 0.58 to 0.61 MPa with a magnet 2 mm high" in text
     taller = row | {"magnet_height_mm": 2.5, "E_from_MPa": NAN, "E_to_MPa": NAN}
-    text = claims.of_largest([row, taller], states(formula(DEPTH)))["text"]
+    text = claims.of_largest(pd.DataFrame([row, taller]), states(formula(DEPTH)))["text"]
     assert "no modulus makes it true with a magnet of 2.5 mm." in text
     failed = taller | {"magnet_height_mm": 3.0, "error_percent_of_largest": NAN, "status": "not_converged"}
-    text = claims.of_largest([row, taller, failed], states(formula(DEPTH)))["text"]
+    text = claims.of_largest(pd.DataFrame([row, taller, failed]), states(formula(DEPTH)))["text"]
     assert "with a magnet of 2.5 mm." in text, "a height whose presses failed is unknown"
     none = row | {"E_from_MPa": NAN, "E_to_MPa": NAN}
-    assert "for no modulus" in claims.of_largest([none], states(formula(DEPTH)))["text"]
+    assert "for no modulus" in claims.of_largest(pd.DataFrame([none]), states(formula(DEPTH)))["text"]
 
 
 def test_forces_at_the_same_depth_are_proportional_to_E():
@@ -356,7 +360,7 @@ def test_shear_force(error, expected):
         tip("stuck to a plate", 0.5, error, error, error, 1.5, 10.0, NAN, NAN),
         tip("gripped", 0.8, 1.0, 1.0, 1.0, 1.0, 1.0, 0.96, 1.04),
     ]
-    assert claims.shear_force(tips, 0.6)["verdict"] == expected
+    assert claims.shear_force(pd.DataFrame(tips), 0.6)["verdict"] == expected
 
 
 @pytest.mark.parametrize(("tilt", "expected"), [(0.9, "reproduced"), (0.1, "refuted")])
@@ -373,7 +377,7 @@ def test_tilt_as_cause(tilt, expected):
 def test_uniqueness(shares, expected):
     place = {"magnet_height_mm": 2.0, "l0_mm": 7.2, "readings": "B.n", "apart_mm": 0.5}
     rows = [place | {"c_mm": c, "ambiguous_percent": share} for c, share in zip((2.0, 5.0), shares, strict=True)]
-    assert claims.uniqueness(rows)["verdict"] == expected
+    assert claims.uniqueness(pd.DataFrame(rows))["verdict"] == expected
 
 
 def modes(bending):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -86,21 +86,21 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
 
     extent = QUICK_EXTENT if quick else Extent()
     states = solve(extent, store, part(progress, 0.0, 0.85))
-    heights = [claim_errors.height_row(press) for press in states.presses]
+    heights = pd.DataFrame([claim_errors.height_row(press) for press in states.presses])
     conditions = [rows for _, rows in states.sheared.groupby("tip", sort=False)]
-    tips = [claim_errors.tip_row(rows) for rows in conditions]
+    tips = pd.DataFrame([claim_errors.tip_row(rows) for rows in conditions])
     stuck = [rows for rows in conditions if rows.magnet.iloc[0] == "rigid" and rows.depth_mm.iloc[0]]
     splits = [claim_errors.split(rows) for rows in stuck]
     modes = sensor_figures.mode_rows(extent.accuracy, part(progress, 0.85, 0.88) or progress)
-    layouts = sensor_figures.layout_rows(extent.layouts, part(progress, 0.88, 0.97) or progress)
+    layouts = pd.DataFrame(sensor_figures.layout_rows(extent.layouts, part(progress, 0.88, 0.97) or progress))
     costs = sensor_figures.cost_rows(extent.reference, part(progress, 0.97, 1.0) or progress)
     factor = sensor_figures.factor_figures()
-    own = next(row for row in heights if row["magnet_height_mm"] == states.preset.height)
+    best_E = float(heights.best_E_MPa[heights.magnet_height_mm == states.preset.height].iloc[0])
     answers = [
         at_each_depth(heights),
         of_largest(heights, states),
-        voltage(heights, own["magnet_height_mm"]),
-        shear_force(tips, own["best_E_MPa"]),
+        voltage(heights, states.preset.height),
+        shear_force(tips, best_E),
         tilt_as_cause(splits),
         uniqueness(layouts),
         largest_forces(states),
@@ -113,30 +113,34 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
     ]
     printed = [{name: each[name] for name in PRINTED} for each in answers]
     estimates = [press.error_estimate for press in states.presses if np.isfinite(press.force).any()]
-    shown = [{name: value for name, value in row.items() if name != "message"} for row in heights]
-    page = {"answers": answers, "verdicts": printed, "heights": shown, "tips": tips}
-    largest = 100 * float(np.max(estimates or [math.nan]))
-    unknown = [row for row in heights if row["status"] != "ok"]
+    page = {
+        "answers": answers,
+        "verdicts": printed,
+        "heights": pages.records(heights.drop(columns="message")),
+        "tips": pages.records(tips),
+        "estimate": 100 * float(np.max(estimates or [math.nan])),
+        "unknown": pages.records(heights[heights.status != "ok"]),
+    }
     return Result(
         title="The paper's claims",
         records=answers,
         shown=[Table(title="The paper's claims", rows=printed, first=("claim", "verdict"))],
         tables={
             "claims": printed,
-            "heights": heights,
+            "heights": pages.records(heights),
             "presses": pages.records(states.pressed[list(PRESSES)]),
             "shears": pages.records(states.sheared[list(SHEARS)]),
             "parts": pages.records(pd.concat(splits)),
         },
-        files=claim_figures.pictures(states, own["best_E_MPa"]),
-        pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page, estimate=largest, unknown=unknown)},
+        files=claim_figures.pictures(states, best_E),
+        pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page)},
     )
 
 
 # What makes an answer
 
 
-def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Sequence[float] = ()) -> Verdict:
+def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Any = ()) -> Verdict:
     """Return the verdict on a claim that depends on values which the paper does not give.
 
     Parameters
@@ -150,7 +154,7 @@ def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Seque
     >>> verdict(holds=False, figures=[3.0]), verdict(holds=False, figures=[float("nan")]), verdict(holds=True)
     ('refuted', 'not decidable', 'not decidable')
     """
-    if not figures or any(math.isnan(figure) for figure in figures):
+    if not len(figures) or np.isnan(figures).any():
         return "not decidable"
     if holds:
         return "reproduced"
@@ -171,23 +175,13 @@ def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: A
         "verdict": found,
         "text": said(words["text"]),
         "commands": [said(command) for command in words["commands"]],
-        "figures": dict(figures),
+        "figures": {name: getattr(value, "item", lambda value=value: value)() for name, value in figures.items()},
     }
 
 
 @functools.cache
 def _words() -> dict[str, Any]:
     return tomllib.loads(WORDS.read_text("utf-8"))
-
-
-def least(figures: Iterable[float]) -> float:
-    """Return the least figure that is known; NaN if none is."""
-    return min((figure for figure in figures if math.isfinite(figure)), default=math.nan)
-
-
-def most(figures: Iterable[float]) -> float:
-    """Return the largest figure that is known; NaN if none is."""
-    return max((figure for figure in figures if math.isfinite(figure)), default=math.nan)
 
 
 def _time(seconds: float) -> str:
@@ -205,71 +199,65 @@ def _time(seconds: float) -> str:
 # Presses
 
 
-def at_each_depth(rows: Sequence[Row]) -> Answer:
+def at_each_depth(heights: pd.DataFrame) -> Answer:
     """Answer the claim on F_N, with the error taken relative to the force of the same depth."""
-    complete = [row for row in rows if math.isfinite(row["worst_error_percent"])]
-    begins = [row["each_depth_from_mm"] for row in complete if math.isfinite(row["each_depth_from_mm"])]
-    first = least(begins or [row["reached_mm"] for row in complete])
-    errors = [abs(row["worst_error_percent"]) for row in complete]
-    shallowest = complete[0]["worst_at_mm"] if complete else math.nan
-    holds = all(error < PERCENT for error in errors)
-    anywhere = any(begin <= shallowest for begin in begins)
-    figures = {"least_worst_error_percent": least(errors), "largest_worst_error_percent": most(errors)}
-    return answer(
-        "each_depth",
-        verdict(holds=holds, holds_for_other_values=anywhere, figures=errors),
-        figures | {"each_depth_from_mm": first},
-        at=shallowest,
+    known = heights.dropna(subset="worst_error_percent")
+    errors, begins = known.worst_error_percent.abs(), known.each_depth_from_mm.dropna()
+    first = (begins if len(begins) else known.reached_mm).min()
+    shallowest = known.worst_at_mm.iloc[0] if len(known) else math.nan
+    found = verdict(
+        holds=(errors < PERCENT).all(), holds_for_other_values=(begins <= shallowest).any(), figures=errors
     )
+    figures = {"least_worst_error_percent": errors.min(), "largest_worst_error_percent": errors.max()}
+    return answer("each_depth", found, figures | {"each_depth_from_mm": first}, at=shallowest)
 
 
-def of_largest(rows: Sequence[Row], states: States) -> Answer:
+def of_largest(heights: pd.DataFrame, states: States) -> Answer:
     """Answer the claim on F_N, with the error taken relative to the largest force."""
-    fitting = [row for row in rows if math.isfinite(row["E_from_MPa"])]
-    own = next(row for row in rows if row["magnet_height_mm"] == states.preset.height)
-    published = [row for row in fitting if row["E_from_MPa"] <= PUBLISHED[1] and row["E_to_MPa"] >= PUBLISHED[0]]
-    at_one = [row["error_percent_of_largest"] for row in rows if math.isfinite(row["error_percent_of_largest"])]
-    holds = all(error < PERCENT for error in at_one)
-    ends = [fitting[0], fitting[-1]] if fitting else []
-    known = [row["magnet_height_mm"] for row in rows if math.isfinite(row["error_percent_of_largest"])]
     preset, rubbed = states.preset, states.rubbed
-    names = {row["magnet_height_mm"]: f"at_{row['magnet_height_mm']:g}_mm" for row in fitting}
+    fitting, at_one = heights.dropna(subset="E_from_MPa"), heights.error_percent_of_largest.dropna()
+    own = heights[heights.magnet_height_mm == preset.height].iloc[0]
+    published = fitting[(fitting.E_from_MPa <= PUBLISHED[1]) & (fitting.E_to_MPa >= PUBLISHED[0])].magnet_height_mm
+    ends = pages.records(fitting.iloc[[0, -1]]) if len(fitting) else []
+    at_ends = [row["magnet_height_mm"] for row in ends]
+    known = heights.magnet_height_mm[at_one.index]
     return answer(
         "of_largest",
-        verdict(holds=holds, holds_for_other_values=bool(fitting), figures=at_one),
+        verdict(holds=(at_one < PERCENT).all(), holds_for_other_values=bool(ends), figures=at_one),
         {
-            f"E_{end}_MPa_{names[row['magnet_height_mm']]}": row[f"E_{end}_MPa"]
-            for end in ("from", "to")
-            for row in fitting
+            f"{name}_at_{row['magnet_height_mm']:g}_mm": row[name]
+            for name in ("E_from_MPa", "E_to_MPa")
+            for row in pages.records(fitting)
         },
-        least=least(at_one),
-        most=most(at_one),
+        least=at_one.min(),
+        most=at_one.max(),
         ends=ends,
-        some_meets=any(error < PERCENT for error in at_one),
+        some_meets=(at_one < PERCENT).any(),
         own=own,
-        own_between=math.isfinite(own["E_from_MPa"]) and own not in ends,
-        taller=[h for h in known if ends and h > ends[-1]["magnet_height_mm"]],
-        tallest=max((row["magnet_height_mm"] for row in published), default=None),
+        own_between=math.isfinite(own.E_from_MPa) and own.magnet_height_mm not in at_ends,
+        taller=known[known > at_ends[-1]].tolist() if ends else [],
+        tallest=published.max() if len(published) else None,
         rubbing=100 * (rubbed.force[-1] / preset.force[-1] - 1),
         deepest=preset.depth[-1],
     )
 
 
-def voltage(rows: Sequence[Row], own_height: float) -> Answer:
+def voltage(heights: pd.DataFrame, own_height: float) -> Answer:
     """Answer the claim on the voltage of S1 against F_N."""
-    own = next(row for row in rows if row["magnet_height_mm"] == own_height)
-    best = least(row["least_S1_error_percent"] for row in rows)
-    free = least(row["least_S1_error_any_gain_percent"] for row in rows)
-    with_force = [row for row in rows if math.isfinite(row["E_from_MPa"]) and row["magnet_height_mm"]]
-    error = own["S1_error_percent"]
-    figures = {"S1_error_percent": error, "least_S1_error_percent": best, "least_S1_error_any_gain_percent": free}
+    own = heights[heights.magnet_height_mm == own_height].iloc[0]
+    error, free = own.S1_error_percent, heights.least_S1_error_any_gain_percent.min()
+    with_force = heights[heights.E_from_MPa.notna() & (heights.magnet_height_mm > 0)]
     return answer(
         "voltage",
         verdict(holds=error < PERCENT, holds_for_other_values=free < PERCENT, figures=[error, free]),
-        figures,
+        {
+            "S1_error_percent": error,
+            "least_S1_error_percent": heights.least_S1_error_percent.min(),
+            "least_S1_error_any_gain_percent": free,
+        },
         own=own,
-        with_force=with_force,
-        both=least(row["best_E_S1_error_any_gain_percent"] for row in with_force),
+        with_force=len(with_force),
+        both=with_force.best_E_S1_error_any_gain_percent.min(),
     )
 
 
@@ -313,22 +301,23 @@ def _largest_force_within(press: Press) -> float:
 # Shears and readings
 
 
-def shear_force(tips: Sequence[Row], best_E: float) -> Answer:
+def shear_force(tips: pd.DataFrame, best_E: float) -> Answer:
     """Answer the claim that the error of F_mu is large.
 
     Parameters
     ----------
     best_E : modulus that fits the press forces best, MPa.
     """
-    stuck = [tip for tip in tips if "stuck" in tip["tip"]]
-    worst = [abs(tip["worst_error_percent"]) for tip in stuck if math.isfinite(tip["worst_error_percent"])]
+    is_stuck = tips.tip.str.contains("stuck")
+    stuck, gripped = tips[is_stuck], pages.records(tips[~is_stuck])
+    worst = stuck.worst_error_percent.abs()
     return answer(
         "shear_force",
-        verdict(holds=least(worst) > LARGE, figures=[tip["worst_error_percent"] for tip in stuck]),
-        {"least_worst_error_percent": least(worst), "largest_worst_error_percent": most(worst)},
-        tips=tips,
-        gripped=next((tip for tip in tips if tip not in stuck), None),
-        needed=[tip["best_E_MPa"] for tip in stuck if math.isfinite(tip["best_E_MPa"])],
+        verdict(holds=worst.min() > LARGE, figures=worst),
+        {"least_worst_error_percent": worst.min(), "largest_worst_error_percent": worst.max()},
+        tips=pages.records(tips),
+        gripped=next(iter(gripped), None),
+        needed=stuck.best_E_MPa.dropna().tolist(),
         best_E=best_E,
     )
 
@@ -337,27 +326,28 @@ def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Answer:
     """Answer the claim that the ignored tilt causes the error of F_mu."""
     # a condition of the tip without a sheared state has an unknown share, and leaves the claim open
     shares = [share(rows, "tilt_N") for rows in splits]
+    least, largest = (pick(shares) if shares else math.nan for pick in (np.nanmin, np.nanmax))
     return answer(
         "tilt",
-        verdict(holds=least(shares) > 50, figures=shares),
-        {"least_tilt_share_percent": least(shares), "largest_tilt_share_percent": most(shares)},
+        verdict(holds=bool(least > 50), figures=shares),
+        {"least_tilt_share_percent": least, "largest_tilt_share_percent": largest},
         known=[pages.records(rows)[-1] for rows in splits if len(rows)],
     )
 
 
-def uniqueness(rows: Sequence[Row]) -> Answer:
+def uniqueness(layouts: pd.DataFrame) -> Answer:
     """Answer the claim that the readings are unique to each location."""
-    place = ("magnet_height_mm", "c_mm")
-    own = [row for row in rows if all(row[name] == rows[0][name] for name in place)]
-    failing = [row for row in rows if row["ambiguous_percent"] > 0]
-    unique = len(rows) - len(failing)
-    shares = [row["ambiguous_percent"] for row in rows]
+    place = ["magnet_height_mm", "c_mm"]
+    shares = layouts.ambiguous_percent
+    own = (layouts[place] == layouts[place].iloc[0]).all(axis=1)
+    failing = pages.records(layouts[shares > 0])
+    unique = len(layouts) - len(failing)
     return answer(
         "uniqueness",
         verdict(holds=not failing, holds_for_other_values=bool(unique), figures=shares),
-        {"unique_cases": unique, "cases": len(rows)},
+        {"unique_cases": unique, "cases": len(layouts)},
         failing=failing,
-        holds_here=not any(row["ambiguous_percent"] for row in own),
+        holds_here=not shares[own].any(),
     )
 
 

@@ -43,7 +43,10 @@ def designs() -> list[Design]:
 
 def _design(D: float, L_over_D: float, magnet_diameter_over_D: float, magnet_height_over_D: float) -> Design:
     L, edge = L_over_D * D, 0.0125 * D if magnet_diameter_over_D else 0.0
-    magnet: dict[str, Any] = {"magnet_diameter": magnet_diameter_over_D * D, "magnet_height": magnet_height_over_D * D}
+    magnet: dict[str, Any] = {
+        "magnet_diameter": magnet_diameter_over_D * D,
+        "magnet_height": magnet_height_over_D * D,
+    }
     return Design(D=D, L=L, l0=L, f=D, magnet_edge_radius=edge, **magnet)
 
 
