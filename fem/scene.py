@@ -216,6 +216,11 @@ def turns(loads: Sequence[Load]) -> bool:
     return len({load.axis for load in loads if load.shears_tip} | fixed) > 1
 
 
+def silicone_on_axis(design: Design, magnet: Magnet) -> float:
+    """Return the thickness of the silicone on the axis, above and below a rigid magnet, mm."""
+    return design.L - (design.magnet_height if magnet == "rigid" else 0.0)
+
+
 def _check_accuracy(accuracy: object) -> None:
     if not isinstance(accuracy, Accuracy):
         names = ", ".join(name.upper() for name in LEVELS)

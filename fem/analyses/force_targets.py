@@ -33,10 +33,9 @@ from fem.accuracy import STANDARD, Accuracy, coarser
 from fem.equilibrium import sideways_model, start_path, with_estimates
 from fem.model import coulomb_friction
 from fem.results.postprocess import read, tip_force
-from fem.scene import Model, Scene
+from fem.scene import Model, Scene, silicone_on_axis
 from fem.solution import Solution
 from fem.solve.load_case_models import mesh_range
-from fem.solve.load_increments import Reached
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
@@ -65,9 +64,6 @@ SAME_MESH = 0.01
 """Relative difference of depths up to which a glued plate has the same mesh. That is refined at the edge of the
 contact, whose radius then differs by half as much: less than the size of an element there."""
 
-Watch = Callable[[float, float], None]
-"""Is called before each solve with its depth and shear, mm."""
-
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
@@ -90,8 +86,9 @@ class CurvePoint:
         return abs(self.force - force) <= tolerance * force
 
 
-class ForceNotReached(Exception):
-    """No state of a curve has the wanted force.
+@dataclass(frozen=True, slots=True)
+class NotReached:
+    """Why no state of a curve has the wanted force.
 
     Attributes
     ----------
@@ -101,11 +98,13 @@ class ForceNotReached(Exception):
     beyond : the state after the jump; None where the force is too large.
     """
 
-    def __init__(self, point: CurvePoint, last: CurvePoint, beyond: CurvePoint | None = None) -> None:
-        super().__init__(point, last, beyond)
-        self.point, self.last, self.beyond = point, last, beyond
+    point: CurvePoint
+    last: CurvePoint
+    beyond: CurvePoint | None = None
 
 
+DOWN = np.array([1.0, 0.0, 0.0])
+"""Axis of a press in positions of the plate: depth, shear x, shear y."""
 Advance = Callable[[PathState, float], CurvePoint]
 """Returns the point at a motion, or where the path stops before it, from the state of an earlier point."""
 
@@ -141,56 +140,52 @@ class LoadingCurve:
         bisect.insort(self.points, point, key=lambda point: point.motion)
         return point
 
-    def find(self, force: float, guess: float, advance: Advance) -> CurvePoint:
+    def find(self, force: float, guess: float, advance: Advance) -> CurvePoint | NotReached:
         """Return the first state with a force: a root of the curve between two states that bracket it.
+
+        It is not reached where the path stops, or its motion ends, before the force; or the force jumps past it.
 
         Parameters
         ----------
         guess : first motion to try on an empty curve.
-
-        Raises
-        ------
-        ForceNotReached
-            The path stops, or its motion ends, before the force; or the force jumps past it.
         """
-        low, high = self._bracket(force, guess, advance)
-        for point in (low, high):
-            if point.has(force):
-                return point
         # deferred: a press to a depth needs no root search
         from scipy.optimize import brentq
 
-        def excess(motion: float) -> float:
-            point = self.reach(motion, advance)
-            # a root exactly: the search ends here
-            return 0.0 if point.has(force) else self._excess(point, force)
-
-        # a bracket this narrow without the force between its ends is a jump
-        brentq(excess, low.motion, high.motion, xtol=FORCE_TOLERANCE**2 * high.motion)
+        after = self._bracket(force, guess, advance)
+        if isinstance(after, NotReached):
+            return after
+        ends = self.points[max(after - 1, 0)], self.points[after]
+        for point in ends:
+            if point.has(force):
+                return point
+        # a force that rises by more than FORCE_TOLERANCE within so short a motion jumps: it rises 1 / FORCE_TOLERANCE
+        # times as fast as the motion
+        narrow = FORCE_TOLERANCE**2 * ends[1].motion
+        # brentq wraps its function in a cycle: what it must not keep alive is an argument
+        brentq(_excess_at, *(end.motion for end in ends), args=(self, force, advance), xtol=narrow)
         point = min(self.points, key=lambda point: abs(point.force - force))
-        if not point.has(force, SHARED_TOLERANCE):
-            after = next(k for k, each in enumerate(self.points) if each.force >= force)
-            raise ForceNotReached(self.points[after - 1], self.points[-1], self.points[after])
-        return point
+        if point.has(force, SHARED_TOLERANCE):
+            return point
+        after = next(k for k, each in enumerate(self.points) if each.force >= force)
+        return NotReached(self.points[after - 1], self.points[-1], self.points[after])
 
-    def _bracket(self, force: float, guess: float, advance: Advance) -> tuple[CurvePoint, CurvePoint]:
-        """Return neighbouring states between which the force is reached first; the second one has at least the force.
+    def _bracket(self, force: float, guess: float, advance: Advance) -> int | NotReached:
+        """Return the number of the first state that has at least the force, or as good as that.
 
-        The states are extrapolated in the variable of `_excess`, in which the beginning of a curve is straight.
+        The states are extrapolated in the variable of `excess`, in which the beginning of a curve is straight.
         """
         while True:
-            after = next((k for k, point in enumerate(self.points) if self._excess(point, force) >= 0), None)
-            if after:
-                return self.points[after - 1], self.points[after]
+            after = next((k for k, point in enumerate(self.points) if self.excess(point, force) >= 0), None)
             first, last = self.points[0], self.points[-1]
-            if after == 0:
-                if not first.has(force):
-                    raise ForceNotReached(first, last)
-                return first, first
+            if after == 0 and not first.has(force):
+                return NotReached(first, last)
+            if after is not None:
+                return after
             if last.has(force):
-                return last, last
+                return len(self.points) - 1
             if last.stop or self.ended(last.state) or last.motion >= self.most:
-                raise ForceNotReached(max(self.points, key=lambda point: point.force), last)
+                return NotReached(max(self.points, key=lambda point: point.force), last)
             self.reach(min(self._next_motion(force, guess), self.most), advance)
 
     def _next_motion(self, force: float, guess: float) -> float:
@@ -198,14 +193,20 @@ class LoadingCurve:
         if len(self.points) == 1:
             return guess
         before, last = self.points[-2:]
-        rise = self._excess(last, force) - self._excess(before, force)
-        ahead = -self._excess(last, force) * (last.motion - before.motion) / rise if rise > 0 else math.inf
+        rise = self.excess(last, force) - self.excess(before, force)
+        ahead = -self.excess(last, force) * (last.motion - before.motion) / rise if rise > 0 else math.inf
         return last.motion * min(max(1 + ahead / last.motion, SHORTEST_RATIO), LONGEST_RATIO)
 
-    def _excess(self, point: CurvePoint, force: float) -> float:
+    def excess(self, point: CurvePoint, force: float) -> float:
         """Return the force of a state over the wanted one, to the power at which it is proportional to the motion."""
         share = point.force / force
         return math.copysign(abs(share) ** (1 / self._power), share) - 1
+
+
+def _excess_at(motion: float, curve: LoadingCurve, force: float, advance: Advance) -> float:
+    point = curve.reach(motion, advance)
+    # a root exactly: the search ends here
+    return 0.0 if point.has(force) else curve.excess(point, force)
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,21 +329,20 @@ def _walk(
 ) -> Generator[Solution]:
     for done, (target, scene) in enumerate(zip(targets, scenes, strict=True)):
         if progress is not None:
-            search.watch = _watch(progress, done, len(targets), target, scene.model)
+            search.watch = functools.partial(_report, progress, done, len(targets), target, scene, itertools.count(1))
         yield search.solve(target, scene)
 
 
-def _watch(progress: Progress, done: int, count: int, target: ForceTarget, model: str) -> Watch:
-    """Return a function that reports each solve for a target, after the first `done` of `count` targets."""
-    solves = itertools.count(1)
-
-    def watch(depth: float, shear: float) -> None:
-        wanted = target.shear_size if shear else target.force
-        moved = f"depth {depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
-        # the number of solves is unknown: each one takes a part of what is left
-        progress((done + 1 - 1 / next(solves)) / count, f"{model}: {moved}, in search of {wanted:g} N")
-
-    return watch
+def _report(
+    progress: Progress, done: int, total: int, target: ForceTarget, scene: Scene, solves: Iterator[int], at: Array
+) -> None:
+    """Report a solve at a position (3,) for a target, after the first `done` of all."""
+    depth, *along = at * scene.design.D
+    shear = math.hypot(*along)
+    wanted, sheared = (target.shear_size, f", shear {shear:.4g} mm") if shear else (target.force, "")
+    # the number of solves is unknown: each one takes a part of what is left
+    share = (done + 1 - 1 / next(solves)) / total
+    progress(share, f"{scene.model}: depth {depth:.4g} mm{sheared}, in search of {wanted:g} N")
 
 
 class _Search:
@@ -350,12 +350,12 @@ class _Search:
 
     Attributes
     ----------
-    watch : is called before each solve; None: no calls.
+    watch : is called before each solve with its position (3,).
     """
 
     def __init__(self, mesh: skfem.MeshTet2 | None, *, estimate: bool) -> None:
         self._mesh, self._estimate = mesh, estimate
-        self.watch: Watch | None = None
+        self.watch: Callable[[Array], None] = lambda _: None
         # depths, mm, of the forces so far: several shear forces share one press
         self._depths: dict[float, float] = {}
         self._path: ForcePath | None = None
@@ -364,10 +364,8 @@ class _Search:
         """Return the state with the forces of a target, with error estimates."""
         begin, D = time.perf_counter(), scene.design.D
         path, pressed = self._press(target, scene)
-        depth, shear, point = pressed.motion, 0.0, pressed
-        if target.shear_force is not None:
-            point = path.shear(pressed, target)
-            shear = point.motion
+        point = pressed if target.shear_force is None else path.shear(pressed, target)
+        depth, shear = pressed.motion, 0.0 if target.shear_force is None else point.motion
         load = target.load_at(depth * D, shear * D)
         state = path.read(point, load, time.perf_counter() - begin)
         if not self._estimate:
@@ -383,20 +381,16 @@ class _Search:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
         (load,), D = scene.loads, scene.design.D
         depth = self._depths.get(target.force, load.depth)
-        failure: ForceNotReached | None = None
         for meshes_left in reversed(range(MOST_MESHES)):
             path = self._path_of(replace(scene, loads=(replace(load, depth=depth),)))
-            try:
-                point = path.press.find(target.force / force_unit(scene.design), depth / D, path.advance_press)
-                failure = None
-            except ForceNotReached as error:
-                point, failure = error.point, error
+            found = path.press.find(target.force / force_unit(scene.design), depth / D, path.advance_press)
+            point = found.point if isinstance(found, NotReached) else found
             depth = point.motion * D
             # a force that is not reached on the mesh of another depth may be reached on that of this one
             if not depth or not meshes_left or path.suits(replace(load, depth=depth)):
                 break
-        if failure is not None:
-            raise OutOfReach(_refusal(failure, target.force, "press", "depth", scene.design))
+        if isinstance(found, NotReached):
+            raise OutOfReach(_refusal(found, target.force, "press", "depth", scene.design))
         self._depths[target.force] = depth
         return path, point
 
@@ -421,19 +415,19 @@ class ForcePath:
     Attributes
     ----------
     press : force along z over the depth.
-    watch : is called before each solve; None: no calls.
+    watch : is called before each solve with its position (3,).
     """
 
     def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
         self.scene, self._path, self._iterations = scene, start_path(scene, mesh), 0
         (self._load,) = scene.loads
         self._sideways = sideways_model(scene, self._path) if check_stability else None
-        shear = scene.turn @ self._load.imposed_shear
-        self._along = shear / (float(np.linalg.norm(shear)) or 1.0)
-        self.watch: Watch | None = None
-        most = (1 - FORCE_TOLERANCE) * silicone_on_axis(scene.design, scene.magnet)
+        shear = np.append(0.0, scene.turn @ self._load.imposed_shear)
+        self._shear_axis = shear / (float(np.linalg.norm(shear)) or 1.0)
+        self.watch: Callable[[Array], None] = lambda _: None
+        most = (1 - FORCE_TOLERANCE) * silicone_on_axis(scene.design, scene.magnet) / scene.design.D
         # the force grows at first like that of Hertz's contact
-        self.press = LoadingCurve(_pressed(self._path.rest), power=3 / 2, most=most)
+        self.press = LoadingCurve(_point(self._path.rest, DOWN), power=3 / 2, most=most)
         self._begun: tuple[CurvePoint, LoadingCurve] | None = None
 
     @functools.cached_property
@@ -441,43 +435,46 @@ class ForcePath:
         """The path on the mesh that is coarser than the present one."""
         return ForcePath(replace(self.scene, accuracy=coarser(self.scene.accuracy)))
 
+    def advance(self, axis: Array, state: PathState, motion: float) -> CurvePoint:
+        """Move from a state along an axis (3,) to a motion over D."""
+        position = state.position - (axis @ state.position - motion) * axis
+        self.watch(position)
+        reached = self._path.apply(state, position)
+        self._iterations += reached.iterations
+        return replace(_point(reached.state, axis), stop=reached.stop)
+
     def advance_press(self, state: PathState, depth: float) -> CurvePoint:
         """Press from a state to a depth over D."""
-        reached = self._advance(state, np.array([depth, 0.0, 0.0]))
-        return replace(_pressed(reached.state), stop=reached.stop)
+        return self.advance(DOWN, state, depth)
 
     def advance_shear(self, state: PathState, shear: float) -> CurvePoint:
         """Shear from a state to a shear over D, at its depth."""
-        reached = self._advance(state, np.array([state.position[0], *(shear * self._along)]))
-        return replace(self._sheared(reached.state), stop=reached.stop)
+        return self.advance(self._shear_axis, state, shear)
 
     def shear(self, pressed: CurvePoint, target: ForceTarget) -> CurvePoint:
         """Return the state with the shear force of a target, after a press to a state."""
         design = self.scene.design
         force = target.shear_size / force_unit(design)
-        try:
-            return self.start_shear(pressed).find(force, expected_shear(design, force), self.advance_shear)
-        except ForceNotReached as error:
-            raise OutOfReach(_refusal(error, target.shear_size, "shear", "shear", design)) from None
+        # that of a straight beam
+        guess = min(force * tip_compliance(design) * design.E * design.D, FIRST_SHEAR)
+        found = self.start_shear(pressed).find(force, guess, self.advance_shear)
+        if isinstance(found, NotReached):
+            raise OutOfReach(_refusal(found, target.shear_size, "shear", "shear", design))
+        return found
 
     def start_shear(self, pressed: CurvePoint) -> LoadingCurve:
         """Return the force along the shear over the shear, after a press to a state."""
         if self._begun is None or pressed is not self._begun[0]:
-            first, most = self._sheared(self._path.begin_shear(pressed.state)), 2 * self.scene.shape.L
-            self._begun = pressed, LoadingCurve(first, power=1, most=most, ended=slips_wholly)
+            first = _point(self._path.begin_shear(pressed.state), self._shear_axis)
+            self._begun = pressed, LoadingCurve(first, power=1, most=2 * self.scene.shape.L, ended=slips_wholly)
         return self._begun[1]
 
     def read(self, point: CurvePoint, load: Load, seconds: float) -> Solution:
         """Return the solution at a state whose search took some seconds."""
         iterations, self._iterations = self._iterations, 0
+        sideways = self._sideways
         return read(
-            point.state,
-            self.scene,
-            load,
-            point.stop,
-            iterations=iterations,
-            seconds=seconds,
-            sideways=self._sideways,
+            point.state, self.scene, load, point.stop, iterations=iterations, seconds=seconds, sideways=sideways
         )
 
     def suits(self, load: Load) -> bool:
@@ -490,23 +487,14 @@ class ForcePath:
             return math.isclose(load.depth, present.depth, rel_tol=SAME_MESH)
         return self.scene.solid or mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
 
-    def _sheared(self, state: PathState) -> CurvePoint:
-        return CurvePoint(float(state.position[1:] @ self._along), float(tip_force(state)[:2] @ self._along), state)
 
-    def _advance(self, state: PathState, position: Array) -> Reached[PathState]:
-        if self.watch is not None:
-            depth, *shear = position * self.scene.design.D
-            self.watch(float(depth), math.hypot(*shear))
-        reached = self._path.apply(state, position)
-        self._iterations += reached.iterations
-        return reached
+def _point(state: PathState, axis: Array) -> CurvePoint:
+    """Return the point of a state on the curve of a motion along an axis (3,): depth, shear x, shear y."""
+    x, y, z = tip_force(state)
+    return CurvePoint(float(axis @ state.position), float(axis @ [z, x, y]), state)
 
 
-def _pressed(state: PathState) -> CurvePoint:
-    return CurvePoint(float(state.position[0]), float(tip_force(state)[2]), state)
-
-
-def _refusal(error: ForceNotReached, force: float, loading: str, motion: str, design: Design) -> str:
+def _refusal(error: NotReached, force: float, loading: str, motion: str, design: Design) -> str:
     """Return why no state has a force, N: with the largest force, or the jump of the force."""
     unit, point = force_unit(design), error.point
     at = f"at {motion} {point.motion * design.D:.4g} mm"
@@ -537,25 +525,15 @@ def force_unit(design: Design) -> float:
     return design.E * design.D**2
 
 
-def silicone_on_axis(design: Design, magnet: Magnet) -> float:
-    """Return the thickness of the silicone on the axis over D, above and below the magnet."""
-    return (design.L - (design.magnet_height if magnet == "rigid" else 0.0)) / design.D
-
-
 def expected_depth(design: Design, magnet: Magnet, force: float) -> float:
     """Return a rough depth over D of a press by a force over E D^2: Hertz's contact on a column.
 
     The column is what remains of the silicone on the axis below a ball of diameter D.
     """
-    R, thickness = design.R / design.D, silicone_on_axis(design, magnet)
+    R, thickness = design.R / design.D, silicone_on_axis(design, magnet) / design.D
     hertz = (0.75 * force * (1 - design.nu**2) / math.sqrt(R)) ** (2 / 3)
     column = max(thickness - 1.0, 0.0) * force / (math.pi * R**2)
     return float(min(hertz + column, FIRST_DEPTH * thickness))
-
-
-def expected_shear(design: Design, force: float) -> float:
-    """Return a rough shear over D under a force along the plate over E D^2: that of a straight beam."""
-    return min(force * tip_compliance(design) * design.E * design.D, FIRST_SHEAR)
 
 
 def slips_wholly(state: PathState) -> bool:

@@ -20,7 +20,7 @@ from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import MeshSpecification, specification
 from fem.results.error_estimates import LEAST_DEPTH, estimate_numbers, estimated
 from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
-from fem.scene import Scene
+from fem.scene import Scene, silicone_on_axis
 from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.load_case_models import PRESS_FILLET
 from fem.solve.load_stepping import Path, PathModels
@@ -98,8 +98,7 @@ def critical(
     BadInput
         The depth does not fit the design, or the design has no magnet to be rigid.
     """
-    silicone = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
-    deepest = DEEPEST * silicone if deepest is None else deepest
+    deepest = DEEPEST * silicone_on_axis(design, magnet) if deepest is None else deepest
     scene = Scene(design, (Load(depth=deepest),), accuracy, magnet)
     find = functools.partial(_find_critical, guided=guided)
     if not estimate:

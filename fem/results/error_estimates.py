@@ -65,7 +65,7 @@ from typing import Any, ClassVar, Literal, Protocol, TypeVar
 import numpy as np
 
 from fem.physics_version import PHYSICS, outdated
-from fem.scene import Scene
+from fem.scene import Scene, silicone_on_axis
 from fem.solution import Estimates
 from fem.solve.load_case_models import harmonics_at, orders_needed
 from geometry.arrays import Array
@@ -191,8 +191,7 @@ def press_limits(design: Design, magnet: Magnet) -> tuple[float, float]:
     """
     rigid = magnet == "rigid"
     first = min(PRESS_DEPTH * design.D, PRESS_SHARE * (design.R - design.magnet_height / 2 if rigid else design.L))
-    silicone = design.L - design.magnet_height if rigid else design.L
-    return first, min(DEEP_RATIO * first, DEEP_SHARE * silicone)
+    return first, min(DEEP_RATIO * first, DEEP_SHARE * silicone_on_axis(design, magnet))
 
 
 ROUNDING = 1e-12
