@@ -29,6 +29,7 @@ from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.inputs import study_axes, study_input
 from studies.inputs.study_axes import AXES, Factor
+from studies.inputs.study_input import QuantityName
 from studies.mechanics import store as stores
 from studies.mechanics.plate_motion import check_motion
 from studies.mechanics.solve_plan import Processes
@@ -92,17 +93,19 @@ def answer(
     cases : a row for each case, any number of them. Columns are fields of the design (`D_mm`, `L_mm`, `f_mm`,
         `E_MPa`, `nu`, ...), of the load (`depth_mm`, `shear_mm`, `shear_y_mm`, `plate_tilt_deg`, `grip_mm`,
         `friction`, `imperfection_N`, `frequency_Hz`, `speed_mm_per_s`; NaN as `grip_mm` means no grip) and `magnet`
-        (rigid or ignored), with the names that `magtip sweep` writes; `depth_mm` or `grip_mm` must be there. A
-        million rows take seconds if they share a few thousand stored problems, some seven minutes if the mechanics
-        of all differ. A cell that is no number, or out of its field's bounds, makes its row a bad_input.
+        (rigid or ignored), with the names that `magtip sweep` writes; `depth_mm` or `grip_mm` must be there unless
+        only critical depths, or modes of the unloaded sensor, are asked for. A million rows take seconds if they
+        share a few thousand stored problems, some seven minutes if the mechanics of all differ. A cell that is no
+        number, or out of its field's bounds, makes its row a bad_input.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
         formulas: paper, column, tip, magnet, finite; or a `FemModel` with an accuracy and a name of its own.
     base : what the columns do not say; default: the paper's sensor. Its Hall elements keep their places in the base
         where L or D vary, unless `l0_mm` is a column.
     quantities : any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth,
-        modes, response, cycle; default: force, shift, contact_radius, readings (with a magnet), and tilt with loads
-        to the side.
+        modes, response, cycle; critical depths are those of frictionless presses of the rows' sensors, whatever
+        their loads, by the finest finite elements. Default: force, shift, contact_radius, readings (with a magnet),
+        and tilt with loads to the side.
     reference : name of the model that errors are relative to; default: the finest finite elements.
     store : file that keeps all solved states, a path; default: the user's.
     workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler.
@@ -124,37 +127,38 @@ def answer(
     """
     _check_kinds(cases, models, base, quantities, reference)
     processes = Processes(workers, scheduler, retry_failed)
-    names = _axes(cases)
+    asked = study_input.checked_quantities(tuple(quantities))
+    names = _axes(cases, needs_load=study_input.needs_load(asked))
     columns, refusals = zip(
         *(_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)), strict=True
     )
     reasons = np.array(["; ".join(filter(None, each)) for each in zip(*refusals, strict=True)], dtype=object)
     possible = np.flatnonzero(reasons == "") if len(cases) else np.arange(0)
     factor = Factor(tuple(names), tuple(values[possible] for values in columns), sampled=True)
-    plan = _plan(base or paper(), factor, models, tuple(quantities), reference)
+    plan = _plan(base or paper(), factor, models, asked, reference)
     with stores.opened(Path(store or stores.default())) as states:
         parts = list(sweep.run(plan, None, states, processes=processes, progress=progress)) if len(possible) else []
     return _joined(dict(zip(names, columns, strict=True)), parts, reasons).set_axis(cases.index)
 
 
-def _axes(cases: pd.DataFrame) -> list[str]:
+def _axes(cases: pd.DataFrame, *, needs_load: bool) -> list[str]:
     """Return the fields of the columns."""
     names = [_axis(str(column)) for column in cases.columns]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
-    if not names or not {"depth", "grip"} & set(names):
+    if not names or (needs_load and not {"depth", "grip"} & set(names)):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
     return names
 
 
 def _plan(
-    base: Design, factor: Factor, models: Sequence[str | FemModel], quantities: tuple[str, ...], reference: str
+    base: Design, factor: Factor, models: Sequence[str | FemModel], asked: tuple[QuantityName, ...], reference: str
 ) -> Plan:
     """Return the study of the possible cases."""
     fem, formulas = models_of([model for model in models if isinstance(model, str)])
     fem += tuple(model for model in models if isinstance(model, FemModel))
     magnet: Magnet = "rigid" if base.shape.has_magnet else "ignored"
-    asked, names = study_input.checked_quantities(quantities), factor.names
+    names = factor.names
     truth = model_name(reference) if reference else ""
     plan = Plan(base, (factor,), {}, magnet, fem, formulas, asked, truth)
     if not asked:

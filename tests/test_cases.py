@@ -16,6 +16,9 @@ from geometry.design import BadInput, paper
 from geometry.loads import Load
 from studies import cases
 from studies.mechanics import surrogate_response
+from studies.mechanics.path_solver import Answer
+from studies.mechanics.study_cases import Problem
+from studies.sweeps.study_rows import with_critical
 
 
 @pytest.fixture
@@ -181,3 +184,35 @@ def test_a_column_that_stands_twice_is_refused(ask):
 def test_what_cannot_be_asked_is_refused(ask, columns, options, reason):
     with pytest.raises(BadInput, match=reason):
         ask(columns, **options)
+
+
+def test_a_critical_depth_needs_no_load_and_has_its_error(ask):
+    """Quick finite elements of a slender beam against standard ones: the difference lies within both estimates."""
+    slender = {"L_mm": [32.0], "l0_mm": [30.2]}
+    rows = [ask(slender, [f"fem:{level}"], quantities=["critical_depth"]).iloc[0] for level in ("quick", "standard")]
+    quick, standard = (row["critical_depth_mm"] for row in rows)
+    assert [row["status"] for row in rows] == ["ok", "ok"]
+    assert abs(quick / standard - 1) < sum(row["critical_depth_error_estimate"] for row in rows) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("depth", "status", "judged", "text"),
+    [
+        (0.9, "ok", "ok", ""),
+        (1.1, "ok", "unstable", "buckles sideways at 1 mm, now it is 1.1 mm deep"),
+        (0.9, "unstable", "unstable", "on the finer mesh of the critical depth it is stable down to 1 mm"),
+        (1.1, "not_converged", "not_converged", ""),
+    ],
+)
+def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth, status, judged, text):
+    critical = Answer(8.0, 1.0, None, "ok", "", 0.01, 0.0, values={"critical_depth_over_D": 1 / 8})
+    problem = Problem(paper(), Load(depth), "rigid", "")
+    found, message = with_critical(status, critical, problem)
+    assert found == judged
+    assert text in message
+
+
+def test_a_search_without_a_critical_depth_says_how_far_it_went():
+    none = Answer(8.0, 1.0, None, "ok", "", math.nan, 0.0, values={"stable_to_over_D": 0.25})
+    text = "no critical depth down to 2 mm, where the search ends"
+    assert with_critical("ok", none, Problem(paper(), Load(1.0), "rigid", "")) == ("ok", text)

@@ -209,6 +209,15 @@ def checked_quantities(names: Sequence[str], where: str = "") -> tuple[QuantityN
     return tuple(name for name in QUANTITIES if name in names)
 
 
+def needs_load(quantities: Sequence[QuantityName]) -> bool:
+    """Return whether quantities need a load: critical depths and modes alone are those of the sensor by itself.
+
+    >>> needs_load(("force", "modes")), needs_load(("critical_depth", "modes")), needs_load(())
+    (True, False, True)
+    """
+    return not quantities or not set(quantities) <= {"critical_depth", "modes"}
+
+
 def _load(path: str, values: Mapping[str, Any]) -> dict[str, Value]:
     """Return the fields of the load that do not vary."""
     load: dict[str, Value] = {}

@@ -97,7 +97,7 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     Returns
     -------
     Of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3"; "largest_over_ED2", the
-    largest force along the motion. "time_error": relative, of the force. "status" and "message" of the path. Rounding
+    largest force along the motion. "error_estimate": relative, of the force. "status" and "message" of the path. Rounding
     hides that the loop of an elastic sensor is not quite closed.
 
     Raises
@@ -118,7 +118,7 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
         "gap_percent": round(last.gap_percent, 6),
         "area_over_ED3": round(last.area_mJ / (unit * design.D), 12),
         "largest_over_ED2": last.largest_N / unit,
-        "time_error": cycles.time_error,
+        "error_estimate": cycles.time_error,
         "status": cycles.status,
         "message": cycles.message,
     }

@@ -306,7 +306,10 @@ def _single(task: Task) -> State:
     except SolveFailed as error:
         values, result, message = {}, "failed", str(error)
         status = "not_converged" if task.kind == "critical depth" else "failed"
-    answer = units_of(task.scene, task.kind) | {"response": None, "error_estimate": values.pop("time_error", None)}
+    answer = units_of(task.scene, task.kind) | {
+        "response": None,
+        "error_estimate": values.pop("error_estimate", None),
+    }
     answer |= {"message": message, "values": values}
     return State(0.0, 0.0, result, status, answer, time.perf_counter() - begin, _origin())
 
@@ -322,6 +325,7 @@ def _critical(task: Task) -> dict[str, Any]:
         "critical_depth_over_D": None if state.depth is None else state.depth / D,
         "critical_force_over_ED2": None if state.force is None else state.force / unit,
         "stable_to_over_D": state.stable_to / D,
+        "error_estimate": state.estimates.depth,
         "status": "ok",
         "message": state.message,
     }
@@ -344,7 +348,8 @@ SINGLE: dict[Kind, Callable[[Task], dict[str, Any]]] = {
     "response": lambda task: response_paths.solve(task.scene),
     "cycle": lambda task: cycle_paths.solve(task.scene, task.motion),
 }
-"""Solves of the quantities that are paths of their own; each returns its values, status and message."""
+"""Solves of the quantities that are paths of their own; each returns its values, status, message and, where there
+is one, estimated relative error."""
 
 
 def frequency_unit(D: float, E: float, density: float) -> float:

@@ -114,9 +114,10 @@ class Paths:
 
     def _places(self, problem: Problem) -> dict[str, tuple[Target, Place | None]]:
         """Return target and place of each answer to a problem; no place where it is impossible."""
-        kinds: dict[str, tuple[FemModel, Kind]] = {
-            model.name: (model, "states") for model in self.plan.fem if not model.surrogate
-        }
+        own = [KINDS[name] for name in self.plan.quantities if name in KINDS]
+        # a study of critical depths alone, for example, needs no state under its load
+        first: Kind = own[0] if len(own) == len(self.plan.quantities) else "states"
+        kinds = {model.name: (model, first) for model in self.plan.fem if not model.surrogate}
         if self.plan.reference is not None:
             kinds |= {name: (self.plan.reference, KINDS[name]) for name in self.plan.quantities if name in KINDS}
         return {name: self._place(problem, *kind) for name, kind in kinds.items()}

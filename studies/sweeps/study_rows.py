@@ -24,7 +24,7 @@ from analytic import beam
 from analytic.batch_readings import batch_readings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Response, rotation_of
+from geometry.loads import Load, Response, rotation_of
 from geometry.relaxation import relaxation_of
 from studies.inputs import study_axes
 from studies.mechanics import response_paths
@@ -247,7 +247,32 @@ class Rows:
         answers += [others[k] for others in solved.others.values()]
         worst = next((answer for answer in answers if answer.status != "ok"), None)
         texts = [answer.message for answer in answers if answer.message]
-        return worst.status if worst else "ok", "; ".join(dict.fromkeys([*texts, *remarks]))
+        status, buckled = worst.status if worst else "ok", ""
+        if "critical_depth" in solved.others:
+            status, buckled = with_critical(status, solved.others["critical_depth"][k], problem)
+        return status, "; ".join(filter(None, dict.fromkeys([*texts, buckled, *remarks])))
+
+
+def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str, str]:
+    """Return the status of a press beside its critical depth, and what the one says of the other.
+
+    The mesh of the critical depth is finer where the contact ends: it is the closer one, but a state that one of the
+    two calls unstable is not called stable.
+    """
+    depth, stable = (critical.values.get(f"{name}_over_D") for name in ("critical_depth", "stable_to"))
+    if problem.design is None or problem.load is None:
+        return status, ""
+    D, load = problem.design.D, problem.load
+    if depth is None:
+        if stable is None or critical.message:
+            return status, ""
+        return status, f"no critical depth down to {stable * D:.4g} mm, where the search ends"
+    presses = load.depth > 0 and load == Load(load.depth)
+    if presses and status == "ok" and load.depth > depth * D:
+        return "unstable", f"the press buckles sideways at {depth * D:.4g} mm, now it is {load.depth:g} mm deep"
+    if presses and status == "unstable" and load.depth < depth * D:
+        return status, f"on the finer mesh of the critical depth it is stable down to {depth * D:.4g} mm"
+    return status, ""
 
 
 def _as_column(values: NDArray[Any]) -> NDArray[Any]:
@@ -387,7 +412,12 @@ def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Colum
         _of_answers(batch, [answer.values.get(name) for answer in answers])
         for name in ("critical_depth_over_D", "critical_force_over_ED2", "stable_to_over_D")
     )
-    return {"critical_depth_mm": depth * D, "critical_force_N": force * batch.E * D**2, "stable_to_mm": stable * D}
+    return {
+        "critical_depth_mm": depth * D,
+        "critical_depth_error_estimate": _of_answers(batch, [answer.error_estimate for answer in answers]),
+        "critical_force_N": force * batch.E * D**2,
+        "stable_to_mm": stable * D,
+    }
 
 
 def _mode_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:

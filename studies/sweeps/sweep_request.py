@@ -57,7 +57,7 @@ def plan_of(source: str | None, options: Options) -> Plan:
     design = study_input.study_design(study, options.sets, magnet=magnet)
     names = tuple(name for factor in study.factors for name in factor.names)
     _check_twice(names, options, study)
-    load = _load(study, options, names)
+    load = _load(study, options)
     fem, formulas = _models(options, study)
     asked = (
         tuple(part.strip() for part in options.quantities.split(","))
@@ -65,6 +65,8 @@ def plan_of(source: str | None, options: Options) -> Plan:
         else study.quantities
     )
     quantities = study_input.checked_quantities(asked)
+    if study_input.needs_load(quantities) and not {"depth", "grip"} & {*names, *load}:
+        raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
     plan = Plan(design, study.factors, load, magnet, fem, formulas, quantities)
     if not quantities:
         sideways = ("tilt",) if plan.loads_sideways else ()
@@ -111,16 +113,13 @@ def _check_twice(names: Sequence[str], options: Options, study: study_input.Stud
         raise BadInput(f"magnet is given twice, as an axis and {where}: leave one of them out")
 
 
-def _load(study: study_input.Study, options: Options, names: Sequence[str]) -> dict[str, Value]:
+def _load(study: study_input.Study, options: Options) -> dict[str, Value]:
     load = dict(study.load)
     for name, text in user_input.pairs("--load", options.load, "shear=1").items():
         user_input.check_keys("--load", [name], study_axes.LOAD)
         load[name] = study_axes.parse(name, text)[0]
     if options.depth is not None:
         load["depth"] = study_axes.checked("depth", [options.depth])[0]
-    gripped = "grip" in names or "grip" in load
-    if "depth" not in load and "depth" not in names and not gripped:
-        raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
     return load
 
 
