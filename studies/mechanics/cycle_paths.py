@@ -97,8 +97,8 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     Returns
     -------
     Of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3"; "largest_over_ED2", the
-    largest force along the motion. "error_estimate": relative, of the force. "status" and "message" of the path. Rounding
-    hides that the loop of an elastic sensor is not quite closed.
+    largest force along the motion. "error_estimate": relative, of the force. "status" and "message" of the path.
+    Rounding hides that the loop of an elastic sensor is not quite closed.
 
     Raises
     ------
