@@ -203,7 +203,6 @@ def catalogue(
 
 
 def _published(sized: Path | None) -> Result:
-    """Return the figures of published sensors, beside what variants of the same boxes reach."""
     from studies.sizing import published_sensors
 
     rows = published_sensors.comparison({} if sized is None else published_sensors.reached_in(sized))

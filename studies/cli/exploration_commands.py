@@ -383,7 +383,6 @@ def explore(
 
 
 def _export(design: Design, path: Path) -> None:
-    """Write the page of a design as one file."""
     from studies.web import offline_page
 
     file = atomic_files.check_output_file(path, ".html", ".htm")

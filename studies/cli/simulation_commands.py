@@ -160,7 +160,6 @@ def stability(
 
 
 def _slenderness_of(text: str, design: Design) -> list[float]:
-    """Return the values of --slenderness."""
     ratios = user_input.parse_numbers("--slenderness", text)
     if not min(ratios) > 0.5:
         raise BadInput(

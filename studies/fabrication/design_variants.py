@@ -89,7 +89,6 @@ def sentences_of(rows: Sequence[FabricationRow]) -> list[str]:
 
 
 def _named(texts: Sequence[tuple[FabricationRow, str]]) -> list[str]:
-    """Return each text once, with the folders of the variants that have it."""
     return console.remarks([{"variant": row.folder.name, "message": text} for row, text in texts], ("variant",))
 
 

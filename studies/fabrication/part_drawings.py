@@ -207,7 +207,6 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
 
 
 def _outline(plan: Plan, level: int) -> list[Dimension]:
-    """Return the dimensions of the base's sides or of its diameter, seen from above."""
     h = plan.half
     across: Dimension = ((-h, -h), (h, -h), "below", level, number(2 * h))
     if plan.is_round:
@@ -216,7 +215,6 @@ def _outline(plan: Plan, level: int) -> list[Dimension]:
 
 
 def _axis(view: View) -> None:
-    """Draw the axis x = 0, a little longer than the view."""
     left, right, low, top = view.box
     over = 0.04 * math.hypot(right - left, top - low)
     view.paths.append(([[Piece((0.0, low - over), (0.0, top + over))]], "axis"))

@@ -109,7 +109,6 @@ def build(
 
 
 def _refuse_failed(checks: Sequence[Check]) -> None:
-    """Raise a MeshError for the first check that fails, so that no file is written."""
     for check in checks:
         if not check.passed:
             raise MeshError(
@@ -223,7 +222,6 @@ def result_of(fabricated: Sequence[FabricationRow]) -> Result:
 
 
 def _brief(fabricated: FabricationRow) -> FlatRow:
-    """Return the columns that a table of several variants shows."""
     left_out = ("recipe", "beam_size_mm", "leads_below_base_mm")
     row = {name: value for name, value in fabricated.row().items() if name not in left_out}
     return row | {"parts": len(fabricated.parts), "checks": len(fabricated.checks)}

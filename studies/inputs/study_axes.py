@@ -138,7 +138,6 @@ def checked(name: str, values: Sequence[Value]) -> list[Value]:
 
 
 def _check_value(name: str, quantity: Quantity, value: Value) -> None:
-    """Raise BadInput if the value is not one of an axis."""
     if isinstance(value, str):
         if value not in quantity.names:
             wanted = [*quantity.names, *(["a number"] if quantity.is_number else [])]
@@ -227,7 +226,6 @@ def from_table(name: str, value: Any) -> list[Value]:
 
 
 def _kind(name: str) -> str:
-    """Return what the values of an axis are, for messages."""
     quantity = AXES[name]
     names = f"the names {', '.join(quantity.names)}" if quantity.names else ""
     return " or ".join(part for part in ("numbers" if quantity.is_number else "", names) if part)

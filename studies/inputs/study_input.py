@@ -219,7 +219,6 @@ def needs_load(quantities: Sequence[QuantityName]) -> bool:
 
 
 def _load(path: str, values: Mapping[str, Any]) -> dict[str, Value]:
-    """Return the fields of the load that do not vary."""
     load: dict[str, Value] = {}
     for name, value in values.get("load", {}).items():
         check_keys(f"{path}: load", [name], LOAD)
@@ -237,7 +236,6 @@ def _load(path: str, values: Mapping[str, Any]) -> dict[str, Value]:
 
 
 def _factors(path: str, values: Mapping[str, Any]) -> tuple[Factor, ...]:
-    """Return what varies: axes, then zipped groups, then the sample."""
     for name in values.get("axes", {}):
         study_axes.check_name(name)
     factors = list(grid({name: study_axes.from_table(name, v) for name, v in values.get("axes", {}).items()}))

@@ -128,7 +128,6 @@ def overrides(sets: Sequence[str]) -> dict[str, Value]:
 
 
 def _number(name: str, text: str) -> float:
-    """Return the finite number in a text."""
     try:
         value = float(text)
     except ValueError:

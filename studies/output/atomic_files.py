@@ -295,5 +295,4 @@ def clean(value: Any) -> Any:
 
 
 def _cause(error: Exception) -> str:
-    """Return the operating system's description of an error, or its text."""
     return getattr(error, "strerror", None) or str(error)

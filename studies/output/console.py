@@ -103,7 +103,6 @@ def _fitting(columns: Mapping[str, Column], first: Sequence[str], space: int | N
 
 
 def _name_hidden_columns(keys: Sequence[str]) -> None:
-    """Print a note that names the columns that the table does not show."""
     keys = list(dict.fromkeys(keys))
     if keys:
         names = [text_tables.heading(key)[0] for key in keys[:MOST_NAMED]]
@@ -253,7 +252,6 @@ def note(text: str) -> None:
 
 
 def _print_lines(title: str, lines: Sequence[str]) -> None:
-    """Print the title, if there is one, the lines, and an empty line."""
     heads = text_tables.wrapped(title, room()) if title else []
     print("\n".join([*heads, *lines, ""]), flush=True)
 

@@ -370,7 +370,6 @@ def short(value: Any) -> str:
 
 
 def _spec(chart: Any) -> dict[str, Any]:
-    """Return a chart as Vega-Lite, with any number of rows."""
     import altair as alt
 
     with alt.data_transformers.enable("default", max_rows=None):
@@ -397,7 +396,6 @@ def _is_named(data: pd.DataFrame, column: str) -> bool:
 
 
 def _cell_axis(data: pd.DataFrame, name: str, sort: str = "ascending") -> dict[str, Any]:
-    """Return the encoding of an axis of a map: numbers in order, names as the table has them."""
     import altair as alt
 
     # cells without a value have a place, too
@@ -436,7 +434,6 @@ def _shaded(
 
 
 def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -> Any:
-    """Return the encoding of a coordinate."""
     import altair as alt
 
     way = kind.__name__.lower()
@@ -543,7 +540,6 @@ def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> 
 
 
 def _guides(guides: Sequence[Guide]) -> list[Any]:
-    """Return the layers of straight lines and shades."""
     import altair as alt
 
     layers: list[Any] = []
@@ -565,7 +561,6 @@ def _guides(guides: Sequence[Guide]) -> list[Any]:
 
 
 def _tooltip(data: pd.DataFrame, columns: Sequence[str]) -> list[Any]:
-    """Return what the readout of a mark says."""
     import altair as alt
 
     return [
@@ -577,7 +572,6 @@ def _tooltip(data: pd.DataFrame, columns: Sequence[str]) -> list[Any]:
 
 
 def _faceted(chart: Any, data: pd.DataFrame, panels: Sequence[str], columns: int, *, shared: bool) -> Any:
-    """Return a chart with its data, in panels where there are several."""
     import altair as alt
 
     if len(panels) < 2 and not any(panels):

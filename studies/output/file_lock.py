@@ -64,7 +64,6 @@ def _locked_handle(file: Path) -> int:
 
 
 def _same(file: Path, handle: int) -> bool:
-    """Return whether the file of this name is still the one that was opened."""
     try:
         return os.path.samestat(os.stat(file), os.fstat(handle))
     except FileNotFoundError:
@@ -72,7 +71,6 @@ def _same(file: Path, handle: int) -> bool:
 
 
 def _owner(file: Path) -> str:
-    """Name the process that wrote the lock file."""
     with contextlib.suppress(OSError, ValueError):
         process, _, machine = file.read_text("utf-8").partition(" ")
         if process.isdecimal():

@@ -118,7 +118,6 @@ def states_origin(file: Path) -> bool:
 
 
 def _check_listed(file: Path, listed: Mapping[str, set[str]], other: str) -> None:
-    """Refuse to overwrite a file that is not listed, or that was changed."""
     if file.name not in listed:
         raise _refusal(file, "was not written by magtip", other)
     if _digest(file) not in listed[file.name]:
@@ -145,6 +144,5 @@ def _listed(folder: Path) -> dict[str, set[str]] | None:
 
 
 def _digest(file: Path) -> str:
-    """Return the digest of a file."""
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

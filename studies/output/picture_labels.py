@@ -94,7 +94,6 @@ def _leader(draw: ImageDraw, tip: Point, place: Point, half_x: float, half_y: fl
 
 
 def _arrow(draw: ImageDraw, start: Point, end: Point) -> None:
-    """Draw an axis with its head."""
     draw.line([start, end], fill=INK, width=2)
     x, y = end[0] - start[0], end[1] - start[1]
     length = math.hypot(x, y)
@@ -108,13 +107,11 @@ def _arrow(draw: ImageDraw, start: Point, end: Point) -> None:
 
 
 def _mark_taken(taken: Mask, place: Point, half_x: float, half_y: float) -> None:
-    """Mark the box of a label as taken."""
     x, y = place
     taken[max(int(y - half_y), 0) : int(y + half_y) + 1, max(int(x - half_x), 0) : int(x + half_x) + 1] = True
 
 
 def _box_of(taken: Mask) -> Sequence[int]:
-    """Return the left, top, right and lower end of the subject."""
     rows, columns = np.flatnonzero(taken.any(axis=1)), np.flatnonzero(taken.any(axis=0))
     high, wide = taken.shape
     return (columns[0], rows[0], columns[-1], rows[-1]) if len(rows) else (0, 0, wide, high)

@@ -76,7 +76,6 @@ def commit() -> str | None:
 
 
 def _project(root: Path) -> str | None:
-    """Return the project's name in a folder's pyproject.toml."""
     try:
         with (root / "pyproject.toml").open("rb") as file:
             return str(tomllib.load(file)["project"]["name"])

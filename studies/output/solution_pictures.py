@@ -162,7 +162,6 @@ def _loop(plotter: Any, outline: Array, towards: float, **look: Any) -> None:
 
 
 def _add_magnet(plotter: Any, design: Design, response: Response, reach: float) -> None:
-    """Draw the magnet's section, rotated by the tilt about y and displaced by the shift."""
     a, b, rho = design.magnet_diameter / 2, design.magnet_height / 2, design.magnet_edge_radius
     turn = np.linspace(0, math.pi / 2, 9)
     arcs = [
@@ -211,7 +210,6 @@ def _bottom(design: Design, solution: Solution) -> float:
 def _add_plate(
     plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
 ) -> None:
-    """Draw the plate and its label."""
     bottom, thick = _bottom(design, solution), PLATE * design.D
     ends = [(x, bottom - slope * x) for x in span]
     corners = [*ends, *[(x, z + thick) for x, z in reversed(ends)]]
@@ -226,7 +224,6 @@ def _add_plate(
 
 
 def _add_ground(plotter: Any, design: Design, plane: str, reach: float) -> None:
-    """Draw the clamped base, a scale bar, and the name of the section."""
     R, thick = design.R, 0.053 * reach
     ground = np.array([(-1.4 * R, 0.0), (1.4 * R, 0.0), (1.4 * R, -thick), (-1.4 * R, -thick)])
     plotter.add_mesh(_polygon(ground, -0.01), color="#dddddd", lighting=False)
@@ -276,13 +273,11 @@ def _add_bar(plotter: Any, title: str, mapper: Any, labels: int) -> None:
 
 
 def _width(design: Design, span: tuple[float, float]) -> tuple[float, float]:
-    """Return the least and the greatest x in the picture, mm."""
     edge = 0.05 * design.R
     return min(-1.4 * design.R, span[0] - edge), max(1.4 * design.R, span[1] + edge)
 
 
 def _top(design: Design, solution: Solution, slope: float) -> float:
-    """Return the greatest height in the picture, mm."""
     end = design.L - solution.load.depth + 1.25 * design.R * abs(slope)
     highest = max(design.L, end if slope else 0.0)
     return max(highest + 0.14 * design.D, 1.06 * highest)

@@ -33,7 +33,6 @@ class Output:
 
 @contextlib.contextmanager
 def _as_output_lost() -> Iterator[None]:
-    """Raise an OSError as OutputLost."""
     try:
         yield
     except OSError as error:

@@ -109,7 +109,6 @@ def _csv(file: Path, digits: int) -> Iterator[Write]:
 
 
 def _cells(values: NDArray[Any], digits: int) -> list[str]:
-    """Return the cells of a column."""
     if values.dtype.kind == "f":
         pattern = f"%.{digits}g"
         return ["" if value != value else pattern % value for value in values.tolist()]
@@ -151,7 +150,6 @@ def _parquet(file: Path, about: dict[str, str]) -> Iterator[Write]:
 
 
 def _arrow_type(dtype: np.dtype[Any]) -> Any:
-    """Return the type of a Parquet file's column."""
     import pyarrow as pa
 
     return pa.string() if dtype.kind in "OU" else pa.from_numpy_dtype(dtype)

@@ -103,7 +103,6 @@ def nodal_pressure(body: Body) -> Any:
 
 
 def _save(path: str | Path, grid: Any) -> None:
-    """Write a grid as a binary .vtu file."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     # VTK writes into memory, because on a full disk it would end the whole process

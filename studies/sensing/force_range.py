@@ -180,7 +180,6 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
 
 
 def _largest(sigma: Array) -> list[float] | None:
-    """Return the largest value of each row; None without a column."""
     return sigma.max(axis=1).tolist() if sigma.shape[1] else None
 
 

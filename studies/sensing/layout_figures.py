@@ -86,7 +86,6 @@ def _cells(poses: Survey) -> pd.DataFrame:
 
 
 def _limited(values: np.ndarray) -> np.ndarray:
-    """Return values of at most `DECADES` times the least one."""
     known = values[np.isfinite(values) & (values > 0)]
     return np.minimum(values, DECADES * known.min()) if len(known) else values
 

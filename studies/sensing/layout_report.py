@@ -202,7 +202,6 @@ PLACES = ("worst_at_N", "worst_at_mm")
 
 
 def _shown(layout: FlatRow) -> FlatRow:
-    """Return the row of a layout for the terminal."""
     hidden = ["status", "elements", "hits", "warnings", "poses"]
     hidden += ["known_percent"] if layout["known_percent"] == 100 else []
     hidden += ["most_alike", "alike_apart_mm"] if layout["most_alike"] == 1 else []
@@ -213,7 +212,6 @@ def _shown(layout: FlatRow) -> FlatRow:
 
 
 def _shown_forces(forces: FlatRow) -> FlatRow:
-    """Return the row of a range of loads for the terminal."""
     row = {name: value for name, value in forces.items() if value not in (None, []) and name != "warnings"}
     places = {
         name: ["; ".join(f"{v + 0.0:.3g}" for v in vector) for vector in row[name]] for name in PLACES if name in row

@@ -125,7 +125,6 @@ def _search(
     bounds: Sequence[tuple[float, float]],
     progress: Progress,
 ) -> dict[Place, Score]:
-    """Return the scores of all evaluated places."""
     many = GRID[len(bounds)]
     axes = [
         [low] if high == low else [_rounded(low + (high - low) * k / (many - 1)) for k in range(many)]
@@ -229,6 +228,5 @@ def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis:
 
 
 def _order(row: FlatRow) -> Score:
-    """Return the key that sorts rows, the best first."""
     worst = row["noise_worst_um"]
     return round(1 - row["unique_percent"] / 100, 3), math.inf if worst is None else worst

@@ -158,7 +158,6 @@ def _own(design: Design, form: str) -> FlatRow:
 
 
 def _figures(poses: Survey) -> FlatRow:
-    """Return the ambiguous share and the range of shifts in which it lies."""
     import numpy as np
 
     many = (poses.multiplicity > 1) & (poses.weight > 0)

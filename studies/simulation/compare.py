@@ -170,7 +170,6 @@ def part(progress: Progress | None, low: float, high: float, name: str = "") -> 
 def _both(
     design: Design, loads: Sequence[Load], accuracy: Accuracy, progress: Progress | None
 ) -> tuple[list[LoadOutcome], list[LoadOutcome]]:
-    """LoadOutcomes with the rigid magnet and of the homogeneous beam."""
     if not design.shape.has_magnet:
         bare = follow(design, loads, accuracy, "ignored", progress)
         return bare, bare

@@ -94,7 +94,6 @@ def _last_sentence(data: pd.DataFrame, x: str, label: str) -> str:
 
 
 def _force_sentence(table: pd.DataFrame) -> str:
-    """Return the press forces of all models in the deepest state that was reached."""
     force, formula = numbers(table, "fem_force_N"), numbers(table, "analytic_force_N")
     rows = np.flatnonzero(np.isfinite(force) & np.isfinite(formula))
     if not len(rows):
@@ -110,7 +109,6 @@ def _force_sentence(table: pd.DataFrame) -> str:
 
 
 def _errors(table: pd.DataFrame, title: str, x: tuple[str, str], error: str) -> Figure:
-    """Return the errors of the paper's formula against both kinds of finite elements."""
     sentences = []
     for prefix, name in JUDGED.items():
         judged = numbers(table, prefix + error).dropna()

@@ -73,13 +73,11 @@ def _along(rows: Sequence[FlatRow], place: str, column: str) -> list[Error]:
 
 
 def _largest_percent(rows: Sequence[FlatRow], column: str) -> float:
-    """Return the largest known estimate of both finite elements, %."""
     estimates = [row[f"{beam}{column}"] for row in rows for beam in ("", "homogeneous_")]
     return 100 * max(filter(math.isfinite, estimates), default=NAN)
 
 
 def _worst(name: str, errors: Sequence[Error]) -> dict[str, float]:
-    """Return the error of largest magnitude and its place, under a name."""
     finite = [(place, error) for place, error in errors if math.isfinite(error)]
     place, error = max(finite, key=lambda pair: abs(pair[1]), default=(NAN, NAN))
     return {f"worst_{name}": error, f"worst_{name}_at_mm": place}

@@ -201,7 +201,6 @@ def over_slenderness(
 
 
 def _row(design: Design, magnet: Magnet, accuracy: str, ratio: float) -> FlatRow:
-    """Return the row of one L/D."""
     length = ratio * design.D
     columns: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
     columns |= {**dict.fromkeys(COLUMNS), "message": ""}
@@ -212,7 +211,6 @@ def _row(design: Design, magnet: Magnet, accuracy: str, ratio: float) -> FlatRow
 
 
 def _solve(beam: Design, magnet: Magnet, accuracy: str) -> FlatRow:
-    """Return the columns of one length that was solved."""
     from fem.accuracy import LEVELS
     from fem.analyses import stability
 

@@ -284,7 +284,6 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
 
 
 def _without_rounding(value: float) -> float:
-    """Return 0 for a value that is rounding."""
     return value if abs(value) > EXACT else 0.0
 
 

@@ -164,7 +164,6 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
 
 
 def _check_forces(motion: Motion) -> None:
-    """Refuse options that exclude a force."""
     name = "--forces" if motion.force is None else "--force"
     if motion.force is not None and motion.forces is not None:
         raise BadInput("--force and --forces exclude each other: give only one")
@@ -338,7 +337,6 @@ def _rows(
 
 
 def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:
-    """Write the deformed body to the .vtu file and its section to the .png file."""
     if vtu is not None:
         vtk_files.write_field(vtu, state)
     if png is not None:

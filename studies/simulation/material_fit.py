@@ -44,8 +44,6 @@ Curve = tuple[Array, NDArray[Any]]
 
 
 def _texts(record: FlatRow) -> FlatRow:
-    """Return a record for tables: numbers, ranges and lists as texts."""
-
     def text(name: str, value: Any) -> Any:
         if isinstance(value, dict):
             return ", ".join(f"{key}={number:.6g}" for key, number in value.items())
@@ -140,7 +138,6 @@ def law_record(judged: Judged, data: Specimen) -> FlatRow:
 
 
 def _law_tables(rows: Sequence[FlatRow], *, wide: bool) -> list[Block]:
-    """Return the laws as three tables that fit into 80 columns, or as a wide one."""
     by_AICc = rows[0]["ranked_by"] == "AICc"
     ranking = "AICc" if by_AICc else "number of constants (too few points for AICc)"
     title = f"Laws, best first, ranked by {ranking}"
@@ -157,7 +154,6 @@ def _law_tables(rows: Sequence[FlatRow], *, wide: bool) -> list[Block]:
 
 
 def _draw_laws(path: Path, data: Specimen, fits: Sequence[Fit], nu: float) -> None:
-    """Draw the test with the laws fitted to it, the best first, and what they leave over."""
     smooth = np.geomspace(min(1.0, data.stretch.min()), max(1.0, data.stretch.max()), 300)
     x, y, rest = "stretch", "nominal stress (MPa)", "law less test (% of the largest)"
 
@@ -263,7 +259,6 @@ def branch_record(fit: BranchFit, test: Test, rank: int, *, chosen: bool) -> Fla
 
 
 def _branch_tables(rows: Sequence[FlatRow], chosen: BranchFit, test: Test, *, wide: bool) -> list[Block]:
-    """Return the numbers of branches, the moduli with their confidence, and the chosen branches."""
     keys = rows[0] if wide else ("branches", "chosen", "AICc", "rms_percent", "long_term_share")
     title = "Numbers of branches, least AICc first"
     tables: list[Block] = [Table(title=title, rows=[{key: row[key] for key in keys} for row in rows])]
@@ -293,7 +288,6 @@ def why_unusable(fit: BranchFit, test: Test) -> str:
 
 
 def _warnings(fit: BranchFit, test: Test) -> list[str]:
-    """Return warnings about a test and about the use of fitted branches."""
     return law_regression.sentences(
         "branches",
         fit=fit,

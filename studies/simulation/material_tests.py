@@ -310,7 +310,6 @@ def read(path: str, nu: float, stretch: float | None = None, ramp: float | None 
 
 
 def _youngs(column: str, nu: float) -> float:
-    """Return the factor from a column's modulus to Young's modulus."""
     return 2 * (1 + nu) if column.startswith("shear") else 1.0
 
 

@@ -148,7 +148,6 @@ def _solve(
 
 
 def _draw(path: Path, curves: Curves, scene: Scene, models: Models) -> None:
-    """Write the readings over the frequency, and the magnet's motion beside oscillators where there is a force."""
     drawn = time_figures.response(table_of(response_curves.rows(curves, None, scene)))
     if curves.force is not None and models:
         responses = {name: response(curves.frequency) for name, (_, response) in models.items()}
@@ -166,7 +165,6 @@ def _shift_per_force(at: At, motion: str, f: Array) -> Complex:
 
 
 def _notes(design: Design, load: Load, at_rest: Design, magnet: Magnet, level: Accuracy) -> list[str]:
-    """Return what the numbers assume, and the free sensor's natural frequencies beside the paper's formula."""
     from fem.analyses.modes import modes, spring_mass
 
     free = modes(at_rest, magnet, 6, accuracy=level, estimate=False)
@@ -458,7 +456,6 @@ def natural_frequencies(
 
 
 def _first(frequencies: Sequence[float], shapes: Sequence[str]) -> dict[str, float]:
-    """Return the first mode of each shape."""
     # later entries of a dict replace earlier ones
     return {shape: f for f, shape in reversed(list(zip(frequencies, shapes, strict=True)))}
 
