@@ -19,6 +19,7 @@ from geometry.fabrication.printability import Check
 from geometry.mold import Mold, sizes
 from studies.fabrication import assembly_picture, casting_recipe, sensor_parts, sensor_solids
 from studies.fabrication.fabrication_rows import FabricationRow, Silicone
+from studies.inputs.option_groups import Fabrication
 from studies.output import console, own_files
 from studies.simulation.design_summary import OuterSize
 
@@ -301,19 +302,18 @@ def test_a_module_that_cannot_be_loaded_says_so():
 @pytest.mark.parametrize("value", ["1e9", "-1e9", "nan", "inf", "9" * 400, "", "three"])
 def test_a_choice_out_of_its_range_names_the_range(option, choices, value):
     for name, bounds in ((spec.name, spec.metadata) for spec in dataclasses.fields(choices) if spec.metadata):
-        texts = {"--mold": [], "--base": [], option: [f"{name}={value}"]}
+        given = Fabrication(**{option.strip("-"): [f"{name}={value}"]})
         with pytest.raises(BadInput) as caught:
-            sensor_solids.parse_fabrication_choices("fdm", texts["--mold"], texts["--base"], None)
+            sensor_solids.parse_fabrication_choices(given)
         assert str(caught.value).startswith(f"{name} must ")
         assert all(f"{bound:g}" in str(caught.value) for bound in (bounds["low"], bounds["high"]))
 
 
 def test_a_count_may_be_written_as_any_whole_number():
-    assert sensor_solids.parse_fabrication_choices(
-        "fdm", ["columns=3.0", "rows=1e0", "wall=2"], [], None
-    ).mold == Mold(columns=3, wall=2)
+    given = Fabrication(mold=["columns=3.0", "rows=1e0", "wall=2"])
+    assert sensor_solids.parse_fabrication_choices(given).mold == Mold(columns=3, wall=2)
     with pytest.raises(BadInput, match=r"^columns must be a whole number from 1 to 10; got 2\.5$"):
-        sensor_solids.parse_fabrication_choices("fdm", ["columns=2.5"], [], None)
+        sensor_solids.parse_fabrication_choices(Fabrication(mold=["columns=2.5"]))
 
 
 @pytest.mark.parametrize(

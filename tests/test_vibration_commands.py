@@ -4,8 +4,7 @@ import csv
 
 import pytest
 
-from studies.cli.simulation_commands import read_band
-from studies.simulation.vibration_report import lines, mesh_warnings
+from studies.simulation.vibration_report import lines, mesh_warnings, read_band
 
 QUICK = ("--accuracy", "quick", "--count", 20)
 

@@ -14,7 +14,7 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.cli.parameters import AsJson, Sets, Source, Wide, command, design_of, destination
 from studies.inputs import user_input
-from studies.inputs.option_groups import Whole
+from studies.inputs.option_groups import Fabrication, Whole
 from studies.inputs.user_input import AccuracyName, say_no_effect
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
@@ -33,12 +33,7 @@ def cad(
     /,
     *,
     out: Path,
-    process: Literal["fdm", "sla"] = "fdm",
-    mold: list[str] | None = None,
-    base: list[str] | None = None,
-    axis: list[str] | None = None,
-    tolerance: float | None = None,
-    silicone: str | None = None,
+    fabrication: Fabrication = Fabrication(),
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -51,32 +46,16 @@ def cad(
     ----------
     out
         Output folder.
-    process
-        Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls.
-    mold
-        Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3, split=1 or marks=1 (letters);
-        repeatable.
-    base
-        Setting of the base: square or round, or KEY=VALUE, such as outer=16, recess=0.4, screw=0 or marks=1 (grooves
-        at +x and +y); repeatable.
-    axis
-        Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable.
-    tolerance
-        Largest distance of the STL's facets from the surface, mm; default: D/2000.
-    silicone
-        Name of a silicone of the shipped catalogue, such as "Sylgard 184", whose mix and cure the recipe then states;
-        default: the recipe refers to the data sheet.
     """
     command_line = command(cad, locals())
     from studies.fabrication import design_variants, sensor_parts, sensor_solids
+    from studies.sizing import catalogues
 
     design = design_of(source, sets)
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
-    from studies.sizing import catalogues
-
-    mix = None if silicone is None else catalogues.silicone_of(silicone)
-    choices = sensor_solids.parse_fabrication_choices(process, mold or [], base or [], tolerance, mix)
-    axes = design_variants.axes_of(axis or [])
+    mix = None if fabrication.silicone is None else catalogues.silicone_of(fabrication.silicone)
+    choices = sensor_solids.parse_fabrication_choices(fabrication, mix)
+    axes = design_variants.axes_of(fabrication.axis or [])
     for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Annotated
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
-from studies.inputs.option_groups import LEVEL, Basis, FieldLevel, Pose, Whole
+from studies.inputs.option_groups import LEVEL, Basis, Decoding, FieldLevel, LayoutParts, Pose, Reading
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -53,10 +51,7 @@ def readings(
     /,
     *,
     pose: Pose = Pose(),
-    level: Annotated[FieldLevel, LEVEL] = "exact",
-    mode: Literal["component", "magnitude"] = "component",
-    ambient: str = "0,0,0",
-    seed: Whole | None = None,
+    reading: Reading = Reading(),
     responses: Path | None = None,
     sets: Sets = None,
     wide: Wide = False,
@@ -66,12 +61,6 @@ def readings(
 
     Parameters
     ----------
-    mode
-        Reading of an element: component B.n, or magnitude |B| as in the paper.
-    ambient
-        Uniform ambient field Bx,By,Bz, T.
-    seed
-        Seed of one random sample of the elements' noise; default: no noise.
     responses
         File of states printed by `magtip solve --json` (or `analytic --json`), one per line, in place of --shift
         and --tilt; each state gives a row of readings.
@@ -80,7 +69,7 @@ def readings(
 
     here = Destination(as_json=as_json, wide=wide)
     design = design_of(source, sets)
-    sensing = field_readings.sensing_of(design, level, mode, ambient, seed)
+    sensing = field_readings.sensing_of(design, reading)
     if responses is None:
         shift, tilt = field_readings.pose_of(pose)
         row = field_readings.read_pose(design, shift, tilt, sensing)
@@ -94,13 +83,7 @@ def decode(
     source: Source,
     /,
     *,
-    readings: str | None = None,
-    file: Path | None = None,
-    units: Literal["T", "V"] | None = None,
-    level: str | None = None,
-    responses: Path | None = None,
-    ignore_tilt: bool = False,
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
+    decoding: Decoding = Decoding(),
     out: Path | None = None,
     sets: Sets = None,
     as_json: AsJson = False,
@@ -112,23 +95,6 @@ def decode(
 
     Parameters
     ----------
-    readings
-        Readings a,b,c in the order S1,S2,S3 (of a chip: -z,x,y), V or T as --units says.
-    file
-        CSV file with the columns S1_V,S2_V,S3_V (or _T), decoded row by row as a stream.
-    units
-        Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output.
-    level
-        Formulas for tilt and load: paper, column, tip, magnet or finite; default: paper, which has no tilt and
-        underestimates the force.
-    responses
-        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load
-        instead of formulas.
-    ignore_tilt
-        Assume that the magnet does not tilt.
-    tolerances
-        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
-        that these tolerances may cause at rest has the status uncalibrated.
     out
         CSV file for the rows of --file with the results added; default: standard output.
     """
@@ -136,27 +102,25 @@ def decode(
     from studies.sensitivity import decode_tolerances
     from studies.sensitivity.made_sensors import parse_tolerances
 
+    readings, file, here = decoding.readings, decoding.file, Destination(as_json=as_json)
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
         raise BadInput("--out works with --file only: leave it out")
-    atomic_files.check_apart([out], [source, file, responses])
-    made = parse_tolerances(tolerances or [])
-    coder = decode_readings.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
-    name = decode_readings.level_name(level, responses)
+    atomic_files.check_apart([out], [source, file, decoding.responses])
+    made = parse_tolerances(decoding.tolerances or [])
+    coder = decode_readings.prepare(design_of(source, sets), decoding)
     if readings is not None:
-        answer, field, found = decode_readings.decode_text(coder, readings, units, name)
+        answer, field, found = decode_readings.decode_text(coder, readings, decoding)
         checked = decode_tolerances.check(coder, field, found, made)
-        return show(decode_readings.result(checked.of_one(answer, found.force)), Destination(as_json=as_json))
-    assert file is not None
+        return show(decode_readings.result(checked.of_one(answer, found.force)), here)
 
     def check(field: Array, found: Decoded) -> tuple[list[Status], list[str]]:
         checked = decode_tolerances.check(coder, field, found, made)
         return checked.status, checked.warnings(found.force)
 
     with atomic_files.sole_writer(out):
-        counted = decode_readings.decode_file(coder, file, units, out, name, check, as_json=as_json)
-    return show(counted, Destination(as_json=as_json))
+        return show(decode_readings.decode_file(coder, decoding, out, check, as_json=as_json), here)
 
 
 def table(
@@ -209,11 +173,7 @@ def layout(
     /,
     *,
     basis: Basis = Basis(),
-    search: bool = False,
-    ranges: Annotated[list[str] | None, Parameter(name="--range")] = None,
-    count: Whole | None = None,
-    claim: bool = False,
-    force_range: str | None = None,
+    parts: LayoutParts = LayoutParts(),
     out: Path | None = None,
     sets: Sets = None,
     wide: Wide = False,
@@ -223,29 +183,15 @@ def layout(
 
     Parameters
     ----------
-    search
-        Search for better layouts over f, l0 and c (of a chip: l0 and chip_x), ranked by their share of unusable
-        poses, then by their worst noise; takes a minute.
-    ranges
-        Range of the search, NAME=LOW,HIGH, mm, or NAME=VALUE to keep a value; repeatable.
-    count
-        Number of layouts that the search lists, 1 to 16; default: 10.
-    claim
-        Test the paper's claim that readings are unique, over c, for |B| and for B.n; takes a minute.
-    force_range
-        Range of loads NORMAL,TANGENTIAL, N: report the force resolution along x, y and z from 0 to these limits,
-        where it is worst, and what saturates. The fields hall_noise to hall_average set the noise.
     out
         Folder for layout.csv, layout.png and LAYOUT.md.
     """
-    from studies.sensing import layout_report, layout_search
+    from studies.sensing import layout_report
 
     here = destination(layout, locals(), layout_report.FILES, [basis.responses])
     design = design_of(source, sets)
-    if ranges and not search:
+    if parts.ranges and not parts.search:
         raise BadInput("--range sets the range of a search: add --search")
-    if count is not None and not search:
+    if parts.count is not None and not parts.search:
         say_no_effect("--count", "it works with --search only")
-    listed = layout_search.USUAL if count is None else count
-    job = layout_report.Job(design, basis, search, tuple(ranges or ()), listed, claim, force_range)
-    return publish(partial(layout_report.run, job), here)
+    return publish(partial(layout_report.run, design, basis, parts), here)

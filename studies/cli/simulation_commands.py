@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, Waveform
+from geometry.loads import Magnet
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination, say_if_without_magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import (
@@ -22,9 +21,11 @@ from studies.inputs.option_groups import (
     SHEAR_Y,
     STANDARD,
     TOLERANCE,
+    Cycle,
     LawName,
     Method,
     Motion,
+    Vibration,
     Whole,
 )
 from studies.inputs.user_input import AccuracyName, say_no_effect
@@ -32,7 +33,7 @@ from studies.output import atomic_files, console
 from studies.output.result import Destination, Result, failure_of, publish, show
 
 if TYPE_CHECKING:
-    from fem.analyses.timed_path import ViscousLaw
+    pass
 
 
 def solve(
@@ -242,25 +243,11 @@ def compare(
     return publish(partial(study.study, design, level, chosen, frequency, speed), here)
 
 
-FEWEST, MOST = 2, 10_000
-"""Fewest and most frequencies of a table."""
-
-
 def response(
     source: Source,
     /,
     *,
-    depth: Annotated[float | None, Parameter(help="Travel of the plate after first touch, mm; default: 1.")] = None,
-    shear: Annotated[float, SHEAR] = 0.0,
-    frequencies: str = "1:1000",
-    count: Whole = 200,
-    shear_y: Annotated[float, SHEAR_Y] = 0.0,
-    friction: str | None = None,
-    plate_tilt: float = 0.0,
-    grip: float | None = None,
-    magnet: Annotated[Magnet, MAGNET] = "rigid",
-    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
-    extrapolate: Annotated[bool, Parameter(negative="")] = False,
+    vibration: Vibration = Vibration(),
     out: Path | None = None,
     sets: Sets = None,
     wide: Wide = False,
@@ -273,90 +260,23 @@ def response(
 
     Parameters
     ----------
-    frequencies
-        Lowest and highest frequency, LOW:HIGH, Hz.
-    count
-        Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them.
-    friction
-        stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
-        Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates.
-    plate_tilt
-        Tilt of the plate's normal from z towards x, degrees.
-    grip
-        In place of the plate, hold the skin down to this depth below the top, mm; it moves along x.
-    extrapolate
-        Allow frequencies for which the silicone's branches do not speak, and mark the results.
     out
         Folder for response.csv, ladder.csv and the Bode plots.
     """
-    from geometry.loads import check_load
-    from geometry.relaxation import check_range
     from studies.simulation import vibration_report
-    from studies.simulation.load_cases import friction_of, plate_tilt_of
 
     here = destination(response, locals(), vibration_report.FILES)
-    design = design_of(source, sets, magnet)
-    band = read_band(frequencies)
-    depth = (1.0 if grip is None else 0.0) if depth is None else depth
-    if not FEWEST <= count <= MOST:
-        raise BadInput(f"--count must be between {FEWEST} and {MOST}; got {count}")
-    moves, contact = bool(shear or shear_y), friction_of(friction, "stick")
-    if grip is None and not depth and moves:
-        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear or shear_y:g}")
-    if grip is None and moves and contact in ("none", 0.0):
-        raise BadInput("a shear needs a plate that sticks: leave out --friction none")
-    warnings = check_range(design, frequencies=band, beyond=extrapolate)
-    if grip is not None:
-        if friction is not None:
-            raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
-        load = Load(depth, shear, shear_y, plate_tilt=plate_tilt_of(plate_tilt), grip=grip)
-    else:
-        # the free sensor touches no plate, whose friction and tilt would count
-        tilt = plate_tilt_of(plate_tilt) if depth else 0.0
-        load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt)
-    check_load(design, load, magnet)
+    design = design_of(source, sets, vibration.magnet)
+    study = vibration_report.study(design, vibration)
     say_if_without_magnet(design)
-    study = partial(vibration_report.run, design, load, band, count, magnet, accuracy, warnings)
     return publish(study, here)
-
-
-def read_band(text: str) -> tuple[float, float]:
-    """Return the lowest and the highest frequency of a text LOW:HIGH, Hz.
-
-    >>> read_band("1:1000")
-    (1.0, 1000.0)
-    """
-    parts = text.split(":")
-    try:
-        low, high = (float(part) for part in parts)
-    except ValueError:
-        raise BadInput(f"--frequencies must be LOW:HIGH in Hz, such as 1:1000; got {text!r}") from None
-    if not 0 < low < high < math.inf:
-        raise BadInput(f"--frequencies must rise from above 0 Hz, such as 1:1000; got {text}")
-    return low, high
-
-
-FLAG = Parameter(negative="")
 
 
 def cycle(
     source: Source,
     /,
     *,
-    depth: Annotated[float, DEPTH] = 1.0,
-    speed: float | None = None,
-    frequency: float | None = None,
-    waveform: Waveform = "triangle",
-    cycles: Whole = 3,
-    hold: float = 0.0,
-    shear: float = 0.0,
-    friction: str | None = None,
-    second_law: Annotated[bool, FLAG] = False,
-    gap: float | None = None,
-    magnet: Annotated[Magnet, MAGNET] = "rigid",
-    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
-    tolerance: float = 1e-3,
-    extrapolate: Annotated[bool, FLAG] = False,
+    motion: Cycle = Cycle(),
     out: Path | None = None,
     sets: Sets = None,
     wide: Wide = False,
@@ -369,57 +289,15 @@ def cycle(
 
     Parameters
     ----------
-    speed
-        Mean speed of the plate, mm/s; give this or --frequency.
-    frequency
-        Cycles per second, without the holds, Hz.
-    waveform
-        Motion of the plate: triangle (constant speed) or sine.
-    cycles
-        Number of cycles.
-    hold
-        Rest of the plate at each end of the stroke, s.
-    shear
-        After the press, shear the tip along x between plus and minus this, mm; the depth stays.
-    friction
-        none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first
-        touch on; default: none for a press, stick for a shear.
-    second_law
-        Also follow the motion by the law for large rates (Reese and Govindjee), and print the difference.
-    gap
-        Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
-        paper measured less than 10).
-    tolerance
-        Permitted error of the force from the time steps, over the largest force; at least 1e-7.
-    extrapolate
-        Allow frequencies and holds for which the silicone's branches do not speak, and mark the results.
     out
         Folder for cycle.csv, loops.csv and cycle.png.
     """
-    from fem.analyses.timed_path import LEAST_TOLERANCE
-    from geometry.loads import check_load
-    from geometry.relaxation import check_range
-    from studies.mechanics import loading_cycles
-    from studies.mechanics.cycle_motion import Motion, frequency_of
     from studies.simulation import cycle_findings
-    from studies.simulation.load_cases import friction_of
 
     here = destination(cycle, locals(), cycle_findings.FILES)
-    design = design_of(source, sets, magnet)
-    stroke = abs(2 * shear) or depth
-    contact = friction_of(friction, "stick" if shear else "none")
-    motion = Motion(depth, shear, contact, frequency_of(speed, frequency, stroke), waveform, cycles, hold)
-    if not LEAST_TOLERANCE <= tolerance < 1:
-        raise BadInput(f"--tolerance must be at least {LEAST_TOLERANCE:g} and below 1; got {tolerance:g}")
-    if gap is not None:
-        loading_cycles.check_gap(design, gap)
-    # a load that is impossible comes first: its stroke decides the frequency
-    check_load(design, motion.largest, magnet)
+    design = design_of(source, sets, motion.magnet)
+    study = cycle_findings.study(design, motion)
     say_if_without_magnet(design)
-    holds = [hold] if hold else []
-    warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=extrapolate)
-    laws: tuple[ViscousLaw, ...] = ("prony", "finite") if second_law else ("prony",)
-    study = partial(cycle_findings.study, design, motion, laws, gap, accuracy, magnet, tolerance, warnings)
     return publish(study, here)
 
 

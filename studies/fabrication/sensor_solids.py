@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from geometry.fabrication.solid_files import check_tolerance
 from geometry.mold import Mold
 from studies.fabrication.fabrication_rows import Silicone
 from studies.inputs import user_input
+from studies.inputs.option_groups import Fabrication
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -75,28 +75,23 @@ class FabricatedSolids:
     B: Solid
 
 
-def parse_fabrication_choices(
-    process: str,
-    mold: Sequence[str],
-    base: Sequence[str],
-    tolerance: float | None,
-    silicone: Silicone | None = None,
-) -> FabricationChoices:
-    """Return the fabrication choices that the texts KEY=VALUE state; `base` may also hold the name of a shape.
+def parse_fabrication_choices(options: Fabrication, silicone: Silicone | None = None) -> FabricationChoices:
+    """Return the fabrication choices that the options state, with the silicone that they name; those of the base may
+    hold the name of a shape.
 
-    >>> choices = parse_fabrication_choices("sla", ["columns=3", "shrink=0.01"], ["round"], None)
+    >>> given = Fabrication(process="sla", mold=["columns=3", "shrink=0.01"], base=["round"])
+    >>> choices = parse_fabrication_choices(given)
     >>> choices.mold.columns, choices.base.shape
     (3, 'round')
     """
-    if tolerance is not None:
-        check_tolerance(tolerance)
-    if any(text.partition("=")[0].strip() == "process" for text in mold):
+    if options.tolerance is not None:
+        check_tolerance(options.tolerance)
+    if any(text.partition("=")[0].strip() == "process" for text in options.mold or []):
         raise BadInput("process is not a key of --mold: give --process fdm or --process sla")
-    settings = user_input.parse_choices("--mold", mold, Mold)
-    base = [f"shape={text}" if text in SHAPES else text for text in base]
-    return FabricationChoices(
-        Mold(process=process, **settings), Base(**user_input.parse_choices("--base", base, Base)), tolerance, silicone
-    )
+    mold = user_input.parse_choices("--mold", options.mold or [], Mold)
+    texts = [f"shape={text}" if text in SHAPES else text for text in options.base or []]
+    base = user_input.parse_choices("--base", texts, Base)
+    return FabricationChoices(Mold(process=options.process, **mold), Base(**base), options.tolerance, silicone)
 
 
 def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids:

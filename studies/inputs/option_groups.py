@@ -1,4 +1,4 @@
-"""Groups of options that several verbs share: load, pose of the magnet, method, basis of a layout, stored states."""
+"""Groups of options of the verbs, each option described once: loads, methods, motions, readings, parts, states."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter, Token
 
 from geometry.design import BadInput
-from geometry.loads import Magnet
+from geometry.loads import Magnet, Waveform
 from studies.inputs.user_input import AccuracyName
 
 FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
@@ -198,3 +198,203 @@ class Selection:
     transient: bool = False
     older_physics: bool = False
     damaged: bool = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vibration:
+    """State at rest of a sensor, and the frequencies at which it vibrates.
+
+    Attributes
+    ----------
+    frequencies
+        Lowest and highest frequency, LOW:HIGH, Hz.
+    count
+        Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them.
+    friction
+        stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
+        Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates.
+    plate_tilt
+        Tilt of the plate's normal from z towards x, degrees.
+    grip
+        In place of the plate, hold the skin down to this depth below the top, mm; it moves along x.
+    extrapolate
+        Allow frequencies for which the silicone's branches do not speak, and mark the results.
+    """
+
+    depth: Annotated[float | None, Parameter(help="Travel of the plate after first touch, mm; default: 1.")] = None
+    shear: Annotated[float, SHEAR] = 0.0
+    frequencies: str = "1:1000"
+    count: Whole = 200
+    shear_y: Annotated[float, SHEAR_Y] = 0.0
+    friction: str | None = None
+    plate_tilt: float = 0.0
+    grip: float | None = None
+    magnet: Annotated[Magnet, MAGNET] = "rigid"
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
+    extrapolate: bool = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycle:
+    """Motion of the plate in time.
+
+    Attributes
+    ----------
+    speed
+        Mean speed of the plate, mm/s; give this or --frequency.
+    frequency
+        Cycles per second, without the holds, Hz.
+    waveform
+        Motion of the plate: triangle (constant speed) or sine.
+    cycles
+        Number of cycles.
+    hold
+        Rest of the plate at each end of the stroke, s.
+    shear
+        After the press, shear the tip along x between plus and minus this, mm; the depth stays.
+    friction
+        none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first
+        touch on; default: none for a press, stick for a shear.
+    second_law
+        Also follow the motion by the law for large rates (Reese and Govindjee), and print the difference.
+    gap
+        Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
+        paper measured less than 10).
+    tolerance
+        Permitted error of the force from the time steps, over the largest force; at least 1e-7.
+    extrapolate
+        Allow frequencies and holds for which the silicone's branches do not speak, and mark the results.
+    """
+
+    depth: Annotated[float, DEPTH] = 1.0
+    speed: float | None = None
+    frequency: float | None = None
+    waveform: Waveform = "triangle"
+    cycles: Whole = 3
+    hold: float = 0.0
+    shear: float = 0.0
+    friction: str | None = None
+    second_law: bool = False
+    gap: float | None = None
+    magnet: Annotated[Magnet, MAGNET] = "rigid"
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
+    tolerance: float = 1e-3
+    extrapolate: bool = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """How the elements read.
+
+    Attributes
+    ----------
+    mode
+        Reading of an element: component B.n, or magnitude |B| as in the paper.
+    ambient
+        Uniform ambient field Bx,By,Bz, T.
+    seed
+        Seed of one random sample of the elements' noise; default: no noise.
+    """
+
+    level: Annotated[FieldLevel, LEVEL] = "exact"
+    mode: Literal["component", "magnitude"] = "component"
+    ambient: str = "0,0,0"
+    seed: Whole | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decoding:
+    """What is decoded, and by which mechanics.
+
+    Attributes
+    ----------
+    readings
+        Readings a,b,c in the order S1,S2,S3 (of a chip: -z,x,y), V or T as --units says.
+    file
+        CSV file with the columns S1_V,S2_V,S3_V (or _T), decoded row by row as a stream.
+    units
+        Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output.
+    level
+        Formulas for tilt and load: paper, column, tip, magnet or finite; default: paper, which has no tilt and
+        underestimates the force.
+    responses
+        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load
+        instead of formulas.
+    ignore_tilt
+        Assume that the magnet does not tilt.
+    tolerances
+        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
+        that these tolerances may cause at rest has the status uncalibrated.
+    """
+
+    readings: str | None = None
+    file: Path | None = None
+    units: Literal["T", "V"] | None = None
+    level: str | None = None
+    responses: Path | None = None
+    ignore_tilt: bool = False
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayoutParts:
+    """Parts of a study of a layout beside its map.
+
+    Attributes
+    ----------
+    search
+        Search for better layouts over f, l0 and c (of a chip: l0 and chip_x), ranked by their share of unusable
+        poses, then by their worst noise; takes a minute.
+    ranges
+        Range of the search, NAME=LOW,HIGH, mm, or NAME=VALUE to keep a value; repeatable.
+    count
+        Number of layouts that the search lists, 1 to 16; default: 10.
+    claim
+        Test the paper's claim that readings are unique, over c, for |B| and for B.n; takes a minute.
+    force_range
+        Range of loads NORMAL,TANGENTIAL, N: report the force resolution along x, y and z from 0 to these limits,
+        where it is worst, and what saturates. The fields hall_noise to hall_average set the noise.
+    """
+
+    search: bool = False
+    ranges: Annotated[list[str] | None, Parameter(name="--range")] = None
+    count: Whole | None = None
+    claim: bool = False
+    force_range: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fabrication:
+    """How the parts are made.
+
+    Attributes
+    ----------
+    process
+        Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls.
+    mold
+        Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3, split=1 or marks=1 (letters);
+        repeatable.
+    base
+        Setting of the base: square or round, or KEY=VALUE, such as outer=16, recess=0.4, screw=0 or marks=1 (grooves
+        at +x and +y); repeatable.
+    axis
+        Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable.
+    tolerance
+        Largest distance of the STL's facets from the surface, mm; default: D/2000.
+    silicone
+        Name of a silicone of the shipped catalogue, such as "Sylgard 184", whose mix and cure the recipe then states;
+        default: the recipe refers to the data sheet.
+    """
+
+    process: Literal["fdm", "sla"] = "fdm"
+    mold: list[str] | None = None
+    base: list[str] | None = None
+    axis: list[str] | None = None
+    tolerance: float | None = None
+    silicone: str | None = None

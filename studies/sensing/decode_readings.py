@@ -28,6 +28,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, tilts_of
 from studies.inputs import state_files, user_input
+from studies.inputs.option_groups import Decoding
 from studies.output import atomic_files, console, page_templates
 from studies.output.records import FlatRow
 from studies.output.result import Result, failure_of, of_record
@@ -86,7 +87,7 @@ def result(record: FlatRow) -> Result:
     return dataclasses.replace(found, warnings=warnings, failures=lost)
 
 
-def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt: bool) -> Decoder:
+def prepare(design: Design, decoding: Decoding) -> Decoder:
     """Return the decoder of a design with the mechanics of a level of the formulas, or of the states in a file.
 
     Raises
@@ -94,9 +95,9 @@ def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt
     BadInput
         Level and file are both given, or the mechanics do not suit the decoder.
     """
-    law = mechanics_of(design, level, file)
-    warn_if_upright(law, ignore_tilt=ignore_tilt)
-    return decoder(design, law, ignore_tilt=ignore_tilt)
+    law = mechanics_of(design, decoding.level, decoding.responses)
+    warn_if_upright(law, ignore_tilt=decoding.ignore_tilt)
+    return decoder(design, law, ignore_tilt=decoding.ignore_tilt)
 
 
 def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechanics:
@@ -151,8 +152,8 @@ def of_file(path: Path, design: Design) -> Mechanics:
         raise BadInput(f"{path}: {error}") from None
 
 
-def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tuple[FlatRow, Array, Decoded]:
-    """Decode one set of readings a,b,c; `level` is the name from `level_name`.
+def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow, Array, Decoded]:
+    """Decode one set of readings a,b,c.
 
     Returns
     -------
@@ -165,12 +166,12 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> tup
         errors of the polynomials for tilt and force; None without mechanics.
     field, decoded : the readings, shape (1, k), T, and what was decoded from them.
     """
-    elements = coder.forward.elements
+    elements, level = coder.forward.elements, level_name(decoding.level, decoding.responses)
     values = user_input.parse_numbers("--readings", text)
     if len(values) != len(elements):
         names = ",".join(element.name for element in elements)
         raise BadInput(f"--readings takes {len(elements)} numbers, {names}; got {len(values)} in {text!r}")
-    field = in_tesla(elements, [values], units)
+    field = in_tesla(elements, [values], decoding.units)
     decoded = decode(coder, field)
     (status,) = decoded.status
     message, limit, outside = WHY[status], None, None
@@ -243,10 +244,8 @@ MANY = 500
 
 def decode_file(
     coder: Decoder,
-    path: Path,
-    units: str | None,
+    decoding: Decoding,
     out: Path | None,
-    level: str,
     check: Callable[[Array, Decoded], tuple[list[Status], list[str]]],
     *,
     as_json: bool = False,
@@ -264,13 +263,14 @@ def decode_file(
     BadInput
         A file cannot be read or written, or is not a table of readings.
     """
-    elements = coder.forward.elements
-    unit = units or elements[0].unit
+    elements, level = coder.forward.elements, level_name(decoding.level, decoding.responses)
+    assert decoding.file is not None
+    unit = decoding.units or elements[0].unit
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
     heads = {kind: [f"{name}_{kind}" for name in columns(elements)] for kind in ("V", "T")}
     second_unit = "T" if unit == "V" else "V"
     head, rows, values = read_rows(
-        path,
+        decoding.file,
         heads[unit],
         COLUMNS,
         holes=True,

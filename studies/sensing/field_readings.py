@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, tilts_of
 from studies.inputs import state_files, user_input
-from studies.inputs.option_groups import FieldLevel, Pose
+from studies.inputs.option_groups import FieldLevel, Pose, Reading
 from studies.inputs.state_files import State
 from studies.output import console
 from studies.output.records import FlatRow
@@ -63,17 +63,19 @@ class Sensing:
     noise: np.random.Generator | None
 
 
-def sensing_of(design: Design, level: FieldLevel, mode: Mode, ambient: str, seed: int | None) -> Sensing:
+def sensing_of(design: Design, reading: Reading) -> Sensing:
     """Return the options of `magtip readings`; warn if a seed has no effect because the elements have no noise."""
     import numpy as np
 
     from analytic.parts import of_design
 
-    bx, by, bz = vector("--ambient", ambient, 3)
-    noise = None if seed is None else np.random.default_rng(_seed(seed))
+    bx, by, bz = vector("--ambient", reading.ambient, 3)
+    if reading.seed is not None and not reading.seed >= 0:
+        raise BadInput(f"--seed must be a whole number of 0 or more; got {reading.seed}")
+    noise = None if reading.seed is None else np.random.default_rng(reading.seed)
     if noise is not None and not any(element.noise or element.floor for element in of_design(design)):
         user_input.say_no_effect("--seed", "hall_noise is 0")
-    return Sensing(level, mode, (bx, by, bz), noise)
+    return Sensing(reading.level, reading.mode, (bx, by, bz), noise)
 
 
 def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing: Sensing) -> FlatRow:
@@ -150,12 +152,6 @@ def columns(design: Design) -> tuple[list[str], str]:
 
     elements = parts.of_design(design)
     return parts.columns(elements), "V" if elements[0].unit == "V" else "output_mT"
-
-
-def _seed(seed: int) -> int:
-    if not seed >= 0:
-        raise BadInput(f"--seed must be a whole number of 0 or more; got {seed}")
-    return seed
 
 
 def to_magpylib(design: Design, shift: Vector = (0.0, 0.0, 0.0), tilt: tuple[float, float] = (0.0, 0.0)) -> Any:

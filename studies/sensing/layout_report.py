@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
 from geometry.messages import Progress
-from studies.inputs.option_groups import Basis
+from studies.inputs.option_groups import Basis, LayoutParts
 from studies.output import page_templates
 from studies.output.figures import picture, save
 from studies.output.result import Result, Table, Writer
@@ -42,23 +41,8 @@ MOST_CLEARANCE = 100.0
 """mm."""
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """Requested parts of the study: the map always, a search over ranges NAME=LOW,HIGH, the claim, and the resolution
-    over a range of loads NORMAL,TANGENTIAL.
-    """
-
-    design: Design
-    basis: Basis
-    search: bool
-    ranges: Sequence[str]
-    count: int
-    claim: bool
-    force_range: str | None = None
-
-
-def run(job: Job, progress: Progress) -> Result:
-    """Evaluate the layout, and search and answer the claim if requested.
+def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) -> Result:
+    """Evaluate the layout, and search, answer the claim and survey a range of loads if requested.
 
     Raises
     ------
@@ -68,16 +52,16 @@ def run(job: Job, progress: Progress) -> Result:
     from analytic import survey
     from studies.output.table_files import write_table
 
-    design, basis = job.design, job.basis
+    count = layout_search.USUAL if parts.count is None else parts.count
     law = layout_metrics.mechanics_of(design, basis.level, basis.responses)
     decode_readings.warn_if_upright(law, ignore_tilt=basis.ignore_tilt)
     if not 0 <= basis.clearance <= MOST_CLEARANCE:
         raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
-    if not 1 <= job.count <= layout_search.MOST_FOUND:
-        raise BadInput(f"--count must lie between 1 and {layout_search.MOST_FOUND}; got {job.count}")
-    limits = None if job.force_range is None else force_range.parse(job.force_range)
-    bounds = layout_search.parse_ranges(design, job.ranges)
-    if job.claim:
+    if not 1 <= count <= layout_search.MOST_FOUND:
+        raise BadInput(f"--count must lie between 1 and {layout_search.MOST_FOUND}; got {count}")
+    limits = None if parts.force_range is None else force_range.parse(parts.force_range)
+    bounds = layout_search.parse_ranges(design, parts.ranges or ())
+    if parts.claim:
         layout_uniqueness.check(design)
     coder, noise = layout_metrics.prepare(design, law, basis)
     progress(0.0, "map of the workspace")
@@ -86,8 +70,8 @@ def run(job: Job, progress: Progress) -> Result:
     layout = layout_metrics.layout_row(coder, poses, noise, name)
     loads = None if limits is None else force_range.loads(coder, *limits, basis.clearance)
     forces = None if loads is None or limits is None else force_range.evaluate(coder, loads, *limits, name)
-    search = layout_search.run(design, law, basis, bounds, job.count, progress) if job.search else None
-    claim = layout_uniqueness.run(design, progress) if job.claim else None
+    search = layout_search.run(design, law, basis, bounds, count, progress) if parts.search else None
+    claim = layout_uniqueness.run(design, progress) if parts.claim else None
     files: dict[str, Writer] = {
         "layout.csv": lambda path: write_table(path, map_table(coder, poses).to_dict("records")),
         "layout.png": lambda path: save(path, layout_figures.maps(coder, poses, basis.clearance)),

@@ -10,18 +10,20 @@ from typing import TYPE_CHECKING
 
 from analytic.relaxation_loops import loop
 from geometry.bad_input import OutOfReach
-from geometry.design import Design
-from geometry.loads import Magnet
+from geometry.design import BadInput, Design
+from geometry.loads import Magnet, check_load
 from geometry.messages import Progress
-from geometry.relaxation import relaxation_notes, relaxation_of
+from geometry.relaxation import check_range, relaxation_notes, relaxation_of
+from studies.inputs.option_groups import Cycle
 from studies.mechanics import loading_cycles
-from studies.mechanics.cycle_motion import Motion
+from studies.mechanics.cycle_motion import Motion, frequency_of
 from studies.mechanics.loading_cycles import Cycles, Static
 from studies.output import page_templates
 from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Interrupted, Result, Table, failure_of
 from studies.simulation import time_figures
+from studies.simulation.load_cases import friction_of
 
 if TYPE_CHECKING:
     from fem.analyses.timed_path import ViscousLaw
@@ -35,17 +37,32 @@ GAINED = 1e-2
 sentences = partial(page_templates.sentences, Path(__file__).with_name("templates") / "cycle.j2")
 
 
-def study(
-    design: Design,
-    motion: Motion,
-    laws: Sequence[ViscousLaw],
-    gap: float | None,
-    accuracy: str,
-    magnet: Magnet,
-    tolerance: float,
-    warnings: Sequence[str],
-    progress: Progress,
-) -> Result:
+def study(design: Design, options: Cycle) -> Callable[[Progress], Result]:
+    """Return the study of `magtip cycle` after a check of its options.
+
+    Raises
+    ------
+    BadInput
+        An option is impossible, or the branches of the silicone do not speak for a frequency or a hold.
+    """
+    from fem.analyses.timed_path import LEAST_TOLERANCE
+
+    shear, hold = options.shear, options.hold
+    contact = friction_of(options.friction, "stick" if shear else "none")
+    frequency = frequency_of(options.speed, options.frequency, abs(2 * shear) or options.depth)
+    motion = Motion(options.depth, shear, contact, frequency, options.waveform, options.cycles, hold)
+    if not LEAST_TOLERANCE <= options.tolerance < 1:
+        raise BadInput(f"--tolerance must be at least {LEAST_TOLERANCE:g} and below 1; got {options.tolerance:g}")
+    if options.gap is not None:
+        loading_cycles.check_gap(design, options.gap)
+    # a load that is impossible comes first: its stroke decides the frequency
+    check_load(design, motion.largest, options.magnet)
+    holds = [hold] if hold else []
+    warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=options.extrapolate)
+    return partial(run, design, motion, options, warnings)
+
+
+def run(design: Design, motion: Motion, options: Cycle, warnings: Sequence[str], progress: Progress) -> Result:
     """Follow a motion by one law or two, and search for the loss factor of a gap, percent, if one is wanted.
 
     Parameters
@@ -57,6 +74,8 @@ def study(
     Interrupted
         After Ctrl-C, with the loops of the cycles that are complete.
     """
+    accuracy, magnet, gap = options.accuracy, options.magnet, options.gap
+    laws: tuple[ViscousLaw, ...] = ("prony", "finite") if options.second_law else ("prony",)
     followed: list[Cycles] = []
     interrupted: list[Cycles] = []
     try:
@@ -66,7 +85,9 @@ def study(
         static = loading_cycles.static_curve(design, motion, accuracy, magnet)
 
         def follow(sensor: Design, law: ViscousLaw = "prony") -> Cycles:
-            return loading_cycles.run(sensor, motion, law, static, accuracy, magnet, tolerance, progress, interrupted)
+            return loading_cycles.run(
+                sensor, motion, law, static, accuracy, magnet, options.tolerance, progress, interrupted
+            )
 
         for law in laws:
             followed.append(follow(design, law))

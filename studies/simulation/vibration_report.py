@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -20,7 +21,8 @@ from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
-from geometry.relaxation import Relaxation, relaxation_notes
+from geometry.relaxation import Relaxation, check_range, relaxation_notes
+from studies.inputs.option_groups import Vibration
 from studies.mechanics import resonance_peaks
 from studies.mechanics.resonance_peaks import ACCURATE, BAND, Gain, bandwidth, flat_to, peaks
 from studies.output import page_templates
@@ -28,6 +30,7 @@ from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
 from studies.output.result import Block, Lines, Result, Table, Writer, failure_of
 from studies.simulation import response_curves, time_figures
+from studies.simulation.load_cases import friction_of, plate_tilt_of
 from studies.simulation.response_curves import At, Complex, Curves
 
 if TYPE_CHECKING:
@@ -37,6 +40,8 @@ if TYPE_CHECKING:
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
 """Files that a folder of results may hold, beside run.json."""
+FEWEST, MOST = 2, 10_000
+"""Fewest and most frequencies of a table."""
 ROUGH = 0.05
 """Relative difference to a coarser mesh, median of all frequencies, beyond which the mesh is too coarse."""
 Response = Callable[[Array], Complex]
@@ -44,6 +49,53 @@ Response = Callable[[Array], Complex]
 Models = dict[str, tuple[float, Response]]
 """Natural frequency, Hz, and response of oscillators by their names."""
 sentences = partial(page_templates.sentences, Path(__file__).with_name("templates") / "vibration.j2")
+
+
+def study(design: Design, options: Vibration) -> Callable[[Progress], Result]:
+    """Return the study of `magtip response` after a check of its options.
+
+    Raises
+    ------
+    BadInput
+        An option is impossible, or the branches of the silicone do not speak for a frequency.
+    """
+    band, grip = read_band(options.frequencies), options.grip
+    depth = options.depth if options.depth is not None else 1.0 if grip is None else 0.0
+    if not FEWEST <= options.count <= MOST:
+        raise BadInput(f"--count must be between {FEWEST} and {MOST}; got {options.count}")
+    shear, shear_y, contact = options.shear, options.shear_y, friction_of(options.friction, "stick")
+    moves = bool(shear or shear_y)
+    if grip is None and not depth and moves:
+        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear or shear_y:g}")
+    if grip is None and moves and contact in ("none", 0.0):
+        raise BadInput("a shear needs a plate that sticks: leave out --friction none")
+    warnings = check_range(design, frequencies=band, beyond=options.extrapolate)
+    tilt = plate_tilt_of(options.plate_tilt)
+    if grip is not None:
+        if options.friction is not None:
+            raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
+        load = Load(depth, shear, shear_y, plate_tilt=tilt, grip=grip)
+    else:
+        # the free sensor touches no plate, whose friction and tilt would count
+        load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt if depth else 0.0)
+    check_load(design, load, options.magnet)
+    return partial(run, design, load, band, options.count, options.magnet, options.accuracy, warnings)
+
+
+def read_band(text: str) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a text LOW:HIGH, Hz.
+
+    >>> read_band("1:1000")
+    (1.0, 1000.0)
+    """
+    parts = text.split(":")
+    try:
+        low, high = (float(part) for part in parts)
+    except ValueError:
+        raise BadInput(f"--frequencies must be LOW:HIGH in Hz, such as 1:1000; got {text!r}") from None
+    if not 0 < low < high < math.inf:
+        raise BadInput(f"--frequencies must rise from above 0 Hz, such as 1:1000; got {text}")
+    return low, high
 
 
 def run(
@@ -433,10 +485,11 @@ def natural_frequencies(
         The number of modes or the depth is out of range.
     """
     from fem.accuracy import LEVELS
-    from fem.analyses.modes import MOST, modes, spring_mass
+    from fem.analyses.modes import MOST as MOST_MODES
+    from fem.analyses.modes import modes, spring_mass
 
-    if not 1 <= count <= MOST:
-        raise BadInput(f"--count must be between 1 and {MOST}; got {count}")
+    if not 1 <= count <= MOST_MODES:
+        raise BadInput(f"--count must be between 1 and {MOST_MODES}; got {count}")
     check_load(design, Load(depth=depth), magnet)
     progress(0.0, "modes of the pressed sensor" if depth else "modes of the free sensor")
     found: FlatRow = {"frequency_Hz": [], "frequency_error_estimate": [], "shape": []}
