@@ -21,7 +21,7 @@ from studies.fabrication import assembly_picture, casting_recipe, sensor_parts, 
 from studies.fabrication.fabrication_rows import FabricationRow, Silicone
 from studies.inputs.option_groups import Fabrication
 from studies.output import console, own_files
-from studies.simulation.design_summary import OuterSize
+from studies.simulation import design_summary
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
 SHEETS = {
@@ -101,9 +101,7 @@ def test_the_recipe_says_where_the_north_pole_points():
         ("up", "its north pole down, into the mould"),
     ):
         design = dataclasses.replace(paper(), magnet_north=north)
-        choices, size = sensor_solids.FabricationChoices(Mold()), OuterSize((8, 8, 9), None, None)
-        row, recipe = FabricationRow("ok", "", Path("out")), casting_recipe.recipe_of(design, choices)
-        assert words in casting_recipe.text(design, choices, row, recipe, size, None, "", "magtip cad")
+        assert words in recipe_text(design, sensor_solids.FabricationChoices(Mold()))
 
 
 def test_the_recipe_says_what_magnet_and_mould_need(made):
@@ -118,18 +116,18 @@ def test_the_recipe_says_what_magnet_and_mould_need(made):
 def test_pins_and_screws_of_a_split_mould_have_clearance_and_lie_across_the_split():
     choices = sensor_solids.FabricationChoices(Mold(split=1))
     recipe, s = casting_recipe.recipe_of(paper(), choices), sizes(paper(), choices.mold)
-    assert (recipe.dowels.diameter_mm, recipe.dowels.hole_mm) == (2.0, pytest.approx(2.2))
-    assert recipe.screws.thread == "M3"
+    assert (recipe["dowels"]["diameter_mm"], recipe["dowels"]["hole_mm"]) == (2.0, pytest.approx(2.2))
+    assert recipe["screws"]["thread"] == "M3"
     import build123d as bd
 
     made = sensor_solids.make_solids(paper(), choices)
     for x, z, radius in (
-        (s.ears.pin_x, s.ears.pin_z, recipe.dowels.diameter_mm / 2),
+        (s.ears.pin_x, s.ears.pin_z, recipe["dowels"]["diameter_mm"] / 2),
         *((s.ears.bolt_x, z, 1.5) for z in s.ears.bolt_z),
     ):
         for side in (1, -1):
-            place = bd.Plane((side * x, -recipe.dowels.length_mm / 2, z), z_dir=(0, 1, 0))
-            bar = bd.Solid.make_cylinder(radius, recipe.dowels.length_mm, place)
+            place = bd.Plane((side * x, -recipe["dowels"]["length_mm"] / 2, z), z_dir=(0, 1, 0))
+            bar = bd.Solid.make_cylinder(radius, recipe["dowels"]["length_mm"], place)
             halves = [made.mold[name] for name in ("mold_b1", "mold_b2")]
             assert all(0.09 < bar.distance_to(half) < 0.3 for half in halves)
 
@@ -138,9 +136,9 @@ MIX = Silicone("Sylgard 184", "10A:1B by weight", 48, 23, "a paper", ("mixed", "
 
 
 def recipe_text(design, choices):
-    row, recipe = FabricationRow("ok", "", Path("out")), casting_recipe.recipe_of(design, choices)
-    size = OuterSize((8, 8, 9), None, None)
-    return casting_recipe.text(design, choices, row, recipe, size, None, "", "magtip cad")
+    size, recipe = design_summary.outer_size(design, None), casting_recipe.recipe_of(design, choices)
+    row = FabricationRow("ok", "", Path("out"), size=size, recipe=recipe)
+    return casting_recipe.text(design, choices, row, None, "", "magtip cad")
 
 
 def test_the_recipe_mixes_the_silicone_that_was_chosen():

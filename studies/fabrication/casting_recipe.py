@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,12 +12,12 @@ from geometry.base import Plan
 from geometry.design import Design
 from geometry.fabrication import board_drawing
 from geometry.mold import BOLT, EAR_DEPTH, Mold, pours, sizes
-from studies.fabrication.fabrication_rows import Cure, Dowels, FabricationRow, Recipe, Screws
+from studies.fabrication.fabrication_rows import FabricationRow
 from studies.output import page_templates
+from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
     from studies.fabrication.sensor_solids import FabricationChoices
-    from studies.simulation.design_summary import OuterSize
 
 MARK = "# Magnetic force sensor, D = "
 """First words of the file, by which `magtip cad` recognises a README.md that it wrote itself."""
@@ -59,20 +59,35 @@ def cure(limit: float) -> float:
     return min(PAPER_CURE, limit - MARGIN)
 
 
-def recipe_of(design: Design, choices: FabricationChoices) -> Recipe:
-    """Return the temperatures and dowels of a casting."""
-    magnet = MAGNET_LIMIT if design.shape.has_magnet else None
-    cures = tuple(
-        Cure(name, limit, cure(limit), None if magnet is None else cure(min(limit, magnet)))
-        for name, limit in MATERIALS[choices.mold.process].items()
-    )
-    s, apart = sizes(design, choices.mold), magnet_field.resting_distance(design)
-    if s.ears is None:
-        return Recipe(magnet, cures, None, silicone=choices.silicone, magnets_apart_mm=apart)
+def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
+    """Return the temperatures and dowels of a casting.
+
+    magnet_limit_C : working limit of the magnet; None without a magnet.
+    cures : greatest temperatures of the cures, for each material that the mould can be printed from.
+    dowels, screws : pins that align the halves of a split mould, and screws that clamp them, long enough for two
+        washers and a nut; None if the mould is not split.
+    silicone : None where the design names none.
+    magnets_apart_mm : distance of the axes from which the magnets of neighbouring cavities stay where they are put;
+        None without a magnet.
+    """
+    magnet, s = MAGNET_LIMIT if design.shape.has_magnet else None, sizes(design, choices.mold)
     length = 2 * EAR_DEPTH
-    dowels = Dowels(2, s.dowel, length, s.dowel_hole)
-    screws = Screws(2 * len(s.ears.bolt_z), f"M{BOLT:g}", length + NUT)
-    return Recipe(magnet, cures, dowels, screws, choices.silicone, apart)
+    return {
+        "magnet_limit_C": magnet,
+        "cures": [
+            {
+                "mold_material": name,
+                "mold_limit_C": limit,
+                "first_cure_C": cure(limit),
+                "second_cure_C": None if magnet is None else cure(min(limit, magnet)),
+            }
+            for name, limit in MATERIALS[choices.mold.process].items()
+        ],
+        "dowels": s.ears and {"count": 2, "diameter_mm": s.dowel, "length_mm": length, "hole_mm": s.dowel_hole},
+        "screws": s.ears and {"count": 2 * len(s.ears.bolt_z), "thread": f"M{BOLT:g}", "length_mm": length + NUT},
+        "silicone": choices.silicone and dataclasses.asdict(choices.silicone),
+        "magnets_apart_mm": magnet_field.resting_distance(design),
+    }
 
 
 def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
@@ -89,28 +104,25 @@ def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
     return force, force / magnet_field.weight(design)
 
 
-def size_sentence(size: OuterSize) -> str:
+def size_sentence(size: FlatRow) -> str:
     """State the outer size of the assembled sensor in a sentence, or that of the beam if there is no base."""
-    if size.assembled_size_mm is None:
-        return f"There is no base and so no assembled size; the beam is {_sides(size.beam_size_mm)} mm (x, y, z)."
-    leads = size.leads_below_base_mm
+    beam, whole = (
+        " x ".join(f"{side:.4g}" for side in size[name] or ()) for name in ("beam_size_mm", "assembled_size_mm")
+    )
+    if not whole:
+        return f"There is no base and so no assembled size; the beam is {beam} mm (x, y, z)."
+    leads = size["leads_below_base_mm"]
     out = f"; the leads, as drawn, extend {leads:.4g} mm below it" if leads else ""
     return (
-        f"Assembled, with base and Hall elements: {_sides(size.assembled_size_mm)} mm (x, y, z); z is the "
-        f"total height from the base's underside{out}."
+        f"Assembled, with base and Hall elements: {whole} mm (x, y, z); z is the total height from the base's "
+        f"underside{out}."
     )
-
-
-def _sides(size: Sequence[float]) -> str:
-    return " x ".join(f"{side:.4g}" for side in size)
 
 
 def text(
     design: Design,
     choices: FabricationChoices,
     fabricated: FabricationRow,
-    recipe: Recipe,
-    size: OuterSize,
     plan: Plan | None,
     picture: str,
     command: str,
@@ -127,9 +139,9 @@ def text(
         d=design,
         m=mold,
         row=fabricated,
-        recipe=recipe,
+        recipe=fabricated.recipe,
         plan=plan,
-        size=size_sentence(size),
+        size=size_sentence(fabricated.size),
         picture=picture,
         command=command,
         cavities=count,

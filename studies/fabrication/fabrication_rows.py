@@ -13,36 +13,6 @@ from studies.output.records import FlatRow
 if TYPE_CHECKING:
     from geometry.fabrication.printability import Check
     from geometry.fabrication.solid_files import Exported
-    from studies.simulation.design_summary import OuterSize
-
-
-@dataclass(frozen=True, slots=True)
-class Cure:
-    """Greatest temperatures of the cures in a mould of one material, °C; `second_cure_C` is None without a magnet."""
-
-    mold_material: str
-    mold_limit_C: float
-    first_cure_C: float
-    second_cure_C: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class Dowels:
-    """Pins across the split that align the halves of a mould, in holes wide enough to slide."""
-
-    count: int
-    diameter_mm: float
-    length_mm: float
-    hole_mm: float
-
-
-@dataclass(frozen=True, slots=True)
-class Screws:
-    """Screws with nuts that clamp the halves of a split mould; `length_mm` holds two washers and a nut."""
-
-    count: int
-    thread: str
-    length_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,28 +36,6 @@ class Silicone:
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
-    """Temperatures and dowels of a casting.
-
-    Attributes
-    ----------
-    magnet_limit_C : working limit of the magnet; None without a magnet.
-    cures : one for each material that the mould can be printed from.
-    dowels, screws : None if the mould is not split.
-    silicone : None where the design names none.
-    magnets_apart_mm : distance of the axes from which the magnets of neighbouring cavities stay where they are put;
-        None without a magnet.
-    """
-
-    magnet_limit_C: float | None
-    cures: tuple[Cure, ...]
-    dowels: Dowels | None
-    screws: Screws | None = None
-    silicone: Silicone | None = None
-    magnets_apart_mm: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class FabricationRow:
     """The result of fabricating one design.
 
@@ -95,7 +43,7 @@ class FabricationRow:
     ----------
     status : ok, failed (a check fails, and no file is written) or bad_input.
     message : reason of a failure; empty if status is ok.
-    size, recipe : None if no solids were made.
+    size, recipe : see `design_summary.outer_size` and `casting_recipe.recipe_of`; empty if no solids were made.
     variant : fields of the design that vary in a batch, with their values.
     """
 
@@ -104,8 +52,8 @@ class FabricationRow:
     folder: Path
     parts: tuple[Exported, ...] = ()
     checks: tuple[Check, ...] = ()
-    size: OuterSize | None = None
-    recipe: Recipe | None = None
+    size: FlatRow = field(default_factory=dict)
+    recipe: FlatRow = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     variant: Mapping[str, float] = field(default_factory=dict)
 
@@ -119,6 +67,5 @@ class FabricationRow:
             "parts": [dataclasses.asdict(part) for part in self.parts],
             "checks": [dataclasses.asdict(check) for check in self.checks],
         }
-        row |= {"assembled_size_mm": None} if self.size is None else dataclasses.asdict(self.size)
-        row |= {} if self.recipe is None else {"recipe": dataclasses.asdict(self.recipe)}
-        return row | {"warnings": list(self.warnings)}
+        row |= self.size or {"assembled_size_mm": None}
+        return row | ({"recipe": self.recipe} if self.recipe else {}) | {"warnings": list(self.warnings)}

@@ -80,9 +80,13 @@ def build(
         progress(0.0, "solids and mould")
         console.load("build123d", "trimesh")
         solids = make_solids(design, choices)
-        size, recipe = design_summary.outer_size(design, solids.plan), casting_recipe.recipe_of(design, choices)
         row = FabricationRow(
-            "ok", "", folder, (), (), size, recipe, (*design.warnings(), *warnings(design, choices, solids))
+            "ok",
+            "",
+            folder,
+            size=design_summary.outer_size(design, solids.plan),
+            recipe=casting_recipe.recipe_of(design, choices),
+            warnings=(*design.warnings(), *warnings(design, choices, solids)),
         )
         try:
             progress(0.2, "triangles")
@@ -103,7 +107,7 @@ def build(
                 missing.append(f"no picture: {error}")
         row = dataclasses.replace(row, parts=parts, warnings=(*row.warnings, *missing, *left_over(folder, stage)))
         picture_name = PICTURE if (stage / PICTURE).exists() else ""
-        page = casting_recipe.text(design, choices, row, recipe, size, solids.plan, picture_name, command)
+        page = casting_recipe.text(design, choices, row, solids.plan, picture_name, command)
         atomic_files.write_text(stage / RECIPE, page)
     return row
 
@@ -215,7 +219,7 @@ def result_of(fabricated: Sequence[FabricationRow]) -> Result:
     shown: list[Block] = [
         *([parts] if sensor.parts else []),
         Texts("Checks", ["check", "value", "bound", "unit", "passed"], checks),
-        *([casting_recipe.size_sentence(sensor.size)] if sensor.size is not None else []),
+        *([casting_recipe.size_sentence(sensor.size)] if sensor.size else []),
         *([f"Start with {sensor.folder / RECIPE}."] if sensor.parts else []),
     ]
     return Result(title="Parts", records=records, shown=shown, warnings=sensor.warnings, failures=failure_of(records))

@@ -10,16 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
+from studies.output import page_templates
 from studies.output.figures import Figure, Look, long, numbers, picture, plot
 from studies.output.records import FlatRow
 from studies.output.result import Interrupted, Result, Table, failure_of
-from studies.output.text_tables import markdown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,13 +28,6 @@ if TYPE_CHECKING:
     from fem.analyses.small_shear import SmallShear
     from fem.analyses.stability import Critical
 
-ABOUT = """\
-Each length is solved with a free tip (it slides on a frictionless plate) and with a guided tip (its contact area
-sticks to a plate that cannot move sideways). All fields but L are the design's; a length that the magnet does not fit
-has a row that says so. Depths and forces are given in mm and N.
-The depth of a formula is that of Hertz's contact in series with a uniform column under the formula's load.
-"""
-"""Explanation that STABILITY.md prints."""
 FORMULAS = {"euler": buckling.euler, "engesser": buckling.engesser, "haringx": buckling.haringx}
 """Buckling loads of a column with a free tip."""
 CRITICAL = (
@@ -49,10 +43,6 @@ COLUMNS = (
     *(f"{formula}_{name}" for formula in FORMULAS for name in ("N", "depth_mm")),
 )
 """Columns of stability.csv that a refused length lacks: searches, loads of formulas, depths of presses with these."""
-PAGE_COLUMNS = (
-    *("critical_depth_mm", "critical_force_N", "guided_critical_depth_mm", "guided_critical_force_N"),
-    *("euler_N", "engesser_N", "haringx_N", "haringx_depth_mm", "stable_to_mm"),
-)
 FILES = ("stability.csv", "stability.png", "STABILITY.md")
 """Files of --slenderness."""
 MODELS = {
@@ -230,42 +220,19 @@ def _solve(beam: Design, magnet: Magnet, accuracy: str) -> FlatRow:
 
 
 def page(rows: Sequence[FlatRow]) -> str:
-    """Return STABILITY.md without its origin."""
-    table = [
-        {"L/D": f"{row['L_over_D']:g}", **{name: _with_error(row, name) for name in PAGE_COLUMNS}} for row in rows
+    """Return STABILITY.md without its origin: the rows, and where a formula is within `NEAR` of a free tip."""
+
+    def close(column: str, critical: str) -> list[FlatRow]:
+        return [row for row in rows if row[critical] and abs(row[column] / row[critical] - 1) <= NEAR]
+
+    near = [
+        (formula, quantity, close(f"{formula}_{column}", f"critical_{critical}"))
+        for formula in FORMULAS
+        for quantity, column, critical in (("load", "N", "force_N"), ("depth", "depth_mm", "depth_mm"))
     ]
-    lines = ["# Sideways stability of a press over slenderness", "", *ABOUT.splitlines(), ""]
-    lines += ["![Critical depth and force over L/D](stability.png)", "", markdown(table), "", *_sentences(rows)]
-    return "\n".join(lines)
-
-
-def _with_error(row: FlatRow, name: str) -> str:
-    """Format a value, with its estimated error where there is one."""
-    if row[name] is None:
-        return ""
-    error = row.get(f"{name.rpartition('_')[0]}_error_estimate")
-    return f"{row[name]:.4g}" + ("" if error is None else f" ± {abs(row[name]) * error:.2g}")
-
-
-def _sentences(rows: Sequence[FlatRow]) -> list[str]:
-    """Return where each formula is close to the finite elements, and where no instability was found."""
-    sentences = []
-    for formula in FORMULAS:
-        for quantity, column, critical in (
-            ("load", f"{formula}_N", "critical_force_N"),
-            ("depth", f"{formula}_depth_mm", "critical_depth_mm"),
-        ):
-            close = [row for row in rows if row[critical] and abs(row[column] / row[critical] - 1) <= NEAR]
-            where = f"L/D = {_lengths(close)}" if close else "none of these L/D"
-            sentences.append(f"- {formula.capitalize()}'s {quantity} of a free tip is within {NEAR:.0%} at {where}.")
     stable = [row for row in rows if row["status"] == "ok" and row["critical_depth_mm"] is None]
-    if stable:
-        sentences.append(f"- No instability of a free tip down to `stable_to_mm` at L/D = {_lengths(stable)}.")
-    return sentences + [f"- L/D = {row['L_over_D']:g}: {row['message']}." for row in rows if row["message"]]
-
-
-def _lengths(rows: Sequence[FlatRow]) -> str:
-    return ", ".join(f"{row['L_over_D']:g}" for row in rows)
+    template = Path(__file__).with_name("templates") / "STABILITY.md.j2"
+    return page_templates.rendered(template, rows=rows, near=near, limit=NEAR, stable=stable)
 
 
 def figures(table: pd.DataFrame) -> list[Figure]:

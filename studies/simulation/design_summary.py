@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -31,20 +30,6 @@ def origin(name: str, design: Design) -> str:
 def shown(value: float | str) -> str:
     """Format a field's value for a table."""
     return (value or "none") if isinstance(value, str) else f"{value:g}"
-
-
-@dataclass(frozen=True, slots=True)
-class OuterSize:
-    """Outer sizes (x, y, z), mm, of the beam alone and of the sensor on its base; None if the base cannot be planned.
-
-    Attributes
-    ----------
-    leads_below_base_mm : length of the Hall elements' leads below the base.
-    """
-
-    beam_size_mm: tuple[float, float, float]
-    assembled_size_mm: tuple[float, float, float] | None
-    leads_below_base_mm: float | None
 
 
 def study(design: Design) -> Result:
@@ -114,7 +99,7 @@ def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
         "beam_volume_mm3": body,
         "magnet_volume_mm3": magnet,
         "silicone_volume_mm3": body - magnet,
-        **dataclasses.asdict(outer_size(design, base_plan)),
+        **outer_size(design, base_plan),
         **{f"S{k}_mm": position for k, position in enumerate(positions.tolist(), 1)},
         "rest_readings_T": rest and list(rest.B_T),
         "rest_readings_V": list(rest.V) if rest is not None and set(rest.units) == {"V"} else None,
@@ -124,12 +109,18 @@ def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
     return derived, failures, base_limits_l0
 
 
-def outer_size(design: Design, plan: Plan | None) -> OuterSize:
-    """Return the outer sizes of a sensor; `plan` is that of its base, or None if there is none."""
+def outer_size(design: Design, plan: Plan | None) -> FlatRow:
+    """Return the outer sizes (x, y, z), mm, of the beam alone and of the sensor on its base, and the length of the
+    Hall elements' leads below the base; None without a `plan` of the base.
+    """
     from geometry import base
 
     size, leads = base.outer_size(design, plan) if plan else (None, None)
-    return OuterSize((design.D, design.D, design.L), size, leads)
+    return {
+        "beam_size_mm": (design.D, design.D, design.L),
+        "assembled_size_mm": size,
+        "leads_below_base_mm": leads,
+    }
 
 
 def build_mesh(
