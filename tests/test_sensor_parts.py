@@ -84,14 +84,14 @@ def test_the_recipe_names_files_volumes_and_checks(made):
 @pytest.mark.parametrize("process", ["fdm", "sla"])
 def test_no_cure_is_hotter_than_mould_and_magnet_stand(process):
     recipe = casting_recipe.recipe_of(paper(), sensor_solids.FabricationChoices(Mold(process=process)))
-    assert recipe.magnet_limit_C == 80
-    for cure in recipe.cures:
-        assert 20 < cure.first_cure_C < cure.mold_limit_C
-        assert 20 < cure.second_cure_C < min(cure.mold_limit_C, recipe.magnet_limit_C)
+    assert recipe["magnet_limit_C"] == 80
+    for cure in recipe["cures"]:
+        assert 20 < cure["first_cure_C"] < cure["mold_limit_C"]
+        assert 20 < cure["second_cure_C"] < min(cure["mold_limit_C"], recipe["magnet_limit_C"])
     bare = dataclasses.replace(paper(), magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
     recipe = casting_recipe.recipe_of(bare, sensor_solids.FabricationChoices(Mold(process=process)))
-    assert recipe.magnet_limit_C is None
-    assert all(cure.second_cure_C is None for cure in recipe.cures)
+    assert recipe["magnet_limit_C"] is None
+    assert all(cure["second_cure_C"] is None for cure in recipe["cures"])
 
 
 def test_the_recipe_says_where_the_north_pole_points():
