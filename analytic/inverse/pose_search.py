@@ -39,9 +39,7 @@ MARGIN = 0.2
 FOLD_MARGIN = 1.0
 """The same for the readings of a folded part, over the range of its corners: the fold bulges beyond them."""
 PARTS = 3
-"""Number of parts of a folded cell along each edge, and of neighbouring cells of a block."""
-BLOCK = PARTS**3
-"""Number of cells of a block."""
+"""Number of parts of a folded cell along each edge."""
 CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 """Corners of a unit cell, shape (8, 3)."""
 SAME = 1e-6
@@ -67,7 +65,6 @@ class StartTable(NamedTuple):
     ----------
     basis : projection of k readings onto three numbers, shape (3, k).
     low, high : bounding boxes of the projected readings, enlarged by the margin, shape (n, 3), T.
-    block_low, block_high : the same of each `BLOCK` cells that follow each other, so that most cells need no look.
     maps : inverse linear maps of the cells, shape (n, 3, 4). The readings r lie at
         maps[:, :, :3] @ r + maps[:, :, 3], measured from the cell's centre in units of its edges; for a folded part,
         in units of the box of its readings along their principal axes.
@@ -80,8 +77,6 @@ class StartTable(NamedTuple):
     basis: Array
     low: Array
     high: Array
-    block_low: Array
-    block_high: Array
     maps: Array
     sign: Ints
     centre: Array
@@ -130,64 +125,65 @@ def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, in
         The field is not defined at a point of the grid.
     """
     edge = (high - low) / counts
-    nodes, corner_nodes = _nodes(counts)
-    # cells that lie close to each other follow each other
-    corner_nodes = corner_nodes[np.lexsort((nodes[corner_nodes[:, 0]] // PARTS).T)]
-    readings, slopes = readings_with_slopes(forward, low[:, None] + (edge * nodes).T)
+    readings, slopes = readings_with_slopes(forward, (low + edge * _nodes(counts)).T.copy())
     basis = np.eye(3)
     if len(readings) > 3:
         spread = readings - readings.mean(axis=1, keepdims=True)
         basis = np.linalg.svd(spread @ spread.T)[0].T[:3].copy()
-    at_nodes, sign_at_nodes = _projected(basis, readings, slopes)
-    corners, sign = at_nodes[corner_nodes], sign_at_nodes[corner_nodes]
-    centre = low + edge * (nodes[corner_nodes[:, 0]] + 0.5)
-    unfolded = (sign == sign[:, :1]).all(axis=1)
-
-    part_nodes, part_corners = _nodes((PARTS,) * 3)
-    shifts = centre[~unfolded, None] + edge * (part_nodes / PARTS - 0.5)
-    r, s = _projected(basis, *readings_with_slopes(forward, shifts.reshape(-1, 3).T))
-    part_readings = r.reshape(-1, len(part_nodes), 3)[:, part_corners].reshape(-1, 8, 3)
-    part_sign = s.reshape(-1, len(part_nodes))[:, part_corners].reshape(-1, 8)
-    middle = shifts[:, part_corners[:, 0]].reshape(-1, 3) + edge / (2 * PARTS)
-    # the folded parts come last
-    alike = (part_sign == part_sign[:, :1]).all(axis=1)
+    corners, sign, centre = _cells(basis, readings, slopes, low[None], edge, counts)
+    folded = (sign != sign[:, :1]).any(axis=1)
+    first, fine = centre[folded] - edge / 2, edge / PARTS
+    shifts = (first[:, None] + fine * _nodes((PARTS,) * 3)).reshape(-1, 3)
+    parts = _cells(basis, *readings_with_slopes(forward, shifts.T.copy()), first, fine, (PARTS,) * 3)
+    edges = np.repeat([edge, fine], [(~folded).sum(), len(parts[0])], axis=0)
+    # the parts that are still folded come last
+    alike = np.concatenate([np.full((~folded).sum(), True), (parts[1] == parts[1][:, :1]).all(axis=1)])
     order = np.argsort(~alike, kind="stable")
-    corners = np.concatenate([corners[unfolded], part_readings[order]])
-    sign = np.concatenate([sign[unfolded], part_sign[order]])
-    alike = np.concatenate([np.full(unfolded.sum(), True), alike[order]])
+    corners, sign, centre = (
+        np.concatenate([values[~folded], part])[order]
+        for values, part in zip((corners, sign, centre), parts, strict=True)
+    )
+    alike, edges = alike[order], edges[order]
     maps = _maps(corners, alike)
     least, most = corners.min(axis=1), corners.max(axis=1)
     reach = np.where(alike, MARGIN, FOLD_MARGIN)[:, None] * (most - least)
-    least, most, blocks = least - reach, most + reach, np.arange(0, len(least), BLOCK)
     table = StartTable(
         basis=basis,
-        low=least,
-        high=most,
-        block_low=np.minimum.reduceat(least, blocks),
-        block_high=np.maximum.reduceat(most, blocks),
+        low=least - reach,
+        high=most + reach,
         maps=maps,
         sign=sign[:, 0] * alike,
-        centre=np.concatenate([centre[unfolded], middle[order]]),
-        edge=np.where(np.arange(len(sign))[:, None] < unfolded.sum(), edge, edge / PARTS),
+        centre=centre,
+        edge=edges,
         corners=np.einsum("mij,mcj->mci", maps[~alike, :, :3], corners[~alike]) + maps[~alike, None, :, 3],
         corner_sign=sign[~alike],
     )
     return table, np.ptp(readings, axis=1)
 
 
-def _nodes(counts: tuple[int, ...]) -> tuple[Array, Ints]:
-    """Return the nodes of a grid of unit cells, shape (m, 3), and those at the corners of each cell, shape (n, 8)."""
-    shape = [n + 1 for n in counts]
-    nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    first = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
-    step = np.array([shape[1] * shape[2], shape[2], 1])
-    return nodes.astype(np.float64), (first @ step)[:, None] + CORNERS @ step
+def _nodes(counts: tuple[int, ...]) -> Array:
+    """Return the nodes of a grid of unit cells, shape (m, 3)."""
+    return np.stack(np.indices([n + 1 for n in counts]), axis=-1).reshape(-1, 3).astype(np.float64)
 
 
-def _projected(basis: Array, readings: Array, slopes: Array) -> tuple[Array, Ints]:
-    """Return the projected readings, shape (n, 3), T, and the sign of det J, shape (n,)."""
-    sign = np.sign(np.linalg.det(np.einsum("ik,jkn->nij", basis, slopes)))
-    return (basis @ readings).T.copy(), sign.astype(np.int64)
+def _cells(
+    basis: Array, readings: Array, slopes: Array, low: Array, edge: Array, counts: tuple[int, ...]
+) -> tuple[Array, Ints, Array]:
+    """Return projected readings (n, 8, 3) and signs of det J (n, 8) at corners of cells, and centres (n, 3).
+
+    low, edge : corners of least x, y, z of equal grids, shape (g, 3), and edges of their cells, shape (3,), mm;
+        readings and slopes at all nodes of all grids follow each other.
+    """
+    cells, nodes = np.stack(np.indices(counts), axis=-1).reshape(-1, 3), [n + 1 for n in counts]
+    corner = np.ravel_multi_index(tuple((cells[:, None] + CORNERS).T), nodes).T
+    signs = np.sign(np.linalg.det(np.einsum("ik,jkn->nij", basis, slopes))).astype(np.int64)
+    at = (basis @ readings).T.reshape(len(low), math.prod(nodes), 3)[:, corner]
+    centre = low[:, None] + edge * (cells + 0.5)
+    return (
+        at.reshape(-1, 8, 3),
+        signs.reshape(len(low), math.prod(nodes))[:, corner].reshape(-1, 8),
+        centre.reshape(-1, 3),
+    )
 
 
 def _maps(corners: Array, alike: NDArray[np.bool_]) -> Array:
@@ -259,20 +255,17 @@ def search(field, kernel, table, goal):
 @compiled
 def starts_of(field, table):
     """Return the starts for one row of readings: of each how far off the centre, sign of det J and shift, mm."""
-    basis, low, high, block_low, block_high, maps, sign, centre, edge, corners, corner_sign = table
+    basis, low, high, maps, sign, centre, edge, corners, corner_sign = table
     r, u, folded = np.zeros(3), np.zeros(3), len(low) - len(corners)
     for i in range(3):
         for j in range(len(field)):
             r[i] += basis[i, j] * field[j]
     starts = [(0.0, 0, 0.0, 0.0, 0.0) for _ in range(0)]
-    cells = [
-        cell
-        for block in range(len(block_low))
-        if holds(block_low, block_high, block, r[0], r[1], r[2])
-        for cell in range(BLOCK * block, min(BLOCK * (block + 1), len(low)))
-        if holds(low, high, cell, r[0], r[1], r[2])
-    ]
-    for cell in cells:
+    for cell in range(len(low)):
+        # without a branch (`and`), which would take ten times as long: whether a box holds r is hard to predict
+        beside = (r[0] < low[cell, 0]) | (high[cell, 0] < r[0]) | (r[1] < low[cell, 1]) | (high[cell, 1] < r[1])
+        if beside | (r[2] < low[cell, 2]) | (high[cell, 2] < r[2]):
+            continue
         c, e, side = centre[cell], edge[cell], sign[cell]
         # starts with the same sign of det J that are closer than this lead to the same pose
         apart = 0.8 * math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
@@ -295,14 +288,6 @@ def starts_of(field, table):
                     # farther than any place in a cell
                     add_start(starts, 1 + near, side, c[0] + x * e[0], c[1] + y * e[1], c[2] + z * e[2], apart)
     return starts
-
-
-@compiled
-def holds(low, high, box, x, y, z):
-    """Return whether projected readings lie in a box."""
-    # without a branch (`and`), which would take ten times as long: whether a box holds x is hard to predict
-    beside = (x < low[box, 0]) | (high[box, 0] < x) | (y < low[box, 1]) | (high[box, 1] < y)
-    return not (beside | (z < low[box, 2]) | (high[box, 2] < z))
 
 
 @compiled
