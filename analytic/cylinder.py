@@ -50,8 +50,6 @@ NODES, WEIGHTS = (tuple(row.tolist()) for row in np.polynomial.legendre.leggauss
 """These Gauss points: six of them have this error."""
 ORDER = 19
 """Order of the highest multipole of the field; its slope has one order more."""
-LARGE = 1e100
-"""Distance from the centre, in radii, beyond which the field, below 1e-300 of J, counts as 0: squares overflow."""
 BLOCK = 256
 """Number of points in a batch: its numbers stay in the processor's second cache."""
 STEPS, REGULAR = 5, 0.085
@@ -171,7 +169,8 @@ def unit_field(place, z0, series, disc, slope):
     d2 = r * r + z * z
     if math.isnan(r) or (gap == 0 and (up == 0 or down == 0)):
         return math.nan, math.nan, math.nan, math.nan
-    if d2 > LARGE * LARGE:
+    if d2 > 1e200:
+        # below 1e-300 of J; squares overflow
         return 0.0, 0.0, 0.0, 0.0
     if d2 > FAR * FAR * (1 + z0 * z0):
         span = math.sqrt(1 + z0 * z0)

@@ -35,8 +35,6 @@ Limit = Literal["depth", "shear", "workspace"]
 
 CELLS = (24, 24, 12)
 """Number of the table's cells along x, y and z: half as many along z, because the workspace is half as high."""
-EDGE = 1e-7
-"""Distance outside the workspace, over D, up to which a pose still counts as inside: rounding on its faces."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,8 +127,8 @@ def decoder(
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
-    # poses on the faces of the workspace lie inside a cell of the table
-    pad, edge = 0.01 * (high - low), EDGE * design.D
+    # poses on the faces of the workspace lie inside a cell of the table, and inside the workspace despite rounding
+    pad, edge = 0.01 * (high - low), 1e-7 * design.D
     table, span = pose_search.start_table(forward, low - pad, high + pad, cells)
     sigma = np.array([element.noise_T for element in forward.elements])
     explained = np.hypot(sigma, deviation)

@@ -30,8 +30,6 @@ Pair = tuple[Array, Array]
 
 MU_0 = 4e-7 * math.pi
 """Vacuum permeability, T m/A."""
-GRIP = 0.3
-"""Friction of a magnet on the floor of its pocket over its weight, a common value."""
 
 
 def cylinder_field(points: ArrayLike, radius: float, height: float, J: float, *, refuse: bool = True) -> Array:
@@ -242,7 +240,8 @@ def weight(design: Design) -> float:
 def resting_distance(design: Design) -> float | None:
     """Return the distance of the axes from which two such magnets, side by side with like poles up, stay put, mm.
 
-    From there on they push each other by no more than GRIP of their weight. None without a magnet.
+    From there on they push each other by no more than 0.3 of their weight, a common friction on the floor of a
+    pocket. None without a magnet.
     """
     from scipy.optimize import brentq
 
@@ -252,7 +251,7 @@ def resting_distance(design: Design) -> float | None:
 
     def excess(log_distance: float) -> float:
         """Return the logarithm of the repulsion over its limit: nearly linear, so that few steps find its root."""
-        return math.log(repulsion(radius, height, design.remanence, math.exp(log_distance)) / (GRIP * weight(design)))
+        return math.log(repulsion(radius, height, design.remanence, math.exp(log_distance)) / (0.3 * weight(design)))
 
     near = math.log(2 * radius * (1 + 1e-6))
     if excess(near) <= 0:

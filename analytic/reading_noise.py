@@ -31,10 +31,6 @@ from __future__ import annotations
 
 import math
 
-SMALL = 0.1
-"""Noise over the step below which b^2 comes from the series for small noise; the terms that it leaves out are below
-exp(-25), and the 9 terms of the other series leave out less than exp(-39)."""
-
 
 def of_sample(noise: float, density: float, bandwidth: float) -> float:
     """Return the standard deviation of one sample before the converter.
@@ -80,8 +76,9 @@ def rounding_bias(noise: float, step: float) -> float:
     if not step:
         return 0.0
     ratio = noise / step
-    if ratio < SMALL:
-        # Poisson's summation turns the slowly converging series of small noise into this one
+    if ratio < 0.1:
+        # Poisson's summation turns the slowly converging series of small noise into this one, whose other terms are
+        # below exp(-25); the 9 terms of the other series leave out less than exp(-39)
         return step * math.sqrt(1 / 12 - ratio / math.sqrt(math.pi) + ratio**2)
     terms = (math.exp(-((2 * math.pi * k * ratio) ** 2)) / (2 * math.pi**2 * k**2) for k in range(1, 10))
     return step * math.sqrt(math.fsum(terms))

@@ -41,8 +41,6 @@ from geometry.design import Design
 
 DOME, ROLLS, PATCH = 0.1, 0.25, 1 / 5
 """Constants above: shear compliance of the dome times G R, growth of a over |omega| R, and the 1/5 of a^2/(5 R)."""
-NUDGE = 1e-4
-"""Relative increment of the press force for dk/dP."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +119,9 @@ def _inclined(
         for _ in range(4):
             now = replace(column, patch=column.patch + ROLLS * abs(bent.omega * shear) * design.R)
             bent = bend(design, now, P)
-        nudged = bend(design, now, P + NUDGE * pressed.force)
-        lean = max((bent.force - nudged.force) / (NUDGE * pressed.force), 0.0) * shear**2 / 2
+        # dk/dP by a difference over a small part of the press force
+        more = 1e-4 * pressed.force
+        lean = max((bent.force - bend(design, now, P + more).force) / more, 0.0) * shear**2 / 2
         return now, bent, press(design, max(depth - lean, 0.0), terms)
 
     # the press force P must equal that of the depth which P itself leaves; it is at most that of the upright beam

@@ -71,6 +71,15 @@ def quantity(default: float | None, unit: str, low: float, high: float, text: st
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def check_ranges(record: Any) -> None:
+    """Raise BadInput if a number of a frozen dataclass is out of the range that `quantity` gave it; None is allowed
+    where it is the default."""
+    for spec in dataclasses.fields(record):
+        value: object = getattr(record, spec.name)
+        if "low" in spec.metadata and (value is not None or spec.default is not None):
+            in_range(spec, value)
+
+
 def in_range(spec: dataclasses.Field[Any], value: object) -> float:
     """Return the value of a field made by `quantity`; raise BadInput if its type is wrong or it is out of range."""
     about = spec.metadata

@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from geometry.bad_input import in_range, nearest, quantity
+from geometry.bad_input import check_ranges, nearest, quantity
 from geometry.cad import beam, cut, overlap, turned
 from geometry.design import BadInput, Design
 from geometry.fabrication import engraved_marks, hall_elements
@@ -73,10 +73,7 @@ class Base:
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise BadInput(f"there is no shape {self.shape!r} of the base: {nearest(str(self.shape), SHAPES)}")
-        for spec in dataclasses.fields(self):
-            value: object = getattr(self, spec.name)
-            if spec.name != "shape" and (value is not None or spec.default is not None):
-                in_range(spec, value)
+        check_ranges(self)
 
     @property
     def is_round(self) -> bool:

@@ -120,12 +120,15 @@ def moved(solid: Solid, place: tuple[float, float, float]) -> Solid:
     return bd.Solid(solid.wrapped.Moved(bd.Location(place).wrapped))
 
 
+def intersection(first: Any, second: Any) -> list[Any]:
+    """Return the shapes that two shapes share: build123d gives None, one shape or a list of shapes."""
+    shapes = first.intersect(second)
+    return [] if shapes is None else shapes if isinstance(shapes, list) else [shapes]
+
+
 def common(first: Solid, second: Solid) -> list[Solid]:
     """Return the solids of the intersection of two solids; none if they only touch."""
-    intersection = first.intersect(second)
-    # build123d returns None, one shape or a list of shapes
-    shapes = [] if intersection is None else intersection if isinstance(intersection, list) else [intersection]
-    return [solid for shape in shapes for solid in shape.solids()]
+    return [solid for shape in intersection(first, second) for solid in shape.solids()]
 
 
 def overlap(first: Solid, second: Solid) -> float:

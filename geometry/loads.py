@@ -28,12 +28,6 @@ ANSWERED = ("ok", "unstable")
 STEEPEST = 0.7
 """Largest tilt of a plate, rad: a steeper plate touches the cylindrical wall of the beam soon after the dome."""
 
-MOST_PULL = 5.0
-"""Largest distance by which a grip may pull the held part of the surface out of the beam, in radii of that part.
-
-The silicone next to the held part is stretched by about this factor.
-"""
-
 
 @dataclass(frozen=True, slots=True)
 class Load:
@@ -276,9 +270,9 @@ def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
 
     - The depth must be less than the thickness of all silicone on the axis.
     - A grip must lie on the beam.
-    - A shear bends the beam, and pulls the part of the surface that a grip holds out of the beam. `MOST_PULL` bounds
-      this pull. The compliance of the held part is that of a rigid disc of radius a bonded to a half-space,
-      (2 - nu) / (8 G a).
+    - A shear bends the beam, and pulls the part of the surface that a grip holds out of the beam, by at most five
+      radii of that part: the silicone next to it is stretched by about this factor. The compliance of the held part
+      is that of a rigid disc of radius a bonded to a half-space, (2 - nu) / (8 G a).
     - An imperfection alone must not bend the beam by more than the tip radius: a larger force is no small
       disturbance.
     """
@@ -315,7 +309,7 @@ def _check_pull(design: Design, grip: float, shear: float) -> None:
     radius = math.sqrt(grip * (2 * design.R - grip)) if grip < design.R else design.R
     disc = (2 - design.nu) * (1 + design.nu) / (4 * design.E * radius)
     # beam and held part carry the same force, so they share the shear in proportion to their compliances
-    most = MOST_PULL * radius * (1 + tip_compliance(design) / disc)
+    most = 5 * radius * (1 + tip_compliance(design) / disc)
     if not shear <= most:
         raise BadInput(
             f"shear must not exceed {most:.3g} mm under a grip of {grip:g} mm, which holds a spot of {radius:.3g} mm "

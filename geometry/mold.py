@@ -13,11 +13,10 @@ Shrinkage of the silicone enlarges cavity and pin by 1/(1 - shrink), but not the
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
-from geometry.bad_input import in_range, nearest, quantity
+from geometry.bad_input import check_ranges, nearest, quantity
 from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.printability import PROCESSES, Process
@@ -88,10 +87,7 @@ class Mold:
     def __post_init__(self) -> None:
         if self.process not in PROCESSES:
             raise BadInput(f"there is no process {self.process!r}: {nearest(str(self.process), PROCESSES)}")
-        for spec in dataclasses.fields(self):
-            value: object = getattr(self, spec.name)
-            if spec.name != "process" and (value is not None or spec.default is not None):
-                in_range(spec, value)
+        check_ranges(self)
         if self.split and self.rows > 1:
             raise BadInput(
                 f"rows must be 1 when split is 1, as B is split along a row; got {self.rows}: set rows=1 or split=0"

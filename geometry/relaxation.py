@@ -25,7 +25,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,32 +33,14 @@ from numpy.typing import ArrayLike, NDArray
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
 
+if TYPE_CHECKING:
+    from geometry.design import Design
+
 TIMES = (1e-12, 1e12)
 """Range of a branch's time, s: beyond it, a number is taken for a mistake."""
-MOST_DECADES = 10.0
-"""Widest band of a constant loss factor: each further decade adds branches, which every solve carries."""
-LEAST_REST = 1e-4
-"""Least share of the stress that must remain in the long term: the instantaneous modulus of no silicone is larger."""
 
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 _BRANCH = re.compile(f"{_NUMBER}:{_NUMBER}")
-
-
-class Silicone(Protocol):
-    """The fields of `geometry.design.Design` on which its relaxation depends."""
-
-    @property
-    def E(self) -> float: ...
-    @property
-    def modulus(self) -> str: ...
-    @property
-    def prony(self) -> str: ...
-    @property
-    def loss_factor(self) -> float: ...
-    @property
-    def loss_low(self) -> float: ...
-    @property
-    def loss_high(self) -> float: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,10 +185,11 @@ def constant_loss(loss_factor: float, low: float, high: float) -> Relaxation:
     """
     if not loss_factor > 0:
         return Relaxation((), ())
-    decades = math.log10(high / low)
-    if not 0 < decades <= MOST_DECADES:
+    # each decade adds branches, which every solve carries
+    decades, most = math.log10(high / low), 10
+    if not 0 < decades <= most:
         raise BadInput(
-            f"the band of a constant loss factor must be above 0 and at most {MOST_DECADES:g} decades wide; got "
+            f"the band of a constant loss factor must be above 0 and at most {most} decades wide; got "
             f"{low:g} to {high:g} Hz: change loss_low or loss_high"
         )
     from scipy.optimize import nnls
@@ -222,9 +205,10 @@ def constant_loss(loss_factor: float, low: float, high: float) -> Relaxation:
         scale = 1 + storage @ h
     rest = 1 / (1 + h.sum())
     error = float(np.max(np.abs(loss @ h / scale / loss_factor - 1)))
-    if not (error <= 0.02 and rest >= LEAST_REST):
+    # the instantaneous modulus of no silicone is more than 1e4 times the long-term one
+    if not (error <= 0.02 and rest >= 1e-4):
         raise BadInput(
-            f"a loss factor of {loss_factor:g} from {low:g} to {high:g} Hz leaves less than {LEAST_REST:g} of the "
+            f"a loss factor of {loss_factor:g} from {low:g} to {high:g} Hz leaves less than 0.0001 of the "
             f"instantaneous modulus in the long term: lower loss_factor or narrow the band loss_low to loss_high"
         )
     used = h > 0
@@ -232,7 +216,7 @@ def constant_loss(loss_factor: float, low: float, high: float) -> Relaxation:
     return Relaxation(tuple((h[used] * rest).tolist()), tuple(times[used].tolist()), ends)
 
 
-def relaxation_of(design: Silicone) -> Relaxation:
+def relaxation_of(design: Design) -> Relaxation:
     """Return the branches of a design: `prony`, or those of its constant loss factor.
 
     >>> from geometry.design import Design
@@ -244,7 +228,7 @@ def relaxation_of(design: Silicone) -> Relaxation:
     return constant_loss(design.loss_factor, design.loss_low, design.loss_high)
 
 
-def moduli(design: Silicone) -> tuple[float, float]:
+def moduli(design: Design) -> tuple[float, float]:
     """Return the instantaneous and the long-term Young's modulus of a design at small strain, MPa.
 
     The ratio of both is that of the shear moduli, exactly for nu = 0.5; the bulk does not relax.
@@ -257,7 +241,7 @@ def moduli(design: Silicone) -> tuple[float, float]:
     return (design.E, design.E * rest) if design.modulus == "instantaneous" else (design.E / rest, design.E)
 
 
-def relaxation_notes(design: Silicone) -> list[str]:
+def relaxation_notes(design: Design) -> list[str]:
     """Return sentences: which modulus E is, where the branches come from, and what is assumed.
 
     >>> from geometry.design import Design
@@ -299,7 +283,7 @@ def range_sentence(relaxation: Relaxation, *, times: Iterable[float] = (), frequ
     return f"the branches speak for {range_text(relaxation)}, not for {' and '.join(outside)}" if outside else ""
 
 
-def range_remedy(design: Silicone) -> str:
+def range_remedy(design: Design) -> str:
     """Return what widens the range for which the branches of a design speak."""
     if not design.prony:
         return "change loss_low or loss_high"
@@ -331,7 +315,7 @@ def _three(value: float) -> str:
 
 
 def check_range(
-    design: Silicone, *, times: Iterable[float] = (), frequencies: Iterable[float] = (), beyond: bool = False
+    design: Design, *, times: Iterable[float] = (), frequencies: Iterable[float] = (), beyond: bool = False
 ) -> list[str]:
     """Check that the branches of a design speak for times, s, and frequencies, Hz; return a warning if they do not.
 

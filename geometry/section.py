@@ -141,37 +141,21 @@ def room(shape: Shape, x: Points) -> Array:
 
 # The target edge length; all lengths are in units of D
 
-TIP, CLAMP, SHARP_EDGE = 1 / 2, 1 / 15, 1 / 5
-"""Edge length at a feature as a fraction of the size: at the tip and at a rounded edge of the magnet, at the clamped
-corner (R, 0), and at a sharp edge of the magnet."""
+TIP = 1 / 2
+"""Edge length at the tip and at a rounded edge of the magnet as a fraction of the size."""
 CORNER = 0.012
 """Least edge length at the clamped corner and at a sharp edge of the magnet, in units of D.
 
 Both are singularities: smaller elements there gain no accuracy and become inverted (J <= 0) under load. At the clamp
 this bound changes the force of a press to 3/8 D by less than 0.1 %.
 """
-FILLET, ARC, GAP = 0.75, 0.1, 0.42
-"""Largest edge lengths at a fillet and in a thin layer.
-
-FILLET is a fraction of the fillet's radius (by default). ARC is a fraction of the root of D times the radius; with
-it, parabolas in place of arcs change the volume by less than 1e-5. GAP is a fraction of the layer's thickness.
-"""
-TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
-"""Growth of the edge length per unit of distance: from the tip (TIP_GROWTH) and from other features (GROWTH).
-
-For sizes below FULL_TIP_GROWTH and FULL_GROWTH, in units of D, the growth is reduced in proportion to the size, so
-that half the size gives half of every edge length.
-"""
-DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
-"""Largest edge length along the dome as a fraction of the size, the angle from the tip up to which it applies, rad,
-and its growth inwards.
-
-The edge of the contact area then always lies in small elements. In larger elements, forces would scatter with the
-position of this edge.
-"""
-_BEARINGS = np.linspace(0, DOME_REACH, 61)[1:]
+FILLET = 0.75
+"""Default of the largest edge length at a fillet, as a fraction of its radius."""
+TIP_GROWTH, GROWTH = 0.3, 0.4
+"""Growth of the edge length per unit of distance, from the tip and from other features."""
+_BEARINGS = np.linspace(0, 1.2, 61)[1:]
 DOME_POINTS = np.sin(_BEARINGS) + 1j * np.cos(_BEARINGS)
-"""Sources along the dome of unit radius about 0."""
+"""Sources along the dome of unit radius about 0, up to 1.2 rad from the tip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,14 +223,16 @@ def pairs(x: Points) -> Array:
 
 def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
     """Return the grading of a section: its sources are the features that require edges shorter than the size."""
-    from_tip, from_others = TIP_GROWTH * min(1, s.size / FULL_TIP_GROWTH), s.growth * min(1, s.size / FULL_GROWTH)
-    corner = min(s.size, max(CORNER, CLAMP * s.size))
-    along_dome = np.minimum(s.tip_size + TIP_GROWTH * shape.R * DOME_POINTS.real, DOME * s.size)
+    # in proportion to small sizes: half the size then gives half of every edge length
+    from_tip, from_others = TIP_GROWTH * min(1, s.size / 0.12), s.growth * min(1, s.size / 0.075)
+    corner = min(s.size, max(CORNER, 1 / 15 * s.size))
+    # the edge of the contact area always lies in small elements: in larger ones forces would scatter with its place
+    along_dome = np.minimum(s.tip_size + TIP_GROWTH * shape.R * DOME_POINTS.real, 0.35 * s.size)
     # points, edge lengths there, and growth away from them
     sources: list[tuple[Points, Array | float, float]] = [
         (np.array([1j * shape.L]), s.tip_size, from_tip),
         (np.array([complex(shape.R)]), corner, from_others),
-        (1j * shape.H + shape.R * DOME_POINTS, along_dome, DOME_GROWTH),
+        (1j * shape.H + shape.R * DOME_POINTS, along_dome, 0.8),
     ]
     if s.ring is not None:
         r = min(s.ring[0], shape.R)
@@ -264,13 +250,15 @@ def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
 
 def _magnet_lengths(shape: Shape, curve: Curve, x: Points, s: Settings) -> Array:
     """Return the edge lengths that points on the magnet's outline require, shape (n,)."""
-    want: Array = np.minimum(min(s.size, curve.length), GAP * room(shape.without_magnet(), x))
+    # a thin layer has two elements or more across
+    want: Array = np.minimum(min(s.size, curve.length), 0.42 * room(shape.without_magnet(), x))
     if curve.centre is not None:
         radius = abs(curve.start - curve.centre)
-        want = np.minimum(want, min(TIP * s.size, s.fillet * radius, ARC * math.sqrt(radius)))
+        # by the root of the radius parabolas in place of arcs change the volume by less than 1e-5
+        want = np.minimum(want, min(TIP * s.size, s.fillet * radius, 0.1 * math.sqrt(radius)))
     elif shape.magnet_edge_radius < SMALLEST:
         corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
-        want = np.where(corner, np.minimum(want, max(CORNER, SHARP_EDGE * s.size)), want)
+        want = np.where(corner, np.minimum(want, max(CORNER, 1 / 5 * s.size)), want)
     if s.magnet == "meshed":
         want = np.minimum(want, min(shape.magnet_height, shape.magnet_diameter / 2) / 2)
     return want
@@ -283,8 +271,6 @@ SPACING = 0.85
 NEAR_END = np.geomspace(1e-10, 0.5, 200)
 FRACTIONS = np.unique(np.concatenate([NEAR_END, 1 - NEAR_END, np.linspace(0, 1, 201)]))
 """Fractions of a curve's length at which the edge length is evaluated; dense at the ends, where it may be tiny."""
-BATCH = 64
-"""Number of points that `_thinned` compares at once."""
 SLOPES = np.array([skfem.ElementTriP2().lbasis(get_quadrature(skfem.ElementTriP2, 6)[0], i)[1] for i in range(6)])
 """Derivatives of a triangle's quadratic shape functions at quadrature points, shape (6, 2, q)."""
 PLACE = 0.3
@@ -460,17 +446,17 @@ def _fill(domain: Shape, border: _Border, sizing: Grading) -> Points:
 
 def _thinned(x: Points, length: Array) -> Points:
     """Return those points, in order, that keep the least distance from all points returned before them."""
-    found, nearest = [], (SPACING * length) ** 2
+    found, nearest, batch = [], (SPACING * length) ** 2, 64
     while len(x):
-        first, rest = pairs(x[:BATCH]), pairs(x[BATCH:])
-        clash = cdist(first, first, "sqeuclidean") <= nearest[:BATCH]
+        first, rest = pairs(x[:batch]), pairs(x[batch:])
+        clash = cdist(first, first, "sqeuclidean") <= nearest[:batch]
         stays = np.ones(len(first), dtype=np.bool_)
         for i in range(len(first)):
             if stays[i]:
                 stays[i + 1 :] &= ~clash[i, i + 1 :]
-        found.append(x[:BATCH][stays])
-        far = (cdist(first[stays], rest, "sqeuclidean") > nearest[BATCH:]).all(axis=0)
-        x, nearest = x[BATCH:][far], nearest[BATCH:][far]
+        found.append(x[:batch][stays])
+        far = (cdist(first[stays], rest, "sqeuclidean") > nearest[batch:]).all(axis=0)
+        x, nearest = x[batch:][far], nearest[batch:][far]
     return np.concatenate(found) if found else x
 
 

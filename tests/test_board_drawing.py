@@ -8,7 +8,7 @@ from ezdxf import bbox
 
 from geometry.base import Base, plan
 from geometry.design import Design
-from geometry.fabrication.board_drawing import LAND_PATTERNS, LAYERS, board, pads
+from geometry.fabrication.board_drawing import LAYERS, board, pads
 from geometry.fabrication.hall_elements import CHIPS, places
 
 DESIGNS = [Design(), Design(hall_layout="tmag5273a1"), Design(hall_layout="tle493d-p2b6", l0=9.0, chip_x=2.0)]
@@ -56,30 +56,30 @@ def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
 
 
 @pytest.mark.parametrize("process", ["fdm", "sla"])
-@pytest.mark.parametrize("layout", list(LAND_PATTERNS))
+@pytest.mark.parametrize("layout", list(CHIPS))
 def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
     (pocket,) = plan(design, Base(), process).seats.values()
     (left, near, _), (wide, deep, high) = pocket.corner, pocket.sides
-    pattern, chip = LAND_PATTERNS[layout], CHIPS[layout]
+    chip = CHIPS[layout]
     for x, y in pads(design):
-        assert left < x - pattern.width / 2
-        assert x + pattern.width / 2 < left + wide
-        assert near < y - pattern.length / 2
-        assert y + pattern.length / 2 < near + deep
+        assert left < x - chip.pad_width / 2
+        assert x + chip.pad_width / 2 < left + wide
+        assert near < y - chip.pad_length / 2
+        assert y + chip.pad_length / 2 < near + deep
     assert high > chip.height
     assert "on the underside of the board" in board(design, plan(design, Base()))
 
 
-@pytest.mark.parametrize("layout", list(LAND_PATTERNS))
+@pytest.mark.parametrize("layout", list(CHIPS))
 def test_a_chip_has_six_separate_pads_around_its_plates(layout):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
-    pattern, (x, y, _) = LAND_PATTERNS[layout], places(design)[layout]
+    chip, (x, y, _) = CHIPS[layout], places(design)[layout]
     drawing = read(design)
     assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')) == 6
-    wide, tall = pattern.pitch + pattern.width / 2, (pattern.rows + pattern.length) / 2
+    wide, tall = chip.pitch + chip.pad_width / 2, (chip.rows + chip.pad_length) / 2
     assert extents(drawing, "PADS") == pytest.approx([x - wide, y - tall, x + wide, y + tall])
-    assert pattern.width < pattern.pitch
+    assert chip.pad_width < chip.pitch
 
 
 def test_the_text_names_the_elements_and_asks_to_check_the_pads():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic.reading_noise import SMALL, of_average, of_sample, rounding_bias
+from analytic.reading_noise import of_average, of_sample, rounding_bias
 
 
 def test_noise_grows_with_the_root_of_the_bandwidth():
@@ -39,7 +39,7 @@ def test_bias_scales_with_the_step():
 
 
 def test_both_series_agree_where_they_meet():
-    below, above = rounding_bias(SMALL * (1 - 1e-12), 1.0), rounding_bias(SMALL, 1.0)
+    below, above = rounding_bias(0.1 * (1 - 1e-12), 1.0), rounding_bias(0.1, 1.0)
     assert_allclose(below, above, rtol=1e-9)
 
 

@@ -15,11 +15,11 @@ The iteration. With the residual f = w (B(s) - B_read) and A = w dB/ds, a step i
 (Gauss-Newton for more than three readings). The damping mu follows Levenberg and Marquardt: it is 0 until a step
 fails to reduce |f|, grows by a factor of 10 from 1e-3 while steps fail, and falls by a factor of 10 when they
 succeed. Newton's method converges quadratically, so the error after a step of length p that follows one of length p'
-is about p (p/p')^2. The iteration ends where this estimate is below `GOAL`.
+is about p (p/p')^2. The iteration ends where this estimate is below 1e-10 D.
 
 Two rules end iterations that would lead nowhere. A start stands for the poses near it, since every other pose has a
 start of its own: an iteration that moves farther than 2.5 cell diagonals from its start ends. So does one whose
-misfit does not fall to `FALL` of its size in `STALL` evaluations, as next to a minimum of the misfit that is no pose.
+misfit does not fall to 0.8 of its size in six evaluations, as next to a minimum of the misfit that is no pose.
 """
 
 from __future__ import annotations
@@ -44,14 +44,9 @@ CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 """Corners of a unit cell, shape (8, 3)."""
 SAME = 1e-6
 """Distance below which two poses count as one, over D: far above the error of a converged pose."""
-GOAL = 1e-10
-"""Estimated error of a pose at which the iteration ends, over D: far below `SAME`, far above rounding."""
 SHORT = 1e-7
 """Length of a step, over D, so short that rounding decides whether the misfit falls. A damped step that is as short
 has met a minimum of the misfit above 0."""
-STALL, FALL = 6, 0.8
-"""Number of evaluations in which the misfit must fall, and to which part of its size. Near a double root, the slowest
-case, each full step brings it to a quarter."""
 LOST, MISFIT, POSE = range(3)
 """Ends of an iteration: no convergence, a pose that does not fit the readings, a pose that does."""
 Status = Literal["ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent"]
@@ -163,7 +158,7 @@ def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, in
 
 def _nodes(counts: tuple[int, ...]) -> Array:
     """Return the nodes of a grid of unit cells, shape (m, 3)."""
-    return np.stack(np.indices([n + 1 for n in counts]), axis=-1).reshape(-1, 3).astype(np.float64)
+    return np.indices([n + 1 for n in counts]).reshape(3, -1).T.astype(np.float64)
 
 
 def _cells(
@@ -174,7 +169,7 @@ def _cells(
     low, edge : corners of least x, y, z of equal grids, shape (g, 3), and edges of their cells, shape (3,), mm;
         readings and slopes at all nodes of all grids follow each other.
     """
-    cells, nodes = np.stack(np.indices(counts), axis=-1).reshape(-1, 3), [n + 1 for n in counts]
+    cells, nodes = np.indices(counts).reshape(3, -1).T, [n + 1 for n in counts]
     corner = np.ravel_multi_index(tuple((cells[:, None] + CORNERS).T), nodes).T
     signs = np.sign(np.linalg.det(np.einsum("ik,jkn->nij", basis, slopes))).astype(np.int64)
     at = (basis @ readings).T.reshape(len(low), math.prod(nodes), 3)[:, corner]
@@ -320,23 +315,25 @@ def newton(start, reach, field, kernel, goal):
         s[0, j] = min(max(start[j], goal.floor[j]), goal.roof[j])
     mu, last = 0.0, math.inf
     size = misfit_of(s, field, kernel, goal.weights, f, A)
-    sizes = np.full(STALL, size)
-    short = SHORT * goal.D
+    # those of the last six evaluations; near a double root, the slowest case, each full step brings it to a quarter
+    sizes = np.full(6, size)
+    # the estimated error at which the iteration ends: far below `SAME`, far above rounding
+    short, exact = SHORT * goal.D, 1e-10 * goal.D
     for turn in range(40):
         p = step(f[0], A[0], goal.weights, mu)
         length = math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
         error = length * (length / min(last, 1e-3 * goal.D)) ** 2
         # a damped step is short because of its damping, which says nothing of the error
-        if size == 0 or (mu == 0 and (length < 1e-3 * GOAL * goal.D or (last < math.inf and error < GOAL * goal.D))):
+        if size == 0 or (mu == 0 and (length < 1e-3 * exact or (last < math.inf and error < exact))):
             for j in range(3):
                 s[0, j] += p[j]
             misfit_of(s, field, kernel, goal.weights, f, A)
             return POSE if fits(f[0], A[0], goal) else MISFIT, s, A
         if not size < math.inf or (mu > 0 and length < short):
             break
-        if turn >= STALL and size > FALL * FALL * sizes[turn % STALL] and length >= short:
+        if turn >= len(sizes) and size > 0.8**2 * sizes[turn % len(sizes)] and length >= short:
             break
-        sizes[turn % STALL] = size
+        sizes[turn % len(sizes)] = size
         if (s[0, 0] - start[0]) ** 2 + (s[0, 1] - start[1]) ** 2 + (s[0, 2] - start[2]) ** 2 > reach * reach:
             break
         # close to a fold, undamped steps are far too long

@@ -37,9 +37,6 @@ Powers = list[tuple[int, int]]
 ORDERS = (2, 6)
 """Highest powers of U and of w or r, if there are enough samples."""
 
-FORCE_GRID = 41
-"""Number of start points along u and along w: neighbours are so close that Newton's steps converge from them."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mechanics:
@@ -214,8 +211,8 @@ def shifts_of_forces(
     """
     scale = float(np.hypot(tangential, normal).max(initial=0.0)) or 1.0
     u, w = _starts(mechanics, low, high, tangential, normal)
-    # no step may be longer than some cells of the grid: a polynomial bends too much for more
-    reach = np.array([high[0], -low[2]])[:, None] / (FORCE_GRID - 1) * 4
+    # no step may be longer than some cells of the grid of starts: a polynomial bends too much for more
+    reach = np.array([high[0], -low[2]])[:, None] / 10
     # from a start of the grid about five steps suffice
     for _ in range(30):
         residual, slopes = _residual(mechanics, u, w, tangential, normal)
@@ -237,7 +234,8 @@ def _starts(mechanics: Mechanics, low: Array, high: Array, tangential: Array, no
     """Return the stable point of the grid whose force is nearest to each given one: u and w, shape (n,)."""
     from scipy.spatial import cKDTree
 
-    axes = np.linspace(0, high[0], FORCE_GRID), np.linspace(low[2], 0, FORCE_GRID)
+    # so close that Newton's steps converge from neighbours
+    axes = np.linspace(0, high[0], 41), np.linspace(low[2], 0, 41)
     u, w = (values.ravel() for values in np.meshgrid(*axes))
     force, slopes = _residual(mechanics, u, w, np.zeros_like(u), np.zeros_like(u))
     stable = _stable(slopes)

@@ -18,7 +18,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-from geometry.fabrication.hall_elements import CHIPS, LAND_PATTERNS, SS495A, places
+from geometry.fabrication.hall_elements import CHIPS, SS495A, places
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -74,8 +74,8 @@ def board(design: Design, plan: Plan) -> str:
 def pads(design: Design) -> list[tuple[float, float]]:
     """Return the centres of all pads (x, y), mm; of three elements first those of S1, then of S2 and of S3."""
     if design.hall_layout != "three":
-        pattern, (middle, _, _) = LAND_PATTERNS[design.hall_layout], places(design)[design.hall_layout]
-        return [(middle + k * pattern.pitch, side * pattern.rows / 2) for side in (-1, 1) for k in (-1, 0, 1)]
+        chip, (middle, _, _) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
+        return [(middle + k * chip.pitch, side * chip.rows / 2) for side in (-1, 1) for k in (-1, 0, 1)]
     p = SS495A
     # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel, 2 mm
     # from the body: a bend closer to it may crack it
@@ -104,13 +104,13 @@ def _leaded(space: Any, design: Design) -> None:
 
 def _chip(space: Any, design: Design) -> None:
     """Draw body and pads of a 3-axis chip; pin 1 lies at the least x and y."""
-    chip, pattern = CHIPS[design.hall_layout], LAND_PATTERNS[design.hall_layout]
+    chip = CHIPS[design.hall_layout]
     x, y, _ = places(design)[design.hall_layout]
     _rectangle(space, "HALL", x, y, chip.length, chip.width)
     _circle(space, "HALL", x, y, 0.2)
     for pad_x, pad_y in pads(design):
-        _rectangle(space, "PADS", pad_x, pad_y, pattern.width, pattern.length)
-    _text(space, "1", x - chip.length / 2 - LETTER, y - pattern.rows / 2 - LETTER / 2)
+        _rectangle(space, "PADS", pad_x, pad_y, chip.pad_width, chip.pad_length)
+    _text(space, "1", x - chip.length / 2 - LETTER, y - chip.rows / 2 - LETTER / 2)
 
 
 def _axes(space: Any, half: float) -> None:

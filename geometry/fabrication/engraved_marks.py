@@ -34,14 +34,8 @@ LETTERS = {
 }
 """Strokes of each letter as lines through points x,y; the height is 1 and the width 0.66."""
 
-WIDTH = 0.66
-"""Width of a letter between the middles of its outer strokes, in units of its height."""
-
 STROKES = {"fdm": 0.6, "sla": 0.4}
 """Width of a stroke, mm: one and a half lines of a 0.4 mm nozzle, and wide enough to wash resin out."""
-
-LEAST_HEIGHT = 5.0
-"""Least height of a legible letter, in units of the width of its strokes."""
 
 DEPTH = 0.4
 """Depth of the letters, mm: two common layers of filament printing."""
@@ -61,7 +55,7 @@ def strokes(letter: str, centre: Point, height: float, width: float, top: float)
     import build123d as bd
 
     size = height - width
-    corner = centre[0] - WIDTH * size / 2, centre[1] - size / 2
+    corner = centre[0] - 0.66 * size / 2, centre[1] - size / 2
     solids = []
     for line in LETTERS[letter]:
         points = [(corner[0] + size * x, corner[1] + size * y) for x, y in line]
@@ -84,12 +78,9 @@ def mold_marks(design: Design, mold: Mold, s: Sizes) -> tuple[list[Solid], list[
     on_lid = s.rim - MARGIN - start
     # on the foot, in the corner between the cup with the gap around it and the edges
     on_foot = s.rim - MARGIN - (s.outer + MARGIN) / math.sqrt(2)
-    if not min(on_lid, on_foot) >= LEAST_HEIGHT * width:
-        return (
-            [],
-            [],
-            f"the mould has no room for legible letters, which are at least {LEAST_HEIGHT * width:g} mm high",
-        )
+    least = 5 * width
+    if not min(on_lid, on_foot) >= least:
+        return [], [], f"the mould has no room for legible letters, which are at least {least:g} mm high"
     lid, foot = (min(size, 5.0) for size in (on_lid, on_foot))
     a = strokes("A", (far_x + start + on_lid / 2, 0.0), lid, width, s.lid)
     corner = far_x + s.rim - MARGIN - foot / 2, far_y + s.rim - MARGIN - foot / 2

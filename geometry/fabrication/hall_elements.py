@@ -60,48 +60,31 @@ class Leaded:
 
 @dataclass(frozen=True, slots=True)
 class Chip:
-    """A chip on a board, mm.
+    """A chip with two rows of three pins on a board, mm.
 
     Attributes
     ----------
     length, width : footprint, leads included.
     height, plate : height of the chip and of its Hall plates above the board.
+    pitch, rows : distance of neighbouring pads of a row, along x, and of the centres of both rows, along y.
+    pad_length, pad_width : size of a pad along y and along x.
     """
 
     length: float
     width: float
     height: float
     plate: float
+    pitch: float
+    rows: float
+    pad_length: float
+    pad_width: float
 
 
 SS495A = Leaded(width=4.06, height=3.0, thickness=1.57, depth=0.5, pitch=1.27, lead=0.41)
 
 CHIPS = {
-    "tmag5273a1": Chip(length=2.9, width=2.8, height=1.45, plate=0.6),
-    "tle493d-p2b6": Chip(length=2.9, width=2.5, height=1.1, plate=0.6),
-}
-
-
-@dataclass(frozen=True, slots=True)
-class LandPattern:
-    """Pads of a chip with two rows of three pins, mm.
-
-    Attributes
-    ----------
-    pitch : distance of neighbouring pads of a row, along x.
-    rows : distance of the centres of both rows, along y.
-    length, width : size of a pad along y and along x.
-    """
-
-    pitch: float
-    rows: float
-    length: float
-    width: float
-
-
-LAND_PATTERNS = {
-    "tmag5273a1": LandPattern(pitch=0.95, rows=2.6, length=1.1, width=0.6),
-    "tle493d-p2b6": LandPattern(pitch=0.95, rows=2.4, length=1.0, width=0.5),
+    "tmag5273a1": Chip(2.9, 2.8, height=1.45, plate=0.6, pitch=0.95, rows=2.6, pad_length=1.1, pad_width=0.6),
+    "tle493d-p2b6": Chip(2.9, 2.5, height=1.1, plate=0.6, pitch=0.95, rows=2.4, pad_length=1.0, pad_width=0.5),
 }
 
 LEAD = 6.0
@@ -112,6 +95,28 @@ WEB = 0.6
 
 CLOSE = 1e-9
 """Rounding of sums of lengths, mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A box with sides along x, y and z: its corner of least x, y and z, and the lengths of its sides, mm."""
+
+    corner: Vector
+    sides: Vector
+
+    def solid(self) -> Solid:
+        import build123d as bd
+
+        return bd.Solid.make_box(*self.sides, bd.Plane(self.corner))
+
+    def meets(self, second: Block, gap: float) -> bool:
+        """Return True if two boxes are closer than `gap` along all three axes."""
+        return all(
+            start < other_start + other_side + gap and other_start < start + side + gap
+            for start, side, other_start, other_side in zip(
+                self.corner, self.sides, second.corner, second.sides, strict=True
+            )
+        )
 
 
 def places(design: Design) -> dict[str, Vector]:
@@ -139,7 +144,7 @@ def bodies(design: Design) -> dict[str, Solid]:
     if design.hall_layout != "three":
         chip, (x, _, z) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
         corner = (x - chip.length / 2, -chip.width / 2, z - chip.plate)
-        return {design.hall_layout: _box(corner, chip.length, chip.width, chip.height)}
+        return {design.hall_layout: Block(corner, (chip.length, chip.width, chip.height)).solid()}
     import build123d as bd
 
     part = _leaded()
@@ -154,17 +159,11 @@ def _leaded() -> Solid:
     """Return a part in the pose of S1: Hall plate at the origin, marked face up, leads along -x."""
     p = SS495A
     top = p.depth
-    body = _box((-p.height / 2, -p.width / 2, top - p.thickness), p.height, p.width, p.thickness)
+    body = Block((-p.height / 2, -p.width / 2, top - p.thickness), (p.height, p.width, p.thickness)).solid()
     low = top - (p.thickness + p.lead) / 2
     start = -p.height / 2 - LEAD
-    leads = [_box((start, k * p.pitch - p.lead / 2, low), LEAD, p.lead, p.lead) for k in (-1, 0, 1)]
+    leads = [Block((start, k * p.pitch - p.lead / 2, low), (LEAD, p.lead, p.lead)).solid() for k in (-1, 0, 1)]
     return body.fuse(*leads).solids()[0]
-
-
-def _box(corner: Vector, x: float, y: float, z: float) -> Solid:
-    import build123d as bd
-
-    return bd.Solid.make_box(x, y, z, bd.Plane(corner))
 
 
 # Seats
@@ -172,28 +171,6 @@ def _box(corner: Vector, x: float, y: float, z: float) -> Solid:
 
 class ShortOfBase(BadInput):
     """An l0 that leaves too little of the base between an element and the beam."""
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """A box with sides along x, y and z: its corner of least x, y and z, and the lengths of its sides, mm."""
-
-    corner: Vector
-    sides: Vector
-
-    def solid(self) -> Solid:
-        import build123d as bd
-
-        return bd.Solid.make_box(*self.sides, bd.Plane(self.corner))
-
-    def meets(self, second: Block, gap: float) -> bool:
-        """Return True if two boxes are closer than `gap` along all three axes."""
-        return all(
-            start < other_start + other_side + gap and other_start < start + side + gap
-            for start, side, other_start, other_side in zip(
-                self.corner, self.sides, second.corner, second.sides, strict=True
-            )
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,8 +307,7 @@ def chip_seat(design: Design, where: dict[str, Vector], fit: float, thickness: f
             f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base over the chip; "
             f"got {design.l0:g} mm"
         )
-    pattern = LAND_PATTERNS[design.hall_layout]
     # the solder on the pads is wider than the chip
-    x = max(chip.length / 2, pattern.pitch + pattern.width / 2) + fit
-    y = max(chip.width / 2, (pattern.rows + pattern.length) / 2) + fit
+    x = max(chip.length / 2, chip.pitch + chip.pad_width / 2) + fit
+    y = max(chip.width / 2, (chip.rows + chip.pad_length) / 2) + fit
     return Block((middle - x, -y, -thickness), (2 * x, 2 * y, roof + thickness))

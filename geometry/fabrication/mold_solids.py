@@ -18,7 +18,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from geometry.cad import common, cut, distance, magnet, moved, overlap, turned
+from geometry.cad import common, cut, distance, intersection, magnet, moved, overlap, turned
 from geometry.design import LEAST_WALL, Design
 from geometry.fabrication import engraved_marks
 from geometry.fabrication.printability import Check, Process, at_least, at_most, overhangs
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9
 """Share of the cavity's volume below which an overlap or a difference counts as none."""
-
-UP = (0.0, 0.0, 1.0)
 
 TURNED = ("CYLINDER", "CONE", "SPHERE", "TORUS")
 """Kinds of faces of revolution, as build123d names them."""
@@ -187,14 +185,16 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     results = [
         _none("overlap of A and B in the closed mould", closed / nominal),
         Check("cavity volume against beam minus pin", error, f"|.| <= {ROUNDING:g}", "1", abs(error) <= ROUNDING),
-        _none("overlap while A leaves B", largest_overlap(A, B, travel, UP, closed) / nominal),
-        _none("overlap while A leaves the cast", largest_overlap(A, cast, travel, UP) / nominal),
+        _none("overlap while A leaves B", largest_overlap(A, B, travel, (0.0, 0.0, 1.0), closed) / nominal),
+        _none("overlap while A leaves the cast", largest_overlap(A, cast, travel, (0.0, 0.0, 1.0)) / nominal),
     ]
     for half, side in zip(halves, (1.0, -1.0), strict=False):
         share = largest_overlap(half, cast, 2 * s.rim, (0.0, side, 0.0)) / nominal
         results.append(_none(f"overlap while B{2 - (side > 0)} leaves the cast", share))
     if not halves:
-        results.append(_none("overlap while the cast leaves B", largest_overlap(cast, B, travel, UP) / nominal))
+        results.append(
+            _none("overlap while the cast leaves B", largest_overlap(cast, B, travel, (0.0, 0.0, 1.0)) / nominal)
+        )
     results += _walls(s, A, B, cast)
     return results + _clearances(design, s, mold, A, B)
 
@@ -268,9 +268,7 @@ def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
     deep = design.H + design.magnet_height / 2 + min(vertex.Z for vertex in pocket.vertices())
     # the part of a ray from the axis that lies within the pocket is the pocket's radius at the magnet's centre
     ray = bd.Edge.make_line((0, 0, -design.H), (design.D, 0, -design.H))
-    inside = pocket.intersect(ray)
-    width = sum(float(edge.length) for edge in (inside if isinstance(inside, list) else [inside] if inside else []))
-    gap = width - radius
+    gap = sum(float(edge.length) for edge in intersection(pocket, ray)) - radius
     # a pocket may grip its magnet by 0.15 of its radius, and a magnet may end up off the axis by 0.05 D
     low, high = -0.15 * radius, 0.05 * design.D
     results = [

@@ -35,9 +35,6 @@ TOLERANCES = (1e-5, 1.0)
 ANGLE = 0.3
 """Largest angle between neighbouring facets in the first triangulation, rad."""
 
-TRIALS = 4
-"""Most triangulations of a solid, each finer than the one before, until the volume is accurate enough."""
-
 FACET = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
 """Layout of one triangle in a binary STL file; before the triangles are 80 bytes of header and a count of 4 bytes."""
 
@@ -130,7 +127,8 @@ def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
     check_tolerance(tolerance)
     exact = float(solid.volume)
     finer, error = 1.0, 1.0
-    for _ in range(TRIALS):
+    # each finer than the one before, until the volume is accurate enough
+    for _ in range(4):
         text = stl(solid, tolerance / finer, ANGLE / math.sqrt(finer))
         mesh = _read(text)
         if not mesh.is_volume:

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
+from geometry.cad import intersection
+
 if TYPE_CHECKING:
     from build123d import Solid
 
@@ -91,12 +93,8 @@ class View:
         if not box.min.Y < y < box.max.Y:
             return
         reach = 4 * max(map(abs, (*box.min, *box.max)))
-        common = solid.intersect(
-            bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))
-        )
-        # build123d returns None, one shape or a list of shapes
-        shapes = [] if common is None else common if isinstance(common, list) else [common]
-        for face in (face for shape in shapes for face in shape.faces()):
+        plane = bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))
+        for face in (face for shape in intersection(solid, plane) for face in shape.faces()):
             loops = [face.outer_wire(), *face.inner_wires()]
             self.paths.append(([_pieces(loop.order_edges(), 0, 2) for loop in loops], style))
 
