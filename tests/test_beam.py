@@ -2,11 +2,10 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from analytic.beam import cantilever_stiffness, solve
-from geometry.design import BadInput, Design, paper
+from geometry.design import BadInput, paper
 from geometry.loads import Load
 
 approx = pytest.approx
@@ -18,24 +17,6 @@ def test_numbers_of_the_paper():
     assert cantilever_stiffness(paper()) == approx(0.827, abs=5e-4)
     sheared = solve(paper(), Load(shear_x=3.1, grip=2))
     assert sheared.force[0] == approx(3.1 * 0.82740, rel=1e-4)
-
-
-def test_secant_and_tangent_readings_of_equation_5():
-    """The docstring's 9.42 N: the stiffness E A/L summed over the press."""
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    depths = 1.5 * (nodes + 1)
-    stiffness = [solve(paper(), Load(depth=d)).force[2] / d for d in depths]
-    assert 1.5 * np.dot(weights, stiffness) == approx(9.42, abs=5e-3)
-
-
-@pytest.mark.parametrize("k", [0.1, 7.0])
-def test_scaling(k):
-    small, load = paper(), Load(depth=1.5, shear_x=0.7, shear_y=-0.2, friction="stick")
-    large = Design(D=8 * k, L=9 * k, E=3.0, magnet_diameter=0, magnet_height=0, l0=10 * k)
-    a, b = solve(small, load), solve(large, Load(1.5 * k, 0.7 * k, -0.2 * k, "stick"))
-    assert b.force == approx([3 * k**2 * value for value in a.force], rel=1e-12)
-    assert b.shift == approx([k * value for value in a.shift], rel=1e-12)
-    assert b.contact_radius == approx(k * a.contact_radius, rel=1e-12)
 
 
 def test_displacement_with_the_assumed_closure():

@@ -12,7 +12,7 @@ import trimesh
 
 from geometry import cad
 from geometry.bad_input import MeshError
-from geometry.design import BadInput, Design, Shape
+from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
@@ -61,15 +61,6 @@ def test_volumes_are_exact(design):
     silicone = cad.silicone(design)
     assert silicone.volume == pytest.approx(exact, rel=1e-12)
     assert silicone.is_valid
-
-
-def test_closed_form_volumes_of_sphere_and_cylinder():
-    ball = Shape(8, 4, 4, 4, 2)
-    assert cad.magnet_volume(ball) == pytest.approx(4 / 3 * math.pi * 8, rel=1e-14)
-    assert cad.beam_volume(ball) == pytest.approx(2 / 3 * math.pi * 64, rel=1e-14)
-    assert cad.magnet_volume(Shape(8, 9, 4, 2, 0)) == pytest.approx(8 * math.pi, rel=1e-14)
-    assert cad.magnet_volume(ball.scaled(3)) == pytest.approx(27 * cad.magnet_volume(ball), rel=1e-14)
-    assert cad.magnet_volume(ball.without_magnet()) == 0
 
 
 def test_a_fillet_is_tangent_to_sides_that_lean():
@@ -159,7 +150,8 @@ def test_coarse_facets_are_refined_or_refused(tmp_path, monkeypatch):
     (record,) = export({"beam": cad.beam(Design())}, tmp_path, 1.0)
     assert abs(record.relative_error) <= 1e-3
     before = (tmp_path / "beam.stl").read_bytes()
-    monkeypatch.setattr(solid_files, "TRIALS", 1)
+    coarse = solid_files.stl
+    monkeypatch.setattr(solid_files, "stl", lambda solid, tolerance, angle: coarse(solid, 1.0, 3.0))
     with pytest.raises(MeshError, match="make tolerance finer"):
         export({"beam": cad.beam(Design())}, tmp_path, 1.0)
     assert (tmp_path / "beam.stl").read_bytes() == before

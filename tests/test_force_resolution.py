@@ -11,7 +11,7 @@ from analytic.batch_readings import batch_readings
 from analytic.force_resolution import Loaded, at_shifts, force_resolution, reading_slopes, turned
 from analytic.inverse import forward_model, response_surface
 from geometry.design import BadInput, Design, paper
-from geometry.loads import Load, tilts_of
+from geometry.loads import Load
 
 NOISE = np.array([0.01, 0.02, 0.03])
 
@@ -186,10 +186,3 @@ def test_a_saturated_reading_determines_nothing():
     assert_array_equal(slopes[0, 0], 0)
     assert slopes[0, 1].all()
     assert np.isinf(force_resolution(slopes, here.force_slopes, np.full(3, 1e-5))).all()
-
-
-def test_tilt_of_a_turned_response_leans_towards_the_shear():
-    here = loaded(paper(), 1.0, 0.5, math.pi / 2)
-    lean_x, lean_y = tilts_of(*here.tilt[0].tolist())
-    assert abs(lean_x) < 1e-15
-    assert lean_y > 0

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from analytic import beam, buckling, press_terms, shear_terms
-from analytic.press_terms import Terms
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.validation import ladder
@@ -125,7 +124,7 @@ def test_without_a_magnet_level_magnet_is_level_tip(load):
     assert beam.solve(SILICONE, load, "magnet") == beam.solve(SILICONE, load, "tip")
 
 
-@pytest.mark.parametrize("level", HIGHER)
+@pytest.mark.parametrize("level", beam.LEVELS)
 @pytest.mark.parametrize("k", [0.1, 7.0])
 def test_scaling(level, k):
     large = Design(
@@ -258,7 +257,3 @@ def test_a_count_out_of_range_is_a_sentence(run, count):
     status, out, err = run("validate", "ladder", "--count", count)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert "between 1 and 10" in err
-
-
-def test_terms_of_the_first_level_are_none():
-    assert beam.TERMS["column"] == Terms()

@@ -1,4 +1,4 @@
-"""The closed-form field: symmetries and laws first, then references of 30 digits, then bad input."""
+"""The closed-form field: symmetries and known values, then the error against 60 digits in every region, bad input."""
 
 import math
 
@@ -22,7 +22,6 @@ from analytic.magnet import (
 from geometry.design import BadInput, Design
 
 RNG = np.random.default_rng(20160403)
-DIAGONALS = [(u, v) for u in (-1, 1) for v in (-1, 1)]
 SHAPES = [(2.0, 2.0), (2.0, 4.0), (2.0, 0.1), (0.5, 20.0)]
 
 
@@ -36,26 +35,6 @@ def on_axis(z, a, h):
         return np.array(
             [float((face(float(v) + mpmath.mpf(h) / 2) - face(float(v) - mpmath.mpf(h) / 2)) / 2) for v in z]
         )
-
-
-def reference(r, z, z0):
-    """B_r and B_z of the magnet of radius 1, half height z0, J = 1: the current sheet, by quadrature to 30 digits."""
-    with mpmath.workdps(30):
-        r, z, z0 = mpmath.mpf(r), mpmath.mpf(z), mpmath.mpf(z0)
-        cuts, cut = [mpmath.mpf(0)], mpmath.mpf(min(1, abs(1 - r) or 1, mpmath.hypot(1 - r, abs(z) - z0)))
-        while cut < mpmath.pi:
-            cuts.append(cut)
-            cut *= 3
-        cuts.append(mpmath.pi)
-
-        def at(angle):
-            versine = 2 * mpmath.sin(angle / 2) ** 2
-            q = (1 - r) ** 2 + 2 * r * versine
-            up, down = mpmath.sqrt(q + (z + z0) ** 2), mpmath.sqrt(q + (z - z0) ** 2)
-            weight = mpmath.mpf(1) / 2 if r == 1 else (1 - r + r * versine) / q
-            return mpmath.cos(angle) * (1 / down - 1 / up), weight * ((z + z0) / up - (z - z0) / down)
-
-        return [float(mpmath.quad(lambda angle, i=i: at(angle)[i], cuts) / (2 * mpmath.pi)) for i in (0, 1)]
 
 
 def relative(b, expected):
@@ -82,17 +61,6 @@ def test_field_knows_only_ratios_of_lengths(k):
     assert relative(cylinder_field(k * p, 2 * k, 3 * k, 1.2), cylinder_field(p, 2, 3, 1.2)).max() < 1e-12
 
 
-@pytest.mark.parametrize("centre", [(0.3, 0.2, 0.1), (3.0, 1.0, 2.0), (0.9, -0.4, 1.5), (30.0, 5.0, -40.0)])
-def test_divergence_and_curl_vanish(centre):
-    step = 1e-3 * max(1.0, np.linalg.norm(centre) / 4)
-    shifts = step * np.vstack([np.eye(3), -np.eye(3)])
-    b = cylinder_field(np.add(centre, shifts), 2, 2, 1.2)
-    gradient = (b[:3] - b[3:]) / (2 * step)
-    size = np.abs(gradient).max()
-    assert abs(np.trace(gradient)) < 1e-5 * size
-    assert np.abs(gradient - gradient.T).max() < 1e-5 * size
-
-
 def test_the_repulsion_is_the_loss_of_energy_of_a_magnet_in_the_field_of_the_other():
     """U = -(J / mu0) int B_z dV over the body, by 10 x 10 x 16 points."""
     a, h, J, s, step = 3.0, 3.0, 1.2, 9.0, 1e-3
@@ -117,41 +85,6 @@ def test_magnets_stay_from_where_the_push_is_that_of_friction():
     assert resting_distance(bare) is None
     with pytest.raises(BadInput, match="distance must exceed the magnets' diameter = 6 mm"):
         repulsion(3.0, 3.0, 1.2, 6.0)
-
-
-def test_no_flux_leaves_a_closed_surface():
-    """A closed cylinder of radius 1 from z = 0 to 3, through the face of the magnet at z = 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(40)
-    r, w = (nodes + 1) / 2, weights / 2
-    top = cylinder_field(np.column_stack([r, 0 * r, 0 * r + 3]), 2, 2, 1.2)[:, 2]
-    bottom = cylinder_field(np.column_stack([r, 0 * r, 0 * r]), 2, 2, 1.2)[:, 2]
-    side = 0.0
-    for low, high in ((0.0, 1.0), (1.0, 3.0)):
-        z = low + (high - low) * r
-        side += (cylinder_field(np.column_stack([0 * z + 1, 0 * z, z]), 2, 2, 1.2)[:, 0] * w).sum() * (high - low)
-    ends = ((top - bottom) * r * w).sum()
-    assert ends < -0.1
-    assert abs(side + ends) < 1e-13
-
-
-def test_ampere_round_the_hull():
-    """Along a loop through magnet and air, B dl is mu0 times the sheet current: J times the enclosed height."""
-    nodes, weights = np.polynomial.legendre.leggauss(30)
-    z = 0.5 * nodes
-    inner, outer = (cylinder_field(np.column_stack([0 * z + r, 0 * z, z]), 2, 2, 1.2)[:, 2] for r in (1.5, 2.5))
-    r = 2 + 0.5 * nodes
-    top, bottom = (cylinder_field(np.column_stack([r, 0 * r, 0 * r + z]), 2, 2, 1.2)[:, 0] for z in (0.5, -0.5))
-    assert_allclose(0.5 * (weights * (inner + top - outer - bottom)).sum(), 1.2, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("a", "h"), SHAPES)
-def test_dipole_limit(a, h):
-    p = RNG.normal(size=(50, 3))
-    p *= 3e3 * max(a, h) / np.linalg.norm(p, axis=1)[:, None]
-    d = np.linalg.norm(p, axis=1)[:, None]
-    moment = np.array([0, 0, 1.2 * a**2 * h / 4])
-    dipole = 3 * p * (p @ moment)[:, None] / d**5 - moment / d**3
-    assert relative(cylinder_field(p, a, h, 1.2), dipole).max() < 1e-6
 
 
 @pytest.mark.parametrize("z0", [1e-6, 0.02, 0.15, 0.5, 3.0, 200.0])
@@ -183,63 +116,12 @@ def test_axis_inside_and_outside(a, h):
     assert_allclose(b[:, 2], on_axis(z, a, h), rtol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("r", "z", "z0"),
-    [
-        (0.3, 0.2, 0.5),  # inside
-        (0.7, 0.5, 0.5),  # on the face
-        (1.0, 0.9, 0.5),  # above the rim, r = a
-        (1.0, 0.2, 0.5),  # on the hull: the mean
-        (1 + 1e-9, 0.2, 0.5),  # just outside it
-        (1 - 1e-9, 0.2, 0.5),  # just inside it
-        (1 + 1e-9, 0.5 + 1e-9, 0.5),  # beside the rim
-        (2.5, 2.6, 0.5),  # an element of the paper's sensor
-        (1e-9, 2.0, 0.5),  # next to the axis
-        (600.0, 800.0, 0.5),  # far away
-        (1.5, 1e-3, 1e-4),  # beside a thin disc
-        (1.0, 0.0, 1e-8),  # on the hull of a foil
-        (0.5, 1e-4, 1e-4),  # on its face
-        (1.2, 10.0, 1000.0),  # beside a needle
-        (1.2, 1000.5, 1000.0),  # beside its end
-        (3e5, 4e5, 1e-4),  # a thin disc from far away
-    ],
-)
-def test_against_thirty_digits(r, z, z0):
-    b = cylinder_field([[r, 0, z]], 1, 2 * z0, 1)[0]
-    assert b[1] == 0
-    assert relative(b[[0, 2]], reference(r, z, z0)) < 1e-13
-
-
-def test_hull_is_the_mean_and_jumps_by_j():
+def test_hull_is_the_mean_and_jumps_by_j_and_a_face_does_not():
     b = cylinder_field([[2 - 1e-12, 0, 0.3], [2, 0, 0.3], [2 + 1e-12, 0, 0.3]], 2, 2, 1.2)
     assert_allclose(b[0] - b[2], [0, 0, 1.2], atol=1e-11)
     assert_allclose(b[1], (b[0] + b[2]) / 2, atol=1e-11)
-
-
-@pytest.mark.parametrize("distance", [1e-12, 1e-9, 1e-4])
-@pytest.mark.parametrize(("a", "h"), [(1.7, 3.3), (1.7, 1.7e-6), (1.7, 1700.0)])
-def test_beside_hull_face_and_rim_in_any_direction(a, h, distance):
-    """With numbers that are not round, where 1 - r and |z| - h/2 lose digits unless they are computed well."""
-    c, s = math.cos(0.7), math.sin(0.7)
-    rim = [[a * (1 + distance * u) * c, a * (1 + distance * u) * s, h / 2 + a * distance * v] for u, v in DIAGONALS]
-    face = [[0.6 * a * c, 0.6 * a * s, h / 2 + a * distance * v] for v in (-1, 1)]
-    hull = [[a * (1 + distance * u) * c, a * (1 + distance * u) * s, 0.3 * h] for u in (-1, 1)]
-    points = np.array(rim + face + hull)
-    found = cylinder_field(points, a, h, 1.0)
-    for point, b in zip(points, found, strict=True):
-        assert relative(b, field_oracle.field(point, a, h)) < 1e-12
-
-
-@pytest.mark.parametrize(("a", "h"), [*SHAPES, (2.0, 2e-6)])
-def test_jacobian_is_the_slope_of_the_field(a, h):
-    """Against central differences of a field in 60 digits."""
-    points = np.vstack([RNG.normal(size=(2, 3)) * [a, a, h], RNG.normal(size=(2, 3)) * 5 * math.hypot(a, h)])
-    points = np.vstack([points, [[1e-9 * a, 0, 0.8 * h], [1.01 * a, 0, 0.4 * h], [0.9 * a, 0.1 * a, 0.501 * h]]])
-    B, jacobian = cylinder_field_jacobian(points, a, h, 1.2)
-    assert relative(cylinder_field(points, a, h, 1.2), B).max() < 1e-14
-    assert_array_equal(jacobian, jacobian.transpose(0, 2, 1))
-    for point, found in zip(points, jacobian, strict=True):
-        assert np.linalg.norm(found - 1.2 * field_oracle.jacobian(point, a, h)) < 1e-12 * np.linalg.norm(found)
+    face = cylinder_field([[1.3, 0, 1 - 1e-12], [1.3, 0, 1], [1.3, 0, 1 + 1e-12]], 2, 2, 1.2)
+    assert_allclose(face[[0, 2]], face[[1, 1]], atol=1e-11)
 
 
 def test_jacobian_on_the_axis():
@@ -396,6 +278,7 @@ def test_errors_are_below_1e_12_in_every_region(flatness):
         if "axis" not in name:
             slope = cylinder_field_jacobian(points[:1], a, h, 1.0)[1][0]
             assert field_oracle.relative(slope, field_oracle.jacobian(points[0], a, h)) < 1e-11, name
+            assert_array_equal(slope, slope.T)
 
 
 def test_the_oracle_is_the_closed_form_on_the_axis_and_a_gradient():

@@ -34,31 +34,6 @@ def test_dome_and_column_share_the_depth_and_the_force_to_rounding(level):
         assert press_terms._dome(design, TERMS[level])(pressed.above) == pressed.force
 
 
-@pytest.mark.parametrize("level", TERMS)
-def test_a_press_takes_few_evaluations(level, monkeypatch):
-    counts = []
-
-    def counted(make):
-        def make_counted(design, terms):
-            function = make(design, terms)
-
-            def count(value):
-                counts[-1] += 1
-                return function(value)
-
-            return count
-
-        return make_counted
-
-    monkeypatch.setattr(press_terms, "_dome", counted(press_terms._dome))
-    for _ in range(100):
-        counts.append(0)
-        press_terms.press(*random_press(), TERMS[level])
-    # a bisection takes 53 to 60 of them
-    assert max(counts) <= 25
-    assert np.mean(counts) < 12
-
-
 def test_no_depth():
     pressed = press_terms.press(Design(), 0.0, TERMS["finite"])
     assert (pressed.force, pressed.above, pressed.below, pressed.stretch) == (0.0, 0.0, 0.0, 1.0)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from geometry.fabrication import solid_files
-from geometry.fabrication.printability import PROCESSES, overhangs, standing
+from geometry.fabrication.printability import overhangs, standing
 
 
 def box(x, y, z, at=(0, 0, 0)):
@@ -59,10 +59,3 @@ def test_parts_stand_on_the_bed():
     for over in (False, True):
         low = standing(moved, upside_down=over).bounding_box()
         assert pytest.approx((0, 3), abs=1e-6) == (low.min.Z, low.max.Z)
-
-
-def test_resin_is_finer_than_filament():
-    fdm, sla = PROCESSES["fdm"], PROCESSES["sla"]
-    assert (fdm.fit, sla.fit) == (0.2, 0.1)
-    assert sla.wall < fdm.wall
-    assert sla.detail < fdm.detail

@@ -14,9 +14,7 @@ from geometry.relaxation import (
     constant_loss,
     moduli,
     parse_branches,
-    range_sentence,
     relaxation_notes,
-    relaxation_of,
 )
 
 SERIES = Relaxation((0.2, 0.1, 0.25), (0.01, 0.5, 20.0))
@@ -111,12 +109,6 @@ def test_storage_rises_with_frequency_as_a_constant_phase_demands():
     assert np.log(storage[1] / storage[0]) / np.log(1000) == pytest.approx(2 / math.pi * math.atan(0.1), rel=0.01)
 
 
-def test_without_loss_nothing_relaxes():
-    assert constant_loss(0.0, 0.01, 1000.0) == Relaxation((), ())
-    small = constant_loss(1e-9, 0.01, 1000.0)
-    assert 1 - small.rest == pytest.approx(0.0, abs=2e-8)
-
-
 @pytest.mark.parametrize(
     ("loss", "band", "message"),
     [
@@ -159,11 +151,6 @@ def test_an_assumed_loss_factor_speaks_for_its_band():
         check_range(design, frequencies=[600.0])
 
 
-def test_an_elastic_silicone_speaks_for_every_rate():
-    elastic = relaxation_of(Design(loss_factor=0.0))
-    assert range_sentence(elastic, times=[0.0, 1e9], frequencies=[0.0, 1e9]) == ""
-
-
 @pytest.mark.parametrize(
     ("fields", "parts"),
     [
@@ -187,12 +174,6 @@ def test_an_elastic_silicone_speaks_for_every_rate():
 def test_notes_name_the_modulus_and_the_source_of_the_branches(fields, parts):
     notes = relaxation_notes(Design(**fields))
     assert [note[: len(part)] for note, part in zip(notes, parts, strict=True)] == parts
-
-
-def test_branches_of_a_design_are_its_text_or_its_loss_factor():
-    assert relaxation_of(MEASURED) == Relaxation((0.1, 0.2), (0.1, 10.0))
-    assert relaxation_of(Design(loss_factor=0.2)) == constant_loss(0.2, 0.01, 1000.0)
-    assert relaxation_of(Design(loss_factor=0.0)).times == ()
 
 
 def test_moduli_at_rest_and_after_a_step():

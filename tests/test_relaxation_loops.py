@@ -22,16 +22,6 @@ def test_a_triangle_is_the_sum_of_its_harmonics(frequency):
     assert result.area == pytest.approx(16 / np.pi**3 * np.sum(g.imag / n**3), rel=1e-6)
 
 
-def test_a_sine_encloses_the_area_of_its_ellipse():
-    frequency, phase = 0.7, np.linspace(0, 2 * np.pi, 2001)
-    g = SERIES.complex_modulus(2 * np.pi * frequency)
-    stroke, force = 0.5 * np.sin(phase), 0.5 * (g * np.exp(1j * phase)).imag
-    result = loop(SERIES, frequency, "sine")
-    assert result.area == pytest.approx(np.trapezoid(force, stroke), rel=1e-5)
-    assert result.gap == pytest.approx(force[0] - force[1000], rel=1e-12)
-    assert result.full_scale == pytest.approx(np.ptp(force), rel=1e-5)
-
-
 @pytest.mark.parametrize("loss", [1e-3, 0.05])
 def test_the_gap_over_full_scale_is_the_sine_of_the_loss_angle_for_a_sine_and_three_quarters_of_it_for_a_triangle(
     loss,

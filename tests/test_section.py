@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import skfem
 
+from geometry.cad import beam_volume, magnet_volume
 from geometry.design import BadInput, Shape, paper
 from geometry.section import Grading, _triangulated, section
 
@@ -19,17 +20,6 @@ EXTREMES = {
     "needle": Shape(1, 2, 0.05, 0.9, 0.01),
     "tall": Shape(1, 10, 0.5, 0.25, 0.0125),
 }
-
-
-def solid_volume(s: Shape) -> float:
-    return math.pi * s.R**2 * s.H + 2 / 3 * math.pi * s.R**3
-
-
-def magnet_volume(s: Shape) -> float:
-    """A rounded cylinder: the core, two discs and a ring on it, two quarter-round rims (Pappus)."""
-    a, h, rho = s.magnet_diameter / 2, s.magnet_height, s.magnet_edge_radius
-    core = math.pi * (a - rho) ** 2 * h + math.pi * (a**2 - (a - rho) ** 2) * (h - 2 * rho)
-    return core + 2 * 2 * math.pi * ((a - rho) * math.pi * rho**2 / 4 + rho**3 / 3)
 
 
 def magnet_area(s: Shape) -> float:
@@ -73,7 +63,7 @@ def test_area_and_volume_are_exact(magnet):
     area, volume = integrals(mesh, mesh.subdomains["silicone"])
     beam = PAPER.R * PAPER.H + math.pi * PAPER.R**2 / 4
     gone = 0 if magnet == "none" else 1
-    assert volume == pytest.approx(solid_volume(PAPER) - gone * magnet_volume(PAPER), rel=2e-6)
+    assert volume == pytest.approx(beam_volume(PAPER) - gone * magnet_volume(PAPER), rel=2e-6)
     assert area == pytest.approx(beam - gone * magnet_area(PAPER), rel=2e-6)
     assert ("magnet" in mesh.boundaries) == (magnet != "none")
     assert ("magnet" in mesh.subdomains) == (magnet == "meshed")
@@ -87,7 +77,7 @@ def test_area_and_volume_are_exact(magnet):
 def test_extremes(name, magnet):
     shape = EXTREMES[name]
     mesh = section(shape, 0.1, magnet=magnet)
-    expected = solid_volume(shape) - (magnet_volume(shape) if magnet == "hole" else 0)
+    expected = beam_volume(shape) - (magnet_volume(shape) if magnet == "hole" else 0)
     assert integrals(mesh)[1] == pytest.approx(expected, rel=1e-5)
     assert angles(mesh).min() > 14
 
@@ -140,7 +130,7 @@ def test_random_designs_are_well_shaped():
         smallest.append(angles(mesh).min(axis=0))
         assert smallest[-1].min() > 12
         assert mesh.nelements < 2500
-        expected = solid_volume(shape) - magnet_volume(shape)
+        expected = beam_volume(shape) - magnet_volume(shape)
         assert integrals(mesh)[1] == pytest.approx(expected, rel=3e-5)
     assert np.quantile(np.concatenate(smallest), 0.01) > 25
 
@@ -172,7 +162,7 @@ def test_thin_layers_have_two_elements_across():
 
 def test_a_wall_of_almost_no_height():
     mesh = section(Shape(1, 0.50625, 0, 0, 0), 0.1, magnet="hole")
-    assert integrals(mesh)[1] == pytest.approx(solid_volume(Shape(1, 0.50625, 0, 0, 0)), rel=1e-5)
+    assert integrals(mesh)[1] == pytest.approx(beam_volume(Shape(1, 0.50625, 0, 0, 0)), rel=1e-5)
     assert "magnet" not in mesh.boundaries
     assert angles(mesh).min() > 15
 
@@ -185,20 +175,15 @@ def test_similar_shapes_get_the_same_mesh(factor):
     np.testing.assert_allclose(other.doflocs, factor * one.doflocs, rtol=0, atol=1e-11 * factor)
 
 
-def test_the_same_request_gives_the_same_mesh():
+def test_a_request_gives_the_same_mesh_again_whatever_becomes_of_the_first():
     one = section(PAPER, 0.1)
-    _triangulated.cache_clear()
-    other = section(PAPER, 0.1)
-    np.testing.assert_array_equal(one.doflocs, other.doflocs)
-    np.testing.assert_array_equal(one.t, other.t)
-
-
-def test_a_changed_mesh_does_not_change_the_next_one():
-    one = section(PAPER, 0.1)
-    expected = one.doflocs.copy()
-    one.doflocs[:] = 0
-    one.t[:] = 0
-    np.testing.assert_array_equal(section(PAPER, 0.1).doflocs, expected)
+    expected, triangles = one.doflocs.copy(), one.t.copy()
+    one.doflocs[:], one.t[:] = 0, 0
+    for _ in range(2):
+        again = section(PAPER, 0.1)
+        np.testing.assert_array_equal(again.doflocs, expected)
+        np.testing.assert_array_equal(again.t, triangles)
+        _triangulated.cache_clear()
 
 
 def test_halving_the_size_makes_a_regular_family():
@@ -212,10 +197,6 @@ def test_coarsest_mesh_has_no_point_inside():
     mesh = section(Shape(1, 3, 0, 0, 0), 50)
     rim = np.unique(mesh.facets[:, mesh.boundary_facets()])
     np.testing.assert_array_equal(rim, np.arange(mesh.nvertices))
-
-
-def test_number_of_triangles_of_the_paper():
-    assert 250 < section(PAPER, 0.075).nelements < 450
 
 
 @pytest.mark.parametrize(
