@@ -1,15 +1,6 @@
 """Closed-form mechanics of the beam at five levels, from the paper's own formulas to finite strain.
 
-Each level answers a load with the same `Response`:
-
-| level | press | shear under a plate that sticks | good for |
-|---|---|---|---|
-| paper | (5) and (7) | (6) | the paper's claims |
-| column | Hertz in series with a bar | Timoshenko's cantilever, free tip | silicone, small loads |
-| tip | finite dome, clamped foot | tip held by the contact area; compressed column | silicone, depth to 0.06 D |
-| magnet | rigid magnet: layers above and below it | rigid above the magnet's lower face | depth to 0.06 D |
-| finite | neo-Hookean at finite strain | inclined tip, rolling dome | depth to D/4, shear to 0.3 D |
-
+Each level answers a load with the same `Response`; README.md has the table of levels, with what each is good for.
 The terms are in `analytic.press_terms` and `analytic.shear_terms`. `magtip validate ladder`
 tabulates the error of each level over the design space. Lengths in mm, E in MPa, forces in N.
 
@@ -173,7 +164,6 @@ def _sticking_share(load: Load, normal: float, stiffness: float) -> float:
 
 
 def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
-    """Solve at one of the levels above the paper's."""
     if load.coulomb is not None:
         raise BadInput(
             f"only level paper models Coulomb friction; got friction {load.coulomb:g}: "

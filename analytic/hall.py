@@ -252,7 +252,6 @@ def averaged(elements: Sequence[Element], raw: Array, noise: np.random.Generator
 
 
 def _values(elements: Sequence[Element], *names: str) -> list[Array]:
-    """Return for each name the values of all elements, shape (k,)."""
     return [np.array([getattr(element, name) for element in elements]) for name in names]
 
 

@@ -168,7 +168,6 @@ def check_magnet(radius: float, height: float, J: float) -> None:
 
 
 def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool, refuse: bool = True) -> Pair:
-    """Return B and, with `slope`, its Jacobian (else shape (0, 3, 3))."""
     check_magnet(radius, height, J)
     x = _points(points)
     B, jacobian, bad = cylinder.computed(x, float(radius), float(height) / 2, float(J), slope=slope)
@@ -178,7 +177,6 @@ def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: 
 
 
 def _points(points: ArrayLike) -> Array:
-    """Return the points as a contiguous array of floats, shape (n, 3)."""
     x = np.ascontiguousarray(points, dtype=np.float64)
     if x.ndim != 2 or x.shape[1] != 3:
         raise BadInput(f"points must have shape (n, 3); got {x.shape}")

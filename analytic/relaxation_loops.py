@@ -76,7 +76,6 @@ def loop(relaxation: Relaxation, frequency: float, waveform: Waveform = "triangl
 
 
 def _triangle(relaxation: Relaxation, half: float, hold: float) -> Loop:
-    """Return the loop of strokes of constant speed."""
     g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     z, rest = half / (2 * tau), hold / tau
     held, decayed = np.exp(-rest), np.exp(-2 * z - rest)
@@ -91,7 +90,6 @@ def _triangle(relaxation: Relaxation, half: float, hold: float) -> Loop:
 
 
 def _sine(relaxation: Relaxation, half: float, hold: float) -> Loop:
-    """Return the loop of strokes that follow a sine."""
     g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     s, decayed = np.pi * tau / half, np.exp(-half / tau)
     rested = _rested(tau, half, hold)

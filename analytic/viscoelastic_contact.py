@@ -26,6 +26,7 @@ D is Dawson's function.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,47 +58,30 @@ class _Path:
     times: Array
     depths: Array
 
-    def kernel(self, t: float) -> Array:
-        """Return rest and the shares of the branches after a time, shape (N + 1,)."""
-        shares = np.array([self.relaxation.rest, *self.relaxation.shares])
-        rates = np.array([0.0, *(1 / tau for tau in self.relaxation.times)])
-        return np.asarray(shares * np.exp(-rates * t))
-
-    def cut(self, begin: float, end: float) -> tuple[Array, Array]:
-        """Return times and depths between two times, both ends included."""
-        inner = self.times[(self.times > begin) & (self.times < end)]
-        t = np.concatenate([[begin], inner, [end]])
-        return t, np.interp(t, self.times, self.depths)
-
-    def loaded(self, end: float, last: float, t: float) -> float:
-        """Return int_0^end G(t - s) / G0 d(delta^1.5)(s), mm^1.5, for a depth that grows to `last`, mm, at `end`."""
-        begin = float(self.times[0])
-        at, depth = self.cut(begin, end) if end > begin else (self.times[:1], np.array([last]))
-        # a depth at the first time is a step
-        total = float(depth[0] ** 1.5 * self.kernel(t - at[0]).sum())
-        for k in range(len(at) - 1):
-            v = (depth[k + 1] - depth[k]) / (at[k + 1] - at[k])
-            if v > 0:
-                total += float(self._piece(v, depth[k] / v, depth[k + 1] / v) @ self.kernel(t - at[k + 1]))
-        return total
-
-    def _piece(self, v: float, u0: float, u1: float) -> Array:
-        """Return the integrals of d(delta^1.5) on a rising piece, weighed by each branch's decay, shape (N + 1,)."""
+    def integral(self, begin: float, end: float, t: float, power: float) -> float:
+        """Return int G(t - s) / G0 d(delta^power)(s) from one time to another, mm^power; for a power of 1.5 the depth
+        must not fall."""
         tau = np.array(self.relaxation.times)
-        x0, x1 = u0 / tau, u1 / tau
-        decayed = 1.5 * tau**1.5 * (_half_power(x1) - np.exp(-(x1 - x0)) * _half_power(x0))
-        return np.asarray(v**1.5 * np.concatenate([[u1**1.5 - u0**1.5], decayed]))
-
-    def moved(self, begin: float, t: float) -> float:
-        """Return int_begin^t G(t - s) / G0 delta'(s) ds, mm."""
-        at, depth = self.cut(begin, t)
-        total, tau = 0.0, np.array(self.relaxation.times)
-        for k in range(len(at) - 1):
-            dt = at[k + 1] - at[k]
-            if dt > 0:
-                pieces = np.concatenate([[dt], -tau * np.expm1(-dt / tau)])
-                total += float((depth[k + 1] - depth[k]) / dt * pieces @ self.kernel(t - at[k + 1]))
+        shares = np.array([self.relaxation.rest, *self.relaxation.shares])
+        inner = self.times[(self.times > begin) & (self.times < end)]
+        at = np.concatenate([[begin], inner, [end]]) if end > begin else np.array([end])
+        depth, total = np.interp(at, self.times, self.depths), 0.0
+        for (t0, d0), (t1, d1) in itertools.pairwise(zip(at, depth, strict=True)):
+            v = (d1 - d0) / (t1 - t0)
+            if power == 1:
+                relaxed = v * np.append(t1 - t0, -tau * np.expm1(-(t1 - t0) / tau))
+            elif v > 0:
+                x0, x1 = d0 / v / tau, d1 / v / tau
+                decayed = 1.5 * tau**1.5 * (_half_power(x1) - np.exp(-(x1 - x0)) * _half_power(x0))
+                relaxed = v**1.5 * np.append((d1 / v) ** 1.5 - (d0 / v) ** 1.5, decayed)
+            else:
+                continue
+            total += float(relaxed @ (shares * np.exp(-np.append(0.0, 1 / tau) * (t - t1))))
         return total
+
+    def step(self, depth: float, t: float) -> float:
+        """Return the force of a step to a depth at the first time, as `integral` with a power of 1.5 does."""
+        return float(depth**1.5 * self.relaxation.modulus(t - self.times[0]))
 
 
 def _half_power(x: Array) -> Array:
@@ -136,7 +120,11 @@ def indentation(
         raise BadInput("the depths of an indentation must be 0 or more, grow to one maximum, and then fall")
     path = _Path(relaxation, times, depths)
     contacts = [_contact(path, top, k) for k in range(len(times))]
-    force = [path.loaded(t1, depth, float(t)) for (t1, depth), t in zip(contacts, times, strict=True)]
+    begin, first = float(times[0]), float(depths[0])
+    force = [
+        path.step(first if t1 > begin else depth, float(t)) + path.integral(begin, t1, float(t), 1.5)
+        for (t1, depth), t in zip(contacts, times, strict=True)
+    ]
     return Indentation(
         16 / 3 * np.sqrt(radius) * shear_modulus * np.array(force),
         np.sqrt(radius * np.array([depth for _, depth in contacts])),
@@ -153,9 +141,11 @@ def _contact(path: _Path, top: int, k: int) -> tuple[float, float]:
     if k <= last:
         return t, float(path.depths[k])
     begin = float(times[0])
-    moved = path.moved(begin, t)
+    moved = path.integral(begin, t, t, 1)
     if moved <= 0:
         # the contact is as large as at some depth of the step at the beginning, or gone
-        return begin, max(float(path.depths[0]) + moved / float(path.kernel(t - begin).sum()), 0.0)
-    t1 = float(brentq(lambda each: path.moved(each, t), begin, times[last], xtol=1e-14 * (t - begin), rtol=1e-14))
+        return begin, max(float(path.depths[0]) + moved / float(path.relaxation.modulus(t - begin)), 0.0)
+    t1 = float(
+        brentq(lambda each: path.integral(each, t, t, 1), begin, times[last], xtol=1e-14 * (t - begin), rtol=1e-14)
+    )
     return t1, float(np.interp(t1, times, path.depths))

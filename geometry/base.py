@@ -92,9 +92,7 @@ class Plan:
     recess, recess_radius : depth and radius of the pocket for the beam; the plate's top is at z = recess.
     screw : diameter of the screw holes (0: none).
     screw_at : |x| and |y| of the centres of the screw holes.
-    seats : hollows for the bodies of the elements, by element.
-    passages : hollows for their leads.
-    posts : parts of the base above z = 0.
+    seats : hollows for the elements and their leads, and posts, by element.
     openings : hollows that remove walls too thin to print: those between two seats, or between a seat and the recess.
     marks : grooves in the edge of the upper face: at +x, and two at +y; empty if not wanted, or without room.
     """
@@ -106,9 +104,7 @@ class Plan:
     recess_radius: float
     screw: float
     screw_at: float
-    seats: dict[str, Block]
-    passages: dict[str, Block]
-    posts: dict[str, Block]
+    seats: Seats
     openings: tuple[Block, ...]
     marks: tuple[Block, ...] = ()
 
@@ -162,9 +158,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         recess_radius=recess_radius,
         screw=screw,
         screw_at=screw_at,
-        seats=seats.bodies,
-        passages=seats.passages,
-        posts=seats.posts,
+        seats=seats,
         openings=_openings(seats, recess, recess_radius),
         marks=marks,
     )
@@ -204,7 +198,6 @@ def _outline(design: Design, base: Base, seats: Seats, foot: float, screw: float
 
 
 def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block, ...]:
-    """Return the hollows that remove walls too thin to print."""
     seat = seats.bodies.get("S2")
     if seat is None:
         return ()
@@ -233,10 +226,7 @@ def least_outer_size(design: Design, shape: str = "round", process: str = "fdm")
     >>> round(least_outer_size(Design(), "square"), 2)
     17.74
     """
-    return 2 * plan(design, _DEFAULTS.get(shape) or Base(shape=shape), process).half
-
-
-_DEFAULTS = {shape: Base(shape=shape) for shape in SHAPES}
+    return 2 * plan(design, Base(shape=shape), process).half
 
 
 def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
@@ -266,9 +256,10 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
         plate = turned([(0, -p.thickness, 0), (p.half, -p.thickness, 0), (p.half, p.recess, 0), (0, p.recess, 0)])
     else:
         plate = Block((-p.half, -p.half, -p.thickness), (2 * p.half, 2 * p.half, height)).solid()
-    if p.posts:
-        plate = plate.fuse(*(post.solid() for post in p.posts.values())).solids()[0]
-    tools = [block.solid() for block in (*p.seats.values(), *p.passages.values(), *p.openings, *p.marks)]
+    if p.seats.posts:
+        plate = plate.fuse(*(post.solid() for post in p.seats.posts.values())).solids()[0]
+    hollows = (*p.seats.bodies.values(), *p.seats.passages.values(), *p.openings, *p.marks)
+    tools = [block.solid() for block in hollows]
     if p.recess > 0:
         tools.append(turned([(0, 0, 0), (p.recess_radius, 0, 0), (p.recess_radius, p.recess, 0), (0, p.recess, 0)]))
     if p.screw > 0:

@@ -51,7 +51,6 @@ def sources() -> list[Path]:
 
 @functools.cache
 def _digest() -> str:
-    """Return a digest of these files."""
     return hashlib.sha256(b"".join(file.read_bytes() for file in sources())).hexdigest()[:12]
 
 

@@ -561,7 +561,6 @@ def _within(x: Points, ends: Points) -> NDArray[np.bool_]:
 
 
 def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> tuple[Ints, Ints]:
-    """Return the triangles of the silicone and of the magnet, both of shape (n, 3)."""
     x, ends = np.concatenate([border.node, inner]), border.node[border.segment]
     t = _delaunay(x, sizing)
     t = t[_within(x[t].mean(axis=1), ends[np.isin(border.name, ["base", "skin"])])]
@@ -577,7 +576,6 @@ def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -
 
 
 def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) -> Any:
-    """Return the second-order mesh with middle nodes on the curves and named parts; check that it is valid."""
     corners, t = pairs(np.concatenate([border.node, inner])).T, np.concatenate([silicone, core]).T
     straight = skfem.MeshTri(np.ascontiguousarray(corners), np.ascontiguousarray(t), sort_t=False, validate=False)
     facet = edges_of(straight, pair_keys(*border.segment.T))

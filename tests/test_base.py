@@ -106,10 +106,10 @@ def test_a_post_rises_to_the_plate_and_is_open_to_the_beam():
     design = Design(c=4.0, f=7.0)
     p = plan(design, Base())
     z = places(design)["S2"][2]
-    post = p.posts["S2"]
+    post = p.seats.posts["S2"]
     assert post.corner[2] + post.sides[2] == pytest.approx(z)
     assert post.corner[0] == pytest.approx(design.f - SS495A.depth)
-    assert plan(Design(), Base()).posts == {}
+    assert plan(Design(), Base()).seats.posts == {}
 
 
 def test_screw_holes_go_through_and_can_be_left_out():
@@ -119,7 +119,7 @@ def test_screw_holes_go_through_and_can_be_left_out():
     holes = 4 * math.pi * 1.1**2 * p.thickness
     channel = (
         4 * (p.half**2 - q.half**2) * p.thickness
-        - (p.half - q.half) * p.passages["S1"].sides[1] * (p.passages["S1"].sides[2])
+        - (p.half - q.half) * p.seats.passages["S1"].sides[1] * (p.seats.passages["S1"].sides[2])
     )
     assert drilled.volume == pytest.approx(plain.volume + channel - holes, rel=1e-9)
 
@@ -221,7 +221,7 @@ def test_the_floor_of_the_recess_is_the_base_plane(shape):
     design = Design(hall_layout="tmag5273a1")
     deep, flat = (Base(shape=shape, outer=16, screw=0, recess=recess, recess_gap=0.1) for recess in (0.5, 0))
     assert plan(design, deep).thickness == plan(design, flat).thickness
-    assert plan(design, deep).seats == plan(design, flat).seats
+    assert plan(design, deep).seats.bodies == plan(design, flat).seats.bodies
     solid, body = base(design, deep), cad.beam(design)
     assert cad.overlap(solid, body) == 0
     assert solid.distance_to(body) == pytest.approx(0, abs=1e-9)
@@ -262,7 +262,7 @@ def test_grooves_mark_x_and_y(design, shape, process):
     assert sorted(x for x, _ in middles[1:]) == pytest.approx([-width, width], abs=1e-6)
     assert min(y for _, y in middles[1:]) > design.R
     assert marked.volume == pytest.approx(plain.volume - sum(solid.volume for solid in removed), rel=1e-9)
-    hollows = [block.solid() for block in (*p.seats.values(), *p.passages.values())]
+    hollows = [block.solid() for block in (*p.seats.bodies.values(), *p.seats.passages.values())]
     disc = bd.Solid.make_cylinder(p.recess_radius, 2.0, bd.Plane((0, 0, -1.0)))
     assert min(solid.distance_to(other) for solid in removed for other in (disc, *hollows)) >= 0.4
     mesh = solid_files.triangulated(standing(marked))

@@ -47,7 +47,7 @@ def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
     design = Design()
     p, centres = plan(design, Base()), pads(design)
     for name, three in (("S1", centres[:3]), ("S2", centres[3:6]), ("S3", centres[6:])):
-        (x, y, _), (wide, tall, _) = p.passages[name].corner, p.passages[name].sides
+        (x, y, _), (wide, tall, _) = p.seats.passages[name].corner, p.seats.passages[name].sides
         assert all(x < u < x + wide and y < v < y + tall for u, v in three)
     drawing = read(design)
     circles = drawing.modelspace().query('CIRCLE[layer=="PADS"]')
@@ -59,7 +59,7 @@ def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
 @pytest.mark.parametrize("layout", list(CHIPS))
 def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
-    (pocket,) = plan(design, Base(), process).seats.values()
+    (pocket,) = plan(design, Base(), process).seats.bodies.values()
     (left, near, _), (wide, deep, high) = pocket.corner, pocket.sides
     chip = CHIPS[layout]
     for x, y in pads(design):

@@ -124,7 +124,7 @@ def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
 def test_the_elements_of_a_batch_stay_in_the_base():
     one, other = (plan(varied(paper(), {"L": length}), Base()) for length in (9.0, 12.0))
     assert one.thickness == pytest.approx(other.thickness, rel=1e-12)
-    assert one.seats["S2"].corner == pytest.approx(other.seats["S2"].corner, rel=1e-12)
+    assert one.seats.bodies["S2"].corner == pytest.approx(other.seats.bodies["S2"].corner, rel=1e-12)
 
 
 def test_axes_that_change_no_solid_are_named():

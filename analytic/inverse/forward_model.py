@@ -102,7 +102,6 @@ def model(
 
 
 def _kernel(design: Design, elements: Sequence[Element], tau: Array, mode: Mode) -> tuple[Any, ...]:
-    """Return `Forward.kernel`."""
     points, owners = plates_of(elements)
     normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,7 @@ class Mechanics:
     shear: Array
     reach: float
     sink: float
-    errors: tuple[float, float, float, float, float]
+    errors: tuple[float, ...]
 
 
 def of_formula(
@@ -113,29 +113,27 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
     if not moved.any() or not (w < 0).any():
         raise BadInput("the states must contain both presses and shears: add the missing ones")
     U, r = u * u, np.cbrt(-w)
-    steps = len(set(np.round(depth, 9)) - {0.0})
     # half as many powers as depths: a polynomial through all samples would oscillate between them
-    high = min(ORDERS[1], 1 + steps // 2)
-    shears = len(set(np.round(shear, 9)) - {0.0})
-    wide = min(ORDERS[0], shears - 1)
+    high = min(ORDERS[1], 1 + len(set(np.round(depth, 9)) - {0.0}) // 2)
+    wide = min(ORDERS[0], len(set(np.round(shear, 9)) - {0.0}) - 1)
     # tilt, lateral force and shear are 0 at u = 0 for any coefficients, so only sheared samples determine them
-    m, rest = moved, np.zeros(1)
-    tau = _least_squares(U[m], w[m], tilt[m] / u[m], (wide, max(high - 1, 0)))
-    lateral = _least_squares(U[m], w[m], f_t[m] / u[m], (wide, max(high - 1, 0)))
-    U_between, w_between = _between(u, w)
-    normal = _monotonic_fit(
-        (np.append(U, rest), np.append(w, rest)), np.append(f_n, rest), (wide, high), (U_between, w_between), -1
+    tau, lateral, sheared = (
+        _least_squares(U[moved], sunk[moved], values[moved] / u[moved], (wide, max(high - 1, 0)))
+        for sunk, values in ((w, tilt), (w, f_t), (r, shear))
     )
-    deep = _monotonic_fit((U, r), depth, (wide, max(high, 3)), (U_between, np.cbrt(-w_between)), 1)
-    sheared = _least_squares(U[m], r[m], shear[m] / u[m], (wide, max(high - 1, 0)))
+    between, rest = _between(u, w), np.zeros(1)
+    at_rest = np.append(U, rest), np.append(w, rest)
+    normal = _monotonic_fit(at_rest, np.append(f_n, rest), (wide, high), between, -1)
+    deep = _monotonic_fit((U, r), depth, (wide, max(high, 3)), (between[0], np.cbrt(-between[1])), 1)
     errors = (
-        _worst(u * polyval2d(U, w, tau), tilt),
-        _worst(u * polyval2d(U, w, lateral), f_t),
-        _worst(polyval2d(U, w, normal), f_n),
-        _worst(polyval2d(U, r, deep), depth),
-        _worst(u * polyval2d(U, r, sheared), shear * m),
+        u * polyval2d(U, w, tau) - tilt,
+        u * polyval2d(U, w, lateral) - f_t,
+        polyval2d(U, w, normal) - f_n,
+        polyval2d(U, r, deep) - depth,
+        u * polyval2d(U, r, sheared) - shear * moved,
     )
-    return Mechanics(tau, lateral, normal, deep, sheared, float(u.max()), float(-w.min()), errors)
+    worst = tuple(float(np.abs(error).max(initial=0.0)) for error in errors)
+    return Mechanics(tau, lateral, normal, deep, sheared, float(u.max()), float(-w.min()), worst)
 
 
 def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
@@ -275,24 +273,16 @@ def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array
 
 def _row(load: Load, response: Response) -> list[float]:
     """Return u, w, tilt, lateral force, normal force, depth and shear, with lateral values along the shear."""
-    amount = load.shear
-    e = (load.shear_x / amount, load.shear_y / amount) if amount else (1.0, 0.0)
+    e = np.array([load.shear_x, load.shear_y]) / load.shear if load.shear else np.zeros(2)
     shift, force = response.shift, response.force
-
-    def along(x: float, y: float) -> float:
-        """Return the component along the shear."""
-        return x * e[0] + y * e[1]
-
-    aside = abs(shift[0] * e[1] - shift[1] * e[0])
+    aside = abs(shift[0] * e[1] - shift[1] * e[0]) if load.shear else abs(shift[1])
     if load.grip is not None or load.plate_tilt or not aside <= 1e-3 * (math.hypot(*shift) or 1.0):
         raise BadInput(
             "every state must have an upright plate, no grip, and a magnet that moves along the shear: leave other "
             "states out"
         )
-    u = along(shift[0], shift[1]) if amount else 0.0
-    tilt = along(response.tilt, response.tilt_y) if amount else 0.0
-    lateral = along(force[0], force[1]) if amount else 0.0
-    return [u, shift[2], tilt, lateral, force[2], load.depth, amount]
+    u, tilt, lateral = (float(e @ values[:2]) for values in (shift, (response.tilt, response.tilt_y), force))
+    return [u, shift[2], tilt, lateral, force[2], load.depth, load.shear]
 
 
 def _between(u: Array, w: Array) -> tuple[Array, Array]:
@@ -304,11 +294,6 @@ def _between(u: Array, w: Array) -> tuple[Array, Array]:
     places = np.concatenate([second, *(first + share * (second - first) for share in (0.25, 0.5, 0.75))])
     aside, sunk = places[places[:, 1] < 0].T
     return aside * aside, sunk
-
-
-def _worst(fitted: Sequence[float] | Array, true: Sequence[float] | Array) -> float:
-    """Return the largest error of a fit at the samples."""
-    return float(np.abs(np.asarray(fitted) - np.asarray(true)).max(initial=0.0))
 
 
 def _least_squares(u: Array, w: Array, values: Array, orders: tuple[int, int]) -> Array:

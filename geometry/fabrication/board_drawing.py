@@ -85,7 +85,6 @@ def pads(design: Design) -> list[tuple[float, float]]:
 
 
 def _leaded(space: Any, design: Design) -> None:
-    """Draw bodies and pads of three one-axis elements."""
     p = SS495A
     middle = design.f - p.depth + p.thickness / 2
     _rectangle(space, "HALL", 0, 0, p.height, p.width)
@@ -103,7 +102,6 @@ def _leaded(space: Any, design: Design) -> None:
 
 
 def _chip(space: Any, design: Design) -> None:
-    """Draw body and pads of a 3-axis chip; pin 1 lies at the least x and y."""
     chip = CHIPS[design.hall_layout]
     x, y, _ = places(design)[design.hall_layout]
     _rectangle(space, "HALL", x, y, chip.length, chip.width)
@@ -114,7 +112,6 @@ def _chip(space: Any, design: Design) -> None:
 
 
 def _axes(space: Any, half: float) -> None:
-    """Draw the axes x and y, from the beam's axis to beyond the base, with arrows."""
     end, wing = half + 3.0, 0.5
     for name, (x, y) in {"x": (1.0, 0.0), "y": (0.0, 1.0)}.items():
         tip = (end * x, end * y)
@@ -130,7 +127,6 @@ def _circle(space: Any, layer: str, x: float, y: float, radius: float) -> None:
 
 
 def _rectangle(space: Any, layer: str, x: float, y: float, wide: float, tall: float) -> None:
-    """Draw a closed rectangle around its centre (x, y)."""
     corners = [(x + i * wide / 2, y + j * tall / 2) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     space.add_lwpolyline(corners, close=True, dxfattribs={"layer": layer})
 

@@ -210,7 +210,6 @@ def printable(name: str, mesh: Any, process: Process) -> list[Check]:
 
 
 def _none(name: str, share: float) -> Check:
-    """Check that a share of a volume is zero up to rounding."""
     return at_most(name, share, ROUNDING, "1")
 
 

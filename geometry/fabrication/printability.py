@@ -42,9 +42,6 @@ PROCESSES = {
     "sla": Process("resin", fit=0.1, wall=2.0, bridge=5.0, detail=0.3),
 }
 
-TURNS = [math.radians(15 * k) for k in range(12)]
-"""Directions of the lines along which bridges are measured, rad."""
-
 FLAT = 1e-4
 """A facet is level if the vertical component of its unit normal differs from 1 by less than this.
 
@@ -110,45 +107,20 @@ def _widest_bridge(mesh: Any, level: Any) -> float:
     ends = mesh.vertices[mesh.face_adjacency_edges[rims]]
     neighbour = np.where(inside[rims, 0], mesh.face_adjacency[rims, 1], mesh.face_adjacency[rims, 0])
     walled = mesh.triangles_center[neighbour, 2] < ends[:, :, 2].mean(axis=1)
-    a, along = ends[:, 0, :2], ends[:, 1, :2] - ends[:, 0, :2]
-    height = ends[:, 0, 2]
-    widest = 0.0
-    for x, y, z in mesh.triangles_center[level]:
-        near = np.abs(height - z) < FLAT * np.ptp(mesh.vertices[:, 2])
-        spans = [_span(a[near] - (x, y), along[near], walled[near], turn) for turn in TURNS]
-        widest = max(widest, min(spans))
-        if widest == math.inf:
-            break
+    turns = np.radians(15 * np.arange(12))[:, None]
+    c, s, widest = np.cos(turns), np.sin(turns), 0.0
+    for centre in mesh.triangles_center[level]:
+        near = np.abs(ends[:, 0, 2] - centre[2]) < FLAT * np.ptp(mesh.vertices[:, 2])
+        # lines through the centre along all turns meet the edges x + t u, 0 <= t <= 1
+        (x, y), (u, v) = (ends[near, 0, :2] - centre[:2]).T, (ends[near, 1, :2] - ends[near, 0, :2]).T
+        cross = c * v - s * u
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t, reach = (x * s - y * c) / cross, (x * v - y * u) / cross
+        # edges parallel to a line divide by zero above; they never end a bridge
+        hit, spans = (np.abs(cross) > 1e-12) & (t >= 0) & (t <= 1), np.zeros(len(turns))
+        for side in (1, -1):
+            ahead = np.where(hit & (side * reach > 0), side * reach, np.inf)
+            # without an edge on this side, or a wall below the closest one, the line has a free end
+            spans += np.where(walled[near][ahead.argmin(axis=1)], ahead.min(axis=1), np.inf)
+        widest = max(widest, float(spans.min()))
     return widest
-
-
-def _span(a: Any, along: Any, walled: Any, turn: float) -> float:
-    """Return the length of the line through the origin between the closest edges on both sides.
-
-    Parameters
-    ----------
-    a, along : start points and vectors of the edges, shape (n, 2), mm; an edge is a + s along with 0 <= s <= 1.
-    walled : mask of the edges that stand on a wall, shape (n,).
-    turn : angle of the line from the x axis, rad.
-
-    The length is infinite if a side has no edge, or if its closest edge has no wall.
-    """
-    import numpy as np
-
-    c, s = math.cos(turn), math.sin(turn)
-    cross = c * along[:, 1] - s * along[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        where = (a[:, 1] * c - a[:, 0] * s) / -cross
-        reach = (a[:, 0] * along[:, 1] - a[:, 1] * along[:, 0]) / cross
-    # edges parallel to the line divide by zero above; they never end a bridge
-    hit = (np.abs(cross) > 1e-12) & (where >= 0) & (where <= 1)
-    total = 0.0
-    for side in (1, -1):
-        ahead = np.flatnonzero(hit & (side * reach > 0))
-        if not len(ahead):
-            return math.inf
-        first = ahead[np.argmin(side * reach[ahead])]
-        if not walled[first]:
-            return math.inf
-        total += abs(float(reach[first]))
-    return total

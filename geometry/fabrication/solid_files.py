@@ -181,7 +181,6 @@ def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
 
 
 def _read(text: bytes) -> Any:
-    """Return the trimesh of a binary STL file."""
     import numpy as np
     import trimesh
 

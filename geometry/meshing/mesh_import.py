@@ -168,7 +168,6 @@ def _on_surfaces(cells: _Cells, shape: Shape, magnet: Parts) -> MeshTet2:
 
 
 def _opened(path: str | Path, text: str) -> Any:
-    """Return meshio's mesh of a file; raise BadInput if meshio cannot read it."""
     import meshio
 
     if not Path(path).is_file():
@@ -183,13 +182,11 @@ def _opened(path: str | Path, text: str) -> Any:
 
 
 def _label(content: Any) -> dict[str, Any]:
-    """Return the label in the file's field data; an empty one if it has none."""
     single = {name: np.ravel(values)[0] for name, values in content.field_data.items() if np.size(values) == 1}
     return design_digest.from_numbers(single)
 
 
 def _parsed(content: Any, text: str) -> _Cells:
-    """Return the tetrahedra of a file with the names of regions and sides."""
     foreign = set(content.cells_dict) - {*KINDS, "vertex", "line", "line3", "triangle", "triangle6"}
     kinds = [kind for kind in KINDS if kind in content.cells_dict]
     if foreign or len(kinds) != 1:
@@ -435,7 +432,6 @@ def _sharpened(shape: Shape) -> Shape:
 
 
 def _quadratic(mesh: MeshTet1, source: _Cells) -> MeshTet2:
-    """Return the second-order mesh with the middle nodes of the file."""
     straight = MeshTet2.from_mesh(mesh)
     nodes = straight.dofs.element_dofs
     number = np.full(straight.doflocs.shape[1], -1)

@@ -100,7 +100,7 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
     below.projection(base, below=True)
     p = plan
     side.dims.append(((-p.half, -p.thickness), (-p.half, 0), "left", 0, number(p.thickness)))
-    posts = max((post.corner[2] + post.sides[2] for post in p.posts.values()), default=0.0)
+    posts = max((post.corner[2] + post.sides[2] for post in p.seats.posts.values()), default=0.0)
     top = max(posts, p.recess)
     if posts > p.recess:
         side.dims.append(((p.half, 0), (p.half, posts), "right", 0, number(posts)))
@@ -109,7 +109,7 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
         side.dims.append(((-p.half, 0), (-p.half, p.recess), "left", 1, f"recess {number(p.recess)}"))
         r = p.recess_radius
         side.dims.append(((-r, 0), (r, 0), "below", 1, f"recess Ø{number(2 * r)}"))
-    for name, block in p.seats.items():
+    for name, block in p.seats.bodies.items():
         (x, y, z), (a, b, c) = block.corner, block.sides
         if name == "S3":
             continue

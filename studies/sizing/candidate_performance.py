@@ -272,7 +272,7 @@ def lengths(variants: Sequence[Variant], requirements: Requirements) -> tuple[Ar
             rows.append((np.nan, np.nan, np.nan))
             continue
         (_, _, height), _ = outer_size(each.design, outline)
-        posts = choices.seat_wall if outline.posts else np.inf
+        posts = choices.seat_wall if outline.seats.posts else np.inf
         rows.append((2 * outline.half, height, min(2 * mould.pin_radius, mould.wall, posts)))
     size, height, wall = np.array(rows).T
     return size, height, wall
