@@ -56,9 +56,9 @@ def sideways_stiffness(design: Design) -> float:
     return 1 / (bending + design.L / shear_stiffness(design))
 
 
-def engesser(design: Design, end: float = FREE) -> float:
+def engesser(design: Design) -> float:
     """Engesser's load P_E / (1 + P_E / S), N."""
-    P = euler(design, end)
+    P = euler(design)
     return P / (1 + P / shear_stiffness(design))
 
 

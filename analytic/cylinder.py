@@ -25,7 +25,7 @@ rings cancel; there it is the sum of the slopes of the rings at the Gauss points
 
     dD/dzeta = -zeta m (G - C)/S,    dC/dzeta = -zeta (G - 4 C)/S,    d log(S^1.5 Q)/dzeta = zeta (3/S + 2/Q).
 
-The other entries of the Jacobian follow from div B = 0 and curl B = 0.
+The other slopes follow from div B = 0 and curl B = 0.
 
 Plain Python runs these functions for few points, and numba compiles them for many (`compiled_functions`). They use
 +, -, *, / and square roots only, so that both have the same digits.
@@ -69,8 +69,8 @@ FIRST, SECOND, FIRST_TANGENT, SECOND_TANGENT = (
 P'_(n+1)."""
 
 
-def fill(x, radius, half, J, series, disc, B, jacobian):
-    """Fill B and, if it is not empty, the Jacobian; return the index of the first point without a field, or -1.
+def fill(x, radius, half, J, series, disc, B):
+    """Fill B, shape (n, 3), T; return the index of the first point without a field, or -1.
 
     Such a point, on the rim or not finite, gets NaN.
 
@@ -79,11 +79,9 @@ def fill(x, radius, half, J, series, disc, B, jacobian):
     x : shape (n, 3), mm.
     radius, half, J : the magnet's radius and half height, mm, and its polarisation, T.
     series, disc : `cylinder_series(half / radius)` and `disc_series()`.
-    B, jacobian : arrays to fill, shape (n, 3), T, and shape (n, 3, 3), T/mm, or (0, 3, 3) for no Jacobian.
     """
-    slope, first, z0 = len(jacobian) > 0, -1, half / radius
-    near, places = np.empty(BLOCK, np.int64), np.empty((5, BLOCK))
-    faces, fields = np.empty((6, BLOCK)), np.zeros((4, BLOCK))
+    first, z0 = -1, half / radius
+    near, places, fields = np.empty(BLOCK, np.int64), np.empty((5, BLOCK)), np.empty((2, BLOCK))
     for start in range(0, len(x), BLOCK):
         count = 0
         for j in range(start, min(start + BLOCK, len(x))):
@@ -94,22 +92,17 @@ def fill(x, radius, half, J, series, disc, B, jacobian):
                     places[k, count] = place[k]
                 count += 1
             else:
-                field = unit_field(place, z0, series, disc, slope)
-                write(j, x[j], radius, J, field, B, jacobian)
-                first = j if first < 0 and math.isnan(field[0]) else first
-        # near points, as in `unit_field`, by loops without a branch: an instruction computes several of them
+                lean, along, _, _ = unit_field(place, z0, series, disc, False)
+                write(j, x[j], radius, J, lean, along, B)
+                first = j if first < 0 and math.isnan(lean) else first
+        # near points, as in `unit_field`, by a loop without a branch: an instruction computes several of them
         r, gap, _, up, down = places
         for k in range(count):
-            faces[0, k], faces[1, k], faces[2, k] = _face(r[k], gap[k], up[k], STEPS)
-            faces[3, k], faces[4, k], faces[5, k] = _face(r[k], gap[k], down[k], STEPS)
-            fields[0, k], fields[1, k] = faces[0, k] - faces[3, k], faces[1, k] - faces[4, k]
-        for k in range(count if slope else 0):
-            upper = _ring(r[k], gap[k], up[k], STEPS, faces[0, k], faces[2, k])
-            lower = _ring(r[k], gap[k], down[k], STEPS, faces[3, k], faces[5, k])
-            fields[2, k], fields[3, k] = lower[0] - upper[0], lower[1] - upper[1]
+            upper_lean, upper_along, _ = _face(r[k], gap[k], up[k], STEPS)
+            lower_lean, lower_along, _ = _face(r[k], gap[k], down[k], STEPS)
+            fields[0, k], fields[1, k] = upper_lean - lower_lean, upper_along - lower_along
         for k in range(count):
-            field = fields[0, k], fields[1, k], fields[2, k], fields[3, k]
-            write(near[k], x[near[k]], radius, J, field, B, jacobian)
+            write(near[k], x[near[k]], radius, J, fields[0, k], fields[1, k], B)
     return first
 
 
@@ -122,21 +115,8 @@ def _is_near(place, z0):
     return regular and not (far or thin or math.isnan(r))
 
 
-def write(j, point, radius, J, field, B, jacobian):
-    """Write field and Jacobian, the latter by div B = 0 and curl B = 0."""
-    lean, along, lean_z, along_z = field
-    u, v = point[0] / radius, point[1] / radius
-    B[j, 0], B[j, 1], B[j, 2] = J * lean * u, J * lean * v, J * along
-    if len(jacobian):
-        # d(B_r/r)/dr = -(dB_z/dz + 2 B_r/r)/r goes to 0 on the axis
-        scale, r2 = J / radius, u * u + v * v
-        bend = -(along_z + 2 * lean) / r2 if r2 > 1e-300 else 0.0
-        jacobian[j, 0, 0] = scale * (lean + bend * u * u)
-        jacobian[j, 1, 1] = scale * (lean + bend * v * v)
-        jacobian[j, 0, 1] = jacobian[j, 1, 0] = scale * (bend * u * v)
-        jacobian[j, 0, 2] = jacobian[j, 2, 0] = scale * (lean_z * u)
-        jacobian[j, 1, 2] = jacobian[j, 2, 1] = scale * (lean_z * v)
-        jacobian[j, 2, 2] = scale * along_z
+def write(j, point, radius, J, lean, along, B):
+    B[j, 0], B[j, 1], B[j, 2] = J * lean * (point[0] / radius), J * lean * (point[1] / radius), J * along
 
 
 def lengths(x, y, z, radius, half):
@@ -347,27 +327,27 @@ def cylinder_series(z0: float) -> Array:
     return _series(moments)
 
 
-def computed(x: Array, radius: float, half: float, J: float, *, slope: bool) -> tuple[Array, Array, int]:
-    """Return B, its Jacobian (shape (0, 3, 3) without `slope`), and the first point without a field, or -1.
+def computed(x: Array, radius: float, half: float, J: float) -> tuple[Array, int]:
+    """Return B and the first point without a field, or -1; such a point gets NaN.
 
-    Such a point gets NaN. Threads share many points. Parameters as in `fill`.
+    Threads share many points. Parameters as in `fill`.
     """
-    B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
-    series = cylinder_series(half / radius), disc_series()
+    B, series = np.empty_like(x), (cylinder_series(half / radius), disc_series())
     if len(x) < MIN_COMPILED_POINTS and not compiled_functions.cache_info().currsize:
         # plain Python indexes lists faster than arrays
         moments, disc = series[0].tolist(), series[1].tolist()
         for j, (u, v, w) in enumerate(x.tolist()):
-            field = unit_field(lengths(u, v, w, radius, half), half / radius, moments, disc, slope)
-            write(j, (u, v, w), radius, J, field, B, jacobian)
-        return B, jacobian, next(iter(np.flatnonzero(np.isnan(B[:, 2])).tolist()), -1)
+            place = lengths(u, v, w, radius, half)
+            lean, along, _, _ = unit_field(place, half / radius, moments, disc, False)
+            write(j, (u, v, w), radius, J, lean, along, B)
+        return B, next(iter(np.flatnonzero(np.isnan(B[:, 2])).tolist()), -1)
     count = max(min(compilation.threads(), len(x) // THREAD_POINTS), 1)
     share = max(math.ceil(len(x) / count), 1)
     fill_compiled = compiled_functions().fill
 
     def fill_part(start: int) -> int:
         part = slice(start, start + share)
-        bad = int(fill_compiled(x[part], radius, half, J, *series, B[part], jacobian[part]))
+        bad = int(fill_compiled(x[part], radius, half, J, *series, B[part]))
         return start + bad if bad >= 0 else len(x)
 
     if count == 1:
@@ -377,7 +357,7 @@ def computed(x: Array, radius: float, half: float, J: float, *, slope: bool) -> 
 
         with ThreadPoolExecutor(count) as pool:
             bad = min(pool.map(fill_part, range(0, len(x), share)))
-    return B, jacobian, bad if bad < len(x) else -1
+    return B, bad if bad < len(x) else -1
 
 
 @cache
@@ -391,7 +371,7 @@ def compiled_functions() -> SimpleNamespace:
     for name, plain in globals().items():
         # numba looks up the names in a function when it is first called, so the order does not matter
         if isinstance(plain, FunctionType) and plain.__module__ == __name__ and not plain.__annotations__:
-            # what `fill` calls in loops over near points becomes a part of these loops
-            inline = "always" if name in ("_face", "_ring", "_ring_of") else "never"
+            # the faces become a part of the loop over near points in `fill`
+            inline = "always" if name == "_face" else "never"
             scope[name] = compilation.compiled(FunctionType(plain.__code__, scope, name), nogil=True, inline=inline)
     return SimpleNamespace(**scope)

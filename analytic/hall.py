@@ -121,7 +121,9 @@ def field_at(
     elif field == "dipole":
         b = dipole_field(local, *magnet)
     else:
-        b = _paper_vectors(local, *magnet, printed=field == "paper-printed")
+        rho = np.hypot(local[:, 0], local[:, 1])
+        b_z, b_rho = paper_field(rho, local[:, 2], *magnet, printed=field == "paper-printed")
+        b = np.column_stack([*(local[:, :2].T * (b_rho / np.where(rho > 0, rho, 1.0))), b_z])
     return rotated(FLIP * b, _rows("tilt", tilt, 2, len(local)))
 
 
@@ -295,11 +297,3 @@ def _rows(name: str, values: ArrayLike, width: int, count: int = 0, *, single: b
     if not np.isfinite(rows).all():
         raise BadInput(f"{name} must be finite; got a NaN or an infinity")
     return rows
-
-
-def _paper_vectors(local: Array, radius: float, height: float, J: float, *, printed: bool) -> Array:
-    """Return the paper's field as vectors (n, 3), T, at points of the magnet's frame, shape (n, 3), mm."""
-    rho = np.hypot(local[:, 0], local[:, 1])
-    b_z, b_rho = paper_field(rho, local[:, 2], radius, height, J, printed=printed)
-    safe = np.where(rho > 0, rho, 1.0)
-    return np.column_stack([b_rho * local[:, 0] / safe, b_rho * local[:, 1] / safe, b_z])

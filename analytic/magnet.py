@@ -24,7 +24,7 @@ from geometry.arrays import Array
 from geometry.cad import magnet_volume
 from geometry.design import BadInput, Design
 
-__all__ = ["cylinder_field", "cylinder_field_jacobian", "dipole_field", "paper_field"]
+__all__ = ["cylinder_field", "dipole_field", "paper_field"]
 
 Pair = tuple[Array, Array]
 
@@ -56,24 +56,12 @@ def cylinder_field(points: ArrayLike, radius: float, height: float, J: float, *,
         A point lies exactly on one of the two rims (r = radius, |z| = height/2), where |B| grows as J/2pi times the
         logarithm of the distance; a point is not finite; radius or height is not positive.
     """
-    return _exact(points, radius, height, J, slope=False, refuse=refuse)[0]
-
-
-def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: float) -> Pair:
-    """Return B as `cylinder_field` does, and its Jacobian in closed form.
-
-    Returns
-    -------
-    B : shape (n, 3), T.
-    jacobian : dB_i/dx_j at [n, i, j], shape (n, 3, 3), T/mm; symmetric, with trace 0. On the hull, where B_z jumps,
-        it does not include the jump.
-
-    Raises
-    ------
-    BadInput
-        As `cylinder_field`.
-    """
-    return _exact(points, radius, height, J, slope=True)
+    check_magnet(radius, height, J)
+    x = _points(points)
+    B, bad = cylinder.computed(x, float(radius), float(height) / 2, float(J))
+    if bad >= 0 and refuse:
+        raise _undefined(x[bad])
+    return B
 
 
 def dipole_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
@@ -165,15 +153,6 @@ def check_magnet(radius: float, height: float, J: float) -> None:
             raise BadInput(f"the magnet's {name} must be a positive number of mm; got {value:g}")
     if not math.isfinite(J):
         raise BadInput(f"J must be a finite number of T; got {J:g}")
-
-
-def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool, refuse: bool = True) -> Pair:
-    check_magnet(radius, height, J)
-    x = _points(points)
-    B, jacobian, bad = cylinder.computed(x, float(radius), float(height) / 2, float(J), slope=slope)
-    if bad >= 0 and refuse:
-        raise _undefined(x[bad])
-    return B, jacobian
 
 
 def _points(points: ArrayLike) -> Array:

@@ -43,15 +43,6 @@ def receptance(frequency: ArrayLike, natural: float, modulus: ArrayLike = 1.0) -
     return np.asarray(1 / (np.asarray(modulus) - ratio**2), dtype=np.complex128)
 
 
-def accurate_to(natural: float, error: float = 0.05) -> float:
-    """Return the frequency, Hz, up to which an undamped oscillator follows a force within a relative error.
-
-    >>> round(accurate_to(970.0))
-    212
-    """
-    return natural * math.sqrt(1 - 1 / (1 + error))
-
-
 def natural_frequency(stiffness: float, mass: float) -> float:
     """Return f0, Hz, of a stiffness, N/mm, and a mass, g.
 

@@ -277,17 +277,16 @@ def _sign_changes(sign: NDArray[np.int8], usable: Bools) -> bool:
     return False
 
 
-def least_difference(coder: Decoder, surveyed: Survey, apart: float, tries: int = 4) -> float:
+def least_difference(coder: Decoder, surveyed: Survey, apart: float) -> float:
     """Return the smallest difference of readings between two poses that lie at least `apart` from each other.
 
     The difference is the 2-norm of the readings' differences, each over its noise. Sequential quadratic programming
-    starts from the best pairs of the survey's grid. It finds local minima, so the result is an upper bound.
+    starts from the four best pairs of the survey's grid. It finds local minima, so the result is an upper bound.
 
     Parameters
     ----------
     surveyed : a survey of the decoder's workspace; only its known poses count.
     apart : smallest distance of the two poses, mm.
-    tries : number of pairs of the grid to start from.
     """
     known = surveyed.weight > 0
     s, r = surveyed.shift[:, known].T, (surveyed.readings / coder.sigma[:, None])[:, known].T
@@ -298,7 +297,7 @@ def least_difference(coder: Decoder, surveyed: Survey, apart: float, tries: int 
             square = np.where(far, ((r[i + 1 :] - r[i]) ** 2).sum(axis=1), np.inf)
             j = int(square.argmin())
             pairs.append((float(square[j]), i, i + 1 + j))
-    best = [(s[i], s[j]) for _, i, j in sorted(pairs)[:tries]]
+    best = [(s[i], s[j]) for _, i, j in sorted(pairs)[:4]]
     return min(_least_from(coder, first, second, apart) for first, second in best)
 
 

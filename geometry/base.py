@@ -212,23 +212,6 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
     return tuple(openings)
 
 
-def least_outer_size(design: Design, shape: str = "round", process: str = "fdm") -> float:
-    """Return the least side of a square base or the least diameter of a round one, mm, with default choices.
-
-    A square base has holes for screws; a round one has a recess for the beam. No solid is built: a call takes some
-    tens of microseconds.
-
-    Raises
-    ------
-    BadInput
-        The elements do not fit this design, or the shape is unknown.
-
-    >>> round(least_outer_size(Design(), "square"), 2)
-    17.74
-    """
-    return 2 * plan(design, Base(shape=shape), process).half
-
-
 def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
     """Return the outer size of the sensor along x, y, z, and the length of the leads below the base, both in mm.
 

@@ -25,7 +25,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,14 +33,28 @@ from numpy.typing import ArrayLike, NDArray
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
 
-if TYPE_CHECKING:
-    from geometry.design import Design
-
 TIMES = (1e-12, 1e12)
 """Range of a branch's time, s: beyond it, a number is taken for a mistake."""
 
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 _BRANCH = re.compile(f"{_NUMBER}:{_NUMBER}")
+
+
+class Silicone(Protocol):
+    """The fields of `geometry.design.Design`, which imports this module, on which its relaxation depends."""
+
+    @property
+    def E(self) -> float: ...
+    @property
+    def modulus(self) -> str: ...
+    @property
+    def prony(self) -> str: ...
+    @property
+    def loss_factor(self) -> float: ...
+    @property
+    def loss_low(self) -> float: ...
+    @property
+    def loss_high(self) -> float: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +230,7 @@ def constant_loss(loss_factor: float, low: float, high: float) -> Relaxation:
     return Relaxation(tuple((h[used] * rest).tolist()), tuple(times[used].tolist()), ends)
 
 
-def relaxation_of(design: Design) -> Relaxation:
+def relaxation_of(design: Silicone) -> Relaxation:
     """Return the branches of a design: `prony`, or those of its constant loss factor.
 
     >>> from geometry.design import Design
@@ -228,7 +242,7 @@ def relaxation_of(design: Design) -> Relaxation:
     return constant_loss(design.loss_factor, design.loss_low, design.loss_high)
 
 
-def moduli(design: Design) -> tuple[float, float]:
+def moduli(design: Silicone) -> tuple[float, float]:
     """Return the instantaneous and the long-term Young's modulus of a design at small strain, MPa.
 
     The ratio of both is that of the shear moduli, exactly for nu = 0.5; the bulk does not relax.
@@ -241,7 +255,7 @@ def moduli(design: Design) -> tuple[float, float]:
     return (design.E, design.E * rest) if design.modulus == "instantaneous" else (design.E / rest, design.E)
 
 
-def relaxation_notes(design: Design) -> list[str]:
+def relaxation_notes(design: Silicone) -> list[str]:
     """Return sentences: which modulus E is, where the branches come from, and what is assumed.
 
     >>> from geometry.design import Design
@@ -283,7 +297,7 @@ def range_sentence(relaxation: Relaxation, *, times: Iterable[float] = (), frequ
     return f"the branches speak for {range_text(relaxation)}, not for {' and '.join(outside)}" if outside else ""
 
 
-def range_remedy(design: Design) -> str:
+def range_remedy(design: Silicone) -> str:
     """Return what widens the range for which the branches of a design speak."""
     if not design.prony:
         return "change loss_low or loss_high"
@@ -315,7 +329,7 @@ def _three(value: float) -> str:
 
 
 def check_range(
-    design: Design, *, times: Iterable[float] = (), frequencies: Iterable[float] = (), beyond: bool = False
+    design: Silicone, *, times: Iterable[float] = (), frequencies: Iterable[float] = (), beyond: bool = False
 ) -> list[str]:
     """Check that the branches of a design speak for times, s, and frequencies, Hz; return a warning if they do not.
 

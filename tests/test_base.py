@@ -6,7 +6,7 @@ import pytest
 
 from analytic.parts import of_design
 from geometry import cad
-from geometry.base import Base, base, checks, least_outer_size, outer_size, plan, warnings
+from geometry.base import Base, base, checks, outer_size, plan, warnings
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import DEPTH, STROKES
@@ -183,9 +183,7 @@ def test_a_plate_that_touches_the_elements_causes_a_warning():
 @pytest.mark.parametrize("shape", ["square", "round"])
 @pytest.mark.parametrize("design", DESIGNS, ids=name_of)
 def test_the_least_outer_size_is_that_of_the_default_base(design, shape, process):
-    least = least_outer_size(design, shape, process)
-    choices = Base(shape=shape)
-    assert least == 2 * plan(design, choices, process).half
+    least = 2 * plan(design, Base(shape=shape), process).half
     assert plan(design, Base(shape=shape, outer=least), process).half == pytest.approx(least / 2, rel=1e-12)
     with pytest.raises(BadInput, match=rf"outer must be at least [\d.]+ mm for a {shape} base"):
         plan(design, Base(shape=shape, outer=0.999 * least), process)
@@ -197,7 +195,7 @@ def test_a_round_base_holds_seats_and_beam_within_its_least_diameter():
     # the farthest corner of the slot of S2, and the wall behind it
     corner = math.hypot(design.f - SS495A.depth + SS495A.thickness + 0.1, SS495A.width / 2 + 0.1)
     assert p.half == pytest.approx(corner + 1.2)
-    assert least_outer_size(Design(hall_layout="tmag5273a1")) == pytest.approx(8 + 2 * (0.2 + 1.2))
+    assert 2 * plan(Design(hall_layout="tmag5273a1"), ROUND).half == pytest.approx(8 + 2 * (0.2 + 1.2))
     box = base(design, ROUND).bounding_box()
     assert tuple(box.size)[:2] == pytest.approx((2 * p.half, 2 * p.half), abs=1e-6)
 

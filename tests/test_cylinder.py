@@ -31,13 +31,13 @@ def places(a, h, count=400):
 
 
 def computed(monkeypatch, threads, x, a, h):
-    """B and its Jacobian in plain Python (no threads), or compiled in a number of threads."""
+    """B in plain Python (no threads), or compiled in a number of threads."""
     if not threads:
         cylinder.compiled_functions.cache_clear()
     monkeypatch.setattr(cylinder, "MIN_COMPILED_POINTS", 0 if threads else 10**9)
     monkeypatch.setattr(cylinder, "THREAD_POINTS", 500)
     monkeypatch.setattr(compiled, "threads", lambda: threads)
-    return cylinder.computed(x, a, h / 2, 1.2, slope=True)
+    return cylinder.computed(x, a, h / 2, 1.2)
 
 
 @pytest.mark.parametrize("flatness", [1e-6, 1e-2, 0.3, 1.0, 2.0, 30.0, 1e3])
@@ -47,8 +47,7 @@ def test_plain_and_compiled_functions_and_threads_have_the_same_digits(flatness,
     plain, one, two = (computed(monkeypatch, threads, x, a, h) for threads in (0, 1, 2))
     for found in (one, two):
         np.testing.assert_array_equal(found[0], plain[0])
-        np.testing.assert_array_equal(found[1], plain[1])
-        assert found[2] == plain[2] == len(x) - 6
+        assert found[1] == plain[1] == len(x) - 6
     assert np.isnan(plain[0][-6:-2]).all()
     assert np.isfinite(plain[0][:-6]).all()
     assert (plain[0][-2] == 0).all()

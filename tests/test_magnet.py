@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from analytic import cylinder
 from analytic.magnet import (
     MU_0,
     cylinder_field,
-    cylinder_field_jacobian,
     dipole_field,
     paper_field,
     repulsion,
@@ -53,12 +53,6 @@ def test_symmetries(a, h):
     assert_allclose(cylinder_field(p, a, h, -1.2), -b, rtol=0)
     turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
     assert relative(cylinder_field(p @ turn.T, a, h, 1.2), b @ turn.T).max() < 1e-12
-
-
-@pytest.mark.parametrize("k", [1e-6, 0.37, 1e6])
-def test_field_knows_only_ratios_of_lengths(k):
-    p = RNG.normal(size=(200, 3)) * 4
-    assert relative(cylinder_field(k * p, 2 * k, 3 * k, 1.2), cylinder_field(p, 2, 3, 1.2)).max() < 1e-12
 
 
 def test_the_repulsion_is_the_loss_of_energy_of_a_magnet_in_the_field_of_the_other():
@@ -109,27 +103,12 @@ def test_published_values_on_the_axis():
     assert (b[:, :2] == 0).all()
 
 
-@pytest.mark.parametrize(("a", "h"), SHAPES)
-def test_axis_inside_and_outside(a, h):
-    z = np.linspace(-3 * h, 3 * h, 61)
-    b = cylinder_field(np.column_stack([0 * z, 0 * z, z]), a, h, 1.0)
-    assert_allclose(b[:, 2], on_axis(z, a, h), rtol=1e-13)
-
-
 def test_hull_is_the_mean_and_jumps_by_j_and_a_face_does_not():
     b = cylinder_field([[2 - 1e-12, 0, 0.3], [2, 0, 0.3], [2 + 1e-12, 0, 0.3]], 2, 2, 1.2)
     assert_allclose(b[0] - b[2], [0, 0, 1.2], atol=1e-11)
     assert_allclose(b[1], (b[0] + b[2]) / 2, atol=1e-11)
     face = cylinder_field([[1.3, 0, 1 - 1e-12], [1.3, 0, 1], [1.3, 0, 1 + 1e-12]], 2, 2, 1.2)
     assert_allclose(face[[0, 2]], face[[1, 1]], atol=1e-11)
-
-
-def test_jacobian_on_the_axis():
-    B, jacobian = cylinder_field_jacobian([[0, 0, 3.0]], 2, 2, 1.2)
-    (beside,) = cylinder_field_jacobian([[1e-7, 0, 3.0]], 2, 2, 1.2)[1]
-    assert_allclose(jacobian[0], beside, atol=1e-7 * abs(beside[2, 2]))
-    assert B[0, :2].tolist() == [0, 0]
-    assert_allclose(np.trace(jacobian[0]), 0, atol=1e-15)
 
 
 @pytest.mark.parametrize(("a", "h"), SHAPES)
@@ -276,9 +255,12 @@ def test_errors_are_below_1e_12_in_every_region(flatness):
             alone = cylinder_field(point[None], a, h, 1.0)[0]
             assert max(field_oracle.relative(found, true) for found in (alone, many[k])) < 1e-12, name
         if "axis" not in name:
-            slope = cylinder_field_jacobian(points[:1], a, h, 1.0)[1][0]
-            assert field_oracle.relative(slope, field_oracle.jacobian(points[0], a, h)) < 1e-11, name
-            assert_array_equal(slope, slope.T)
+            # the slopes along z, of which div B = 0 and curl B = 0 give all others
+            place, series = cylinder.lengths(*points[0].tolist(), a, h / 2), cylinder.cylinder_series(flatness / 2)
+            _, _, lean_z, along_z = cylinder.unit_field(place, flatness / 2, series, cylinder.disc_series(), True)
+            found = np.array([*(lean_z * points[0, :2] / a), along_z]) / a
+            true = field_oracle.jacobian(points[0], a, h)
+            assert np.linalg.norm(found - true[:, 2]) < 1e-11 * np.linalg.norm(true), name
 
 
 def test_the_oracle_is_the_closed_form_on_the_axis_and_a_gradient():

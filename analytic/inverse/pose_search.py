@@ -208,12 +208,6 @@ def poses_of(field: Array, forward: Forward, table: StartTable, goal: Goal) -> t
     return STATUSES[status], shifts, slopes
 
 
-def pose_from(start: Array, field: Array, forward: Forward, goal: Goal) -> Array:
-    """Return the pose that an iteration from a start finds in the box, shape (3,), mm; NaN if it finds none."""
-    end, s, _ = newton(np.ascontiguousarray(start), math.inf, np.ascontiguousarray(field), forward.kernel, goal)
-    return s[0] if end == POSE else np.full(3, np.nan)
-
-
 @compiled
 def search(field, kernel, table, goal):
     """Return what `poses_of` does; the status is its place in `STATUSES`."""

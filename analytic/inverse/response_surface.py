@@ -60,16 +60,13 @@ class Mechanics:
     errors: tuple[float, ...]
 
 
-def of_formula(
-    solve: Callable[[Load], Response], depth: float, shear: float, counts: tuple[int, int] = (12, 4)
-) -> Mechanics:
+def of_formula(solve: Callable[[Load], Response], depth: float, shear: float) -> Mechanics:
     """Fit the mechanics to a model that answers within milliseconds; loads that the model refuses are left out.
 
     Parameters
     ----------
     solve : response of the model to a load.
     depth, shear : largest depth and shear of the samples, mm.
-    counts : number of intervals of depth and of shear.
 
     Examples
     --------
@@ -81,12 +78,8 @@ def of_formula(
     (1.667, True)
     """
     # denser towards first touch, where the curves bend most
-    depths = depth * np.linspace(0, 1, counts[0] + 1) ** 1.5
-    loads = [
-        Load(depth=float(d), shear_x=shear * k / counts[1], friction="stick")
-        for d in depths
-        for k in range(counts[1] + 1)
-    ]
+    depths = depth * np.linspace(0, 1, 13) ** 1.5
+    loads = [Load(depth=float(d), shear_x=shear * k / 4, friction="stick") for d in depths for k in range(5)]
     samples = []
     for load in loads:
         with contextlib.suppress(BadInput):

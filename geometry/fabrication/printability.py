@@ -65,9 +65,9 @@ def at_most(name: str, value: float, bound: float, unit: str) -> Check:
     return Check(name, value, f"<= {bound:g}", unit, value <= bound)
 
 
-def at_least(name: str, value: float, bound: float, unit: str = "mm") -> Check:
-    """Check that a value is at least its bound, less 1e-6 of the bound for the rounding of the CAD kernel."""
-    return Check(name, value, f">= {bound:g}", unit, value >= bound - 1e-6 * abs(bound))
+def at_least(name: str, value: float, bound: float) -> Check:
+    """Check that a length, mm, is at least its bound, less 1e-6 of the bound for the rounding of the CAD kernel."""
+    return Check(name, value, f">= {bound:g}", "mm", value >= bound - 1e-6 * abs(bound))
 
 
 def standing(solid: Solid, *, upside_down: bool = False) -> Solid:

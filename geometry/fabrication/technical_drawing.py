@@ -98,12 +98,12 @@ class View:
             loops = [face.outer_wire(), *face.inner_wires()]
             self.paths.append(([_pieces(loop.order_edges(), 0, 2) for loop in loops], style))
 
-    def projection(self, solid: Solid, *, below: bool = False, style: str = "outline") -> None:
+    def projection(self, solid: Solid, *, below: bool = False) -> None:
         """Add the visible edges of a solid, viewed from above (x to the right, y upwards) or from below."""
         side = -1.0 if below else 1.0
         far = 10 * max(solid.bounding_box(optimal=False).size)
         edges, _ = solid.project_to_viewport((0, 0, side * far), (0, 1, 0), (0, 0, 0))
-        self.paths.append(([_pieces([edge], 0, 1) for edge in edges], style))
+        self.paths.append(([_pieces([edge], 0, 1) for edge in edges], "outline"))
 
     def circle(self, centre: Point, radius: float, style: str) -> None:
         """Add a circle, as two half-circle arcs."""
