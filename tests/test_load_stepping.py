@@ -12,7 +12,7 @@ from fem.solve import load_increments, load_stepping
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import follow_segment
 from fem.solve.load_stepping import correct_press, predict
-from fem.solve.path_state import at_rest, glue, with_predictor
+from fem.solve.path_state import at_rest, with_predictor
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -153,41 +153,6 @@ def test_one_that_was_left_behind_says_nothing(gripped, solvers):
     assert predict(*solvers, elsewhere, ASIDE) == (elsewhere, 0)
     alone = replace(gripped, reduced=None)
     assert predict(*solvers, alone, ASIDE) == (alone, 0)
-
-
-def test_a_section_leads_tetrahedra_to_the_state_that_increments_lead_to(solvers):
-    solid = MeshSpecification(SHAPE, 0.4998, "ignored", 0.6, 0.3, body="half").build()
-    section = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1).build()
-    pressed, sheared = np.array([0.05, 0.0, 0.0]), np.array([0.05, 0.05, 0.0])
-    alone = at_rest(solid)
-    state, _ = predict(*solvers, with_predictor(alone, section), pressed)
-    np.testing.assert_array_equal(state.position, pressed)
-    in_steps = follow_segment(solvers[0], alone, pressed).state
-    assert state.energy == pytest.approx(in_steps.energy, rel=1e-8)
-    state, _ = predict(*solvers, glue(state, 0.2), sheared)
-    np.testing.assert_array_equal(state.position, sheared)
-    in_steps = follow_segment(solvers[0], glue(in_steps, 0.2), sheared).state
-    np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)
-
-
-def test_a_prediction_that_inverts_a_tetrahedron_is_made_in_two_halves(solvers):
-    solid = MeshSpecification(SHAPE, 0.4998, "ignored", 0.6, 0.3, body="half").build()
-    section = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1).build()
-    pressed, rest = np.array([0.05, 0.0, 0.0]), with_predictor(at_rest(solid), section)
-    raised: list[float] = []
-
-    def inverts_once(q):
-        raised.append(float(np.abs(q).max()))
-        guess = rest.raise_unknowns(q)
-        # the first call is for the start, the second one for the first guess
-        return guess + 0.5 * np.eye(1, len(guess), 100)[0] if len(raised) == 2 else guess
-
-    state, _ = predict(*solvers, replace(rest, raise_unknowns=inverts_once), pressed)
-    assert len(raised) == 6
-    assert raised[3] < raised[1]
-    in_steps = follow_segment(solvers[0], at_rest(solid), pressed).state
-    np.testing.assert_array_equal(state.position, pressed)
-    np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)
 
 
 def test_a_press_on_another_mesh_leads_to_the_state_that_increments_lead_to(solvers):

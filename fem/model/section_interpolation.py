@@ -1,8 +1,7 @@
 """Unknowns on another mesh from a state of a section of the same beam: a first guess for Newton's method.
 
-Each node of the other section or of the tetrahedra lies at a point (r, z) of a triangle of the section, and in
-tetrahedra at an angle theta. The triangle is curved, so the point's local coordinates are found by Newton's method,
-from those in the straight triangle.
+Each node of the other section lies in a triangle of the section. The triangle is curved, so the node's local
+coordinates are found by Newton's method, from those in the straight triangle.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fem.model import angular_fields, elements
+from fem.model import elements
 from fem.model.elements import SAME_PLACE, Elements
 from fem.model.nonlinear_system import System
 from geometry.arrays import Array, Ints
@@ -21,20 +20,11 @@ coordinates, whose error is far below that of the guess after them."""
 
 
 def interpolate_section(section: System, target: System, q: Array) -> Array:
-    """Return the unknowns of another section with the same fields, or of tetrahedra of the half y >= 0, for those of
-    a section."""
-    state, e, places = section.state(q), section.elements, target.elements.nodes
-    solid = target.elements.dim == 3
-    if solid:
-        x, y, z = places.T
-        places = np.stack([np.hypot(x, y), z], axis=1)
-    cells, local = _locate(e, places)
+    """Return the unknowns of another section with the same fields for those of a section."""
+    state, e = section.state(q), section.elements
+    cells, local = _locate(e, target.elements.nodes)
     u = np.einsum("na,naf->nf", _shape_functions(local)[0], state.u[e.cells[cells]])
     p = np.einsum("nc,nck->nk", _barycentric(local), state.p[np.searchsorted(section.corner_nodes, e.corners[cells])])
-    if solid:
-        series = angular_fields.fields_at(np.arctan2(y, x), e.angles.harmonics, sines=e.angles.sines)
-        u = np.einsum("ijn,njf,nf->ni", angular_fields.rotations(series.theta), series.E, u, optimize=True)
-        p = np.sum(series.C * p, axis=1, keepdims=True)
     return target.unknowns(u, p[target.corner_nodes], section.motion(q))
 
 

@@ -1,8 +1,8 @@
 """Pattern of a sparse symmetric matrix that is repeatedly assembled from element matrices.
 
-The positions of all entries are computed once. The
-unknowns are numbered in blocks, those of a node or of the rigid magnet, and all unknowns of two coupled blocks are
-coupled. The pattern follows from pairs of blocks, of which there are far fewer than pairs of unknowns.
+The positions of all entries are computed once. The unknowns are numbered in blocks, those of a node or of the rigid
+magnet, and all unknowns of two coupled blocks are coupled. The pattern follows from pairs of blocks, of which there
+are far fewer than pairs of unknowns.
 """
 
 from __future__ import annotations
@@ -16,9 +16,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
-
-MOST_LISTED = 3000
-"""Blocks up to which all their pairs are listed, in up to 45 MB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +44,7 @@ def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
     """Return the layout of a matrix whose coupled pairs of blocks are `keys`, see `_pair_keys`."""
     count, first = len(sizes), np.cumsum(sizes) - sizes
     # sorted keys are rows of blocks, and in each row the columns in rising order
-    unique, inverse = _number(keys, count)
+    unique, inverse = np.unique(keys, return_inverse=True)
     rows, columns = np.divmod(unique, count)
     begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
     start = np.cumsum(width) - width
@@ -63,19 +60,6 @@ def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
     indices, pointers = shared[place].astype(np.int32), np.append(0, ends).astype(np.int32)
     empty = sp.csr_matrix((np.zeros(len(indices)), indices, pointers), shape=(len(block), len(block)))
     return _Layout(empty, offset, inside, ends - length - inside, unique)
-
-
-def _number(keys: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return the different keys in rising order, and the number of each key among them."""
-    if count > MOST_LISTED:
-        return np.unique(keys, return_inverse=True)
-    # a list of all pairs takes less time than sorting those that occur
-    occurs = np.zeros(count**2, dtype=np.bool_)
-    occurs[keys] = True
-    unique = np.flatnonzero(occurs)
-    number = np.empty(count**2, dtype=np.int32)
-    number[unique] = np.arange(len(unique))
-    return unique, number[keys].astype(np.int64)
 
 
 class Pattern:

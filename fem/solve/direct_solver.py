@@ -40,8 +40,6 @@ double precision."""
 LARGEST_ERROR = 1e-2
 """Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
 the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
-CHECKED = 4
-"""The error is computed for each of so many matrices of a path, whose condition changes slowly."""
 
 Verdict = Literal["stable", "unstable", "unknown"]
 
@@ -393,7 +391,6 @@ class Pardiso:
         self._mkl, self._symmetric, self._order, self._outer = _mkl(), symmetric, order, outer
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
-        self._negative, self._turn = -1, 0
         self._start(matrix, match=not symmetric, single=order is not None)
 
     def _start(self, matrix: sp.csr_matrix, *, match: bool, single: bool) -> None:
@@ -463,13 +460,9 @@ class Pardiso:
         return np.asarray(x, dtype=np.float64)
 
     def _is_accurate(self, matrix: sp.csr_matrix) -> bool:
-        """Return whether the factors of an upper triangle serve Newton's method, by a known solution.
-
-        It is computed where the number of negative pivots has changed, and for each CHECKED-th matrix.
-        """
-        self._turn, before, self._negative = self._turn + 1, self._negative, int(self.iparm[22])
-        if self.iparm[13] or (self._negative == before and self._turn % CHECKED):
-            return not self.iparm[13]
+        """Return whether the factors of an upper triangle serve Newton's method, by a known solution."""
+        if self.iparm[13]:
+            return False
         ones = np.ones(matrix.shape[0])
         error = np.linalg.norm(self.solve(_multiply(matrix, ones)) - ones) / math.sqrt(len(ones))
         return bool(error <= LARGEST_ERROR)

@@ -29,9 +29,6 @@ from geometry.loads import Load
 RIM_SHARE = 0.25
 """Edge length where an area glued to a tilted plate ends, over the distance of its centre from the axis or over its
 radius, whichever is less: the radius at which it ends changes around the axis by twice that distance."""
-SOLID_PREDICTOR_HARMONICS = 2
-"""Harmonics of the section that predicts the states of tetrahedra: with one, a correction takes an iteration more,
-which costs more than the second harmonic."""
 PRESS_FILLET = 0.5
 """Edge length at the magnet's fillet, over the fillet's radius, for a press. Presses go deeper than shears do, and
 larger elements would be inverted there; a shear would gain nothing from smaller ones."""
@@ -112,26 +109,9 @@ def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
     radius = None if mesh is not None else _sheared_radius(scene)
     if radius is None:
         fine = scene.sideways or scene.plate_tilt
-        predictor = None if mesh is not None else _section_predictor(scene, None)
-        return PathModels(replace(solid, tip_size=patch) if fine else solid, predictor=predictor)
+        return PathModels(replace(solid, tip_size=patch) if fine else solid)
     rim = radius, min(patch, radius / 3)
-    return PathModels(
-        replace(solid, rim=rim),
-        predictor=_section_predictor(scene, rim),
-        glued_radius=None if scene.push else radius,
-    )
-
-
-def _section_predictor(scene: Scene, rim: tuple[float, float] | None) -> MeshSpecification | None:
-    """Return the section that predicts the states of half a solid; None for loads whose states are not near enough.
-
-    A grip covers other points of the skin of a section, the branch of an imperfect press depends on the mesh, and
-    Coulomb friction on the increments.
-    """
-    if scene.model != "half" or scene.grip is not None or scene.push or scene.plate_tilt or scene.coulomb is not None:
-        return None
-    section = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))
-    return replace(section, rim=rim, glued=True, harmonics=SOLID_PREDICTOR_HARMONICS)
+    return PathModels(replace(solid, rim=rim), glued_radius=None if scene.push else radius)
 
 
 def _section(scene: Scene, size: float) -> MeshSpecification:

@@ -4,14 +4,12 @@ The plate's position is v = (depth, shear along x, shear along y). Each load is 
 another to its shear. A state of the path is one frozen value (`fem.solve.path_state`), and `Path.advance` leads from
 it to that under another load; so do searches for a force and steps in time. Load increments lead from one state to
 the next (`fem.solve.load_increments`), unless a prediction reaches the end of the segment at once. It is that of a
-reduced model: fewer harmonics on the same mesh, or the section with harmonics for tetrahedra.
+reduced model: one harmonic on the same mesh, in which most of the solution is.
 
-Most of the solution is in the first harmonic, and a section has it all at a tenth of the cost of tetrahedra. The
-predictor follows a segment in increments, which are cheap for it. At its end the difference of the two models at the
-start is added to the prediction, and the full model is corrected once, without increments of its own. Where that does
-not converge, or leads to another branch, the full model takes its own increments. Where the prediction crushes one of
-the tetrahedra, at the edge of the glued area or of the magnet, they are corrected half-way first. A press may also
-start from the state of a press on another mesh.
+The predictor follows a segment in increments, which are cheap for it. At its end the difference of the two models at
+the start is added to the prediction, and the full model is corrected once, without increments of its own. Where that
+does not converge, or leads to another branch, the full model takes its own increments. A press may also start from
+the state of a press on another mesh.
 """
 
 from __future__ import annotations
@@ -23,19 +21,19 @@ import numpy as np
 
 from fem.model import plate_contact
 from fem.model.section_interpolation import interpolate_section
-from fem.model.symmetry_models import Discretisation, MeshSpecification
+from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
 from fem.solve.direct_solver import Solver
-from fem.solve.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Reached, follow_segment, path_at, turns_over
-from fem.solve.newton import TOLERANCE, newton
+from fem.solve.load_increments import CRUSHED, Reached, follow_segment, path_at, turns_over
+from fem.solve.newton import newton
 from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
 MOST_ITERATIONS = 16
 """Most iterations for the correction; more would cost as much as the increments that are to be saved."""
 CLOSE = 0.004
-"""Gap, on sections, up to which a point of the skin is expected to be in contact, over the depth or the shear,
-whichever is less; four times that in tetrahedra. The prediction leaves small gaps where the tip rolls onto the plate,
-and each point that is wrong has to switch. With larger gaps on sections more points switch."""
+"""Gap up to which a point of the skin is expected to be in contact, over the depth or the shear, whichever is less.
+The prediction leaves small gaps where the tip rolls onto the plate, and each point that is wrong has to switch. With
+larger gaps more points switch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +45,8 @@ class PathModels:
     first : model at the start of the path.
     raised : model with harmonics on the same mesh that replaces `first` when the shear begins; the sideways stability
         of an axisymmetric press is also computed in it.
-    predictor : model that predicts the states of the model with harmonics, or of tetrahedra: one harmonic on the same
-        mesh, or a section with harmonics; only without Coulomb friction.
+    predictor : model that predicts the states of the model with harmonics: one harmonic on the same mesh; only
+        without Coulomb friction.
     glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
         radius.
     rough : press on another mesh, from which that on this one starts.
@@ -146,56 +144,24 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
 
     Returns
     -------
-    The state there or half-way, or the present state, where that fails (with the predictor moved); and Newton's
-    iterations of both models.
-    """
-    solvers, solid = (solver, reduced_solver), not state.d.revolved
-    # a guess with crushed silicone takes many iterations, more than the way over a state half-way
-    reached = _predict_once(*solvers, state, goal, least=CRUSHED if solid and state.least_J >= CRUSHED else 0.0)
-    if not solid or reached.stop != "guess_inverted":
-        return reached.state, reached.iterations
-    middle = _predict_once(*solvers, state, (state.position + goal) / 2, tolerance=SOLID_PASSED_TOLERANCE)
-    iterations = reached.iterations + middle.iterations
-    if middle.stop:
-        return reached.state, iterations
-    end = _predict_once(*solvers, middle.state, goal)
-    return end.state, iterations + end.iterations
-
-
-def _predict_once(
-    solver: Solver,
-    reduced_solver: Solver,
-    state: PathState,
-    goal: Array,
-    *,
-    least: float = 0.0,
-    tolerance: float = TOLERANCE,
-) -> Reached[PathState]:
-    """Move to a position (3,) by correcting one prediction.
-
-    least : volume ratio J at or below which the prediction is not corrected.
-    tolerance : of Newton's method.
+    The state there, or the present one (with the predictor moved) where that fails; and Newton's iterations of both
+    models.
     """
     before = state.reduced
     # the predictor may have stopped earlier than the full model, and is then of no use
-    raise_unknowns = state.raise_unknowns
-    if before is None or raise_unknowns is None or not np.array_equal(before.position, state.position):
-        return Reached(state, "no_convergence", 0)
-    added = state.q - raise_unknowns(before.q)
+    if before is None or not np.array_equal(before.position, state.position):
+        return state, 0
+    low, high = before.d.system, state.d.system
+    added = state.q - raise_harmonics(low, high, before.q)
     if before.bond is None:
         before = replace(before, bond=state.bond)
     ahead = follow_segment(reduced_solver, before, goal, predicts=True)
     state = replace(state, reduced=ahead.state)
     # another number of unstable directions means another branch
     if ahead.stop or ahead.state.stability != state.stability:
-        return Reached(state, "no_convergence", ahead.iterations)
-    guess = added + raise_unknowns(ahead.state.q)
-    if least:
-        trial = state.d.system.admissible(guess)
-        if trial is None or trial.least_J <= least:
-            return Reached(state, "guess_inverted", ahead.iterations)
-    after = _correct(solver, state, guess, goal, tolerance)
-    return replace(after, iterations=ahead.iterations + after.iterations)
+        return state, ahead.iterations
+    after, iterations = _correct(solver, state, added + raise_harmonics(low, high, ahead.state.q), goal)
+    return after, ahead.iterations + iterations
 
 
 def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Array) -> tuple[PathState, int]:
@@ -208,25 +174,22 @@ def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Arra
     if state.position.any() or not np.array_equal(rough.position, goal) or not rough.stability.is_stable:
         return state, 0
     guess = interpolate_section(rough.d.system, state.d.system, rough.q)
-    after = _correct(solver, state, guess, goal)
-    return after.state, after.iterations
+    return _correct(solver, state, guess, goal)
 
 
-def _correct(
-    solver: Solver, state: PathState, guess: Array, goal: Array, tolerance: float = TOLERANCE
-) -> Reached[PathState]:
-    """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
+def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
+    """Return the state at a position (3,) from a first guess, or the present one where that fails or is on another
+    branch; and Newton's iterations.
+    """
     plate, system = state.plate_at(goal), state.d.system
-    close = (CLOSE if state.d.revolved else 4 * CLOSE) * min(
-        float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0])
-    )
+    close = CLOSE * min(float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0]))
     pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > -close
     # as in increments, a dead load selects the branch
     confirm = bool(system.dead.any())
-    answer = newton(system, solver, guess, plate, pressed, most=MOST_ITERATIONS, tolerance=tolerance, confirm=confirm)
+    answer = newton(system, solver, guess, plate, pressed, most=MOST_ITERATIONS, confirm=confirm)
     crushed = answer.state.least_J < CRUSHED
     sound = answer.stability == state.stability and crushed == (state.least_J < CRUSHED)
     if not answer.converged or not sound or turns_over(state, goal, answer.state.u):
-        return Reached(state, answer.reason or "no_convergence", answer.iterations)
+        return state, answer.iterations
     # intermediate states are unknown, so the next guess cannot be extrapolated
-    return Reached(replace(path_at(state, answer, goal, plate), past=()), "", answer.iterations)
+    return replace(path_at(state, answer, goal, plate), past=()), answer.iterations

@@ -6,9 +6,7 @@ increment depends on, so equal increments from equal states give equal results.
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +15,6 @@ from numpy.typing import NDArray
 from fem.model import coulomb_friction, elements, plate_contact, single_order
 from fem.model.coulomb_friction import Friction
 from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Plate
-from fem.model.section_interpolation import interpolate_section
 from fem.model.symmetry_models import Discretisation, raise_harmonics
 from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
 from geometry.arrays import Array
@@ -75,7 +72,6 @@ class PathState:
     past : up to two earlier states, oldest first, on the smooth path to this one.
     stiffness : of the plate's springs, over E / D, where it does not follow from kappa and the depth.
     reduced : present state of the predictor; None without a predictor.
-    raise_unknowns : returns the unknowns of this model for those of the predictor; None without a predictor.
     """
 
     d: Discretisation
@@ -96,7 +92,6 @@ class PathState:
     past: tuple[PastState, ...] = ()
     stiffness: float | None = None
     reduced: PathState | None = None
-    raise_unknowns: Callable[[Array], Array] | None = None
 
     def starts_from_rest(self, depth: float) -> bool:
         """Whether a press to another depth over D is solved from rest, not from this state.
@@ -192,14 +187,12 @@ def with_predictor(state: PathState, d: Discretisation, low: PathState | None = 
 
     Parameters
     ----------
-    d : model of the predictor: fewer harmonics on the same mesh, or the section with harmonics for tetrahedra.
+    d : model of the predictor: fewer harmonics on the same mesh.
     low : the same state with at most the predictor's harmonics; None at rest.
     """
     q = np.zeros(d.system.size) if low is None else raise_harmonics(low.d.system, d.system, low.q)
     # its energy and stability follow with its first increment
-    reduced = PathState(d, state.grip, state.tilt, state.kappa, state.position, q)
-    raised = raise_harmonics if state.d.revolved else interpolate_section
-    return replace(state, reduced=reduced, raise_unknowns=functools.partial(raised, d.system, state.d.system))
+    return replace(state, reduced=PathState(d, state.grip, state.tilt, state.kappa, state.position, q))
 
 
 def glue(state: PathState, radius: float | None) -> PathState:
@@ -208,9 +201,7 @@ def glue(state: PathState, radius: float | None) -> PathState:
     assert plate.tied is not None
     reduced = state.reduced
     if reduced is not None:
-        # a section has other points on its skin than tetrahedra
-        same = reduced.d.revolved == state.d.revolved
-        reduced = replace(reduced, bond=_bond(reduced, plate.tied)) if same else glue(reduced, radius)
+        reduced = replace(reduced, bond=_bond(reduced, plate.tied))
     return replace(state, bond=_bond(state, plate.tied), reduced=reduced)
 
 
