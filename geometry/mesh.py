@@ -56,8 +56,7 @@ def tetrahedra(
     magnet : "regions" meshes the magnet too, with a conforming interface; "hole" leaves it out; "none" fills its
         place with silicone.
     tip_size : edge length at the tip, where a plate touches first; default: half of `size`.
-    rim : radius of a ring on the dome around the axis, and edge length at the ring. Edges follow the ring, so that
-        every facet of the dome lies either inside or outside it, and the cells are graded towards it.
+    rim : radius of a ring on the dome, and edge length at it: its edges part the facets inside from those outside.
 
     Returns
     -------
@@ -71,8 +70,7 @@ def tetrahedra(
     MeshError
         The section could not be meshed.
     """
-    lengths = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
-    for name, value in lengths.items():
+    for name, value in (("size", size), ("tip_size", tip_size), ("the edge length at the rim", rim and rim[1])):
         if value is not None and not 0 < value < math.inf:
             raise BadInput(f"{name} must be a positive finite length; got {value:g}")
     if rim is not None and not rim[1] <= rim[0] <= 0.99 * shape.R:
@@ -85,11 +83,10 @@ def tetrahedra(
     if magnet != "none" and not shape.wall > 0:
         raise BadInput(f"the magnet must lie inside the beam; got a wall of {shape.wall:.3g}: take a smaller magnet")
     size = min(size, shape.R / 2)
-    tip = TIP * size if tip_size is None else min(tip_size, size)
     plane = section(
         shape,
         size,
-        tip_size=tip,
+        tip_size=TIP * size if tip_size is None else min(tip_size, size),
         rim=rim,
         magnet="meshed" if magnet == "regions" else magnet,
         glued=rim is not None,
@@ -97,8 +94,9 @@ def tetrahedra(
     )
     # with three pairs of sectors to the half turn the area of the base is exact to 1e-4
     sectors = 2 * max(math.ceil(math.pi * shape.R / (2 * AROUND * size)), 3)
-    mesh = turned(plane, sectors, half=half)
-    return with_exact_volumes(mesh, shape if magnet != "none" else shape.without_magnet())
+    return with_exact_volumes(
+        turned(plane, sectors, half=half), shape if magnet != "none" else shape.without_magnet()
+    )
 
 
 def turned(plane: MeshTri2, sectors: int, *, half: bool) -> MeshTet2:

@@ -21,11 +21,6 @@ def slopes(n, m, seed=0):
     return rng.normal(size=(n, m, 3)), rng.normal(size=(n, 3, 3))
 
 
-def test_one_reading_for_each_axis():
-    J, K = np.diag([2.0, -4.0, 0.5]), np.diag([0.3, 0.4, -5.0])
-    assert_allclose(force_resolution(J[None], K[None], NOISE), [[0.3 * 0.01 / 2, 0.4 * 0.02 / 4, 5 * 0.03 / 0.5]])
-
-
 @pytest.mark.parametrize("m", [3, 5])
 def test_is_the_spread_of_weighted_least_squares(m):
     """Samples of the noise, decoded one by one: 1e5 samples give the spread to 0.7 % (three standard errors)."""

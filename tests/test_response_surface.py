@@ -45,18 +45,6 @@ def test_few_states_make_no_fold_and_no_tension_between_them(name):
     assert polyval2d(u * u, np.cbrt(-w), polyder(law.depth, axis=1)).min() > 0
 
 
-def test_a_force_between_few_states_is_that_of_the_model():
-    """Shears at one depth and a press: in between, the force is some percent from the model's, and of its sign."""
-    pairs = FEW["a press, and shears at one depth"]
-    law = response_surface.of_samples(
-        [(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)]
-    )
-    for depth, shear in ((0.75, 1.0), (1.25, 1.5), (2.0, 0.5)):
-        found = bent(Load(depth, shear, friction="stick"))
-        force = response_surface.forces(law, np.array(found.shift)[:, None])[0][:, 0]
-        assert force[2] == pytest.approx(found.force[2], rel=0.05)
-
-
 def test_a_plate_does_not_pull():
     pairs = FEW["shears at two depths"]
     law = response_surface.of_samples(

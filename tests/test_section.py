@@ -8,7 +8,7 @@ import skfem
 
 from geometry.cad import beam_volume, magnet_volume
 from geometry.design import BadInput, Shape, paper
-from geometry.section import Grading, _triangulated, section
+from geometry.section import _triangulated, section
 
 PAPER = paper().shape.scaled(1 / 8)
 THIN = 0.0125  # the least wall in units of D, with a little room for rounding
@@ -205,33 +205,3 @@ def test_coarsest_mesh_has_no_point_inside():
 def test_bad_sizes_are_refused(size, tip):
     with pytest.raises(BadInput):
         section(PAPER, size, tip_size=tip)
-
-
-LARGEST = 0.2
-"""Largest edge length of the random gradings."""
-
-
-def random_grading(seed, count=60):
-    rng = np.random.default_rng(seed)
-    source = rng.random(count) + 1j * rng.random(count)
-    least, growth = 10 ** rng.uniform(-4, -0.7, count), rng.choice([0.1, 0.3, 0.8], count)
-    again = rng.integers(count, size=10)
-    return Grading(
-        LARGEST, np.append(source, source[again]), np.append(least, least[again]), np.append(growth, growth[again])
-    )
-
-
-def test_least_and_growth():
-    x = np.array([0, 0.1j, 0.5, 1.0])
-    grading = Grading(LARGEST, np.array([0j, 1 + 0j]), np.array([0.01, 0.05]), np.array([0.3, 0.4]))
-    np.testing.assert_allclose(grading(x), [0.01, 0.04, 0.16, 0.05], rtol=1e-15)
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_sources_without_effect_are_left_out(seed):
-    grading = random_grading(seed)
-    reduced = grading.reduced()
-    x = np.random.default_rng(seed).uniform(-1, 2, (5000, 2)) @ [1, 1j]
-    assert len(reduced.source) < len(grading.source)
-    assert (reduced.source[0], reduced.least[0]) == (grading.source[0], grading.least[0])
-    np.testing.assert_array_equal(reduced(x), grading(x))
