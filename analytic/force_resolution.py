@@ -28,8 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.batch_readings import ELEMENTS, batch_readings
-from analytic.hall import at_rail
+from analytic.hall import ELEMENTS, at_rail, batch_readings
 from analytic.inverse import forward_model, response_surface
 from analytic.inverse.forward_model import Forward
 from analytic.inverse.response_surface import Mechanics
@@ -145,8 +144,8 @@ def at_shifts(forward: Forward, mechanics: Mechanics, shift: Array) -> Array:
 def reading_slopes(designs: Sequence[Design], owner: NDArray[np.int64], loaded: Loaded) -> Array:
     """Return the slopes of the flux densities B.n along (depth, shear_x, shear_y), shape (n, 3, 3), T/mm.
 
-    They are central differences of `analytic.batch_readings` along the poses' slopes. A saturated reading does not
-    change with the pose: its slopes are 0.
+    They are central differences of `analytic.hall.batch_readings` along the poses' slopes. A saturated reading does
+    not change with the pose: its slopes are 0.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import hall
-from analytic.batch_readings import batch_readings
+from analytic.hall import batch_readings
 from geometry.design import HALL_LAYOUTS, BadInput, Design, paper
 
 RNG = np.random.default_rng(18)
@@ -117,7 +117,7 @@ def test_few_rows_do_without_numba():
     code = """
 import sys
 import numpy as np
-from analytic.batch_readings import batch_readings
+from analytic.hall import batch_readings
 from geometry.design import Design
 # the second row has S2 on the magnet's rim, the third no pose
 design = Design(l0=2.0, c=1.5, f=2.5, magnet_diameter=4.0, magnet_height=2.0)

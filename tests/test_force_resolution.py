@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import beam, decode
-from analytic.batch_readings import batch_readings
 from analytic.force_resolution import Loaded, at_shifts, force_resolution, reading_slopes, turned
+from analytic.hall import batch_readings
 from analytic.inverse import forward_model, response_surface
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load

@@ -200,54 +200,46 @@ def shifts_of_forces(
     low, high : workspace, shape (3,), mm; shifts outside it do not count.
     tangential, normal : forces F_t >= 0 and F_n >= 0, shape (n,), N.
     """
-    scale = float(np.hypot(tangential, normal).max(initial=0.0)) or 1.0
-    u, w = _starts(mechanics, low, high, tangential, normal)
+    from scipy.spatial import cKDTree
+
+    def at(u: Array, w: Array) -> tuple[Array, Array]:
+        """Return (F_t, F_n), shape (2, n), and the slopes d(F_t, F_n)/d(u, w), shape (2, 2, n)."""
+        force, slopes = forces(mechanics, np.stack([u, np.zeros_like(u), w]))
+        # `forces` has the component in its second axis
+        return force[[0, 2]], slopes[np.ix_([0, 2], [0, 2])].transpose(1, 0, 2)
+
+    def stable(slopes: Array) -> NDArray[np.bool_]:
+        """Return whether F_t grows with u at a fixed w, and F_n with -w at a fixed F_t."""
+        (a, b), (c, d) = slopes
+        return np.asarray((a > 0) & (a * d - b * c < 0))
+
+    wanted = np.stack([tangential, normal])
+    # so close that Newton's steps converge from neighbours
+    axes = np.linspace(0, high[0], 41), np.linspace(low[2], 0, 41)
+    u, w = (values.ravel() for values in np.meshgrid(*axes))
+    force, slopes = at(u, w)
+    starts = stable(slopes)
+    if not starts.any():
+        return np.full_like(tangential, np.nan), np.full_like(normal, np.nan)
+    index = cKDTree(force[:, starts].T).query(wanted.T)[1]
+    u, w = u[starts][index], w[starts][index]
     # no step may be longer than some cells of the grid of starts: a polynomial bends too much for more
     reach = np.array([high[0], -low[2]])[:, None] / 10
     # from a start of the grid about five steps suffice
     for _ in range(30):
-        residual, slopes = _residual(mechanics, u, w, tangential, normal)
-        (a, b), (c, d) = slopes
+        force, slopes = at(u, w)
+        (a, b), (c, d), (t, n) = *slopes, force - wanted
         det = a * d - b * c
-        safe = np.where(det != 0, det, 1.0)
-        step = np.stack([d * residual[0] - b * residual[1], a * residual[1] - c * residual[0]]) / safe
-        longest = np.maximum((np.abs(step) / reach).max(axis=0), 1.0)
-        u, w = u - step[0] / longest, w - step[1] / longest
-    residual, slopes = _residual(mechanics, u, w, tangential, normal)
+        step = np.stack([d * t - b * n, a * n - c * t]) / np.where(det != 0, det, 1.0)
+        step /= np.maximum((np.abs(step) / reach).max(axis=0), 1.0)
+        u, w = u - step[0], w - step[1]
+    force, slopes = at(u, w)
     # a billionth of the largest force is far above rounding, and far below any noise
-    good: NDArray[np.bool_] = np.asarray((np.abs(residual) <= 1e-9 * scale).all(axis=0)) & _stable(slopes)
+    scale = float(np.hypot(tangential, normal).max(initial=0.0)) or 1.0
+    good: NDArray[np.bool_] = (np.abs(force - wanted) <= 1e-9 * scale).all(axis=0) & stable(slopes)
     edge = 1e-6 * reach[0]
     good &= (np.abs(u) <= high[0] + edge) & (w >= low[2] - edge) & (w <= high[2] + edge) & (u >= -edge)
     return np.where(good, np.maximum(u, 0.0), np.nan), np.where(good, w, np.nan)
-
-
-def _starts(mechanics: Mechanics, low: Array, high: Array, tangential: Array, normal: Array) -> tuple[Array, Array]:
-    """Return the stable point of the grid whose force is nearest to each given one: u and w, shape (n,)."""
-    from scipy.spatial import cKDTree
-
-    # so close that Newton's steps converge from neighbours
-    axes = np.linspace(0, high[0], 41), np.linspace(low[2], 0, 41)
-    u, w = (values.ravel() for values in np.meshgrid(*axes))
-    force, slopes = _residual(mechanics, u, w, np.zeros_like(u), np.zeros_like(u))
-    stable = _stable(slopes)
-    if not stable.any():
-        return np.zeros_like(tangential), np.zeros_like(normal)
-    index = cKDTree(force[:, stable].T).query(np.column_stack([tangential, normal]))[1]
-    return u[stable][index], w[stable][index]
-
-
-def _residual(mechanics: Mechanics, u: Array, w: Array, tangential: Array, normal: Array) -> tuple[Array, Array]:
-    """Return (F_t, F_n) less the given forces, shape (2, n), and its slopes d(F_t, F_n)/d(u, w), shape (2, 2, n)."""
-    force, slopes = forces(mechanics, np.stack([u, np.zeros_like(u), w]))
-    at = np.ix_([0, 2], [0, 2])
-    # `forces` has the component in its second axis
-    return force[[0, 2]] - [tangential, normal], slopes[at].transpose(1, 0, 2)
-
-
-def _stable(slopes: Array) -> NDArray[np.bool_]:
-    """Return whether loads are stable: F_t grows with u at a fixed w, and F_n grows with -w at a fixed F_t."""
-    (a, b), (c, d) = slopes
-    return np.asarray((a > 0) & (a * d - b * c < 0))
 
 
 def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analytic.batch_readings import batch_readings
+from analytic.hall import batch_readings
 from analytic.relaxation_loops import loop
 from fem.analyses.timed_path import TimedState
 from geometry.arrays import Array

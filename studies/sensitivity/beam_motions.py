@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import beam
-from analytic.batch_readings import ELEMENTS, batch_readings
-from analytic.hall import converted
+from analytic.hall import ELEMENTS, batch_readings, converted
 from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design

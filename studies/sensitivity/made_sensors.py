@@ -24,8 +24,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from analytic.batch_readings import ELEMENTS, BatchReadings, batch_readings
-from analytic.hall import converted, rotated
+from analytic.hall import ELEMENTS, BatchReadings, batch_readings, converted, rotated
 from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design

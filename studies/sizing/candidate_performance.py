@@ -25,9 +25,9 @@ from typing import Protocol
 import numpy as np
 
 from analytic import force_resolution
-from analytic.batch_readings import batch_readings
 from analytic.clearance import wall_gaps
 from analytic.force_resolution import SINGULAR, STEP, Loaded
+from analytic.hall import batch_readings
 from analytic.parts import common_values, of_design
 from geometry.arrays import Array, Ints
 from geometry.base import LEAST_GAP, Base, outer_size, plan

@@ -1,7 +1,7 @@
 """Columns of a study's rows: results of all models in each case, the readings they give, and the models' errors.
 
 Everything is computed for a batch of cases at once: responses for each distinct problem, scaled to the E of each
-case; readings for all cases in one call (`analytic.batch_readings`). Errors are those of a model against the
+case; readings for all cases in one call (`analytic.hall.batch_readings`). Errors are those of a model against the
 reference, the last finite-element model of the study, in %.
 
 Columns of a model begin with `fem_` or `analytic_`; if a study has several models of a kind, with their names too:
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import beam
-from analytic.batch_readings import batch_readings
+from analytic.hall import batch_readings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, rotation_of

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analytic import beam
-from analytic.batch_readings import ELEMENTS, batch_readings
+from analytic.hall import ELEMENTS, batch_readings
 from fem.accuracy import STANDARD, Accuracy
 from fem.equilibrium import trace
 from geometry.arrays import Array, Ints
