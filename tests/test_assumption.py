@@ -12,7 +12,7 @@ from geometry.design import paper
 from studies.inputs import study_input
 from studies.simulation import beam_cells
 from studies.simulation.beam_cells import Body
-from studies.validation import assumption, reading_split
+from studies.validation import assumption
 from studies.validation.assumption import Block
 
 SMALL = """
@@ -290,7 +290,7 @@ def poses(tilt=0.0, aside=0.5, lower=0.4):
 def split(values, design=paper()):
     body = beam_cells.bodies(values)[0]
     grids = [beam_cells.cells(values, body, kind) for kind in ("press", "shear")]
-    return reading_split.split_cells(values, grids, design).to_dict("records")
+    return assumption.split_cells(values, grids, design).to_dict("records")
 
 
 def cells(**pose):
@@ -324,7 +324,7 @@ def test_parts_add_up():
 
 
 def test_means_are_by_load_and_slenderness():
-    press, shear = reading_split.split_means(pd.DataFrame(cells(tilt=0.1)), ["load", "slenderness"])
+    press, shear = assumption.split_means(pd.DataFrame(cells(tilt=0.1)), ["load", "slenderness"])
     assert (press["load"], press["slenderness"], press["states"]) == ("press", "L/D 1.1 to 2", 1)
     assert (shear["load"], shear["slenderness"], shear["states"]) == ("shear", "L/D 1.1 to 2", 2)
     assert press["tilt_percent_FS"] == 0
@@ -338,7 +338,7 @@ def test_an_unknown_pose_is_no_motion(column):
     rows, whole = split(values), cells(aside=0.4)
     for row in rows:
         assert math.isnan(row["total_percent_FS"]) == (row["shear_over_D"] == 0.25)
-    assert reading_split.split_means(pd.DataFrame(rows), ["load"])[1]["states"] == 1
+    assert assumption.split_means(pd.DataFrame(rows), ["load"])[1]["states"] == 1
     assert len(rows) == len(whole)
 
 
@@ -353,7 +353,7 @@ def test_the_sensor_is_that_of_the_study():
     """Its elements' height, and sizes of the magnet that no axis varies."""
     values = {name: column for name, column in poses().items() if name not in ("magnet_diameter_mm", "l0_mm")}
     own = dataclasses.replace(paper(), c=3.0, magnet_diameter=3.0)
-    sensor = reading_split.sensor(values, 0, own)
+    sensor = assumption.sensor(values, 0, own)
     assert (sensor.c, sensor.magnet_diameter, sensor.l0) == (3.0, 3.0, pytest.approx(own.l0))
     by_c = [[row["dipole_percent_FS"] for row in split(values, dataclasses.replace(own, c=c))] for c in (2.0, 3.0)]
     assert by_c[0] != by_c[1]

@@ -14,9 +14,8 @@ from analytic import beam, hall
 from geometry.design import paper
 from geometry.loads import Response
 from studies.cli import entry_point
-from studies.validation import claim_errors, claim_states, claims
-from studies.validation.claim_errors import HEIGHT_FIGURES, TIP_FIGURES, Voltages, formula, height_row
-from studies.validation.claim_states import Press, States
+from studies.validation import claim_errors, claims
+from studies.validation.claim_errors import HEIGHT_FIGURES, TIP_FIGURES, Press, States, Voltages, formula, height_row
 from studies.validation.claims import verdict
 
 VERDICTS = {
@@ -84,7 +83,7 @@ def press(force, sinking=None, height=2.0):
     """Presses of the preset's magnet with a given force at 1 MPa."""
     sinking = DEPTH * 5 / 9 if sinking is None else sinking
     lost = () if np.isfinite(force).all() else (0.0, "not_converged", "elements fold")
-    return Press(height, claim_states.with_magnet(height), DEPTH, force, sinking, *lost)
+    return Press(height, claim_errors.with_magnet(height), DEPTH, force, sinking, *lost)
 
 
 def test_the_true_modulus_is_in_the_middle_of_the_interval():
@@ -153,8 +152,8 @@ def test_voltages_beyond_the_formulas_largest_force_are_not_compared():
 
 @pytest.mark.parametrize("height", [1.0, 2.0, 4.0])
 def test_s1_reads_at_rest_what_the_paper_states(height):
-    design = claim_states.with_magnet(height)
-    assert claim_states.s1_output(design, np.zeros(1))[0] == approx(2.87, abs=1e-3)
+    design = claim_errors.with_magnet(height)
+    assert claim_errors.s1_output(design, np.zeros(1))[0] == approx(2.87, abs=1e-3)
 
 
 @pytest.mark.parametrize(("second", "expected"), [(0.02, 0.02), (math.nan, math.nan)])
@@ -170,7 +169,7 @@ def test_an_unknown_error_estimate_is_not_left_out(second, expected):
         "message": ["", "", "too deep"],
         "status": ["ok", "ok", "bad_input"],
     }
-    found = claim_states.press_of(paper(), pd.DataFrame(rows))
+    found = claim_errors.press_of(paper(), pd.DataFrame(rows))
     assert found.error_estimate == approx(expected, nan_ok=True)
     assert (found.status, found.message, found.complete) == ("bad_input", "too deep", False)
 

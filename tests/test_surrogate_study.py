@@ -15,7 +15,7 @@ from studies.mechanics.prediction import Beams, first_zero
 from studies.mechanics.solve_plan import Processes
 from studies.output.goals import missed
 from studies.output.result import write
-from studies.validation import surrogate_study, surrogate_test
+from studies.validation import surrogate_study
 from studies.validation.surrogate_fit import conformal_quantile, press_outputs, shear_outputs
 from studies.validation.surrogate_study import Extent, recalibrated, scores, widest_points
 from studies.validation.surrogate_training import (
@@ -37,7 +37,7 @@ EXTENT = Extent(first=13, rounds=(1,), calibration=1, test=1, critical=0, accura
 @pytest.fixture(scope="module")
 def result():
     with temporary() as memory:
-        yield surrogate_study.run(EXTENT, memory, Processes(0))
+        yield surrogate_study.build(EXTENT, memory, Processes(0))
 
 
 def test_training_has_the_first_beams_and_those_of_the_rounds(result):
@@ -65,14 +65,14 @@ def test_every_state_of_the_test_has_its_errors(result):
 
 
 def test_the_report_says_what_is_missed(result, tmp_path):
-    found = surrogate_test.result(result, 13)
+    found = surrogate_study.result(result, 13)
     write(found, tmp_path, "magtip validate surrogate")
     lost = found.failures
     text = (tmp_path / "SURROGATE.md").read_text("utf-8")
     # few beams on rough meshes cannot reach 2 %
     assert lost
     assert all(goal in text for goal in lost)
-    assert {path.name for path in tmp_path.glob("[!.]*")} == set(surrogate_test.FILES)
+    assert {path.name for path in tmp_path.glob("[!.]*")} == set(surrogate_study.FILES)
 
 
 def test_new_points_go_where_intervals_are_widest_and_not_twice_to_one_place():
@@ -114,8 +114,8 @@ def row(**changes):
 
 def judged(rows, failed=0, *, absent=False):
     """The missed goals, if asked with those of regions without a beam."""
-    table = surrogate_test.summaries(pd.DataFrame(rows))
-    return [str(goal) for goal in missed(surrogate_test.goals(table, failed)) if goal.count or absent]
+    table = surrogate_study.summaries(pd.DataFrame(rows))
+    return [str(goal) for goal in missed(surrogate_study.goals(table, failed)) if goal.count or absent]
 
 
 def test_a_region_without_beams_misses_its_goals():

@@ -289,11 +289,10 @@ def surrogate(
     """
     from studies.mechanics import store as stores
     from studies.mechanics.solve_plan import Processes
-    from studies.validation import surrogate_study
-    from studies.validation import surrogate_test as study
+    from studies.validation import surrogate_study as study
 
     here = destination(surrogate, locals(), study.FILES, [store])
-    extent = surrogate_study.FEW if quick else surrogate_study.Extent()
+    extent = study.FEW if quick else study.Extent()
     with stores.opened(store or stores.default()) as states:
         found = partial(study.run, extent=extent, states=states, processes=Processes(workers, scheduler))
         return publish(found, here)

@@ -13,8 +13,18 @@ from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import paper
 from studies.output.figures import Figure, Look, bands, heat, plot, save, table_of
-from studies.validation.claim_errors import CLAIMED, FARTHEST, compared, error_of_largest, formula, moduli, voltages
-from studies.validation.claim_states import Press, States, s1_output
+from studies.validation.claim_errors import (
+    CLAIMED,
+    FARTHEST,
+    Press,
+    States,
+    compared,
+    error_of_largest,
+    formula,
+    moduli,
+    s1_output,
+    voltages,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,8 +23,21 @@ from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.simulation.comparison_findings import spans
 from studies.validation import claim_errors, claim_figures, pages, sensor_figures
-from studies.validation.claim_errors import BOUND, CLAIMED, MODULI, PUBLISHED, formula, relative_errors, share
-from studies.validation.claim_states import FRICTION, QUICK_EXTENT, Extent, Press, States, solve
+from studies.validation.claim_errors import (
+    BOUND,
+    CLAIMED,
+    FRICTION,
+    MODULI,
+    PUBLISHED,
+    QUICK_EXTENT,
+    Extent,
+    Press,
+    States,
+    formula,
+    relative_errors,
+    share,
+    solve,
+)
 from studies.validation.pages import Row
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from studies.mechanics import loading_cycles
 from studies.mechanics.cycle_motion import Motion
 from studies.sensing import layout_uniqueness
 from studies.simulation import vibration_report
-from studies.validation.claim_states import S1_AT_REST, with_magnet
+from studies.validation.claim_errors import S1_AT_REST, with_magnet
 from studies.validation.pages import Row
 
 FACTOR = 6.463e5
