@@ -57,7 +57,7 @@ LATE = """(() => {
   return [late >= 0, coarser >= 0, seconds()];
 })()"""
 """Hands the page an answer to an older request, a coarser one to the present one, and a newer one."""
-CONTRAST = """(() => {
+RATIO = """
   const style = getComputedStyle(document.documentElement);
   const pen = document.createElement('canvas').getContext('2d', { willReadFrequently: true });
   const linear = (v) => (v /= 255) <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4;
@@ -68,10 +68,13 @@ CONTRAST = """(() => {
     return .2126 * r + .7152 * g + .0722 * b;
   };
   const ratio = (a, b) => (Math.max(light(a), light(b)) + .05) / (Math.min(light(a), light(b)) + .05);
+"""
+"""Defines the contrast of two colours of the page, by the definition of WCAG 2."""
+CONTRAST = f"""(() => {{{RATIO}
   const grounds = ['--paper', '--raised', '--wash'];
   return ['--ink', '--soft', '--alarm'].flatMap((name) => grounds.map((ground) => ratio(name, ground)));
-})()"""
-"""Contrast of texts to their grounds, by the definition of WCAG 2."""
+}})()"""
+"""Contrast of texts to their grounds."""
 BOXES = """[...document.querySelectorAll('.panel')].map((node) => {
   const r = node.getBoundingClientRect();
   return [r.left, r.top, r.right, r.bottom].map((v) => Math.round(v * 10) / 10);

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import drag, launch, opened, said, wait
+from explorer_scripts import RATIO
 
 from fem import equilibrium
 from fem.accuracy import QUICK
@@ -18,21 +19,11 @@ from studies.web import report_page
 
 RESULTS = Path(__file__).resolve().parent.parent / "results"
 HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">'
-CONTRAST = """(() => {
-  const style = getComputedStyle(document.documentElement), pen = document.createElement('canvas').getContext('2d');
-  const linear = (v) => (v /= 255) <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4;
-  const light = (name) => {
-    pen.fillStyle = style.getPropertyValue(name).trim();
-    pen.fillRect(0, 0, 1, 1);
-    const [r, g, b] = [...pen.getImageData(0, 0, 1, 1).data].map(linear);
-    return .2126 * r + .7152 * g + .0722 * b;
-  };
-  const ground = light('--paper');
-  const ratio = (l) => (Math.max(l, ground) + .05) / (Math.min(l, ground) + .05);
+CONTRAST = f"""(() => {{{RATIO}
   const names = ['--ink', '--soft', '--link', ...[0, 1, 2, 3, 4, 5, 6].map((k) => '--s' + k)];
-  return Object.fromEntries(names.map((name) => [name, ratio(light(name))]));
-})()"""
-"""Contrast of texts and of series to the ground, by the definition of WCAG 2."""
+  return Object.fromEntries(names.map((name) => [name, ratio(name, '--paper')]));
+}})()"""
+"""Contrast of texts and of series to the ground."""
 
 
 @pytest.fixture(scope="module")
