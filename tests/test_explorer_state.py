@@ -54,7 +54,7 @@ def test_defaults_are_those_of_the_command_line():
 
 def test_address_and_overrides_name_changed_fields_only():
     state = state_of({"design": {"D": 8, "E": 2, "magnet_north": "up"}})
-    assert changed_fields(state) == {"E": 2.0, "magnet_north": "up"}
+    assert changed_fields(state.design) == {"E": 2.0, "magnet_north": "up"}
     assert address_fields(state.design) == {"preset": "paper", "E": "2", "magnet_north": "up"}
 
 

@@ -202,11 +202,11 @@ def test_lists_read_no_answers_but_those_that_they_show(tmp_path):
     """100 000 states are listed in under a second only if contents and answers of most of them are not read."""
     file = tmp_path / "large.sqlite"
     with store.opened(file) as kept:
-        kept.add_many((CONTENT | {"nu": 0.4 + k * 1e-6}, [PRESSED]) for k in range(10_000))
+        kept.add_many((CONTENT | {"nu": 0.4 + k * 1e-6}, [PRESSED]) for k in range(4000))
     begin = time.process_time()
     assert listing(file, "nu=0.401:0.402", limit=20)[0]["states"] == 1001
-    assert listing(file, limit=20)[0]["states"] == 10_000
-    assert time.process_time() - begin < 0.5
+    assert listing(file, limit=20)[0]["states"] == 4000
+    assert time.process_time() - begin < 0.3
     with contextlib.closing(sqlite3.connect(file)) as connection:
         states = store_actions.chosen(connection, store_fields.condition(Selection()))
         plan = connection.execute(f"EXPLAIN QUERY PLAN SELECT path, seconds FROM {states} JOIN listed ON id = path")
