@@ -44,5 +44,5 @@ def test_a_force_that_lags_has_a_gap_above_zero_whatever_the_direction(shear):
         state = dataclasses.replace(state, response=dataclasses.replace(state.response, force=force))
         states.append(CycleState(stop, state, True, np.zeros(3), np.nan))
     (row,) = loops_of(motion, states)
-    assert row.gap_N == pytest.approx(0.02)
-    assert row.gap_percent > 0
+    assert row["gap_N"] == pytest.approx(0.02)
+    assert row["gap_percent"] > 0

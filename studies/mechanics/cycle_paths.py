@@ -115,9 +115,9 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
         raise SolveFailed(f"{cycles.status}: {cycles.message}")
     last, unit = cycles.loops[-1], design.E * design.D**2
     return {
-        "gap_percent": round(last.gap_percent, 6),
-        "area_over_ED3": round(last.area_mJ / (unit * design.D), 12),
-        "largest_over_ED2": last.largest_N / unit,
+        "gap_percent": round(last["gap_percent"], 6),
+        "area_over_ED3": round(last["area_mJ"] / (unit * design.D), 12),
+        "largest_over_ED2": last["largest_N"] / unit,
         "error_estimate": cycles.time_error,
         "status": cycles.status,
         "message": cycles.message,

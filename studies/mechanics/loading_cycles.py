@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,6 +46,12 @@ MOST_LOSS = 1.0
 
 # States and loops
 
+Loop = dict[str, Any]
+"""The loop of one cycle, a row of loops.csv: largest force along the motion and its difference to the least one
+(full scale); gap of the forces at mid-stroke, in and out; area, the work of the plate; what silicone and friction
+dissipated (the rest was stored, or, if negative, stored before and released); gap of the decoded force, and its
+largest difference from the force, in percent of full scale, None without a magnet."""
+
 
 @dataclass(frozen=True, slots=True)
 class CycleState:
@@ -78,33 +84,6 @@ class CycleState:
             "dissipated_mJ": s.dissipated,
             "friction_dissipated_mJ": s.friction_dissipated,
         }
-
-
-@dataclass(frozen=True, slots=True)
-class Loop:
-    """The loop of one cycle.
-
-    Attributes
-    ----------
-    largest_N, full_scale_N : largest force along the motion, and its difference to the least one.
-    gap_N, gap_percent : difference of the forces at mid-stroke, in and out, also in percent of full scale.
-    area_mJ : work of the plate in the cycle, the area of the loop.
-    material_mJ, friction_mJ : what silicone and friction dissipated in it; the rest was stored, or, if negative,
-        stored before and released.
-    decoded_gap_percent : gap of the decoded force, in percent of its full scale; None without a magnet.
-    decoded_error_percent : largest difference of the decoded force and the force, in percent of full scale.
-    """
-
-    cycle: int
-    largest_N: float
-    full_scale_N: float
-    gap_N: float
-    gap_percent: float
-    area_mJ: float
-    material_mJ: float
-    friction_mJ: float
-    decoded_gap_percent: float | None
-    decoded_error_percent: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,20 +152,20 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
     known = bool(np.isfinite(decoded).all())
     start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.friction_dissipated)
     most = max(abs(one.state.work) for one in own)
-    return Loop(
-        cycle=cycle,
-        largest_N=float(np.abs(force).max()),
-        full_scale_N=scale,
-        gap_N=_rounded(gap, scale),
-        gap_percent=100 * _rounded(gap, scale) / scale if scale else 0.0,
-        area_mJ=_rounded(last.work - start[0], most),
-        material_mJ=_rounded(last.dissipated - start[1], most),
-        friction_mJ=_rounded(last.friction_dissipated - start[2], most),
-        decoded_gap_percent=100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
+    return {
+        "cycle": cycle,
+        "largest_N": float(np.abs(force).max()),
+        "full_scale_N": scale,
+        "gap_N": _rounded(gap, scale),
+        "gap_percent": 100 * _rounded(gap, scale) / scale if scale else 0.0,
+        "area_mJ": _rounded(last.work - start[0], most),
+        "material_mJ": _rounded(last.dissipated - start[1], most),
+        "friction_mJ": _rounded(last.friction_dissipated - start[2], most),
+        "decoded_gap_percent": 100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
         if known and np.ptp(decoded)
         else None,
-        decoded_error_percent=100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
-    )
+        "decoded_error_percent": 100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
+    }
 
 
 def _rounded(value: float, scale: float) -> float:
@@ -248,7 +227,7 @@ class Cycles:
         """Change of the largest force from the first to the last cycle, percent; None for a single one."""
         if len(self.loops) < 2:
             return None
-        return 100 * (self.loops[-1].largest_N / self.loops[0].largest_N - 1)
+        return 100 * float(self.loops[-1]["largest_N"] / self.loops[0]["largest_N"] - 1)
 
     def row(self) -> FlatRow:
         """Return status, the loops and the errors for JSON."""
@@ -257,7 +236,7 @@ class Cycles:
             "law": self.law,
             "status": self.status,
             "message": self.message,
-            "loops": [asdict(one) for one in self.loops],
+            "loops": self.loops,
             "drift_percent": self.drift_percent,
             "time_error": self.time_error if self.states else None,
             "balance_error": self.balance_error if self.states else None,
@@ -458,14 +437,14 @@ def loss_factor_of_gap(
         if cycles.status not in ANSWERED or not cycles.loops:
             raise OutOfReach(f"with a loss factor of {factor:.3g} {cycles.message or 'the path ended early'}")
         last = cycles.loops[-1]
-        if abs(last.gap_percent - gap_percent) < GAP_TOLERANCE:
+        if abs(last["gap_percent"] - gap_percent) < GAP_TOLERANCE:
             return factor, last
-        if factor == MOST_LOSS and last.gap_percent < gap_percent:
+        if factor == MOST_LOSS and last["gap_percent"] < gap_percent:
             raise OutOfReach(
                 f"no loss factor up to {MOST_LOSS:g} has a gap of {gap_percent:g} %: with {MOST_LOSS:g} the loop has "
-                f"{last.gap_percent:.3g} %"
+                f"{last['gap_percent']:.3g} %"
             )
-        tried.append((factor, last.gap_percent))
+        tried.append((factor, last["gap_percent"]))
         (f0, g0), (f1, g1) = tried[-2:]
         factor = min(max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1), MOST_LOSS)
     raise OutOfReach(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")

@@ -109,7 +109,7 @@ def _result(
     if len(followed) > 1:
         record["second_law"] = followed[1].row()
     # energy that is stored before a loop may be released in it
-    releases = any(row.material_mJ + row.friction_mJ > 1.01 * row.area_mJ for row in first.loops)
+    releases = any(row["material_mJ"] + row["friction_mJ"] > 1.01 * row["area_mJ"] for row in first.loops)
     findings = sentences("findings", cycles=first, releases=releases) if first.loops else []
     return Result(
         title="Loops",
@@ -118,7 +118,7 @@ def _result(
             *map(_table, followed),
             *(f"{text}." for text in (*findings, *([found["sentence"]] if found else []), *said)),
         ],
-        tables={"cycle": states, "loops": [{"law": one.law} | asdict(row) for one in followed for row in one.loops]},
+        tables={"cycle": states, "loops": [{"law": one.law} | row for one in followed for row in one.loops]},
         digits=9,
         files={"cycle.png": partial(picture, rows=states, draw=time_figures.cycle)},
         warnings=warned,
@@ -129,13 +129,13 @@ def _result(
 
 def _table(cycles: Cycles) -> Table:
     law = "linear overstresses" if cycles.law == "prony" else "law for large rates"
-    return Table(title=f"Loops, {law}", rows=[asdict(row) for row in cycles.loops])
+    return Table(title=f"Loops, {law}", rows=cycles.loops)
 
 
 def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:
     """Return the interruption with the loops of the cycles that are complete."""
     complete = [one for one in followed if one.loops]
-    records = [{"law": one.law, "loops": [asdict(row) for row in one.loops]} for one in complete]
+    records = [{"law": one.law, "loops": one.loops} for one in complete]
     reached = len(followed[-1].loops) if followed else 0
     text = f"{reached} of {motion.cycles} cycles are complete, and no file is written"
     return Interrupted(text, Result(title="Loops", records=records, shown=[_table(one) for one in complete]))
@@ -147,8 +147,10 @@ def _loss_factor(design: Design, motion: Motion, gap: float, follow: Callable[[D
         factor, row = loading_cycles.loss_factor_of_gap(design, motion, gap, follow)
     except OutOfReach as error:
         return {"status": "failed", "message": str(error), "sentence": str(error)}
-    said = f"a gap of {gap:g} % of full scale in cycle {row.cycle} belongs to a constant loss factor of {factor:.3f}"
-    return {"gap_percent": row.gap_percent, "loss_factor_of_gap": factor, "sentence": said}
+    said = (
+        f"a gap of {gap:g} % of full scale in cycle {row['cycle']} belongs to a constant loss factor of {factor:.3f}"
+    )
+    return {"gap_percent": row["gap_percent"], "loss_factor_of_gap": factor, "sentence": said}
 
 
 def lowest_frequency(design: Design, magnet: Magnet) -> float:
@@ -195,13 +197,13 @@ def notes(design: Design, motion: Motion, static: Static, followed: Sequence[Cyc
 
 def doubts(static: Static, cycles: Cycles) -> list[str]:
     """Return in sentences why the loops should not be trusted, if they should not."""
-    gained = [row for row in cycles.loops if row.material_mJ < -GAINED * abs(row.area_mJ)]
+    gained = [row for row in cycles.loops if row["material_mJ"] < -GAINED * abs(row["area_mJ"])]
     # ways of the last complete cycle on which the plate touches nothing at mid-stroke
     away = [
         one.stop.phase
         for one in cycles.states
         if cycles.loops
-        and (one.at_stop, one.stop.cycle, one.stop.place) == (True, cycles.loops[-1].cycle, "middle")
+        and (one.at_stop, one.stop.cycle, one.stop.place) == (True, cycles.loops[-1]["cycle"], "middle")
         and one.state.response.force[2] <= 0
     ]
     return sentences("doubts", static=static, cycles=cycles, gained=gained, away=away)

@@ -83,7 +83,7 @@ def loop_figures() -> Row:
     )
     relaxation = relaxation_of(design)
     spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))
-    fem = cycles.loops[-1].gap_percent
+    fem = cycles.loops[-1]["gap_percent"]
     found = {"loss_factor": design.loss_factor, "fem_percent": fem}
     return found | {"spring_percent": 100 * spring, "sine_percent": 100 * sine}
 

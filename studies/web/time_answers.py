@@ -218,10 +218,10 @@ def loop(state: ExplorerState, motion: Motion) -> Data:
         return refusal(f"the loop is not known: {cycles.message or cycles.status}")
     last = cycles.loops[-1]
     linear = linear_loop(state, motion)["rows"][0]["value"]
-    largest = last.largest_N
+    largest = last["largest_N"]
     rows = [
         number("gap of a linear spring", "%", linear),
-        number("dissipated", "mJ", last.material_mJ + last.friction_mJ),
+        number("dissipated", "mJ", last["material_mJ"] + last["friction_mJ"]),
         number("largest force", "N", largest, cycles.time_error * largest),
     ]
     # the gap is the difference of two forces, each with the error of the time steps
@@ -230,7 +230,7 @@ def loop(state: ExplorerState, motion: Motion) -> Data:
         f"Cycle {CYCLES} of a triangle without inertia, {LOOP_LEVEL} mesh; half widths are those of the time steps."
     )
     text = " ".join(filter(None, [text, f"{cycles.message}." if cycles.message else ""]))
-    return _loop_data(state, motion, last.gap_percent, spread, rows, text)
+    return _loop_data(state, motion, last["gap_percent"], spread, rows, text)
 
 
 def _loop_data(
