@@ -25,7 +25,7 @@ from studies.web.page_content import Budget, as_json, lead_of, page_html, source
 from studies.web.report_sections import Section
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 PAGE = Path(__file__).parent / "page"
 SCRIPTS = (
@@ -115,13 +115,21 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(PAGE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
-    environment.filters["minus"] = minus
+    environment.filters |= {"minus": minus, "file_name": _file_name, "cell": _cell, "quantity": quantity_name}
+    environment.globals["count"] = _count
     tables, left_out = _kept_tables(sections)
     images = Budget(MOST_PICTURE_BYTES)
-    data: dict[str, Any] = {"figures": {}, "surfaces": {}, "tables": tables, "theme": page_theme()}
-    shown = []
-    for number, (section, name) in enumerate(zip(sections, _titles(sections), strict=True)):
-        shown.append(_section(section, name, number, data, left_out, images))
+    shown = [
+        {"section": one, "title": title, "lead": lead_of(one.contents), **_content(one, left_out, images)}
+        for one, title in zip(sections, _titles(sections), strict=True)
+    ]
+    every = list(enumerate(sections))
+    data: dict[str, Any] = {
+        "figures": {f"f{k}-{i}": figure_data(figure) for k, one in every for i, figure in enumerate(one.figures)},
+        "surfaces": {f"s{k}-{i}": surface for k, one in every for i, surface in enumerate(one.surfaces)},
+        "tables": tables,
+        "theme": page_theme(),
+    }
     scripts = [
         vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;"),
         *([(PAGE / "vendor" / "three.js").read_text("utf-8")] if data["surfaces"] else []),
@@ -197,70 +205,27 @@ def _titles(sections: Sequence[Section]) -> list[str]:
     ]
 
 
-def _section(
-    section: Section,
-    title: str,
-    number: int,
-    data: dict[str, Any],
-    left_out: Mapping[tuple[str, str], str],
-    images: Budget,
-) -> dict[str, Any]:
-    """Return a section as the template takes it, and add its figures to the data of the page."""
-    contents, remarks = section.contents, section.remarks
-    drawn, surfaces = [], []
-    for k, figure in enumerate(section.figures):
-        key = f"f{number}-{k}"
-        data["figures"][key] = figure_data(figure)
-        drawn.append({"id": key, "figure": figure, "file": _file_name(section.name, figure.title)})
-    for k, surface in enumerate(section.surfaces):
-        key = f"s{number}-{k}"
-        data["surfaces"][key] = surface
-        largest, file = f"{surface['largest']:.3g}", _file_name(section.name, surface["title"])
-        surfaces.append({"id": key, "surface": surface, "largest": largest, "file": file})
-    files = []
+def _content(section: Section, left_out: Mapping[tuple[str, str], str], images: Budget) -> dict[str, Any]:
+    """Return tables, pictures and pages of a section as the template takes them."""
+    contents, files = section.contents, []
     for table in contents.tables.values():
         reason = left_out.get((section.name, table.name), "")
         text = f"{table.name}: {_count(len(table), 'row')}, {_count(table.frame.shape[1], 'column')}"
-        key = "" if reason else _table_key(section.name, table)
-        files.append(
-            {"id": key, "name": table.name, "text": text + (f" (not in this page: {reason})" if reason else "")}
-        )
-    pictures = sources(contents, section.replaced, images, remarks)
-    used: set[str] = set()
-    pages = [{"name": name, "html": page_html(text, pictures, used)} for name, text in contents.pages.items()]
-    loose = [
-        {"name": name, "alt": f"Picture {name}", "data": source}
-        for name, source in pictures.items()
-        if name not in used
-    ]
-    count = len(drawn) + len(surfaces)
-    return {
-        "id": f"part-{number}",
-        "title": title,
-        "folder": section.name,
-        "count": _count(count, "figure") if count else "",
-        "lead": lead_of(contents),
-        "figures": drawn,
-        "surfaces": surfaces,
-        "tables": [_sheet(title, table) for title, table in section.sheets.items()],
-        "pictures": loose,
-        "pages": pages,
-        "files": files,
-        "remarks": remarks,
-    }
+        text += f" (not in this page: {reason})" if reason else ""
+        files.append({"id": "" if reason else _table_key(section.name, table), "name": table.name, "text": text})
+    pictures, used = sources(contents, section.replaced, images, section.remarks), set[str]()
+    pages = {name: page_html(text, pictures, used) for name, text in contents.pages.items()}
+    loose = {name: source for name, source in pictures.items() if name not in used}
+    return {"files": files, "pages": pages, "pictures": loose}
 
 
-def _sheet(title: str, table: pd.DataFrame) -> dict[str, Any]:
-    rows = [[_cell(value) for value in row] for row in table.itertuples(index=False)]
-    return {"title": title, "head": [quantity_name(str(name)) for name in table.columns], "rows": rows, "note": ""}
-
-
-def _cell(value: Any) -> dict[str, Any]:
+def _cell(value: Any) -> tuple[str, bool]:
+    """Return the text of a cell, and whether it is a number."""
     try:
         number = float(value)
     except (TypeError, ValueError):
-        return {"text": {"True": "yes", "False": "no"}.get(str(value), str(value)), "number": False}
-    return {"text": f"{number:.4g}" if number == number else "", "number": True}
+        return {"True": "yes", "False": "no"}.get(str(value), str(value)), False
+    return f"{number:.4g}" if number == number else "", True
 
 
 def figure_data(figure: Figure) -> dict[str, Any]:
@@ -314,10 +279,10 @@ def _merged(base: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]
     return {**base, **parts}
 
 
-def _file_name(folder: str, title: str) -> str:
+def _file_name(title: str, folder: str) -> str:
     """Return a name for a CSV file.
 
-    >>> _file_name("out/demo", "Press force: 1 mm")
+    >>> _file_name("Press force: 1 mm", "out/demo")
     'out-demo-press-force-1-mm.csv'
     """
     words = re.sub(r"[^a-z0-9]+", "-", f"{folder} {title}".lower()).strip("-")
