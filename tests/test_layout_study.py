@@ -10,6 +10,7 @@ import pytest
 from analytic import decode, magnet, survey
 from geometry.design import Design, paper
 from studies.inputs.option_groups import Basis
+from studies.output import figures
 from studies.sensing import (
     decode_readings,
     layout_figures,
@@ -26,6 +27,7 @@ FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 def small(monkeypatch):
     """Coarse grids: what is said of them is tested, not how fine they are."""
     monkeypatch.setattr(decode, "CELLS", (12, 12, 6))
+    monkeypatch.setattr(figures, "SCALE", 0.5)
     monkeypatch.setattr(layout_metrics, "COUNTS", (7, 7, 5))
     monkeypatch.setattr(layout_search, "GRID", {1: 5, 2: 4, 3: 3})
     monkeypatch.setattr(layout_search, "STARTS", 2)
