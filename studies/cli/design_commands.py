@@ -14,8 +14,8 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.cli.parameters import AsJson, Sets, Source, Wide, command, design_of, destination
 from studies.inputs import user_input
-from studies.inputs.option_groups import Fabrication, Whole
-from studies.inputs.user_input import AccuracyName, say_no_effect
+from studies.inputs.option_groups import Fabrication, Sizing
+from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 from studies.output.result import Block, Destination, Result, Table, check_files, failure_of, publish, show, write
@@ -209,14 +209,7 @@ def size(
     /,
     *,
     out: Path,
-    export: bool = False,
-    population: Whole = 96,
-    generations: Whole = 80,
-    points: Whole = 16,
-    sensors: Whole = 1000,
-    accuracy: AccuracyName = "standard",
-    store: Path | None = None,
-    workers: Whole | None = None,
+    options: Sizing = Sizing(),
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -232,23 +225,6 @@ def size(
     out
         Folder for SIZING.md, sizing.json, front.csv, yield.csv and front.png; the design file and parts of an earlier
         sizing are removed from it.
-    export
-        Write design file, mould and casting recipe of the best variant too.
-    population
-        Number of candidates in a generation of the search.
-    generations
-        Number of generations.
-    points
-        Largest number of points of the front that are solved; of more points, those far apart are taken.
-    sensors
-        Number of made sensors from which the yield of the best variant follows.
-    accuracy
-        Accuracy of the finite elements.
-    store
-        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
-        name.
-    workers
-        Number of processes that solve; default: one for each core.
     """
     from fem.accuracy import LEVELS
     from studies.mechanics.solve_plan import Processes
@@ -258,23 +234,19 @@ def size(
     from studies.sizing.requirements import read_requirements
 
     here = destination(size, locals(), sizing_study.FILES)
-    for name, value, least in (
-        ("population", population, 8),
-        ("generations", generations, 1),
-        ("points", points, 1),
-        ("sensors", sensors, 1),
-    ):
-        most = 100_000 if name == "sensors" else MOST
+    for name, least in (("population", 8), ("generations", 1), ("points", 1), ("sensors", 1)):
+        value, most = getattr(options, name), 100_000 if name == "sensors" else MOST
         if not least <= value <= most:
             raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
     requirements = read_requirements(source)
     for warning in requirements.warnings():
         console.warn(warning)
     check_files(here)
-    atomic_files.check_apart([store], [source])
+    atomic_files.check_apart([options.store], [source])
     sizing_export.check_parts(out)
-    effort = Effort(population, generations, requirements.seed)
-    settings = sizing_study.Settings(effort, LEVELS[accuracy], Processes(workers), store, points, sensors)
+    effort = Effort(options.population, options.generations, requirements.seed)
+    level, processes = LEVELS[options.accuracy], Processes(options.workers)
+    settings = sizing_study.Settings(effort, level, processes, options.store, options.points, options.sensors)
     origin = versions(("pymoo",))
     with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
         sizing = sizing_study.run(requirements, settings, progress)
@@ -283,7 +255,7 @@ def size(
         result = sizing_study.result_of(sizing, origin, here.command, wide=wide)
         progress(0.97, "SIZING.md, tables and front.png")
         write(result, folder, here.command)
-        if export and sizing.winner is not None:
+        if options.export and sizing.winner is not None:
             made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
             lost = [made.message] if made.status != "ok" else []
             result = replace(result, warnings=made.warnings, failures=[*result.failures, *lost])

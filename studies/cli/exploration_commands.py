@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from geometry.bad_input import no_effect
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Magnet
+from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.cli.parameters import (
     AsJson,
@@ -28,8 +28,8 @@ from studies.cli.parameters import (
     destination,
     say_if_without_magnet,
 )
-from studies.inputs.option_groups import DEPTH, TOLERANCE, Whole
-from studies.inputs.user_input import AccuracyName, warn_of_values
+from studies.inputs.option_groups import Sensitivity, Solving, Sweep, Whole
+from studies.inputs.user_input import warn_of_values
 from studies.output import atomic_files, console, own_files, run_record
 from studies.output.records import FlatRow
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
@@ -47,20 +47,9 @@ def sweep(
     source: Study = None,
     /,
     *,
-    axis: list[str] | None = None,
-    load: list[str] | None = None,
-    design: str | None = None,
-    depth: float | None = None,
-    magnet: Magnet | None = None,
-    accuracy: AccuracyName | None = None,
-    models: str | None = None,
-    quantities: str | None = None,
-    tolerance: Annotated[str | None, TOLERANCE] = None,
+    options: Sweep = Sweep(),
     out: Path | None = None,
-    store: Path | None = None,
-    workers: Whole | None = None,
-    scheduler: str | None = None,
-    retry_failed: bool = False,
+    solving: Solving = Solving(),
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -73,59 +62,24 @@ def sweep(
 
     Parameters
     ----------
-    axis
-        Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
-        nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency,
-        speed) or of magnet; repeatable.
-    load
-        Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable.
-    design
-        Design to vary, a preset or a TOML file; default: paper.
-    depth
-        Depth of the press if depth is not an axis, mm.
-    magnet
-        Rigid body, or ignored (the whole beam is silicone); default: rigid.
-    accuracy
-        Accuracy of the finite elements; default: standard.
-    models
-        Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
-        another model than auto), surrogate, and levels of the formulas; default: standard,paper.
-    quantities
-        Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes,
-        response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts sideways.
     out
         Folder for the table (sweep.csv, or sweep.parquet beyond 20 000 rows) and the pictures.
-    store
-        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
-        name.
-    workers
-        Number of processes that solve; default: one for each core, or none if all solves take only seconds.
-    scheduler
-        Address of a Dask scheduler, such as tcp://127.0.0.1:8786, whose workers solve.
-    retry_failed
-        Solve again the cases whose process died.
     """
     from studies.mechanics.solve_plan import Processes
     from studies.mechanics.worker_process import SchedulerLost
     from studies.sweeps import sweep_request
     from studies.sweeps.study_rows import flat_rows
 
-    here = destination(sweep, locals(), sweep_request.FILES, [design])
-    processes = Processes(workers, scheduler, retry_failed)
-    plan = sweep_request.plan_of(
-        source,
-        sweep_request.Options(
-            axis or [], design, depth, load or [], magnet, accuracy, models, quantities, tolerance, sets or []
-        ),
-    )
+    here = destination(sweep, locals(), sweep_request.FILES, [options.design])
+    processes, store = Processes(solving.workers, solving.scheduler, solving.retry_failed), solving.store
+    given = dataclasses.asdict(options) | {"load": options.load or [], "sets": sets or []}
+    plan = sweep_request.plan_of(source, sweep_request.Options(given.pop("axis") or [], **given))
     warn_of_values(plan.design)
     check_files(here)
     atomic_files.check_apart([store], here.inputs)
     if plan.magnet == "rigid" and plan.fem:
         say_if_without_magnet(plan.design)
-    case = sweep_request.case_columns(plan)
-    printed = _Printed()
-    choices = sweep_request.Choices(plan)
+    case, printed, choices = sweep_request.case_columns(plan), _Printed(), sweep_request.Choices(plan)
     try:
         with (
             console.progress(as_json=as_json) as progress,
@@ -143,19 +97,11 @@ def sweep(
         # after Ctrl-C the screen has what was solved
         show(_shown(printed, case, plan), here)
         raise
-    warnings = []
-    if printed.count <= MOST_SHOWN:
-        idle = sweep_request.idle_axes(printed.rows, plan, whole=as_json or wide or out is not None, case=case)
-        warnings = [no_effect([f"axis {name}"], reason) for name, reason in idle]
-    said = [*choices.sentences(), *console.remarks(printed.failures, case, printed.rows)]
-    if printed.unstable:
-        said.append(
-            f"{printed.unstable} of {printed.count} cases are unstable: their numbers are those of an equilibrium "
-            "that a real sensor leaves"
-        )
-    if printed.failed:
-        said.append(f"{printed.failed} of {printed.count} cases failed")
-    show(replace(_shown(printed, case, plan), warnings=warnings, remarks=said), here)
+    whole = as_json or wide or out is not None
+    idle = sweep_request.idle_axes(printed.rows, plan, whole=whole, case=case) if printed.count <= MOST_SHOWN else []
+    warnings = [no_effect([f"axis {name}"], reason) for name, reason in idle]
+    remarks = [*choices.sentences(), *printed.remarks(case)]
+    show(replace(_shown(printed, case, plan), warnings=warnings, remarks=remarks), here)
     return FAILED if printed.failed or not printed.count else GOOD
 
 
@@ -182,6 +128,16 @@ class _Printed:
         if len(self.rows) < MOST_SHOWN:
             self.rows.append(row)
 
+    def remarks(self, case: tuple[str, ...]) -> list[str]:
+        """Return the reasons of failures, and how many cases are unstable or failed."""
+        said = console.remarks(self.failures, case, self.rows)
+        if self.unstable:
+            said.append(
+                f"{self.unstable} of {self.count} cases are unstable: their numbers are those of an equilibrium that "
+                "a real sensor leaves"
+            )
+        return [*said, f"{self.failed} of {self.count} cases failed"] if self.failed else said
+
 
 def _shown(printed: _Printed, case: tuple[str, ...], plan: Plan) -> Result:
     """Return the rows as a table with their remarks, or their number if there are many; JSON has been printed."""
@@ -204,17 +160,7 @@ def sensitivity(
     source: Source,
     /,
     *,
-    vary: list[str] | None = None,
-    depth: Annotated[float, DEPTH],
-    shear: float = 0.0,
-    methods: str = "sobol,montecarlo",
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
-    model: str = "surrogate",
-    accuracy: AccuracyName = "standard",
-    count: Whole = 1024,
-    trajectories: Whole = 10,
-    sensors: Whole = 1000,
-    seed: Whole = 0,
+    options: Sensitivity,
     out: Path | None = None,
     store: OwnStore = None,
     workers: Workers = None,
@@ -230,27 +176,6 @@ def sensitivity(
 
     Parameters
     ----------
-    vary
-        Range of an input, NAME=low:high, of a field of the design, depth or shear; repeatable. Default: E, nu,
-        remanence and size of the magnet within their tolerances. Methods sobol and morris use it.
-    shear
-        Displacement of the plate along x after the press, with the tip stuck to it, mm.
-    methods
-        Any of sobol, morris and montecarlo, separated by commas.
-    tolerances
-        Tolerance of a made sensor, NAME=VALUE, such as E=5 (percent) or magnet_x=0.1 (mm); repeatable.
-    model
-        Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite).
-    accuracy
-        Accuracy of the finite elements of morris.
-    count
-        Number of base points of sobol, a power of 2; each needs a point more for every input, and one more.
-    trajectories
-        Number of trajectories of morris; each has a solve for every input, and one more.
-    sensors
-        Number of made sensors of montecarlo.
-    seed
-        Seed of all random numbers, 0 or more.
     out
         Folder for SENSITIVITY.md, tables and pictures.
     """
@@ -258,20 +183,20 @@ def sensitivity(
     from studies.sensitivity.beam_motions import Press
 
     here = destination(sensitivity, locals(), sensitivity_study.FILES)
-    design, sizes = design_of(source, sets), made_sensors.parse_tolerances(tolerances or [])
-    chosen = tuple(dict.fromkeys(part.strip() for part in methods.split(",")))
+    design, sizes = design_of(source, sets), made_sensors.parse_tolerances(options.tolerances or [])
+    chosen = tuple(dict.fromkeys(part.strip() for part in options.methods.split(",")))
     request = sensitivity_study.Request(
         design=design,
-        ranges=sensitivity_study.ranges_of(design, vary or [], chosen, sizes),
-        load=Press(depth, shear),
+        ranges=sensitivity_study.ranges_of(design, options.vary or [], chosen, sizes),
+        load=Press(options.depth, options.shear),
         methods=chosen,
         tolerances=sizes,
-        model=model,
-        accuracy=accuracy,
-        points=count,
-        trajectories=trajectories,
-        sensors=sensors,
-        seed=seed,
+        model=options.model,
+        accuracy=options.accuracy,
+        points=options.count,
+        trajectories=options.trajectories,
+        sensors=options.sensors,
+        seed=options.seed,
         store=store,
         workers=workers,
         scheduler=scheduler,

@@ -119,8 +119,8 @@ def _arguments(verb: Callable[..., int], arguments: Mapping[str, Any]) -> Iterat
         if key in LEFT_OUT:
             continue
         value, default = arguments[key], parameter.default
-        if dataclasses.is_dataclass(default):
-            for field in dataclasses.fields(default):
-                yield field.name, getattr(value, field.name), getattr(default, field.name), False
+        if dataclasses.is_dataclass(value):
+            for field in dataclasses.fields(value):
+                yield field.name, getattr(value, field.name), field.default, False
         else:
             yield key, value, default, parameter.kind is parameter.POSITIONAL_ONLY

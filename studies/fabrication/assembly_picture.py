@@ -71,8 +71,12 @@ class NoPictureError(RuntimeError):
     """The process that draws has failed, such as in a graphics driver."""
 
 
+Painter = Callable[["Mapping[str, tuple[Solid, str]]", Mapping[str, Vector]], bytes]
+"""Draws solids by name, each with its colour, and labels at points, mm; returns the bytes of a PNG file."""
+
+
 @contextlib.contextmanager
-def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]], Mapping[str, Vector]], bytes]]:
+def painter() -> Iterator[Painter]:
     """Start a process that draws one picture, and yield a function that sends it the parts.
 
     The function takes the solids by name, in the sensor's frame, each with its colour; and a point for each part that

@@ -168,15 +168,8 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
         r = s.pin_radius
         side.dims.append(((left - r, -s.pin_depth), (left + r, -s.pin_depth), "above", 1, f"pin Ø{number(2 * r)}"))
         side.dims.append(((x, -s.pin_depth), (x + r, 0), "right", 2, number(s.pin_depth)))
-    side.dims.append(
-        (
-            (x + s.vent_ring - s.vent_diameter / 2, s.lid),
-            (x + s.vent_ring + s.vent_diameter / 2, s.lid),
-            "above",
-            0,
-            f"vent Ø{number(s.vent_diameter)}",
-        )
-    )
+    vent, radius = x + s.vent_ring, s.vent_diameter / 2
+    side.dims += [((vent - radius, s.lid), (vent + radius, s.lid), "above", 0, f"vent Ø{number(s.vent_diameter)}")]
     side.labels += [((-x - s.rim, s.lid / 2), "A", (-5.0, -9.0))]
     side.labels += [((-x - s.rim, s.bottom + 0.5 * s.floor), "B", (-5.0, 9.0))]
     _axis(side)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from geometry.fabrication.printability import Check
     from geometry.fabrication.solid_files import Exported, Facets
+    from studies.fabrication.assembly_picture import Painter
 
 PICTURE = "assembly.png"
 
@@ -65,7 +66,6 @@ def build(
         A choice is impossible for this design, or the folder cannot be used.
     """
     from geometry import base, mold
-    from geometry.fabrication import hall_elements
     from studies.fabrication import assembly_picture
 
     # impossible choices are refused before the folder is made and the CAD kernel is loaded
@@ -80,14 +80,9 @@ def build(
         progress(0.0, "solids and mould")
         console.load("build123d", "trimesh")
         solids = make_solids(design, choices)
-        row = FabricationRow(
-            "ok",
-            "",
-            folder,
-            size=design_summary.outer_size(design, solids.plan),
-            recipe=casting_recipe.recipe_of(design, choices),
-            warnings=(*design.warnings(), *warnings(design, choices, solids)),
-        )
+        size, recipe = design_summary.outer_size(design, solids.plan), casting_recipe.recipe_of(design, choices)
+        warned = (*design.warnings(), *warnings(design, choices, solids))
+        row = FabricationRow("ok", "", folder, size=size, recipe=recipe, warnings=warned)
         try:
             progress(0.2, "triangles")
             shapes = triangulated_parts(design, choices, solids)
@@ -97,19 +92,27 @@ def build(
             parts = tuple(_write(design, choices, solids, shapes, stage, progress))
         except MeshError as error:
             return dataclasses.replace(row, status="failed", message=str(error))
-        # a graphics driver may fail: then the folder is complete but for the picture
-        missing: list[str] = []
         if draw and solids.plan:
             progress(0.8, "picture")
-            try:
-                (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_elements.places(design)))
-            except assembly_picture.NoPictureError as error:
-                missing.append(f"no picture: {error}")
+        missing = _draw(stage, design, solids, draw)
         row = dataclasses.replace(row, parts=parts, warnings=(*row.warnings, *missing, *left_over(folder, stage)))
         picture_name = PICTURE if (stage / PICTURE).exists() else ""
         page = casting_recipe.text(design, choices, row, solids.plan, picture_name, command)
         atomic_files.write_text(stage / RECIPE, page)
     return row
+
+
+def _draw(stage: Path, design: Design, solids: FabricatedSolids, draw: Painter | None) -> list[str]:
+    """Draw the assembly where there is a base; a graphics driver may fail: then a sentence says so."""
+    from geometry.fabrication import hall_elements
+    from studies.fabrication import assembly_picture
+
+    try:
+        if draw and solids.plan:
+            (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_elements.places(design)))
+    except assembly_picture.NoPictureError as error:
+        return [f"no picture: {error}"]
+    return []
 
 
 def _refuse_failed(checks: Sequence[Check]) -> None:

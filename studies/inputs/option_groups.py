@@ -398,3 +398,146 @@ class Fabrication:
     axis: list[str] | None = None
     tolerance: float | None = None
     silicone: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep:
+    """What varies in a sweep, and what is computed.
+
+    Attributes
+    ----------
+    axis
+        Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
+        nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency,
+        speed) or of magnet; repeatable.
+    load
+        Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable.
+    design
+        Design to vary, a preset or a TOML file; default: paper.
+    depth
+        Depth of the press if depth is not an axis, mm.
+    magnet
+        Rigid body, or ignored (the whole beam is silicone); default: rigid.
+    accuracy
+        Accuracy of the finite elements; default: standard.
+    models
+        Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
+        another model than auto), surrogate, and levels of the formulas; default: standard,paper.
+    quantities
+        Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes,
+        response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts sideways.
+    """
+
+    axis: list[str] | None = None
+    load: list[str] | None = None
+    design: str | None = None
+    depth: float | None = None
+    magnet: Magnet | None = None
+    accuracy: AccuracyName | None = None
+    models: str | None = None
+    quantities: str | None = None
+    tolerance: Annotated[str | None, TOLERANCE] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solving:
+    """Where states are solved and kept.
+
+    Attributes
+    ----------
+    store
+        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
+        name.
+    workers
+        Number of processes that solve; default: one for each core, or none if all solves take only seconds.
+    scheduler
+        Address of a Dask scheduler, such as tcp://127.0.0.1:8786, whose workers solve.
+    retry_failed
+        Solve again the cases whose process died.
+    """
+
+    store: Path | None = None
+    workers: Whole | None = None
+    scheduler: str | None = None
+    retry_failed: bool = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensitivity:
+    """Inputs and methods of a study of tolerances.
+
+    Attributes
+    ----------
+    vary
+        Range of an input, NAME=low:high, of a field of the design, depth or shear; repeatable. Default: E, nu,
+        remanence and size of the magnet within their tolerances. Methods sobol and morris use it.
+    shear
+        Displacement of the plate along x after the press, with the tip stuck to it, mm.
+    methods
+        Any of sobol, morris and montecarlo, separated by commas.
+    tolerances
+        Tolerance of a made sensor, NAME=VALUE, such as E=5 (percent) or magnet_x=0.1 (mm); repeatable.
+    model
+        Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite).
+    accuracy
+        Accuracy of the finite elements of morris.
+    count
+        Number of base points of sobol, a power of 2; each needs a point more for every input, and one more.
+    trajectories
+        Number of trajectories of morris; each has a solve for every input, and one more.
+    sensors
+        Number of made sensors of montecarlo.
+    seed
+        Seed of all random numbers, 0 or more.
+    """
+
+    vary: list[str] | None = None
+    depth: Annotated[float, DEPTH]
+    shear: float = 0.0
+    methods: str = "sobol,montecarlo"
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    model: str = "surrogate"
+    accuracy: AccuracyName = "standard"
+    count: Whole = 1024
+    trajectories: Whole = 10
+    sensors: Whole = 1000
+    seed: Whole = 0
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sizing:
+    """Effort of a sizing, and what it writes.
+
+    Attributes
+    ----------
+    export
+        Write design file, mould and casting recipe of the best variant too.
+    population
+        Number of candidates in a generation of the search.
+    generations
+        Number of generations.
+    points
+        Largest number of points of the front that are solved; of more points, those far apart are taken.
+    sensors
+        Number of made sensors from which the yield of the best variant follows.
+    accuracy
+        Accuracy of the finite elements.
+    store
+        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
+        name.
+    workers
+        Number of processes that solve; default: one for each core.
+    """
+
+    export: bool = False
+    population: Whole = 96
+    generations: Whole = 80
+    points: Whole = 16
+    sensors: Whole = 1000
+    accuracy: AccuracyName = "standard"
+    store: Path | None = None
+    workers: Whole | None = None

@@ -11,7 +11,7 @@ import dataclasses
 import io
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -173,20 +173,13 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow,
         raise BadInput(f"--readings takes {len(elements)} numbers, {names}; got {len(values)} in {text!r}")
     field = in_tesla(elements, [values], decoding.units)
     decoded = decode(coder, field)
-    (status,) = decoded.status
-    message, limit, outside = WHY[status], None, None
-    if status == "out_of_workspace":
-        ((limit, outside),) = _limits_of(coder, field)
-        message = limit_sentence(coder, limit, solved=level == RESPONSES)
     tilt, tilt_y = tilts_of(*decoded.tilt[0].tolist())
     depth, shear, shear_y = decoded.load[0].tolist()
     contact = None if math.isnan(depth) else depth > 0
-    if contact is False:
-        message = "; ".join(filter(None, [message, NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))]))
     gap, size = force_gap(coder, level, decoded.shift, decoded.force), math.hypot(*decoded.force[0].tolist())
     record = {
-        "status": status,
-        "message": message,
+        "status": decoded.status[0],
+        "message": "",
         "level": level,
         "readings_T": field[0].tolist(),
         "shift_mm": decoded.shift[0].tolist(),
@@ -205,14 +198,28 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow,
         "noise_um": (1e3 * decoded.noise_mm[0]).tolist(),
         "noise_N": decoded.noise_N[0].tolist(),
         "noise_N_per_N": [noise / size if size else math.nan for noise in decoded.noise_N[0].tolist()],
-        "beyond": limit,
-        "outside_mm": outside,
+        "beyond": None,
+        "outside_mm": None,
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
         "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
         "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
         "warnings": [] if gap is None else level_warnings(level, gap),
     }
-    return record, field, decoded
+    return record | _why(coder, field, decoded, level, contact=contact), field, decoded
+
+
+def _why(coder: Decoder, field: Array, decoded: Decoded, level: str, *, contact: bool | None) -> FlatRow:
+    """Return the message of one decoded set of readings, and where its pose lies if that is out of the workspace."""
+    (status,) = decoded.status
+    found: FlatRow = {"message": WHY[status]}
+    if status == "out_of_workspace":
+        ((limit, outside),) = _limits_of(coder, field)
+        message = limit_sentence(coder, limit, solved=level == RESPONSES)
+        found = {"message": message, "beyond": limit, "outside_mm": outside}
+    if contact is False:
+        said = NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))
+        found["message"] = "; ".join(filter(None, [found["message"], said]))
+    return found
 
 
 def _limits_of(coder: Decoder, field: Array) -> list[tuple[Limit | None, list[float]]]:
@@ -294,16 +301,24 @@ def decode_file(
             as_json=True,
         )
         return _result(coder, decoded, field, level, statuses, said, printed=True)
+    text = _as_csv(head, rows, zip(statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True), level)
+    if target is None:
+        print(text, end="", flush=True)
+    else:
+        atomic_files.write_text(target, text)
+    return _result(coder, decoded, field, level, statuses, said, printed=target is None)
+
+
+def _as_csv(
+    head: list[str], rows: list[list[str]], found: Iterable[tuple[Status, list[float], int]], level: str
+) -> str:
+    """Return the rows of a table with `COLUMNS` added, all digits of numbers, and an empty cell for no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, *COLUMNS])
-    for row, status, line, many in zip(rows, statuses, numbers.tolist(), decoded.multiplicity, strict=True):
+    for row, (status, line, many) in zip(rows, found, strict=True):
         writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many, level])
-    if target is None:
-        print(text.getvalue(), end="", flush=True)
-    else:
-        atomic_files.write_text(target, text.getvalue())
-    return _result(coder, decoded, field, level, statuses, said, printed=target is None)
+    return text.getvalue()
 
 
 def _result(

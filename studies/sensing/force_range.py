@@ -144,11 +144,8 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
     many = poses.multiplicity > 1
     shares = [usable & ~many, usable & many, poses.saturated & ~poses.blocked, poses.blocked]
     unique, ambiguous, saturated, blocked = (100 * poses.share(flags) for flags in shares)
-    names = [
-        element.name
-        for element, flags in zip(coder.forward.elements, poses.by_element, strict=True)
-        if (flags & reached).any()
-    ]
+    pairs = zip(coder.forward.elements, poses.by_element, strict=True)
+    names = [element.name for element, flags in pairs if (flags & reached).any()]
     found: FlatRow = {
         "message": "",
         "normal_N": normal,
@@ -166,13 +163,11 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
         "rest_N": _largest(sigma[:, at_rest]),
         "median_N": np.median(sigma[:, usable & grid.distinct], axis=1).tolist() if usable.any() else None,
         "worst_N": largest,
-        "worst_N_per_N": None
-        if largest is None
-        else [s / most if most else None for s, most in zip(largest, limits, strict=True)],
+        "worst_N_per_N": largest and [s / most if most else None for s, most in zip(largest, limits, strict=True)],
         "worst_at_N": [grid.force[:, at].tolist() for at in worst] or None,
         "worst_at_mm": [poses.shift[:, at].tolist() for at in worst] or None,
         "full_load_N": full_load,
-        "full_load_N_per_N": None if full_load is None else [s / size for s in full_load],
+        "full_load_N_per_N": full_load and [s / size for s in full_load],
         "warnings": _force_warnings(coder, grid, level),
     }
     said = decode_readings.sentences("forces", f=found, percent=percent_text)

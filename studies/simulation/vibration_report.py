@@ -269,7 +269,8 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
     stiffness = sensor.static_stiffness().get(curves.motion)
     message = _message(curves, numbers, damped=bool(sensor.relaxation.times), stiffness=stiffness)
     lift = None if curves.normal_force is None else force[2] / curves.normal_force
-    difference = None if coarse is None else response_curves.mesh_difference(curves, coarse)
+    errors = {"mesh_difference": None if coarse is None else response_curves.mesh_difference(curves, coarse)}
+    errors |= response_curves.error_columns(curves, coarse, scene)
     return {
         "status": sensor.state.status,
         "message": "; ".join(filter(None, [sensor.state.message, message])),
@@ -287,12 +288,7 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
         **numbers,
         **_least("kept_amplitude", curves.kept_amplitude, curves.frequency),
         **_least("lift_amplitude", lift, curves.frequency),
-        **_median_and_largest("mesh_difference", difference),
-        **{
-            key: value
-            for name, each in response_curves.error_columns(curves, coarse, scene).items()
-            for key, value in _median_and_largest(name, each).items()
-        },
+        **{key: value for name, each in errors.items() for key, value in _median_and_largest(name, each).items()},
         "factorisations": sensor.factorisations,
         "reduced_error": sensor.error,
     }
