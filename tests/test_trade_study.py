@@ -19,16 +19,20 @@ from studies.cli import entry_point
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
-from studies.validation import bench_programs, trade, trade_cases, trade_study
+from studies.validation import bench_programs, trade, trade_study
 from studies.validation.trade import FILES, summary
-from studies.validation.trade_cases import KINDS, MODELS, confirming_designs, designs, trial
 from studies.validation.trade_study import (
     COMPONENTS,
+    KINDS,
+    MODELS,
     Reference,
     Run,
     components,
+    confirming_designs,
+    designs,
     extrapolate,
     full_scales,
+    trial,
     true_errors,
 )
 
@@ -40,17 +44,17 @@ def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
     cells = {(one.kind, one.model, one.level) for one in runs}
     excluded = {
         (*place, level)
-        for place, counts in trade_cases.RUNS.items()
+        for place, counts in trade_study.RUNS.items()
         for level, count in zip(("quick", "standard", "fine"), counts, strict=True)
         if count == 0
     }
     everything = {
         (kind, model, level)
-        for kind in trade_cases.KINDS
-        for model in trade_cases.MODELS[kind]
+        for kind in trade_study.KINDS
+        for model in trade_study.MODELS[kind]
         for level in ("quick", "standard", "fine")
     }
-    assert {cell for cell in cells if cell[1] not in trade_cases.CALCULATED} == everything - excluded
+    assert {cell for cell in cells if cell[1] not in trade_study.CALCULATED} == everything - excluded
     surrogate = {(kind, level) for kind, model, level in cells if model == "surrogate"}
     assert surrogate == {("press", "shipped"), ("glued shear", "shipped")}
     assert {level for kind, model, level in cells if model == "formula"} == set(beam.LEVELS)
@@ -98,7 +102,7 @@ def test_the_number_of_designs_is_checked(run):
 
 def test_the_chosen_designs_span_the_range():
     ratios = [design.L / design.D for design in designs()]
-    assert len(designs()) == trade_cases.STUDIED
+    assert len(designs()) == trade_study.STUDIED
     assert (min(ratios), max(ratios)) == (0.6, 6.0)
     assert (min(d.nu for d in designs()), max(d.nu for d in designs())) == (0.45, 0.4999)
     assert {d.law for d in designs()} == {"neo-hookean", "mooney-rivlin", "yeoh", "ogden"}
@@ -106,7 +110,7 @@ def test_the_chosen_designs_span_the_range():
 
 
 def test_the_confirming_designs_are_others_in_the_same_range():
-    assert len(confirming_designs()) == trade_cases.CONFIRMED
+    assert len(confirming_designs()) == trade_study.CONFIRMED
     assert not set(confirming_designs()) & set(designs())
     assert all(0.6 <= design.L / design.D <= 6.0 and 0.45 <= design.nu < 0.5 for design in confirming_designs())
 
@@ -114,7 +118,7 @@ def test_the_confirming_designs_are_others_in_the_same_range():
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("confirm", [True, False])
 def test_every_model_can_carry_the_loads_of_its_kind(kind, confirm):
-    for number in range(trade_cases.CONFIRMED if confirm else trade_cases.STUDIED):
+    for number in range(trade_study.CONFIRMED if confirm else trade_study.STUDIED):
         for model in MODELS[kind]:
             one = trial(number, kind, model, confirm=confirm)
             assert Scene(one.design, one.loads, magnet=one.magnet, model=model).model == model
@@ -220,7 +224,7 @@ def state(percent, model="axisymmetric", level="quick", **changes):
     place |= {"friction": "none", "status": "ok", "message": "", "along_N": math.nan, "bar": 0.0}
     place |= {"cpu_s": 1.0, "peak_MB": 30.0, "cost": 0.5} | changes
     errors = dict.fromkeys(("force", "shift"), (percent, place.pop("bar")))
-    depth = trade_cases.trial(place["design"], place["kind"], "auto", confirm=place["confirming"]).loads[0].depth
+    depth = trade_study.trial(place["design"], place["kind"], "auto", confirm=place["confirming"]).loads[0].depth
     return with_errors({"depth_mm": depth} | place, place.pop("errors", errors))
 
 
@@ -368,7 +372,7 @@ def test_the_text_of_a_rule_is_read_back():
 
 def sheared(along, sideways, along_N, *, level="quick", confirming=True):
     """A glued shear with an error of the force along it, over the unpressed beam's and over itself, percent."""
-    load = trade_cases.trial(0, "glued shear", "auto", confirm=confirming).loads[0]
+    load = trade_study.trial(0, "glued shear", "auto", confirm=confirming).loads[0]
     errors = dict.fromkeys(("force", "shift", "tilt"), (0.1, 0.0))
     errors |= {"along": (along, 0.0), "sideways": (sideways, 0.0)}
     place = {"kind": "glued shear", "confirming": confirming, "along_N": along_N, "shear_mm": load.shear_x}
@@ -397,8 +401,8 @@ def test_the_bound_of_the_force_along_a_shear_is_over_that_of_the_unpressed_beam
     ],
 )
 def test_a_force_along_a_shear_that_nearly_vanishes_asks_for_a_finer_model(share, model, status):
-    design = trade_cases.confirming_designs()[0]
-    load = trade_cases.trial(0, "glued shear", "auto", confirm=True).loads[0]
+    design = trade_study.confirming_designs()[0]
+    load = trade_study.trial(0, "glued shear", "auto", confirm=True).loads[0]
     along = share * buckling.sideways_stiffness(design) * load.shear_x
     states = [sheared(0.1, 0.1 / max(share, 1e-9), along, level=level) for level in ("quick", "standard", "fine")]
     (result,) = [each for each in confirm(states, sheared_rule()) if each["tolerance"] == 0.01]
@@ -406,8 +410,8 @@ def test_a_force_along_a_shear_that_nearly_vanishes_asks_for_a_finer_model(share
 
 
 def test_an_error_of_the_force_along_the_shear_counts():
-    design = trade_cases.confirming_designs()[0]
-    load = trade_cases.trial(0, "glued shear", "auto", confirm=True).loads[0]
+    design = trade_study.confirming_designs()[0]
+    load = trade_study.trial(0, "glued shear", "auto", confirm=True).loads[0]
     along = buckling.sideways_stiffness(design) * load.shear_x
     (result,) = [e for e in confirm([sheared(6.0, 6.0, along)], sheared_rule()) if e["tolerance"] == 0.01]
     assert (result["status"], result["error"]) == ("exceeded", pytest.approx(0.06))

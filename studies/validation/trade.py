@@ -29,10 +29,19 @@ from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.output.text_tables import cell as number
 from studies.simulation.compare import part
-from studies.validation import pages, trade_cases, trade_study
+from studies.validation import pages, trade_study
 from studies.validation.pages import Row
-from studies.validation.trade_cases import CALCULATED, KINDS, SHIPPED, SOLIDS, SURROGATE, Kind
-from studies.validation.trade_study import CLEAR, QUANTITIES, QUICK_KINDS
+from studies.validation.trade_study import (
+    CALCULATED,
+    CLEAR,
+    KINDS,
+    QUANTITIES,
+    QUICK_KINDS,
+    SHIPPED,
+    SOLIDS,
+    SURROGATE,
+    Kind,
+)
 from studies.web import verdict_figures
 
 if TYPE_CHECKING:
@@ -64,8 +73,8 @@ def run(
     """
     import pandas as pd
 
-    if not 2 <= designs <= trade_cases.STUDIED:
-        raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
+    if not 2 <= designs <= trade_study.STUDIED:
+        raise BadInput(f"--designs must lie between 2 and {trade_study.STUDIED}; got {designs}")
     origin = made(command, versions())
     first, second = (part(progress, *ends) or progress for ends in ((0.0, 0.5 if confirm else 1.0), (0.5, 1.0)))
     states = trade_study.run(first, designs, quick=quick, store=store)
@@ -96,7 +105,7 @@ def result(
     page = pages.rendered(
         "trade.md.j2",
         tables={kind: [_errors(row) for row in table if row["kind"] == kind] for kind in KINDS},
-        ran=[_designs(table, kind, model) for kind in KINDS for model in trade_cases.MODELS[kind]],
+        ran=[_designs(table, kind, model) for kind in KINDS for model in trade_study.MODELS[kind]],
         rule=[_percents(each) for each in rule],
         results=results,
         verdict=page_lines(goals(results)),
@@ -224,7 +233,7 @@ def statements(states: pd.DataFrame) -> list[Statement]:
 def _region(state: Row) -> str:
     if state["model"] in SOLIDS:
         return ANY_REGION
-    trial = trade_cases.trial(state["design"], state["kind"], "auto", confirm=state["confirming"])
+    trial = trade_study.trial(state["design"], state["kind"], "auto", confirm=state["confirming"])
     name = model_choice.region(trial.design, load_of(state), trial.magnet, state["kind"]).name
     return model_choice.formula_region(trial.design, name) if state["model"] == "formula" else name
 
@@ -268,7 +277,7 @@ def _confirmed(tolerance: float, models: Mapping[tuple[str, str], Row], rule: Se
     """Return the result of a case: the model of the rule, or a finer one where its answer asks for it."""
     some = next(iter(models.values()))
     load = load_of(some)
-    trial = trade_cases.trial(some["design"], some["kind"], "auto", confirm=True)
+    trial = trade_study.trial(some["design"], some["kind"], "auto", confirm=True)
     case = trial.design, [load]
     try:
         choice: Choice | None = model_choice.choose(*case, tolerance, trial.magnet, rule=rule)
@@ -301,7 +310,7 @@ def summary(results: Sequence[Row]) -> list[Row]:
         return []
     frame = pd.DataFrame(results).astype({"error": float})
     parts = {kind: frame[frame.kind == kind] for kind in KINDS} | {"all": frame}
-    parts[LAST] = frame[frame.design >= trade_cases.CONFIRMED - trade_cases.DRAWN]
+    parts[LAST] = frame[frame.design >= trade_study.CONFIRMED - trade_study.DRAWN]
     table = []
     for kind, some in parts.items():
         for tolerance, own in some.groupby("tolerance"):
