@@ -233,7 +233,7 @@ def _part_lines(cad: FabricationRow, mesh: FlatRow) -> list[str]:
     if cad.status != "ok":
         lines.append(f"CAD: {cad.message}")
     if parts:
-        worst = max(abs(part.relative_error) for part in parts)
+        worst = max(abs(part["relative_error"]) for part in parts)
         lines.append(
             f"{len(parts)} parts, all watertight; their triangles miss the exact volumes by {worst:.1g} at most."
         )

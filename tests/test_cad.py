@@ -118,16 +118,16 @@ def test_export_reads_back(design, tmp_path):
         f"{n}.{s}" for n in solids for s in solid_files.FORMATS
     )
     for record in records:
-        stl = trimesh.load_mesh(tmp_path / record.file)
+        stl = trimesh.load_mesh(tmp_path / record["file"])
         assert stl.is_volume
-        assert record.watertight
-        assert len(stl.faces) == record.triangles
-        assert stl.volume == pytest.approx(record.stl_volume_mm3)
-        assert stl.volume == pytest.approx(solids[record.name].volume, rel=1e-3)
-        assert record.relative_error == pytest.approx(stl.volume / record.volume_mm3 - 1, abs=1e-12)
-        step = bd.import_step(tmp_path / f"{record.name}.step")
-        assert step.volume == pytest.approx(record.volume_mm3, rel=1e-12)
-        printed = read_3mf(tmp_path / f"{record.name}.3mf")
+        assert record["watertight"]
+        assert len(stl.faces) == record["triangles"]
+        assert stl.volume == pytest.approx(record["stl_volume_mm3"])
+        assert stl.volume == pytest.approx(solids[record["name"]].volume, rel=1e-3)
+        assert record["relative_error"] == pytest.approx(stl.volume / record["volume_mm3"] - 1, abs=1e-12)
+        step = bd.import_step(tmp_path / f"{record['name']}.step")
+        assert step.volume == pytest.approx(record["volume_mm3"], rel=1e-12)
+        printed = read_3mf(tmp_path / f"{record['name']}.3mf")
         assert printed.is_volume
         assert np.array_equal(printed.vertices.astype(np.float32), stl.vertices.astype(np.float32))
         assert np.array_equal(printed.faces, stl.faces)
@@ -148,7 +148,7 @@ def test_facets_keep_the_tolerance(tolerance):
 
 def test_coarse_facets_are_refined_or_refused(tmp_path, monkeypatch):
     (record,) = export({"beam": cad.beam(Design())}, tmp_path, 1.0)
-    assert abs(record.relative_error) <= 1e-3
+    assert abs(record["relative_error"]) <= 1e-3
     before = (tmp_path / "beam.stl").read_bytes()
     coarse = solid_files.stl
     monkeypatch.setattr(solid_files, "stl", lambda solid, tolerance, angle: coarse(solid, 1.0, 3.0))
@@ -212,12 +212,12 @@ def test_3mf_is_read_by_its_reference_library_without_a_warning(tmp_path):
     model = Lib3MF.Wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
-    reader.ReadFromFile(str(tmp_path / f"{record.name}.3mf"))
+    reader.ReadFromFile(str(tmp_path / f"{record['name']}.3mf"))
     assert reader.GetWarningCount() == 0
     assert model.GetUnit() == Lib3MF.ModelUnit.MilliMeter
     found = model.GetMeshObjects()
     assert found.MoveNext()
     body = found.GetCurrentMeshObject()
-    assert body.GetName() == record.name
-    assert body.GetTriangleCount() == record.triangles
+    assert body.GetName() == record["name"]
+    assert body.GetTriangleCount() == record["triangles"]
     assert body.IsManifoldAndOriented()

@@ -71,29 +71,6 @@ MODEL = f"""<?xml version="1.0" encoding="UTF-8"?>
 
 
 @dataclass(frozen=True, slots=True)
-class Exported:
-    """Files and volumes of one part that `export` wrote.
-
-    Attributes
-    ----------
-    name : name of the part; the files are name.step, name.stl and name.3mf.
-    file : name of the STL file that the values below describe; the 3MF file holds the same triangles.
-    volume_mm3 : exact volume of the solid.
-    stl_volume_mm3, relative_error : volume enclosed by the triangles in single precision, and its relative error.
-    watertight : whether the triangles, as written, enclose a volume.
-    triangles : number of triangles.
-    """
-
-    name: str
-    file: str
-    volume_mm3: float
-    stl_volume_mm3: float
-    relative_error: float
-    watertight: bool
-    triangles: int
-
-
-@dataclass(frozen=True, slots=True)
 class Facets:
     """The closed surface of a solid as triangles, mm.
 
@@ -190,7 +167,7 @@ def _read(text: bytes) -> Any:
 
 def export(
     parts: Mapping[str, tuple[Solid, Facets]], folder: str | Path, *, colours: Mapping[str, str] | None = None
-) -> list[Exported]:
+) -> list[dict[str, Any]]:
     """Write NAME.step, NAME.stl and NAME.3mf of every part into an existing folder; lengths in mm.
 
     All files are first written to a temporary folder inside `folder`, and moved when all are complete. A failure
@@ -200,6 +177,11 @@ def export(
     ----------
     parts : solids by name, each with its facets.
     colours : CSS colour names for the STEP files, by the name of the part.
+
+    Returns
+    -------
+    For each part its name and STL file, exact volume, volume that the triangles enclose in single precision and its
+    relative error, whether they are watertight, and their number. The 3MF file holds the same triangles.
 
     Raises
     ------
@@ -217,8 +199,9 @@ def export(
             }
             for suffix, content in contents.items():
                 Path(temporary, f"{name}.{suffix}").write_bytes(content)
-            figures = (float(solid.volume), float(mesh.volume), surface.error, bool(mesh.is_volume), len(mesh.faces))
-            written.append(Exported(name, f"{name}.stl", *figures))
+            record = {"name": name, "file": f"{name}.stl", "volume_mm3": float(solid.volume)}
+            record |= {"stl_volume_mm3": float(mesh.volume), "relative_error": surface.error}
+            written.append(record | {"watertight": bool(mesh.is_volume), "triangles": len(mesh.faces)})
         for name in parts:
             for suffix in FORMATS:
                 os.replace(Path(temporary) / f"{name}.{suffix}", Path(folder) / f"{name}.{suffix}")

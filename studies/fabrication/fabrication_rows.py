@@ -12,7 +12,6 @@ from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
     from geometry.fabrication.printability import Check
-    from geometry.fabrication.solid_files import Exported
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +49,7 @@ class FabricationRow:
     status: str
     message: str
     folder: Path
-    parts: tuple[Exported, ...] = ()
+    parts: tuple[FlatRow, ...] = ()
     checks: tuple[Check, ...] = ()
     size: FlatRow = field(default_factory=dict)
     recipe: FlatRow = field(default_factory=dict)
@@ -64,7 +63,7 @@ class FabricationRow:
             "status": self.status,
             "message": self.message,
             "folder": self.folder,
-            "parts": [dataclasses.asdict(part) for part in self.parts],
+            "parts": list(self.parts),
             "checks": [dataclasses.asdict(check) for check in self.checks],
         }
         row |= self.size or {"assembled_size_mm": None}

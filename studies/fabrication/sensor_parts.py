@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from build123d import Solid
 
     from geometry.fabrication.printability import Check
-    from geometry.fabrication.solid_files import Exported, Facets
+    from geometry.fabrication.solid_files import Facets
     from studies.fabrication.assembly_picture import Painter
 
 PICTURE = "assembly.png"
@@ -160,7 +160,7 @@ def _write(
     shapes: Mapping[str, tuple[Solid, Facets]],
     stage: Path,
     progress: Progress,
-) -> list[Exported]:
+) -> list[FlatRow]:
     """Write all files but the recipe into the temporary folder `stage`; return the exported parts."""
     from geometry import mold
     from geometry.fabrication import board_drawing, solid_files
