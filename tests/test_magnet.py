@@ -248,8 +248,8 @@ def regions(flatness, count):
 def test_errors_are_below_1e_12_in_every_region(flatness):
     """One by one, and with so many others that they are computed in a batch."""
     a, h = RADIUS, RADIUS * flatness
-    for name, points in regions(flatness, 3).items():
-        many = cylinder_field(np.tile(points, (400, 1)), a, h, 1.0)
+    for name, points in regions(flatness, 2).items():
+        many = cylinder_field(np.tile(points, (1000, 1)), a, h, 1.0)
         for k, point in enumerate(points):
             true = field_oracle.field(point, a, h)
             alone = cylinder_field(point[None], a, h, 1.0)[0]
@@ -259,12 +259,11 @@ def test_errors_are_below_1e_12_in_every_region(flatness):
             place, series = cylinder.lengths(*points[0].tolist(), a, h / 2), cylinder.cylinder_series(flatness / 2)
             _, _, lean_z, along_z = cylinder.unit_field(place, flatness / 2, series, cylinder.disc_series(), True)
             found = np.array([*(lean_z * points[0, :2] / a), along_z]) / a
-            true = field_oracle.jacobian(points[0], a, h)
-            assert np.linalg.norm(found - true[:, 2]) < 1e-11 * np.linalg.norm(true), name
+            assert field_oracle.relative(found, field_oracle.slope(points[0], a, h)) < 1e-11, name
 
 
-def test_the_oracle_is_the_closed_form_on_the_axis_and_a_gradient():
+def test_the_oracle_is_the_closed_form_on_the_axis():
     assert field_oracle.field((0, 0, 5.0), 2, 4)[2] == pytest.approx(77.684e-3 / 1.2, rel=1e-5)
-    slope = field_oracle.jacobian((1.0, 0.5, 3.0), 2, 2)
-    assert field_oracle.relative(slope, slope.T) < 1e-12
-    assert abs(np.trace(slope)) < 1e-12 * np.linalg.norm(slope)
+    # the slope of [(z + h/2) / (a^2 + (z + h/2)^2)^(1/2) - (z - h/2) / ...] / 2 is a^2 / 2 [(...)^(-3/2) - ...]
+    expected = 2 * (math.hypot(7, 2) ** -3 - math.hypot(3, 2) ** -3)
+    assert field_oracle.slope((0, 0, 5.0), 2, 4)[2] == pytest.approx(expected, rel=1e-12)
