@@ -25,7 +25,7 @@ from geometry.design import BadInput, Shape
 from geometry.meshing.mesh_quality import with_exact_volumes
 from geometry.section import TIP, edges_of, pair_keys, section
 
-Parts = Literal["regions", "hole", "none"]
+MagnetCells = Literal["regions", "hole", "none"]
 
 AROUND = 5 / 3
 """Edge length around the axis on the skin, over that along it. Displacements vary like a few harmonics of the angle:
@@ -42,7 +42,7 @@ def tetrahedra(
     size: float,
     *,
     half: bool = True,
-    magnet: Parts = "regions",
+    magnet: MagnetCells = "regions",
     tip_size: float | None = None,
     rim: tuple[float, float] | None = None,
 ) -> MeshTet2:

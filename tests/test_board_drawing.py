@@ -9,7 +9,7 @@ from ezdxf import bbox
 from geometry.base import Base, plan
 from geometry.design import Design
 from geometry.fabrication.board_drawing import LAYERS, board, pads
-from geometry.fabrication.hall_elements import CHIPS, places
+from geometry.fabrication.hall_elements import CHIP_BODIES, places
 
 DESIGNS = [Design(), Design(hall_layout="tmag5273a1"), Design(hall_layout="tle493d-p2b6", l0=9.0, chip_x=2.0)]
 
@@ -56,12 +56,12 @@ def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
 
 
 @pytest.mark.parametrize("process", ["fdm", "sla"])
-@pytest.mark.parametrize("layout", list(CHIPS))
+@pytest.mark.parametrize("layout", list(CHIP_BODIES))
 def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
     (pocket,) = plan(design, Base(), process).seats.bodies.values()
     (left, near, _), (wide, deep, high) = pocket.corner, pocket.sides
-    chip = CHIPS[layout]
+    chip = CHIP_BODIES[layout]
     for x, y in pads(design):
         assert left < x - chip.pad_width / 2
         assert x + chip.pad_width / 2 < left + wide
@@ -71,10 +71,10 @@ def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
     assert "on the underside of the board" in board(design, plan(design, Base()))
 
 
-@pytest.mark.parametrize("layout", list(CHIPS))
+@pytest.mark.parametrize("layout", list(CHIP_BODIES))
 def test_a_chip_has_six_separate_pads_around_its_plates(layout):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
-    chip, (x, y, _) = CHIPS[layout], places(design)[layout]
+    chip, (x, y, _) = CHIP_BODIES[layout], places(design)[layout]
     drawing = read(design)
     assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')) == 6
     wide, tall = chip.pitch + chip.pad_width / 2, (chip.rows + chip.pad_length) / 2

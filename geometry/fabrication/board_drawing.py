@@ -18,7 +18,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-from geometry.fabrication.hall_elements import CHIPS, SS495A, places
+from geometry.fabrication.hall_elements import CHIP_BODIES, SS495A, places
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -74,7 +74,7 @@ def board(design: Design, plan: Plan) -> str:
 def pads(design: Design) -> list[tuple[float, float]]:
     """Return the centres of all pads (x, y), mm; of three elements first those of S1, then of S2 and of S3."""
     if design.hall_layout != "three":
-        chip, (middle, _, _) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
+        chip, (middle, _, _) = CHIP_BODIES[design.hall_layout], places(design)[design.hall_layout]
         return [(middle + k * chip.pitch, side * chip.rows / 2) for side in (-1, 1) for k in (-1, 0, 1)]
     p = SS495A
     # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel, 2 mm
@@ -102,7 +102,7 @@ def _leaded(space: Any, design: Design) -> None:
 
 
 def _chip(space: Any, design: Design) -> None:
-    chip = CHIPS[design.hall_layout]
+    chip = CHIP_BODIES[design.hall_layout]
     x, y, _ = places(design)[design.hall_layout]
     _rectangle(space, "HALL", x, y, chip.length, chip.width)
     _circle(space, "HALL", x, y, 0.2)

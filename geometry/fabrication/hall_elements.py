@@ -59,7 +59,7 @@ class Leaded:
 
 
 @dataclass(frozen=True, slots=True)
-class Chip:
+class ChipBody:
     """A chip with two rows of three pins on a board, mm.
 
     Attributes
@@ -82,9 +82,9 @@ class Chip:
 
 SS495A = Leaded(width=4.06, height=3.0, thickness=1.57, depth=0.5, pitch=1.27, lead=0.41)
 
-CHIPS = {
-    "tmag5273a1": Chip(2.9, 2.8, height=1.45, plate=0.6, pitch=0.95, rows=2.6, pad_length=1.1, pad_width=0.6),
-    "tle493d-p2b6": Chip(2.9, 2.5, height=1.1, plate=0.6, pitch=0.95, rows=2.4, pad_length=1.0, pad_width=0.5),
+CHIP_BODIES = {
+    "tmag5273a1": ChipBody(2.9, 2.8, height=1.45, plate=0.6, pitch=0.95, rows=2.6, pad_length=1.1, pad_width=0.6),
+    "tle493d-p2b6": ChipBody(2.9, 2.5, height=1.1, plate=0.6, pitch=0.95, rows=2.4, pad_length=1.0, pad_width=0.5),
 }
 
 LEAD = 6.0
@@ -129,7 +129,7 @@ def heights(design: Design) -> tuple[float, float]:
     """Return the highest z of all bodies, and the lowest z of all bodies and leads, in the sensor's frame, mm."""
     where = places(design)
     if design.hall_layout != "three":
-        chip, (_, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
+        chip, (_, _, z) = CHIP_BODIES[design.hall_layout], where[design.hall_layout]
         return z - chip.plate + chip.height, z - chip.plate
     p, z1, z23 = SS495A, where["S1"][2], where["S2"][2]
     top = max(z1 + p.depth, z23 + p.height / 2)
@@ -142,7 +142,7 @@ def bodies(design: Design) -> dict[str, Solid]:
     The marked face of S1 points up; those of S2 and S3 point towards the beam.
     """
     if design.hall_layout != "three":
-        chip, (x, _, z) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
+        chip, (x, _, z) = CHIP_BODIES[design.hall_layout], places(design)[design.hall_layout]
         corner = (x - chip.length / 2, -chip.width / 2, z - chip.plate)
         return {design.hall_layout: Block(corner, (chip.length, chip.width, chip.height)).solid()}
     import build123d as bd
@@ -300,7 +300,7 @@ def chip_seat(design: Design, where: dict[str, Vector], fit: float, thickness: f
     BadInput
         Too little of the base would be left over the chip.
     """
-    chip, (middle, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
+    chip, (middle, _, z) = CHIP_BODIES[design.hall_layout], where[design.hall_layout]
     roof = z - chip.plate + chip.height + fit
     if not roof <= -WEB:
         raise ShortOfBase(

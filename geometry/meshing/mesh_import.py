@@ -34,7 +34,7 @@ from geometry import cad, design_digest
 from geometry.arrays import Array, Ints
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
-from geometry.mesh import Parts, tetrahedra
+from geometry.mesh import MagnetCells, tetrahedra
 from geometry.meshing import mesh_quality
 from geometry.meshing.mesh_quality import determinants, quality
 
@@ -70,7 +70,7 @@ class _Cells:
 
 
 def read(
-    path: str | Path, shape: Shape, magnet: Parts = "regions", warn: Callable[[str], None] | None = None
+    path: str | Path, shape: Shape, magnet: MagnetCells = "regions", warn: Callable[[str], None] | None = None
 ) -> MeshTet2:
     """Read a mesh, mm, with the boundaries and subdomains of `geometry.mesh.tetrahedra`.
 
@@ -117,7 +117,7 @@ def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
     # cells with longer edges do not fit the dome, and take minutes
     if not 0 < size <= shape.R / 2:
         raise BadInput(f"size must be a positive length of at most R/2 = {shape.R / 2:g} for pytetwild; got {size:g}")
-    magnet: Parts = "regions" if shape.has_magnet else "none"
+    magnet: MagnetCells = "regions" if shape.has_magnet else "none"
     # chords of longer edges leave the curved surfaces by more than OFF
     surface = tetrahedra(shape, min(size / 2, shape.D / 16), half=half, magnet=magnet)
     # fTetWild writes a file of its own into the working folder
@@ -146,7 +146,7 @@ def _outward(mesh: MeshTet2) -> tuple[Array, Ints]:
     return np.ascontiguousarray(mesh.p[:, used].T), index.reshape(3, -1).T.astype(np.int32)
 
 
-def _on_surfaces(cells: _Cells, shape: Shape, magnet: Parts) -> MeshTet2:
+def _on_surfaces(cells: _Cells, shape: Shape, magnet: MagnetCells) -> MeshTet2:
     """Return the checked mesh of cells, with its boundaries and subdomains, on the exact surfaces."""
     source = _checked(cells, shape)
     region = _regions(source, shape)

@@ -145,7 +145,7 @@ def build_mesh(
         raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
     if mesher == "revolved":
         length = min(length, design.R / 2)  # longer ones are not made, see geometry.mesh
-    from geometry.mesh import Parts, tetrahedra
+    from geometry.mesh import MagnetCells, tetrahedra
     from geometry.meshing.mesh_import import by_pytetwild
     from geometry.meshing.mesh_quality import quality
 
@@ -156,7 +156,7 @@ def build_mesh(
             if mesher == "pytetwild":
                 mesh = by_pytetwild(design.shape, length, half=half)
             else:
-                parts: Parts = "regions" if design.shape.has_magnet else "none"
+                parts: MagnetCells = "regions" if design.shape.has_magnet else "none"
                 mesh = tetrahedra(design.shape, length, half=half, magnet=parts)
         except MeshError as error:
             return {"status": "failed", "message": str(error), "file": None, "size_mm": length}

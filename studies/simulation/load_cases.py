@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from fem.accuracy import Accuracy
     from fem.analyses.force_targets import ForceTarget
     from fem.solution import Solution
-    from geometry.mesh import Parts
+    from geometry.mesh import MagnetCells
 
 MOST_STEPS = 1000
 """Largest number of steps: a larger one is taken for a mistake, since each state takes a solve."""
@@ -272,7 +272,7 @@ def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:
         return method, None
     from geometry.meshing import mesh_import
 
-    parts: Parts = "hole" if method.magnet == "rigid" else "none"
+    parts: MagnetCells = "hole" if method.magnet == "rigid" else "none"
     mesh = mesh_import.read(method.mesh, design.shape, parts, console.warn)
     model: Literal["half", "full"] = "half" if "symmetry" in mesh.boundaries else "full"
     if method.model not in ("auto", model):
