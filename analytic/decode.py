@@ -63,11 +63,7 @@ class Decoded:
 
     Attributes
     ----------
-    status : "ok" (one pose); "ambiguous" (several poses; the result is the one nearest to the pose before, or to
-        rest); "out_of_workspace" (no pose in the workspace has these readings); "saturated" (a reading at a rail);
-        "not_finite" (a reading is NaN or infinite); "inconsistent" (more than three readings, which no pose has
-        together); "tension" (one pose, but by the mechanics the plate would have to pull there: no load). Only
-        `magtip decode` gives "uncalibrated" (one pose, but tolerances of a sensor at rest explain its force).
+    status : one word for each row; README.md of this package says what each means.
     shift : shape (n, 3), mm.
     tilt : rotation vector (rx, ry), shape (n, 2), rad.
     force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (n, 3); NaN without mechanics

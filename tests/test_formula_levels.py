@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import mpmath
 import pandas as pd
 import pytest
 
@@ -109,14 +108,6 @@ def test_column_with_its_tip_glued_is_held_up_to_eulers_load():
         euler, stiff = (root / 12) ** 2 * 200, column(shearing=1e9, glued=glued)
         assert shear_terms.bend(hard, stiff, 0.99 * euler).stable
         assert not shear_terms.bend(hard, stiff, 1.01 * euler).stable
-
-
-def test_trigonometric_ratios_are_accurate_at_any_argument():
-    for x in (0.0, 1e-9, 1e-3, 0.0299, 0.0301, 0.5, 4.0):
-        with mpmath.workdps(60):
-            y = mpmath.mpf(x) or mpmath.mpf("1e-25")
-            exact = [mpmath.sin(y) / y, (1 - mpmath.cos(y)) / y**2, (y - mpmath.sin(y)) / y**3]
-        assert shear_terms.trigonometric_ratios(x) == approx([float(value) for value in exact], rel=2e-11)
 
 
 @pytest.mark.parametrize("load", [Load(1.5), stick(0.7, 0.8, -0.3)])

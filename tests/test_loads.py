@@ -39,26 +39,6 @@ def test_opposite_shears_have_one_axis(x, y, degrees):
     assert load.axis == pytest.approx(angle, abs=1e-12)
 
 
-def test_a_frictionless_plate_shears_nothing():
-    load = Load(depth=1.0, shear_x=3.0, shear_y=4.0)
-    assert (load.shear, load.shears_tip, load.bonds_contact, load.tip_is_held) == (5.0, False, False, False)
-    assert (load.imposed_shear, load.direction, load.axis) == ((0.0, 0.0), (1.0, 0.0), 0.0)
-
-
-@pytest.mark.parametrize(("friction", "grip"), [("stick", None), (0.3, None), ("none", 1.0)])
-def test_grip_stick_and_friction_shear_the_tip(friction, grip):
-    load = Load(depth=0.0 if grip else 1.0, shear_y=-2.0, friction=friction, grip=grip)
-    assert load.shears_tip
-    assert load.imposed_shear == (0.0, -2.0)
-    assert load.bonds_contact is (friction == "stick")
-    assert load.coulomb == (0.3 if friction == 0.3 else None)
-
-
 def test_scaling_and_its_inverse_change_nothing():
     response = Response((0.3, -0.1, 2.0), (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
     assert response.scaled(4.0, 32.0).scaled(0.25, 1 / 32) == response
-
-
-def test_scaling_keeps_the_tilts():
-    response = Response((0.3, -0.1, 2.0), (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
-    assert response.scaled(3.0, 7.0).rotation == response.rotation

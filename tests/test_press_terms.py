@@ -32,8 +32,3 @@ def test_dome_and_column_share_the_depth_and_the_force_to_rounding(level):
         pressed = press_terms.press(design, depth, TERMS[level])
         assert pressed.above + pressed.below == pytest.approx(depth, rel=1e-14)
         assert press_terms._dome(design, TERMS[level])(pressed.above) == pressed.force
-
-
-def test_no_depth():
-    pressed = press_terms.press(Design(), 0.0, TERMS["finite"])
-    assert (pressed.force, pressed.above, pressed.below, pressed.stretch) == (0.0, 0.0, 0.0, 1.0)
