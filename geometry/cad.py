@@ -141,15 +141,8 @@ def overlap(first: Solid, second: Solid) -> float:
 
 def distance(first: BoundBox, second: BoundBox) -> float:
     """Return the distance of two bounding boxes, mm: a lower bound for the distance of the bodies in them."""
-    gaps = [
-        max(
-            getattr(second.min, axis) - getattr(first.max, axis),
-            getattr(first.min, axis) - getattr(second.max, axis),
-            0.0,
-        )
-        for axis in "XYZ"
-    ]
-    return math.hypot(*gaps)
+    past = np.subtract(tuple(second.min), tuple(first.max)), np.subtract(tuple(first.min), tuple(second.max))
+    return float(np.linalg.norm(np.maximum(np.maximum(*past), 0.0)))
 
 
 def element_positions(design: Design) -> tuple[Corner, Corner, Corner]:
