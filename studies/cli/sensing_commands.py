@@ -37,12 +37,12 @@ def field(
     out
         CSV file for the points with Bx_T,By_T,Bz_T added; default: standard output.
     """
-    from studies.sensing import field_tables
+    from studies.sensing import field_readings
 
     design = design_of(source, sets)
     atomic_files.check_apart([out], [source, points])
     with atomic_files.sole_writer(out):
-        field_tables.add_field(design, points, pose, level, out)
+        field_readings.add_field(design, points, pose, level, out)
     return GOOD
 
 

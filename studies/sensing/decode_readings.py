@@ -32,7 +32,7 @@ from studies.inputs.option_groups import Decoding
 from studies.output import atomic_files, console, page_templates
 from studies.output.records import FlatRow
 from studies.output.result import Result, failure_of, of_record
-from studies.sensing.field_tables import read_rows
+from studies.sensing.field_readings import read_rows
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder, Limit, Status
