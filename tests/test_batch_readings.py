@@ -2,8 +2,6 @@
 
 import dataclasses
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -110,26 +108,3 @@ def test_an_element_on_the_rim_has_no_reading(plate):
 def test_no_rows():
     batch = batch_readings([], np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 2)))
     assert batch.field_T.shape == batch.output.shape == batch.saturated.shape == (0, 3)
-
-
-def test_few_rows_do_without_numba():
-    """A process with a small table does not wait for numba, and gets the values of one that has it."""
-    code = """
-import sys
-import numpy as np
-from analytic.hall import batch_readings
-from geometry.design import Design
-# the second row has S2 on the magnet's rim, the third no pose
-design = Design(l0=2.0, c=1.5, f=2.5, magnet_diameter=4.0, magnet_height=2.0)
-shift = np.array([[0.1, 0.2, -0.3], [0.5, 0.0, 0.5], [np.nan, 0.0, 0.0]])
-rows = [design], np.zeros(3, dtype=np.int64), shift, np.zeros((3, 2))
-plain = batch_readings(*rows)
-print("numba" in sys.modules)
-import analytic.inverse.forward_model
-compiled = batch_readings(*rows)
-for name in ("field_T", "output", "saturated"):
-    np.testing.assert_allclose(getattr(plain, name), getattr(compiled, name), rtol=1e-13, atol=2e-15)
-print(np.isnan(plain.field_T).any(axis=1))
-"""
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ended.stdout.splitlines() == ["False", "[False  True  True]"]
