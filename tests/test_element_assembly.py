@@ -1,6 +1,5 @@
 """Integrals over the elements: derivatives for every law, batches, matrices without pressures."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,13 +114,3 @@ def test_tiny_strains_keep_their_digits():
     residual = system.assemble(system.state(1e-10 * q), None).residual
     linear = whole(rest.tangent) @ q
     np.testing.assert_allclose(residual / 1e-10, linear, rtol=0, atol=1e-8 * np.abs(linear).max())
-
-
-def test_neighbouring_tetrahedra_follow_each_other():
-    """The steps between tetrahedra in order are far shorter than between tetrahedra in random order."""
-    e = SCENES["half ball"]().elements
-    shuffled = replace(e, cells=RNG.permutation(e.cells))
-    order = np.argsort(element_assembly.places_on_curve(shuffled), kind="stable")
-    centres = shuffled.nodes[shuffled.corners].mean(axis=1)
-    before, after = (np.linalg.norm(np.diff(x, axis=0), axis=1).mean() for x in (centres, centres[order]))
-    assert after < before / 2

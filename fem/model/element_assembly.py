@@ -40,8 +40,6 @@ BATCH = 2048
 ELEMENTS, PRESSURES, MAGNET, MAGNET_PRESSURES, COMPLIANCE, MOTION, FACETS = range(7)
 """Groups of matrices in the pattern: elements, and their coupling with the pressures; elements at the magnet with its
 motion, and this with their pressures; pressures; motion of the magnet; facets of the skin."""
-CURVE_BITS = 7
-"""Bits of each coordinate along the curve that orders tetrahedra: 128 cubes along the beam, finer than most cells."""
 
 
 def mass(e: Elements, density: float) -> Array:
@@ -312,23 +310,6 @@ def cut_batches(e: Elements) -> list[tuple[int, int]]:
     """Return where the batches of the elements begin and end; they are of nearly one size."""
     cuts = np.linspace(0, len(e.cells), -(-e.weights.size * len(e.angles.theta) // BATCH) + 1)
     return list(itertools.pairwise(cuts.astype(int).tolist()))
-
-
-def places_on_curve(e: Elements) -> Ints:
-    """Return places (m,) of tetrahedra along a Morton curve, where neighbours follow each other; zeros for sections.
-
-    Entries of the matrix that elements share are then still in the processor's cache: a tangent takes a fifth less.
-    """
-    places = np.zeros(len(e.cells), dtype=np.int64)
-    if e.dim == 2 or not len(e.cells):
-        return places
-    centres = e.nodes[e.corners].mean(axis=1)
-    low = centres.min(axis=0)
-    cube = ((centres - low) / max(float(np.ptp(centres, axis=0).max()), 1e-9) * (2**CURVE_BITS - 1)).astype(np.int64)
-    for bit in range(CURVE_BITS):
-        for axis in range(3):
-            places |= (cube[:, axis] >> bit & 1) << (3 * bit + axis)
-    return places
 
 
 @compiled

@@ -125,7 +125,7 @@ class System:
         touches[self.glued] = True
         at_magnet = touches[elements.cells].any(axis=1)
         # elements at the magnet come last: only they have the unknowns of its motion
-        order = np.lexsort((element_assembly.places_on_curve(elements), at_magnet))
+        order = np.argsort(at_magnet, kind="stable")
         m, self._free_cells = len(order), int(len(order) - at_magnet.sum())
         self.elements = replace(
             elements, cells=elements.cells[order], D=elements.D[order], weights=elements.weights[order]

@@ -39,11 +39,11 @@ from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]
 
-MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES, BLOCK_EXCHANGES = 160, 50, 600, 4, 100, 3
-"""Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where solving for them
-costs as much as one or two plain steps; on sections under a tilted plate (MOST_TILTED), where the points at all
-angles switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round; and exchanges
-of all wrong points that do not reduce their number before one point at a time is exchanged."""
+MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES, BLOCK_EXCHANGES = 600, 50, 4, 100, 3
+"""Limits: points that may switch on sections (MOST_POINTS), where under a tilted plate the points at all angles
+switch one by one and plain steps do not settle; and in tetrahedra (MOST_SOLID), where solving for them costs as much
+as one or two plain steps; rounds, and exchanges of the set in each round; and exchanges of all wrong points that do
+not reduce their number before one point at a time is exchanged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +219,7 @@ def settle_contact(
     plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
     known = known or Switches()
     settled, now = step, plain
-    most = MOST_SOLID if system.elements.dim == 3 else MOST_TILTED if plate.tilt else MOST_POINTS
+    most = MOST_SOLID if system.elements.dim == 3 else MOST_POINTS
     for turn in range(MOST_ROUNDS):
         # tied points keep their springs; a point that switched before is already in the set
         flips = loose & ((now > 0) != acting)

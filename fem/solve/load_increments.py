@@ -38,13 +38,9 @@ the increment. Those of a press are also at most the share FRICTION_PRESS_SHARE 
 SHORTEST = 1e-3
 """Increment over D, or over the length of a segment shorter than D, below which the path stops: if even such a small
 increment fails, the path has reached a limit."""
-PREDICTED, PREDICTED_TOLERANCE = 0.4, 0.01
-"""Longest shear over D that a predictor follows in one increment, and its Newton tolerance: the prediction is off by
-some percent anyway, from the harmonics that it leaves out. At 0.1 long shears need more corrections. A press is
-predicted to PASSED_TOLERANCE: where it buckles, a rough state may lie on the side of another branch."""
-PASSED_TOLERANCE, SOLID_PASSED_TOLERANCE = 1e-4, 3e-3
-"""Newton tolerances of intermediate states without friction, on sections and in tetrahedra, whose iterations cost
-more. The next increment corrects the remaining residual."""
+PASSED_TOLERANCE = 1e-4
+"""Newton tolerance of intermediate states without friction, and of predictions: the next increment, or the
+correction, removes the remaining residual. A rough state may lie on the side of another branch."""
 EASY = 7
 """Newton iterations up to which an increment is easy, and the next one may be longer."""
 GROWTH = 1.5
@@ -161,7 +157,7 @@ def follow_segment(
 
     Parameters
     ----------
-    predicts : whether the states are only a prediction, those of a shear to PREDICTED_TOLERANCE.
+    predicts : whether the states are only a prediction.
     friction_step_factor : factor on the longest increments with Coulomb friction.
     """
     start, reached = state.position, Reached(state, "", 0)
@@ -169,13 +165,12 @@ def follow_segment(
     if length == 0:
         return reached
     longest = longest_increment(state, start, goal, friction_step_factor) / length
-    rough = predicts and start[0] == goal[0]
-    if rough and length <= PREDICTED:
-        longest = 1.0
 
     def increment(state: PathState, target: float, step: float) -> Reached[PathState]:
         position = goal if target == 1 else start + target * (goal - start)
-        tolerance = PREDICTED_TOLERANCE if rough else _tolerance(state, passed=predicts or target < 1)
+        # with friction every state is solved fully, as the history keeps its error
+        passed = (predicts or target < 1) and state.friction is None
+        tolerance = PASSED_TOLERANCE if passed else TOLERANCE
         return apply_increment(solver, state, position, tolerance, accept=step * length <= LONGEST_DOUBTFUL)
 
     state = _set_direction(state, (goal - start) / length)
@@ -361,13 +356,6 @@ def longest_increment(state: PathState, start: Array, goal: Array, friction_step
         return LONGEST if state.d.revolved else LONGEST / 2
     press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * float(max(start[0], goal[0])))
     return friction_step_factor * (press if goal[0] != start[0] else FRICTION_SHEAR)
-
-
-def _tolerance(state: PathState, *, passed: bool) -> float:
-    """Return Newton's tolerance; with friction every state is solved fully, as the history keeps its error."""
-    if not passed or state.friction is not None:
-        return TOLERANCE
-    return PASSED_TOLERANCE if state.d.revolved else SOLID_PASSED_TOLERANCE
 
 
 def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:

@@ -28,8 +28,6 @@ from fem.solve.newton import newton
 from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
-MOST_ITERATIONS = 16
-"""Most iterations for the correction; more would cost as much as the increments that are to be saved."""
 CLOSE = 0.004
 """Gap up to which a point of the skin is expected to be in contact, over the depth or the shear, whichever is less.
 The prediction leaves small gaps where the tip rolls onto the plate, and each point that is wrong has to switch. With
@@ -186,7 +184,7 @@ def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tup
     pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > -close
     # as in increments, a dead load selects the branch
     confirm = bool(system.dead.any())
-    answer = newton(system, solver, guess, plate, pressed, most=MOST_ITERATIONS, confirm=confirm)
+    answer = newton(system, solver, guess, plate, pressed, confirm=confirm)
     crushed = answer.state.least_J < CRUSHED
     sound = answer.stability == state.stability and crushed == (state.least_J < CRUSHED)
     if not answer.converged or not sound or turns_over(state, goal, answer.state.u):

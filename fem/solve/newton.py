@@ -127,7 +127,6 @@ def newton(
     plate: Plate | None,
     pressed: NDArray[np.bool_] | None = None,
     *,
-    most: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
     confirm: bool = True,
     tangent: KeptTangent | None = None,
@@ -136,7 +135,7 @@ def newton(
 
     Parameters
     ----------
-    q, most, tolerance, confirm : see `iterate`.
+    q, tolerance, confirm : see `iterate`.
     plate : the plate, or None.
     pressed : (k, q) points that are in contact in the first iteration; default: those with a positive overlap. A
         guess that overlaps the plate slightly would otherwise activate many springs, which each step then has to
@@ -144,12 +143,10 @@ def newton(
     tangent : that of an earlier step, for steps of a path that change little; its solver is used.
     """
     contact = ActiveSet(system, tangent or KeptTangent(solver), plate, pressed, keeps_long=tangent is not None)
-    return iterate(contact, q, most=most, tolerance=tolerance, confirm=confirm)
+    return iterate(contact, q, tolerance=tolerance, confirm=confirm)
 
 
-def iterate(
-    contact: Contact, q: Array, *, most: int = MOST_ITERATIONS, tolerance: float = TOLERANCE, confirm: bool = True
-) -> Equilibrium:
+def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm: bool = True) -> Equilibrium:
     """Solve residual(q) = 0 from a first guess.
 
     It has converged when the residual forces are below `tolerance` times the reactions, and the residual volumes
@@ -158,7 +155,6 @@ def iterate(
     Parameters
     ----------
     q : (n,) first guess.
-    most : largest number of iterations.
     tolerance : see above.
     confirm : compute the residual after the last step. Otherwise that step is not assembled where it leaves at most
         the share of the step before, and this reaches the tolerance; the assembly is then that before the step.
@@ -169,7 +165,7 @@ def iterate(
         at_rest = system.assemble(system.state(np.zeros(system.size)), None)
         return Equilibrium(system.state(q), at_rest, 0, "guess_inverted")
     assembly, rate = contact.assemble(state, tangent=not contact.knows(state)), 1.0
-    for iteration in range(most):
+    for iteration in range(MOST_ITERATIONS):
         size = reference_size(system, state, assembly)
         left = size.share(assembly)
         settled = contact.is_settled(state)
@@ -193,7 +189,7 @@ def iterate(
         rate = size.merit(assembly) / before if before else 0.0
         if iteration >= UNDAMPED and rate > 1 / 2:
             state, assembly = _damp_step(contact, state, assembly, full, size)
-    return Equilibrium(state, assembly, most, "no_convergence")
+    return Equilibrium(state, assembly, MOST_ITERATIONS, "no_convergence")
 
 
 @dataclass(frozen=True, slots=True)
