@@ -1,6 +1,5 @@
 """Integrals over the elements: derivatives for every law, batches, matrices without pressures."""
 
-
 import numpy as np
 import pytest
 from test_nonlinear_system import RNG, SCENES, plate, smooth

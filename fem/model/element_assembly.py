@@ -125,7 +125,6 @@ class ElementAssembly:
         VC = np.einsum("tiJf,tn->Jitfn", a.V, a.C)
         self._VC = np.ascontiguousarray(VC).reshape(3, 3 * t, a.fields * a.pressures)
         self._pairs, self._where = a.pairs, a.pairs.places(e.cells.shape[1])
-        self._buffers: dict[tuple[str, tuple[int, ...]], Array] = {}
         self._batches = [self._cut(slice(*cut), mu, inverse_K) for cut in cut_batches(e)]
         self._strained: Array | None = None
         self._constant = np.zeros(pattern.entries)
@@ -142,13 +141,6 @@ class ElementAssembly:
         )
         strains = np.empty((9, *w.shape)), np.empty(w.shape), np.empty((9, *w.shape))
         return _Batch(part, near, beside, shear, w, w * shear.reshape(w.shape), w * soft.reshape(w.shape), *strains)
-
-    def _buffer(self, name: str, *shape: int) -> Array:
-        """Return an array for results of one batch; fresh memory would cost as much time as filling it."""
-        key = name, shape
-        if key not in self._buffers:
-            self._buffers[key] = np.zeros(shape)
-        return self._buffers[key]
 
     def least_volume_change(self, u: Array) -> float:
         """Return the least J - 1 at the integration points of displacements u, read-only; nan where any is nan."""
@@ -200,7 +192,7 @@ class ElementAssembly:
         """Return energies (t n,), stresses (9, t n) and tangents (9, 9, t n), times the weights, of a batch."""
         points, G, Jm1, w = batch.w.size, batch.G.reshape(9, -1), batch.Jm1.ravel(), batch.w.ravel()
         modulus = batch.modulus if viscous is None else batch.modulus * viscous.factor
-        W, P, A = self._buffer("W", points), self._buffer("P", 9, points), self._buffer("A", 9, 9, points * tangent)
+        W, P, A = np.empty(points), np.empty((9, points)), np.empty((9, 9, points * tangent))
         strain = G, Jm1, batch.Hm1.reshape(9, -1)
         self._law(strain, modulus.ravel(), (batch.w * pressure).ravel(), (W, P, A))
         if viscous is not None:
@@ -210,12 +202,12 @@ class ElementAssembly:
     def _add_stiffness(self, batch: _Batch, A: Array, T: Array, data: Array) -> None:
         """Add the stiffness of a batch, for weighted tangents A (9, 9, t n)."""
         D, n, pairs = self._elements.D[batch.part], batch.w.shape[1], self._pairs
-        H = self._buffer("H", 9, n, pairs.count)
+        H = np.empty((9, n, pairs.count))
         A = A.reshape(3, 3, 3, 3, -1, n)
         for i, k, at, products in pairs.groups:
             rows = A[i, :, k].transpose(1, 3, 0, 2, 4, 5).reshape(9, -1, n)
             np.matmul(np.swapaxes(rows, 1, 2), products, out=H[:, :, at])
-        K = self._buffer("K", len(D), D.shape[3], D.shape[3] * pairs.count)
+        K = np.empty((len(D), D.shape[3], D.shape[3] * pairs.count))
         integrate_stiffness(D, H, K)
         self._scatter_stiffness(batch, K.reshape(len(D), -1), self._where, T, data)
 

@@ -74,11 +74,6 @@ class Plate:
     friction: Friction | None = None
 
     @property
-    def only_presses(self) -> bool:
-        """Whether the plate is upright, without glue or friction."""
-        return self.height is not None and not self.tilt and self.tied is None and self.friction is None
-
-    @property
     def frame(self) -> Array:
         """(3, 3) directions as rows: the two along the plate, and its normal."""
         return _frame(self.tilt)
@@ -175,9 +170,6 @@ def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
 
 def resultant(surface: Surface, u: Array, plate: Plate) -> Array:
     """Return the integral (3,) of the traction of the plate's springs."""
-    if plate.only_presses:
-        load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
-        return np.array([0.0, 0.0, plate.stiffness * float(load.sum())])
     return np.asarray(np.einsum("kq,kqi->i", surface.weights, springs(surface, u, plate).traction))
 
 

@@ -26,7 +26,7 @@ from fem.model.elements import Surface
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
 from fem.solve.direct_solver import UNKNOWN, Solver, Stability
-from fem.solve.newton import UNDAMPED
+from fem.solve.newton import UNDAMPED, norm
 from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]
@@ -205,14 +205,14 @@ def settle(
         springs = zone.springs(u, y, plate)
         force = zone.forces(springs)
         residual = schur @ y + force - load
-        now = _norm(residual)
+        now = norm(residual)
         friction = springs.friction
         assert friction is not None
-        if plate.pressed is None and not friction.held and now <= SETTLED * (_norm(force) + _norm(load)):
+        if plate.pressed is None and not friction.held and now <= SETTLED * (norm(force) + norm(load)):
             return y
         if iteration > UNDAMPED and now > last / 2:
             y, springs, residual = _shorten(schur, load, zone, u, plate, y, step)
-            now = _norm(residual)
+            now = norm(residual)
         last = now
         try:
             step = np.asarray(np.linalg.solve(schur + zone.stiffness(springs, plate), residual))
@@ -263,8 +263,4 @@ def _shorten(
         shorter = y + back * step
         springs = zone.springs(u, shorter, plate)
         tried.append((shorter, springs, schur @ shorter + zone.forces(springs) - load))
-    return min(tried, key=lambda trial: _norm(trial[2]))
-
-
-def _norm(x: Array) -> float:
-    return math.sqrt(x @ x)
+    return min(tried, key=lambda trial: norm(trial[2]))

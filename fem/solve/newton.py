@@ -208,18 +208,18 @@ class ReferenceSize:
 
     def share(self, assembly: Assembly) -> float:
         """Return the larger share of residual to reference, of forces and volumes."""
-        force, volume = _norm(assembly.residual[: self.n]), _norm(assembly.residual[self.n :])
+        force, volume = norm(assembly.residual[: self.n]), norm(assembly.residual[self.n :])
         return max(force / max(self.reaction, ROUNDING), volume / max(self.reach, ROUNDING))
 
     def merit(self, assembly: Assembly) -> float:
         """Return forces and volumes as one number, with the same weights before and after a step."""
-        force, volume = _norm(assembly.residual[: self.n]), _norm(assembly.residual[self.n :])
+        force, volume = norm(assembly.residual[: self.n]), norm(assembly.residual[self.n :])
         return force / (self.reaction or 1.0) + volume / (self.reach or 1.0)
 
 
 def reference_size(system: System, state: State, assembly: Assembly) -> ReferenceSize:
     """Return the reference sizes at a state, from the forces of its assembly."""
-    reaction = _norm(assembly.forces[system.eliminated])
+    reaction = norm(assembly.forces[system.eliminated])
     reach = float(np.abs(state.u).max(initial=0.0))
     return ReferenceSize(system.n_free + system.n_rigid, reaction, reach)
 
@@ -265,7 +265,7 @@ def _reaches(contact: Contact, rate: float, left: float, tolerance: float) -> bo
     return rate <= CHORD and rate * left <= tolerance
 
 
-def _norm(x: Array) -> float:
+def norm(x: Array) -> float:
     """Return the Euclidean norm of (n,) numbers: `numpy.linalg.norm`, but faster for few."""
     return math.sqrt(x @ x)
 
