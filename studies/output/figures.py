@@ -436,25 +436,23 @@ def _shaded(
 def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -> Any:
     import altair as alt
 
-    way = kind.__name__.lower()
+    way, field = kind.__name__.lower(), escaped(name)
     if _is_named(data, name):
         title = None if way == "y" else name
-        return kind(field=escaped(name), type="nominal", sort=None, title=title, axis=alt.Axis(labelLimit=420))
+        return kind(field=field, type="nominal", sort=None, title=title, axis=alt.Axis(labelLimit=420))
+    scale, axis = _numbers(data, name, way, look)
+    return kind(field=field, type="quantitative", scale=scale, axis=alt.Axis(tickCount=ticks, **axis), title=name)
+
+
+def _numbers(data: pd.DataFrame, name: str, way: str, look: Look) -> tuple[Any, dict[str, Any]]:
+    """Return the scale of an axis of numbers, and what its labels need."""
+    import altair as alt
+
     least = _text_room(data, way, look)
     if way in look.log:
-        log = alt.Scale(type="log", nice=False, padding=max(8, least))
-        return kind(
-            field=escaped(name),
-            type="quantitative",
-            scale=log,
-            axis=alt.Axis(format="~g", tickCount=ticks),
-            title=name,
-        )
+        return alt.Scale(type="log", nice=False, padding=max(8, least)), {"format": "~g"}
     if way == "y" and look.span:
-        clamped = alt.Scale(domain=list(look.span), clamp=True, nice=False, zero=False)
-        return kind(
-            field=escaped(name), type="quantitative", scale=clamped, axis=alt.Axis(tickCount=ticks), title=name
-        )
+        return alt.Scale(domain=list(look.span), clamp=True, nice=False, zero=False), {}
     numbers = data[name].to_numpy(dtype=float)
     numbers = np.concatenate([numbers, [guide.at for guide in look.guides if guide.axis == way and guide.to is None]])
     low, high = np.nanmin(numbers, initial=np.inf), np.nanmax(numbers, initial=-np.inf)
@@ -463,11 +461,9 @@ def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -
     most = max(abs(low), abs(high))
     # d3 writes many zeros before it turns to powers of ten
     powers = {"format": "~e"} if 0 < most < 1e-3 or 1e6 <= most < np.inf else {}
-    axis = alt.Axis(tickCount=ticks, **powers)
     # a margin below zero would show numbers that no value has
     padding = 0 if way == "y" and (zero or low == 0) else max(9, least if way == "x" else 0)
-    scale = alt.Scale(zero=zero, padding=padding, nice=way == "y")
-    return kind(field=escaped(name), type="quantitative", scale=scale, axis=axis, title=name)
+    return alt.Scale(zero=zero, padding=padding, nice=way == "y"), powers
 
 
 def _text_room(data: pd.DataFrame, way: str, look: Look) -> float:

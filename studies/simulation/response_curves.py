@@ -135,7 +135,11 @@ def mesh_difference(curves: Curves, coarse: Curves) -> Array:
     to the larger of both, since a force that falls to 0 at a resonance would have no relative difference.
     """
     one, other = (c.along if c.force is None else c.force for c in (curves, coarse))
-    one = one[np.isin(curves.frequency, coarse.frequency)]
+    return _difference(one[np.isin(curves.frequency, coarse.frequency)], other)
+
+
+def _difference(one: Complex, other: Complex) -> Array:
+    # relative to the larger of both: a gain that falls to 0 beside a resonance would have no relative difference
     return np.asarray(np.abs(one - other) / np.maximum(np.abs(one), np.abs(other)))
 
 
@@ -223,10 +227,7 @@ def errors(
 
     f, slope = curves.frequency, amplification(curves.frequency, gain)
     both = np.isin(f, coarse.frequency)
-    one = gain[both]
-    # relative to the larger of both: a gain that falls to 0 beside a resonance would have no relative difference
-    difference = np.abs(one - coarse_gain) / np.maximum(np.abs(one), np.abs(coarse_gain))
-    difference = np.interp(np.log(f), np.log(f[both]), difference)
+    difference = np.interp(np.log(f), np.log(f[both]), _difference(gain[both], coarse_gain))
     return estimate_vibration(quantity, curves.motion, difference, slope, scene)
 
 
