@@ -25,8 +25,9 @@ from geometry.arrays import Array, Ints
 DEGREE = 3
 """Degree of the polynomial: one more than that of the elements."""
 PATCH = 1.5
-"""Radius of the patch over the mean edge length of the NEAREST cells around the point."""
+"""Radius of the patch over the mean edge length of the cells around the point."""
 NEAREST = 12
+"""Cells, those with the nearest centres, whose mean edge length counts."""
 WORST, WIDER = 1e3, 1.25
 """Largest condition number of a fit, and factor by which the patch grows while the fit has too few nodes."""
 POWERS = np.array([e for e in itertools.product(range(DEGREE + 1), repeat=3) if sum(e) <= DEGREE])

@@ -63,6 +63,8 @@ PLACES: NDArray[np.int64] = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 """Shares of the six components in a product of two tensors."""
 _SMALL = 1e-2
+"""Step over tau below which series take the place of differences that lose digits. Their relative error there is at
+most 7e-8, and 1.5e-5 in `curvature_weight`, which is an error's."""
 _ROWS, _COLUMNS = np.array(PAIRS).T.copy()
 
 
