@@ -186,7 +186,10 @@ class LoadingCurve:
                 return len(self.points) - 1
             if last.stop or self.ended(last.state) or last.motion >= self.most:
                 return NotReached(max(self.points, key=lambda point: point.force), last)
-            self.reach(min(self._next_motion(force, guess), self.most), advance)
+            point = self.reach(min(self._next_motion(force, guess), self.most), advance)
+            # a path to a larger motion may stop before a state that a shorter way has reached
+            if point.stop and point.motion < last.motion:
+                return NotReached(max(self.points, key=lambda point: point.force), point)
 
     def _next_motion(self, force: float, guess: float) -> float:
         """Return a motion at which the force is expected, from the last two states."""
