@@ -180,7 +180,7 @@ def test_no_path_stays_alive_without_garbage_collection():
     try:
         for _ in walk_forces(paper(), [ForceTarget(0.05), ForceTarget(5.0)], ROUGH):
             pass
-        assert not [each for each in gc.get_objects() if isinstance(each, ForcePath)]
+        assert not [each for each in gc.get_objects() if type(each) is ForcePath]
     finally:
         gc.enable()
 

@@ -19,6 +19,7 @@ from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
+from studies.inputs.study_input import needs_load
 from studies.mechanics import store as store_module
 from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
 from studies.mechanics.path_keys import KINDS, Kind, Place, place
@@ -114,9 +115,8 @@ class Paths:
 
     def _places(self, problem: Problem) -> dict[str, tuple[Target, Place | None]]:
         """Return target and place of each answer to a problem; no place where it is impossible."""
-        own = [KINDS[name] for name in self.plan.quantities if name in KINDS]
-        # a study of critical depths alone, for example, needs no state under its load
-        first: Kind = own[0] if len(own) == len(self.plan.quantities) else "states"
+        # critical depths and modes alone need no state under a load
+        first: Kind = "states" if needs_load(self.plan.quantities) else KINDS[self.plan.quantities[0]]
         kinds = {model.name: (model, first) for model in self.plan.fem if not model.surrogate}
         if self.plan.reference is not None:
             kinds |= {name: (self.plan.reference, KINDS[name]) for name in self.plan.quantities if name in KINDS}
