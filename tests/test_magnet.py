@@ -81,6 +81,31 @@ def test_magnets_stay_from_where_the_push_is_that_of_friction():
         repulsion(3.0, 3.0, 1.2, 6.0)
 
 
+def test_no_flux_leaves_a_closed_surface():
+    """A closed cylinder of radius 1 from z = 0 to 3, through the face of the magnet at z = 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    r, w = (nodes + 1) / 2, weights / 2
+    top = cylinder_field(np.column_stack([r, 0 * r, 0 * r + 3]), 2, 2, 1.2)[:, 2]
+    bottom = cylinder_field(np.column_stack([r, 0 * r, 0 * r]), 2, 2, 1.2)[:, 2]
+    side = 0.0
+    for low, high in ((0.0, 1.0), (1.0, 3.0)):
+        z = low + (high - low) * r
+        side += (cylinder_field(np.column_stack([0 * z + 1, 0 * z, z]), 2, 2, 1.2)[:, 0] * w).sum() * (high - low)
+    ends = ((top - bottom) * r * w).sum()
+    assert ends < -0.1
+    assert abs(side + ends) < 1e-13
+
+
+def test_ampere_round_the_hull():
+    """Along a loop through magnet and air, B dl is mu0 times the sheet current: J times the enclosed height."""
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    z = 0.5 * nodes
+    inner, outer = (cylinder_field(np.column_stack([0 * z + r, 0 * z, z]), 2, 2, 1.2)[:, 2] for r in (1.5, 2.5))
+    r = 2 + 0.5 * nodes
+    top, bottom = (cylinder_field(np.column_stack([r, 0 * r, 0 * r + z]), 2, 2, 1.2)[:, 0] for z in (0.5, -0.5))
+    assert_allclose(0.5 * (weights * (inner + top - outer - bottom)).sum(), 1.2, rtol=1e-9)
+
+
 @pytest.mark.parametrize("z0", [1e-6, 0.02, 0.15, 0.5, 3.0, 200.0])
 def test_regimes_meet(z0):
     """Two neighbours, one on each side of a change of formula, differ by no more than their distance allows."""
