@@ -6,9 +6,8 @@ data sheet: check them before you rely on them.
 | part | source | read in the source | unchecked |
 |---|---|---|---|
 | SS495A | Honeywell SS490 series, 055843 | ratiometric, rail to rail, quad Hall | 3.125 mV/G (3.00 to 3.25), null 2.5 V, +-670 G (quoted by others from it); rails 0.2 V from the supply of 5 V; no noise stated |
-| TMAG5273A1 | Texas Instruments SLYS045A, 2021 | 12-bit converter, ranges +-40 and +-80 mT | noise 0.1 mT without averaging; 410 LSB/mT of the 16-bit word at +-80 mT (from a driver) |
 | NI 9205 | the converter that the paper names | 16 bits; +-10 V make a step of 0.305 mV | random noise 0.244 mV |
-| TLE493D-P2B6 | Infineon, version 1.0, 2021-01-12 | +-160 mT, resolution down to 65 uT | step 0.13 mT at full range (from a driver); noise 0.1 mT |
+| 3-axis chips | in `geometry/hall_chips.toml`, each with its source | there | there, as `assumed` |
 """  # noqa: E501
 
 from __future__ import annotations
@@ -22,8 +21,9 @@ from typing import Literal
 from analytic import reading_noise
 from geometry.cad import element_positions
 from geometry.design import BadInput, Design
+from geometry.hall_chips import CHIPS, chip_of
 
-__all__ = ["CHIPS", "Chip", "Element", "of_design"]
+__all__ = ["CHIPS", "Element", "of_design"]
 
 Vector = tuple[float, float, float]
 
@@ -91,21 +91,6 @@ class Element:
         return reading_noise.of_average(self.noise, self.step, self.floor, self.average) / self.gain
 
 
-@dataclass(frozen=True, slots=True)
-class Chip:
-    """Three-axis part that sends flux densities: range, step of one count and noise, T; its plates are points."""
-
-    range: float
-    step: float
-    noise: float
-
-
-CHIPS = {
-    "tmag5273a1": Chip(range=0.08, step=0.08 / 2048, noise=1e-4),
-    "tle493d-p2b6": Chip(range=0.16, step=1.3e-4, noise=1e-4),
-}
-"""Three-axis parts by the name in `Design.hall_layout`, in their wide range, without averaging; sources above."""
-
 CONVERTER, CONVERTER_NOISE, CONVERTER_STEP = "NI 9205, +-10 V", 2.44e-4, 20 / 2**16
 """Converter that the paper names: name, noise and step, V. The noise does not include that of the elements."""
 
@@ -133,8 +118,8 @@ def of_design(design: Design) -> tuple[Element, ...]:
 def common_values(design: Design) -> tuple[float, float, float, float, float, float, float]:
     """Return gain, null, low, high, noise of one sample, step and plate, which the three elements have in common."""
     if design.hall_layout != "three":
-        chip = CHIPS[design.hall_layout]
-        return 1.0, 0.0, -chip.range, chip.range, chip.noise, chip.step, 0.0
+        chip = chip_of(design)
+        return 1.0, 0.0, -chip.range, chip.range, chip.noise or 0.0, chip.step, 0.0
     rails = design.hall_gain, design.hall_null, design.hall_low, design.hall_high
     noise = reading_noise.of_sample(design.hall_noise, design.hall_noise_density, design.hall_bandwidth)
     return *rails, noise, design.hall_step, design.hall_plate

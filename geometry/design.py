@@ -18,6 +18,7 @@ from typing import Any
 
 from geometry.bad_input import BadInput as BadInput
 from geometry.bad_input import in_range, nearest, no_effect, quantity
+from geometry.hall_chips import CHIPS, OWN, chip_of
 
 __all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
 
@@ -40,7 +41,7 @@ SILICONE_E = (0.01, 20.0)
 """Young's moduli of silicones, MPa: from castable gels softer than Shore 00-10 (0.05 MPa) to Shore A 90, 20.9 MPa by
 Gent's formula (1958), E = 0.0981 (56 + 7.66 S) / (0.137505 (254 - 2.54 S))."""
 
-HALL_LAYOUTS = ("three", "tmag5273a1", "tle493d-p2b6")
+HALL_LAYOUTS = ("three", *CHIPS, OWN)
 """Three one-axis Hall elements S1, S2 and S3, or one 3-axis chip at the height of S1."""
 
 OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
@@ -48,10 +49,13 @@ OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
         *("f", "c", "hall_gain", "hall_null", "hall_low", "hall_high"),
         *("hall_noise", "hall_noise_density", "hall_bandwidth", "hall_noise_floor", "hall_step", "hall_plate"),
     ),
-    "tmag5273a1": ("chip_x",),
-    "tle493d-p2b6": ("chip_x",),
+    **dict.fromkeys(CHIPS, ("chip_x", "chip_noise")),
+    OWN: (
+        *("chip_x", "chip_noise", "chip_range", "chip_step"),
+        *("chip_length", "chip_width", "chip_height", "chip_plate"),
+    ),
 }
-"""For each layout, the fields that only some layouts use: the output range and the noise of a chip are not fields."""
+"""For each layout, the fields that only some layouts use: a chip with a name has the figures of its data sheet."""
 
 POLES = {"down": 1.0, "up": -1.0}
 """Where the magnet's north pole can point, with the sign of its polarisation along -z: down is towards the base."""
@@ -195,6 +199,16 @@ class Design:
     chip_x: float = quantity(
         0.0, "mm", -1000, 1000, "distance of a 3-axis chip from the beam's axis, along x", assumed=False
     )
+    chip_noise: float = quantity(
+        0.0, "T", 0.0, 1, "noise (rms) of a chip's value (0: its data sheet's)", assumed=True
+    )
+    chip_range: float = quantity(0.1, "T", 1e-6, 10, "full scale of the layout chip", assumed=True)
+    chip_step: float = quantity(0.0, "T", 0.0, 1, "one count of the layout chip", assumed=True)
+    chip_length: float = quantity(3.0, "mm", 0.1, 50, "footprint of the layout chip along x", assumed=True)
+    chip_width: float = quantity(3.0, "mm", 0.1, 50, "footprint of the layout chip along y", assumed=True)
+    chip_height: float = quantity(1.0, "mm", 0.05, 20, "height of the layout chip over its board", assumed=True)
+    chip_plate: float = quantity(0.5, "mm", 0.0, 20, "height of its sensitive volume over the board", assumed=True)
+    silicone: str = _words("", "name of the silicone, for the recipe (empty: none is named)", assumed=True)
     loss_factor: float = quantity(0.1, "1", 0.0, 1.0, "tan(delta) of the silicone (0: elastic)", assumed=True)
     loss_low: float = quantity(0.01, "Hz", 1e-6, 1e6, "least frequency with this loss factor", assumed=True)
     loss_high: float = quantity(1000.0, "Hz", 1e-6, 1e6, "greatest frequency with this loss factor", assumed=True)
@@ -219,6 +233,10 @@ class Design:
             )
         if not self.loss_low < self.loss_high:
             raise BadInput(f"loss_low must be less than loss_high = {self.loss_high:g} Hz; got {self.loss_low:g} Hz")
+        if not self.chip_plate <= self.chip_height:
+            raise BadInput(
+                f"chip_plate must not exceed chip_height = {self.chip_height:g} mm; got {self.chip_plate:g} mm"
+            )
         if self.hall_average % 1:
             raise BadInput(f"hall_average must be a whole number of samples; got {self.hall_average:g}")
         for name, alpha in (("ogden_alpha1", self.ogden_alpha1), ("ogden_alpha2", self.ogden_alpha2)):
@@ -342,6 +360,11 @@ class Design:
             if rest < 1:
                 note = f"static solves take E as it stands; at rest a force is {rest:.3g} times as large"
                 texts.append(f"modulus is instantaneous: {note}")
+        if self.hall_layout != "three" and chip_of(self).noise is None:
+            texts.append(
+                f"the noise of {chip_of(self).name} is unknown: resolutions count its step alone and are too fine; "
+                "set chip_noise"
+            )
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
             texts.append(
                 f"E = {self.E:g} MPa is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to "
@@ -371,7 +394,7 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
     if "low" not in spec.metadata:
         if not isinstance(value, str):
             raise BadInput(f"{spec.name} must be a text ({spec.metadata['text']}); got {value!r}")
-        if value:
+        if value and spec.name == "prony":
             from geometry.relaxation import parse_branches
 
             parse_branches(value)

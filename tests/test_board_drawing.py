@@ -9,7 +9,8 @@ from ezdxf import bbox
 from geometry.base import Base, plan
 from geometry.design import Design
 from geometry.fabrication.board_drawing import LAYERS, board, pads
-from geometry.fabrication.hall_elements import CHIP_BODIES, places
+from geometry.fabrication.hall_elements import places
+from geometry.hall_chips import CHIPS
 
 DESIGNS = [Design(), Design(hall_layout="tmag5273a1"), Design(hall_layout="tle493d-p2b6", l0=9.0, chip_x=2.0)]
 
@@ -55,31 +56,40 @@ def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
     assert len(circles) == 18
 
 
+WITH_PADS = [layout for layout, chip in CHIPS.items() if chip.pads]
+
+
 @pytest.mark.parametrize("process", ["fdm", "sla"])
-@pytest.mark.parametrize("layout", list(CHIP_BODIES))
+@pytest.mark.parametrize("layout", CHIPS)
 def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
     (pocket,) = plan(design, Base(), process).seats.bodies.values()
     (left, near, _), (wide, deep, high) = pocket.corner, pocket.sides
-    chip = CHIP_BODIES[layout]
+    chip = CHIPS[layout]
     for x, y in pads(design):
-        assert left < x - chip.pad_width / 2
-        assert x + chip.pad_width / 2 < left + wide
-        assert near < y - chip.pad_length / 2
-        assert y + chip.pad_length / 2 < near + deep
-    assert high > chip.height
+        assert left < x - chip.pads.width / 2
+        assert x + chip.pads.width / 2 < left + wide
+        assert near < y - chip.pads.length / 2
+        assert y + chip.pads.length / 2 < near + deep
+    assert (wide, deep, high) > chip.body
     assert "on the underside of the board" in board(design, plan(design, Base()))
 
 
-@pytest.mark.parametrize("layout", list(CHIP_BODIES))
-def test_a_chip_has_six_separate_pads_around_its_plates(layout):
+@pytest.mark.parametrize("layout", WITH_PADS)
+def test_a_chip_has_two_rows_of_separate_pads_around_its_plates(layout):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
-    chip, (x, y, _) = CHIP_BODIES[layout], places(design)[layout]
+    row, (x, y, _) = CHIPS[layout].pads, places(design)[layout]
     drawing = read(design)
-    assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')) == 6
-    wide, tall = chip.pitch + chip.pad_width / 2, (chip.rows + chip.pad_length) / 2
+    assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')) == 2 * row.pins
+    wide, tall = ((row.pins - 1) * row.pitch + row.width) / 2, (row.rows + row.length) / 2
     assert extents(drawing, "PADS") == pytest.approx([x - wide, y - tall, x + wide, y + tall])
-    assert chip.pad_width < chip.pitch
+    assert row.width < row.pitch
+
+
+def test_a_chip_of_unknown_pads_has_none_and_the_board_says_so():
+    drawing = read(Design(hall_layout="mlx90393", l0=9.0))
+    assert not drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')
+    assert any("whose pads are unknown" in entity.dxf.text for entity in drawing.modelspace().query("TEXT"))
 
 
 def test_the_text_names_the_elements_and_asks_to_check_the_pads():

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from analytic.parts import of_design
+from geometry.base import Base, plan
 from geometry.design import Design
 from studies.sizing.catalogues import catalogues_of, read_catalogue, rows
 from studies.sizing.requirements import CATALOGUES, Requirements
@@ -183,6 +184,48 @@ def test_a_chip_has_the_values_of_its_data_sheet(toml):
     assert (part.low, part.high, part.noise, part.noise_density) == (-0.08, 0.08, 1e-4, None)
 
 
+CHIP = """[[hall_part]]
+name = "C"
+layout = "chip"
+range = "50 mT"
+step = "2 uT"
+noise = "5 uT"
+rate = "1 kHz"
+offset = "0.2 mT"
+body = [2.0, 2.5, 0.8]
+plate_height = 0.3
+"""
+
+
+def test_a_chip_of_any_kind_makes_a_design(toml):
+    part = read_catalogue(toml(CHIP)).hall_parts["C"]
+    assert (part.rate, part.null_tolerance) == (1000.0, 2e-4)
+    design = Design(l0=9.0, **part.fields())
+    element = of_design(design)[0]
+    assert (element.high, element.step, element.noise, element.unit) == (0.05, 2e-6, 5e-6, "T")
+    (pocket,) = plan(design, Base()).seats.bodies.values()
+    assert pocket.sides[:2] > (2.0, 2.5)
+
+
+def test_a_chip_of_unknown_noise_is_listed_and_sizes_no_sensor(toml, refused):
+    assert {"MLX90393", "MMC5983MA"} <= {part.name for part in parts_of().left_out}
+    with refused("no sensor can be sized with MLX90393: its noise is unknown: state it"):
+        parts_of(hall_parts=("MLX90393",))
+    with refused("no sensor can be sized with MMC5983MA: it measures the ambient field"):
+        parts_of(hall_parts=("MMC5983MA",))
+    assert Design(hall_layout="mlx90393").value_warnings()[0].startswith("the noise of MLX90393 is unknown")
+    own = toml('[[hall_part]]\nname = "MLX90393"\nlayout = "mlx90393"\nnoise = "3 uT"')
+    (part,) = parts_of(hall_parts=("MLX90393",), catalogues=(own,)).hall_parts
+    assert of_design(Design(**part.fields()))[0].noise == 3e-6
+
+
+def test_eight_chips_and_eight_one_axis_parts_are_shipped():
+    parts = (*parts_of().hall_parts, *parts_of().left_out)
+    assert sum(part.layout == "three" for part in parts) >= 8
+    assert sum(part.layout != "three" for part in parts) >= 8
+    assert all(part.thickness > 0 for part in parts)
+
+
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
@@ -210,7 +253,9 @@ def test_a_chip_has_the_values_of_its_data_sheet(toml):
         (SILICONE + 'assumed = ["nue"]', ["assumed: there is no key 'nue'", "did you mean nu"]),
         ('[[hall_part]]\nname = "H"', ["H: gain is missing"]),
         (HALL + "low = 3", ["null must lie between low = 3 V and high = 4.8 V; got 2.5 V"]),
-        (HALL + 'layout = "tmag5273"', ["there is no layout 'tmag5273'", "did you mean tmag5273a1"]),
+        (HALL + 'layout = "tmag5273"', ["there is no layout 'tmag5273'", "did you mean tmag5273a"]),
+        (CHIP.replace("range", "# range"), ["C: range is missing"]),
+        (CHIP.replace("0.3", "1"), ["plate_height must not exceed the body's height = 0.8 mm; got 1 mm"]),
         (HALL + "body = [1, 2]", [r"body must be \[width, height, thickness\]"]),
     ],
 )

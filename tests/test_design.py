@@ -151,6 +151,7 @@ def test_fields_that_a_layout_does_not_use_are_named(layout):
     changes = {"f": 6.0, "c": 1.0, "chip_x": 1.0, "hall_gain": 30.0, "hall_null": 2.4, "hall_low": 0.3}
     changes |= {"hall_high": 4.7, "hall_noise": 0.01, "hall_step": 0.01, "hall_plate": 0.5, "l0": 8.0}
     changes |= {"hall_noise_density": 1e-6, "hall_noise_floor": 1e-4, "hall_average": 4.0}
+    changes |= {"chip_noise": 2e-6, "chip_range": 0.07, "chip_step": 3e-6}
     read = {name: of_design(replace(design, **{name: value})) for name, value in changes.items()}
     unread = {name for name, elements in read.items() if elements == of_design(design)}
     assert unread == {name for name in changes if name in design.unused_fields()}

@@ -12,6 +12,7 @@ import pytest
 from fem.accuracy import LEVELS
 from fem.equilibrium import solve
 from geometry.design import BadInput, Design, paper
+from geometry.hall_chips import CHIPS
 from geometry.loads import Load
 from studies.cli import commands
 from studies.web.explorer_state import RATES, components, explorer_fields, request_of, state_of, wrong_field
@@ -113,7 +114,7 @@ def test_fields_without_effect_name_the_choice_that_they_need():
         paper().unused_fields()
     )
     assert needs["yeoh_2"] == {"law": ["yeoh"]}
-    assert needs["chip_x"] == {"hall_layout": ["tmag5273a1", "tle493d-p2b6"]}
+    assert needs["chip_x"] == {"hall_layout": [*CHIPS, "chip"]}
     assert all(needs[name] for name in paper().unused_fields() if name != "hall_bandwidth")
 
 

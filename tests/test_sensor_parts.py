@@ -132,7 +132,7 @@ def test_pins_and_screws_of_a_split_mould_have_clearance_and_lie_across_the_spli
             assert all(0.09 < bar.distance_to(half) < 0.3 for half in halves)
 
 
-MIX = Silicone("Sylgard 184", "10A:1B by weight", 48, 23, "a paper", ("mixed", "hours"))
+MIX = Silicone("Sylgard 184", "10A:1B by weight", 48, 23, 1200.0, (1.3, 3.0), "a paper", ("mixed", "hours"))
 
 
 def recipe_text(design, choices):
@@ -149,11 +149,21 @@ def test_the_recipe_mixes_the_silicone_that_was_chosen():
     assert "10A:1B by weight (a paper)" in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=read))
 
 
+def test_the_recipe_weighs_the_silicone_that_was_chosen():
+    """The design's own density of 1080 kg/m³ is that of another silicone."""
+    text = recipe_text(paper(), sensor_solids.FabricationChoices(silicone=MIX))
+    rows = [row.split("|") for row in text.splitlines() if row.startswith(("| first:", "| second:"))]
+    assert [float(row[4]) for row in rows] == pytest.approx([1.2 * float(row[3]) for row in rows], abs=0.013)
+    assert "Masses are those of Sylgard 184 with 1200 kg/m³." in text
+
+
 def test_a_design_without_a_silicone_gets_no_invented_mix():
     text = recipe_text(paper(), sensor_solids.FabricationChoices())
-    assert "Mix the silicone's parts as its data sheet says" in text
+    assert "Mix the parts of the silicone as its data sheet says" in text
     assert "Dragon Skin" not in text
     assert "16 h" not in text
+    named = recipe_text(dataclasses.replace(paper(), silicone="Mine"), sensor_solids.FabricationChoices())
+    assert "Mix the parts of Mine as its data sheet says" in named
 
 
 def test_neighbouring_magnets_are_glued_one_after_another():

@@ -124,7 +124,20 @@ def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing):
     assert "--silicone 'Smooth-Sil 940'" in recipe
     assert "100A:10B by weight" in recipe
     assert "Dragon Skin" not in recipe
+    assert "Masses are those of Smooth-Sil 940 with 1180 kg/m³" in recipe
     assert err.splitlines()[-1].startswith("100 %")
+
+
+def test_the_design_file_of_the_best_variant_has_the_same_recipe(sizing, tmp_path, run):
+    """`cad winner.toml` alone names the silicone, its mix and its mass; one that no catalogue ships has no mix."""
+    folder, _ = sizing
+    winner = folder / "winner.toml"
+    assert run("cad", winner, "--out", tmp_path / "cad")[0] == 0
+    recipe = (tmp_path / "cad" / "README.md").read_text("utf-8")
+    assert "Mix Smooth-Sil 940 100A:10B by weight" in recipe
+    assert "Masses are those of Smooth-Sil 940 with 1180 kg/m³" in recipe
+    assert run("cad", winner, "--set", "silicone=Mine", "--out", tmp_path / "mine")[0] == 0
+    assert "Mix the parts of Mine as its data sheet says" in (tmp_path / "mine" / "README.md").read_text("utf-8")
 
 
 def test_a_users_parts_are_refused_before_the_search(tmp_path, capsys):

@@ -7,8 +7,7 @@ round each Hall plate), PADS (pads and drilled holes), AXES and TEXT.
 | part | pads | source | unchecked |
 |---|---|---|---|
 | SS495A | three holes 1.27 mm apart | Honeywell SS490 chart: leads 0.050 in apart, 0.015 in thick | drill and pad; place of S1's bend |
-| TMAG5273 | SOT-23-6 | pitch 0.95 mm of the SOT-23-6 outline | length, width and distance of the rows |
-| TLE493D-P2B6 | TSOP6 | pitch 0.95 mm of the TSOP6 outline | length, width and distance of the rows |
+| 3-axis chips | `pads` of `geometry/hall_chips.toml`; none where they are unknown | named there | named there |
 
 Unchecked dimensions are common values: compare them with the data sheet before you order a board.
 """  # noqa: E501
@@ -18,7 +17,8 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-from geometry.fabrication.hall_elements import CHIP_BODIES, SS495A, places
+from geometry.fabrication.hall_elements import SS495A, places
+from geometry.hall_chips import chip_of
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -63,7 +63,8 @@ def board(design: Design, plan: Plan) -> str:
     else:
         _chip(space, design)
         _text(space, BELOW, -plan.half, -plan.half - 4.5 * LETTER)
-        _text(space, f"Chip: {design.hall_layout}, pin 1 at the least x and y.", -plan.half, -plan.half - 6 * LETTER)
+        known = "pin 1 at the least x and y." if chip_of(design).pads else "whose pads are unknown."
+        _text(space, f"Chip: {design.hall_layout}, {known}", -plan.half, -plan.half - 6 * LETTER)
     _axes(space, plan.half)
     _text(space, NOTE, -plan.half, -plan.half - 3 * LETTER)
     text = io.StringIO()
@@ -74,8 +75,11 @@ def board(design: Design, plan: Plan) -> str:
 def pads(design: Design) -> list[tuple[float, float]]:
     """Return the centres of all pads (x, y), mm; of three elements first those of S1, then of S2 and of S3."""
     if design.hall_layout != "three":
-        chip, (middle, _, _) = CHIP_BODIES[design.hall_layout], places(design)[design.hall_layout]
-        return [(middle + k * chip.pitch, side * chip.rows / 2) for side in (-1, 1) for k in (-1, 0, 1)]
+        row, (middle, _, _) = chip_of(design).pads, places(design)[design.hall_layout]
+        if row is None:
+            return []
+        along = [middle + (k - (row.pins - 1) / 2) * row.pitch for k in range(row.pins)]
+        return [(x, side * row.rows / 2) for side in (-1, 1) for x in along]
     p = SS495A
     # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel, 2 mm
     # from the body: a bend closer to it may crack it
@@ -102,13 +106,15 @@ def _leaded(space: Any, design: Design) -> None:
 
 
 def _chip(space: Any, design: Design) -> None:
-    chip = CHIP_BODIES[design.hall_layout]
+    chip = chip_of(design)
     x, y, _ = places(design)[design.hall_layout]
-    _rectangle(space, "HALL", x, y, chip.length, chip.width)
+    _rectangle(space, "HALL", x, y, chip.body[0], chip.body[1])
     _circle(space, "HALL", x, y, 0.2)
+    if chip.pads is None:
+        return
     for pad_x, pad_y in pads(design):
-        _rectangle(space, "PADS", pad_x, pad_y, chip.pad_width, chip.pad_length)
-    _text(space, "1", x - chip.length / 2 - LETTER, y - chip.rows / 2 - LETTER / 2)
+        _rectangle(space, "PADS", pad_x, pad_y, chip.pads.width, chip.pads.length)
+    _text(space, "1", x - chip.body[0] / 2 - LETTER, y - chip.pads.rows / 2 - LETTER / 2)
 
 
 def _axes(space: Any, half: float) -> None:

@@ -3,8 +3,7 @@
 | part | body | source | unchecked |
 |---|---|---|---|
 | SS495A | flat, three leads in line | Honeywell SS400 and SS490 charts: thickness 0.062 in, height 0.118 in, leads 0.050 in apart, 0.015 in thick | width 0.160 in; Hall plate 0.5 mm under the centre of the marked face |
-| TMAG5273 | SOT-23-6 | Texas Instruments DBV outline | all dimensions; Hall plates 0.6 mm above the board |
-| TLE493D-P2B6 | PG-TSOP6 | Infineon outline | all dimensions; Hall plates 0.6 mm above the board |
+| 3-axis chips | as in `geometry/hall_chips.toml` | named there | named there as `assumed` |
 
 Unchecked dimensions were not compared with the data sheet: compare them before you build a series.
 
@@ -27,6 +26,7 @@ from typing import TYPE_CHECKING
 
 from geometry.cad import element_positions, moved
 from geometry.design import BadInput, Design
+from geometry.hall_chips import chip_of
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -58,34 +58,7 @@ class Leaded:
         return 2 * self.pitch + self.lead
 
 
-@dataclass(frozen=True, slots=True)
-class ChipBody:
-    """A chip with two rows of three pins on a board, mm.
-
-    Attributes
-    ----------
-    length, width : footprint, leads included.
-    height, plate : height of the chip and of its Hall plates above the board.
-    pitch, rows : distance of neighbouring pads of a row, along x, and of the centres of both rows, along y.
-    pad_length, pad_width : size of a pad along y and along x.
-    """
-
-    length: float
-    width: float
-    height: float
-    plate: float
-    pitch: float
-    rows: float
-    pad_length: float
-    pad_width: float
-
-
 SS495A = Leaded(width=4.06, height=3.0, thickness=1.57, depth=0.5, pitch=1.27, lead=0.41)
-
-CHIP_BODIES = {
-    "tmag5273a1": ChipBody(2.9, 2.8, height=1.45, plate=0.6, pitch=0.95, rows=2.6, pad_length=1.1, pad_width=0.6),
-    "tle493d-p2b6": ChipBody(2.9, 2.5, height=1.1, plate=0.6, pitch=0.95, rows=2.4, pad_length=1.0, pad_width=0.5),
-}
 
 LEAD = 6.0
 """Length of the leads in drawings and solids, mm; a maker cuts them to the length needed."""
@@ -129,8 +102,8 @@ def heights(design: Design) -> tuple[float, float]:
     """Return the highest z of all bodies, and the lowest z of all bodies and leads, in the sensor's frame, mm."""
     where = places(design)
     if design.hall_layout != "three":
-        chip, (_, _, z) = CHIP_BODIES[design.hall_layout], where[design.hall_layout]
-        return z - chip.plate + chip.height, z - chip.plate
+        chip, (_, _, z) = chip_of(design), where[design.hall_layout]
+        return z - chip.plate + chip.body[2], z - chip.plate
     p, z1, z23 = SS495A, where["S1"][2], where["S2"][2]
     top = max(z1 + p.depth, z23 + p.height / 2)
     return top, min(z1 + p.depth - p.thickness, z23 - p.height / 2 - LEAD)
@@ -142,9 +115,9 @@ def bodies(design: Design) -> dict[str, Solid]:
     The marked face of S1 points up; those of S2 and S3 point towards the beam.
     """
     if design.hall_layout != "three":
-        chip, (x, _, z) = CHIP_BODIES[design.hall_layout], places(design)[design.hall_layout]
-        corner = (x - chip.length / 2, -chip.width / 2, z - chip.plate)
-        return {design.hall_layout: Block(corner, (chip.length, chip.width, chip.height)).solid()}
+        chip, (x, _, z) = chip_of(design), places(design)[design.hall_layout]
+        corner = (x - chip.body[0] / 2, -chip.body[1] / 2, z - chip.plate)
+        return {design.hall_layout: Block(corner, chip.body).solid()}
     import build123d as bd
 
     part = _leaded()
@@ -300,14 +273,15 @@ def chip_seat(design: Design, where: dict[str, Vector], fit: float, thickness: f
     BadInput
         Too little of the base would be left over the chip.
     """
-    chip, (middle, _, z) = CHIP_BODIES[design.hall_layout], where[design.hall_layout]
-    roof = z - chip.plate + chip.height + fit
+    chip, (middle, _, z) = chip_of(design), where[design.hall_layout]
+    (length, width, height), pads = chip.body, chip.pads
+    roof = z - chip.plate + height + fit
     if not roof <= -WEB:
         raise ShortOfBase(
             f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base over the chip; "
             f"got {design.l0:g} mm"
         )
     # the solder on the pads is wider than the chip
-    x = max(chip.length / 2, chip.pitch + chip.pad_width / 2) + fit
-    y = max(chip.width / 2, (chip.rows + chip.pad_length) / 2) + fit
+    x = max(length, (pads.pins - 1) * pads.pitch + pads.width if pads else 0.0) / 2 + fit
+    y = max(width, pads.rows + pads.length if pads else 0.0) / 2 + fit
     return Block((middle - x, -y, -thickness), (2 * x, 2 * y, roof + thickness))

@@ -53,7 +53,7 @@ def cad(
 
     design = design_of(source, sets)
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
-    mix = None if fabrication.silicone is None else catalogues.silicone_of(fabrication.silicone)
+    mix = catalogues.mix_named(fabrication.silicone, design.silicone)
     choices = sensor_solids.parse_fabrication_choices(fabrication, mix)
     axes = design_variants.axes_of(fabrication.axis or [])
     for name, reason in design_variants.idle(design, axes):
@@ -173,7 +173,7 @@ def catalogue(
     records: list[FlatRow] = []
     shown: list[Block] = []
     for each in CATALOGUES if kind is None else (kind,):
-        rows = catalogues.rows(getattr(parts, each))
+        rows = catalogues.rows((*getattr(parts, each), *(parts.left_out if each == "hall_parts" else ())))
         records += [{"kind": each, **row} for row in rows]
         title = f"{each.replace('_', ' ').capitalize()}: {len(rows)}"
         shown.append(Table(title=title, rows=rows, brief=("source",), first=FIRST[each]))

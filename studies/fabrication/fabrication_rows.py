@@ -22,14 +22,17 @@ class Silicone:
     ----------
     mixed : ratio of the parts.
     hours, temperature : of a cure without an oven, h and °C.
+    density : kg/m³. moduli : least and largest Young's modulus, MPa.
     source : data sheet or publication.
-    assumed : those of "mixed" and "hours" whose source was not read.
+    assumed : those of "mixed", "hours" and "density" whose source was not read.
     """
 
     name: str
     mixed: str
     hours: float
     temperature: float
+    density: float
+    moduli: tuple[float, float]
     source: str
     assumed: tuple[str, ...]
 

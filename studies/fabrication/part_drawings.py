@@ -123,7 +123,7 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
             side.dims.append(((p.half, 0), (x + a, z), "right", 2, number(abs(z))))
             above.dims.append(((0, 0), (x, y), "below", 0, number(x)))
             above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
-    if design.hall_layout != "three":
+    if design.hall_layout != "three" and pads(design):
         # seen from below, x runs to the left
         x, y = pads(design)[0]
         below.labels.append(((-x, y), "pin 1", (4.0, 3.5)))

@@ -389,7 +389,7 @@ class Fabrication:
         Largest distance of the STL's facets from the surface, mm; default: D/2000.
     silicone
         Name of a silicone of the shipped catalogue, such as "Sylgard 184", whose mix and cure the recipe then states;
-        default: the recipe refers to the data sheet.
+        default: that of the design; without one the recipe refers to the data sheet.
     """
 
     process: Literal["fdm", "sla"] = "fdm"

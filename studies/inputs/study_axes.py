@@ -69,9 +69,9 @@ DESIGN = {
     if "choices" in spec.metadata
     else Quantity(spec.metadata["unit"], spec.metadata["low"], spec.metadata["high"])
     for name, spec in FIELDS.items()
-    if name != "prony"
+    if "choices" in spec.metadata or "low" in spec.metadata
 }
-"""Fields of a design that can vary; a study's base design states `prony`, which is free text."""
+"""Fields of a design that can vary; a study's base design states those that are free text."""
 LOAD = {
     "depth": Quantity("mm", 0.0, open_low=True),
     "shear": Quantity("mm"),

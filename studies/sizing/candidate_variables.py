@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.fabrication.hall_elements import CHIP_BODIES, SS495A, WEB
+from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
 from studies.mechanics import surrogate_range
 from studies.sizing.catalogues import FILTER, Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
@@ -100,8 +100,10 @@ def variant(values: Sequence[float], requirements: Requirements, catalogues: Cat
         fields |= {"l0": l0, "f": f, "c": _rounded(l0 - H + level * H)}
         fields |= noise_fields(hall_part, requirements)
     else:
-        chip = CHIP_BODIES[hall_part.layout]
-        fields |= {"l0": _raised(H + chip.height - chip.plate + gap + WEB + below * D), "chip_x": 0.0}
+        fields |= {
+            "l0": _raised(H + hall_part.thickness - (hall_part.plate_height or 0.0) + gap + WEB + below * D),
+            "chip_x": 0.0,
+        }
     try:
         return Variant(Design(**fields), magnet, hall_part, silicone)
     except BadInput as error:

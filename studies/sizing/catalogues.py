@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from analytic.parts import CHIPS
 from geometry.bad_input import nearest
 from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput
+from geometry.hall_chips import CHIPS, OWN, HallChip
 from studies.fabrication.fabrication_rows import Silicone
 from studies.inputs.quantity_input import quantity
 from studies.inputs.user_input import check_keys, toml_table
@@ -72,18 +72,20 @@ class MagnetEntry:
 
 @dataclass(frozen=True, slots=True)
 class HallPartEntry:
-    """A Hall part that is sold: one-axis parts, of which a sensor has three, or a 3-axis chip.
+    """A Hall part that is sold: one-axis parts, of which a sensor has three, or a 3-axis chip. None is unknown.
 
     Attributes
     ----------
-    layout : `hall_layout` of the designs with this part.
+    layout : `hall_layout` of the designs with this part; "ambient" for a chip whose range is below a magnet's field.
     gain, null, low, high : gain, V/T, output in zero field and rails, V; of a chip in T (gain 1).
-    gain_tolerance : largest relative deviation of the gain.
+    gain_tolerance : largest relative deviation of the gain. gain_drift : of the gain with temperature, 1/K.
+    null_tolerance : largest deviation of the null, V; of a chip in T.
     noise_density : white noise of the input up to `bandwidth`, T/sqrt(Hz); None for a chip.
-    noise : rms of one output value of a chip, T; None for a one-axis part.
+    noise : rms of one output value of a chip at `rate` values a second, T and Hz; None for a one-axis part.
     bandwidth : -3 dB, Hz; None for a chip.
     step : step of a chip's converter, T. plate : side of the Hall plate, mm.
-    width, height, thickness : body, mm; None for a chip, whose body the base knows.
+    width, height, thickness : body, mm; of a chip along x, along y and over its board.
+    plate_height : of a chip's sensitive volume over its board, mm; None for a one-axis part.
     source : publication or data sheet. assumed : fields without a source that was read.
     """
 
@@ -91,26 +93,50 @@ class HallPartEntry:
     layout: str
     gain: float
     gain_tolerance: float
+    gain_drift: float | None
     null: float
+    null_tolerance: float | None
     low: float
     high: float
     noise_density: float | None
     noise: float | None
+    rate: float | None
     bandwidth: float | None
     step: float
     plate: float
-    width: float | None
-    height: float | None
-    thickness: float | None
+    width: float
+    height: float
+    thickness: float
+    plate_height: float | None
     source: str
     assumed: tuple[str, ...]
 
     def fields(self) -> dict[str, float | str]:
         """Return the fields of a `Design` with this part, but for its noise: see `noise_fields`."""
+        if self.layout == OWN:
+            body = {
+                "length": self.width,
+                "width": self.height,
+                "height": self.thickness,
+                "plate": self.plate_height or 0.0,
+            }
+            own = {"range": self.high, "step": self.step, "noise": self.noise or 0.0, **body}
+            return {"hall_layout": OWN, **{f"chip_{name}": value for name, value in own.items()}}
         if self.layout != "three":
-            return {"hall_layout": self.layout}
+            # the noise that a user has measured replaces that of the data sheet
+            noise = {"chip_noise": self.noise} if self.noise and self.noise != CHIPS[self.layout].noise else {}
+            return {"hall_layout": self.layout, **noise}
         values = {"gain": self.gain, "null": self.null, "low": self.low, "high": self.high, "plate": self.plate}
         return {"hall_layout": "three", **{f"hall_{name}": value for name, value in values.items()}}
+
+    @property
+    def unusable(self) -> str:
+        """Why no sensor can be sized with this part, "" if one can."""
+        if self.layout == AMBIENT:
+            return f"it measures the ambient field, and its range of {self.high:g} T is less than a magnet's field"
+        if self.layout != "three" and self.noise is None:
+            return f'its noise is unknown: state it in a [[hall_part]] of your own with layout = "{self.layout}"'
+        return ""
 
     def noise_fields(self, bandwidth: float | None = None) -> dict[str, float]:
         """Return the fields of a `Design` for the part's white noise; none for a chip, whose noise the layout has.
@@ -153,18 +179,22 @@ class SiliconeEntry:
     source: str
     assumed: tuple[str, ...]
 
-    def fields(self) -> dict[str, float]:
+    def fields(self) -> dict[str, float | str]:
         """Return the fields of a `Design` of this silicone, with its typical E and nu."""
-        return {"E": self.E, "nu": self.nu, "density": self.density}
+        return {"silicone": self.name, "E": self.E, "nu": self.nu, "density": self.density}
 
 
 @dataclass(frozen=True, slots=True)
 class Catalogues:
-    """The parts from which a sensor is sized, none of them empty."""
+    """The parts from which a sensor is sized, none of them empty.
+
+    `left_out` are Hall parts from which none can be: those of the ambient field, and chips of unknown noise.
+    """
 
     magnets: tuple[MagnetEntry, ...]
     hall_parts: tuple[HallPartEntry, ...]
     silicones: tuple[SiliconeEntry, ...]
+    left_out: tuple[HallPartEntry, ...] = ()
 
 
 Entry = MagnetEntry | HallPartEntry | SiliconeEntry
@@ -178,7 +208,7 @@ class Key:
     ----------
     unit : one of `studies.inputs.quantity_input.UNITS`; "text" or "names" (a list of texts) for others.
     count : how many numbers, from low to high, or the three sides of a body.
-    default : None where the key is needed.
+    default : None where the key is needed; NaN where it is then unknown.
     """
 
     unit: str
@@ -209,14 +239,22 @@ KEYS: dict[str, dict[str, Key]] = {
     "hall_part": {
         "name": Key("text"),
         "layout": Key("text", default="three"),
-        "gain": Key("V/T", 1e-3, 1e6, default=0.0),
+        "gain": Key("V/T", 1e-3, 1e6, default=math.nan),
         "gain_tolerance": Key("1", 0, 1, default=0.05),
+        "gain_drift": Key("1/K", -1, 1, default=math.nan),
         "null": Key("V", 0, 100, default=2.5),
+        "null_tolerance": Key("V", 0, 100, default=math.nan),
         "low": Key("V", 0, 100, default=0.2),
         "high": Key("V", 0, 100, default=4.8),
         "noise_density": Key("T/sqrt(Hz)", 0, 1e-3, default=130e-9),
         "bandwidth": Key("Hz", 1, 1e7, default=20e3),
         "plate": Key("mm", 0, 10, default=0.0),
+        "range": Key("T", 1e-6, 10, default=math.nan),
+        "step": Key("T", 0, 1, default=math.nan),
+        "noise": Key("T", 0, 1, default=math.nan),
+        "rate": Key("Hz", 1e-3, 1e7, default=math.nan),
+        "offset": Key("T", 0, 10, default=math.nan),
+        "plate_height": Key("mm", 0, 20, default=math.nan),
         "body": Key("mm", 0.1, 100, 3, default=(4.06, 3.0, 1.57)),
         **_COMMON,
     },
@@ -231,7 +269,10 @@ KEYS: dict[str, dict[str, Key]] = {
         **_COMMON,
     },
 }
-"""Keys of the tables. The defaults of Hall parts are those of an SS495A, with the noise of a DRV5055."""
+"""Keys of the tables. The defaults of one-axis parts are those of an SS495A, with the noise of a DRV5055."""
+OF_CHIP = ("range", "step", "noise", "rate", "offset", "plate_height")
+OF_ONE_AXIS = ("gain", "null", "null_tolerance", "low", "high", "noise_density", "bandwidth", "plate")
+"""Keys of a Hall part that only a chip of one's own, and only a one-axis part, has."""
 ENDS = {2: "[low, high]", 3: "[low, typical, high]"}
 """How a key with several numbers is written."""
 
@@ -298,7 +339,9 @@ def _entry(path: str, array: str, table: Mapping[str, Any], number: int) -> dict
             entry[key] = kind.default
     if "assumed" in keys:
         check_keys(f"{where}: assumed", entry["assumed"], keys)
-        left_out = [key for key in keys if key not in (*table, "name", "layout", "source", "assumed")]
+        unset = (*table, "name", "layout", "source", "assumed")
+        # what has no default is unknown, and not assumed
+        left_out = [key for key, kind in keys.items() if key not in unset and kind.default == kind.default]
         entry["assumed"] = (*entry["assumed"], *left_out)
     if array == "magnet":
         _check_magnet(where, entry)
@@ -340,28 +383,76 @@ def _check_magnet(where: str, entry: Mapping[str, Any]) -> None:
 
 
 def _hall_part(where: str, entry: Mapping[str, Any]) -> HallPartEntry:
-    """Return a Hall part; a chip has the range, step and noise of `analytic.parts`."""
-    values = {key: value for key, value in entry.items() if key != "body"}
-    if entry["layout"] not in HALL_LAYOUTS:
-        raise BadInput(f"{where}: there is no layout {entry['layout']!r}: {nearest(entry['layout'], HALL_LAYOUTS)}")
-    if entry["layout"] != "three":
-        chip = CHIPS[entry["layout"]]
-        values |= {"gain": 1.0, "null": 0.0, "low": -chip.range, "high": chip.range, "plate": 0.0}
-        values |= dict.fromkeys(("noise_density", "bandwidth", "width", "height", "thickness"))
-        assumed = tuple(name for name in entry["assumed"] if name == "gain_tolerance")
-        return HallPartEntry(
-            **values | {"noise": chip.noise, "step": chip.step, "assumed": (*assumed, "noise", "step")}
-        )
-    if not entry["gain"] > 0:
+    layout = entry["layout"]
+    layouts = (*HALL_LAYOUTS, AMBIENT)
+    if layout not in layouts:
+        raise BadInput(f"{where}: there is no layout {layout!r}: {nearest(layout, layouts)}")
+    known: dict[str, Any] = {key: None if value != value else value for key, value in entry.items()}
+    if layout == "three":
+        return _one_axis(where, known)
+    if layout in CHIPS:
+        given: dict[str, Any] = {
+            key: known[key] for key in ("noise", "rate", "offset", "gain_drift") if known[key] is not None
+        }
+        if "gain_tolerance" not in entry["assumed"]:
+            given["gain_tolerance"] = entry["gain_tolerance"]
+        chip = dataclasses.replace(CHIPS[layout], name=entry["name"], source=entry["source"], **given)
+        return _of_chip(chip, layout)
+    for name in ("range", "step"):
+        if known[name] is None:
+            raise BadInput(f"{where}: {name} is missing")
+    high = entry["body"][2]
+    plate = high / 2 if known["plate_height"] is None else known["plate_height"]
+    if not plate <= high:
+        raise BadInput(f"{where}: plate_height must not exceed the body's height = {high:g} mm; got {plate:g} mm")
+    names = ("name", "range", "step", "body", "noise", "rate", "offset", "gain_tolerance", "gain_drift", "source")
+    assumed = tuple(name for name in entry["assumed"] if name not in OF_ONE_AXIS)
+    assumed += () if known["plate_height"] is not None else ("plate_height",)
+    return _of_chip(HallChip(plate=plate, assumed=assumed, **{name: known[name] for name in names}), layout)
+
+
+def _one_axis(where: str, known: Mapping[str, Any]) -> HallPartEntry:
+    if known["gain"] is None:
         raise BadInput(f"{where}: gain is missing")
-    if not entry["low"] < entry["null"] < entry["high"]:
+    if not known["low"] < known["null"] < known["high"]:
         raise BadInput(
-            f"{where}: null must lie between low = {entry['low']:g} V and high = {entry['high']:g} V; got "
-            f"{entry['null']:g} V"
+            f"{where}: null must lie between low = {known['low']:g} V and high = {known['high']:g} V; got "
+            f"{known['null']:g} V"
         )
-    width, height, thickness = entry["body"]
-    body = {"width": width, "height": height, "thickness": thickness}
-    return HallPartEntry(**values, **body, noise=None, step=0.0)
+    width, height, thickness = known["body"]
+    body = {"width": width, "height": height, "thickness": thickness, "plate_height": None}
+    values = {key: value for key, value in known.items() if key not in (*OF_CHIP, "body")}
+    return HallPartEntry(**values, **body, noise=None, rate=None, step=0.0)
+
+
+def _of_chip(chip: HallChip, layout: str) -> HallPartEntry:
+    width, height, thickness = chip.body
+    assumed = chip.assumed if chip.gain_tolerance is not None else (*chip.assumed, "gain_tolerance")
+    return HallPartEntry(
+        name=chip.name,
+        layout=layout,
+        gain=1.0,
+        gain_tolerance=KEYS["hall_part"]["gain_tolerance"].default
+        if chip.gain_tolerance is None
+        else chip.gain_tolerance,
+        gain_drift=chip.gain_drift,
+        null=0.0,
+        null_tolerance=chip.offset,
+        low=-chip.range,
+        high=chip.range,
+        noise_density=None,
+        noise=chip.noise,
+        rate=chip.rate,
+        bandwidth=None,
+        step=chip.step,
+        plate=0.0,
+        width=width,
+        height=height,
+        thickness=thickness,
+        plate_height=chip.plate,
+        source=chip.source,
+        assumed=assumed,
+    )
 
 
 def _silicone(entry: Mapping[str, Any]) -> SiliconeEntry:
@@ -372,6 +463,8 @@ def _silicone(entry: Mapping[str, Any]) -> SiliconeEntry:
     return SiliconeEntry(**values, E_low=E_low, E=E, E_high=E_high, nu_low=nu_low, nu=nu, nu_high=nu_high)
 
 
+AMBIENT = "ambient"
+"""Layout of a chip that measures the ambient field beside a sensor, and saturates at its magnet."""
 FOLDER = Path(__file__).parent
 """Folder of the shipped catalogues."""
 TABLES = {"magnets": "magnet", "hall_parts": "hall_part", "silicones": "silicone"}
@@ -400,10 +493,18 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     files = {kind: ([ours[kind]] if kind in requirements.shipped else []) + users for kind in CATALOGUES}
     magnets = _in_use("magnets", _magnets(files["magnets"], grades), requirements)
     _check_fit(magnets, requirements)
+    chips = {chip.name: _of_chip(chip, layout) for layout, chip in CHIPS.items()}
+    shipped = [chips] if "hall_parts" in requirements.shipped else []
+    hall_parts = _merged([*shipped, *(file.hall_parts for file in files["hall_parts"])])
+    unusable = {name: part.unusable for name, part in hall_parts.items() if part.unusable}
+    for name in requirements.hall_parts:
+        if name in unusable:
+            raise BadInput(f"hall_parts: no sensor can be sized with {name}: {unusable[name]}")
     return Catalogues(
         magnets,
-        _in_use("hall_parts", _merged(file.hall_parts for file in files["hall_parts"]), requirements),
+        _in_use("hall_parts", {k: part for k, part in hall_parts.items() if k not in unusable}, requirements),
         _in_use("silicones", _merged(file.silicones for file in files["silicones"]), requirements),
+        tuple(hall_parts[name] for name in unusable),
     )
 
 
@@ -424,10 +525,23 @@ def silicone_of(name: str) -> Silicone:
     return mix_of(shipped[name])
 
 
+def mix_named(option: str | None, of_design: str) -> Silicone | None:
+    """Return what a recipe knows of the silicone that an option names, or else the design; None: no mix is known.
+
+    An option must name a silicone of the shipped catalogue; a design may be of another one.
+    """
+    shipped = read_catalogue(str(FOLDER / "silicones.toml")).silicones
+    if option is None and of_design not in shipped:
+        return None
+    return silicone_of(of_design if option is None else option)
+
+
 def mix_of(part: SiliconeEntry) -> Silicone:
     """Return what a casting recipe needs to know of a silicone."""
-    assumed = tuple(key for key, name in {"mixed": "mixed", "hours": "cure_hours"}.items() if name in part.assumed)
-    return Silicone(part.name, part.mixed, part.cure_hours, part.cure_temperature, part.source, assumed)
+    keys = {"mixed": "mixed", "hours": "cure_hours", "density": "density"}
+    assumed = tuple(key for key, name in keys.items() if name in part.assumed)
+    cure, moduli = (part.cure_hours, part.cure_temperature), (part.E_low, part.E_high)
+    return Silicone(part.name, part.mixed, *cure, part.density, moduli, part.source, assumed)
 
 
 def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[dict[str, Any]]:
@@ -438,6 +552,7 @@ def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[d
         if isinstance(part, HallPartEntry):
             row["gain_V_per_mT"] = part.gain / 1000 if part.layout == "three" else None
             row["noise_density_V_per_sqrtHz"] = part.noise_fields().get("hall_noise_density")
+            row["left_out"] = part.unusable
         table.append(row | {"assumed": ", ".join(part.assumed)})
     return table
 
@@ -446,6 +561,9 @@ COLUMNS = {
     **{name: f"{name}_mm" for name in ("diameter", "height", "edge_radius", "tolerance", "plate", "width")},
     **{name: f"{name}_C" for name in ("largest_temperature", "cure_temperature")},
     **{name: f"{name}_T" for name in ("remanence_low", "remanence_high", "noise", "step")},
+    "rate": "rate_Hz",
+    "gain_drift": "gain_drift_per_K",
+    "plate_height": "plate_height_mm",
     **{name: f"{name}_MPa" for name in ("E_low", "E", "E_high")},
     "thickness": "thickness_mm",
     "cure_hours": "cure_h",
@@ -454,7 +572,8 @@ COLUMNS = {
     "gain": "gain_V_per_mT",
     "noise_density": "noise_density_V_per_sqrtHz",
 }
-"""Columns that carry a unit, by field. null, low and high have none: V for one-axis parts, T for chips."""
+"""Columns that carry a unit, by field. null, low, high and null_tolerance have none: V for one-axis parts, T for
+chips."""
 
 
 def _check_apart(kind: str, users: Sequence[CatalogueFile]) -> None:

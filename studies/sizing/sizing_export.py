@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geometry.design import BadInput, Design
+from geometry.design import Design
 from geometry.messages import Progress
 from studies.output import own_files
 from studies.output.atomic_files import write_text
@@ -50,16 +49,15 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     from geometry.mold import Mold
     from studies.fabrication.sensor_parts import RECIPE, build
     from studies.fabrication.sensor_solids import FabricationChoices
-    from studies.sizing.catalogues import mix_of, silicone_of
+    from studies.sizing.catalogues import mix_named, mix_of
 
     write_text(folder / DESIGN, design_text(variant))
     process, shape = requirements.process, requirements.outer_shape
     mix = mix_of(variant.silicone)
     choices = FabricationChoices(Mold(process=process), Base(shape=shape), silicone=mix)
     command = f"magtip cad {DESIGN} --out {PARTS} --process {process} --base shape={shape}"
-    with contextlib.suppress(BadInput):
-        if silicone_of(mix.name) == mix:
-            command += f" --silicone {shlex.quote(mix.name)}"
+    if mix_named(None, mix.name) == mix:
+        command += f" --silicone {shlex.quote(mix.name)}"
     row = build(variant.design, folder / PARTS, progress, choices, command=command)
     recipe = folder / PARTS / RECIPE
     if row.status == "ok" and recipe.exists():

@@ -1,0 +1,90 @@
+"""3-axis Hall chips: the figures of `hall_chips.toml`, and those of a chip of one's own, which a design states."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from geometry.design import Design
+
+OWN = "chip"
+"""Layout of a chip whose range, step, noise and body are fields of the design."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pads:
+    """Two rows of pads on a board, mm.
+
+    Attributes
+    ----------
+    pins : pads of a row. pitch : distance of neighbours, along x. rows : distance of the rows' centres, along y.
+    length, width : size of a pad along y and along x.
+    """
+
+    pins: int
+    pitch: float
+    rows: float
+    length: float
+    width: float
+
+
+@dataclass(frozen=True, slots=True)
+class HallChip:
+    """A part that measures B along three axes and sends counts.
+
+    Attributes
+    ----------
+    range, step : full scale and one count, T.
+    body : size along x and y with leads, and height over the board, mm.
+    plate : height of the sensitive volume over the board, mm; it is taken as a point.
+    noise : rms of one value, T, at `rate` values of three axes a second; None if unknown.
+    offset : largest output in zero field, T. gain_tolerance : largest relative error of the gain. None if unknown.
+    gain_drift : of the gain with temperature, 1/K; None if unknown.
+    pads : None if unknown.
+    source, assumed : data sheet, and fields that were not read in it.
+    """
+
+    name: str
+    range: float
+    step: float
+    body: tuple[float, float, float]
+    plate: float
+    noise: float | None = None
+    rate: float | None = None
+    offset: float | None = None
+    gain_tolerance: float | None = None
+    gain_drift: float | None = None
+    pads: Pads | None = None
+    source: str = ""
+    assumed: tuple[str, ...] = ()
+
+
+def _chip(table: dict[str, Any]) -> HallChip:
+    pads = {"pads": Pads(**table["pads"])} if "pads" in table else {}
+    return HallChip(**{**table, **pads, "body": tuple(table["body"]), "assumed": tuple(table["assumed"])})
+
+
+CHIPS = {
+    layout: _chip(table)
+    for layout, table in tomllib.loads(Path(__file__).with_name("hall_chips.toml").read_text("utf-8")).items()
+}
+"""The chips by the name in `Design.hall_layout`."""
+
+
+def chip_of(design: Design) -> HallChip:
+    """Return the chip of a design that has one; a `chip_noise` above 0 replaces what its data sheet states.
+
+    >>> from geometry.design import Design
+    >>> chip_of(Design(hall_layout="mlx90393")).noise, chip_of(Design(hall_layout="chip", chip_noise=2e-6)).noise
+    (None, 2e-06)
+    """
+    noise = design.chip_noise or None
+    if design.hall_layout == OWN:
+        body = design.chip_length, design.chip_width, design.chip_height
+        return HallChip("chip", design.chip_range, design.chip_step, body, design.chip_plate, noise)
+    chip = CHIPS[design.hall_layout]
+    return chip if noise is None else dataclasses.replace(chip, noise=noise, rate=None)
