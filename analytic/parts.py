@@ -21,7 +21,7 @@ from typing import Literal
 from analytic import reading_noise
 from geometry.cad import element_positions
 from geometry.design import BadInput, Design
-from geometry.hall_chips import CHIPS, chip_of
+from geometry.hall_chips import CHIPS
 
 __all__ = ["CHIPS", "Element", "of_design"]
 
@@ -118,7 +118,7 @@ def of_design(design: Design) -> tuple[Element, ...]:
 def common_values(design: Design) -> tuple[float, float, float, float, float, float, float]:
     """Return gain, null, low, high, noise of one sample, step and plate, which the three elements have in common."""
     if design.hall_layout != "three":
-        chip = chip_of(design)
+        chip = design.chip
         return 1.0, 0.0, -chip.range, chip.range, chip.noise or 0.0, chip.step, 0.0
     rails = design.hall_gain, design.hall_null, design.hall_low, design.hall_high
     noise = reading_noise.of_sample(design.hall_noise, design.hall_noise_density, design.hall_bandwidth)

@@ -22,7 +22,6 @@ from geometry.design import BadInput, Design
 from geometry.fabrication import engraved_marks, hall_elements
 from geometry.fabrication.hall_elements import SS495A, WEB, Block, Seats, Vector, heights, places
 from geometry.fabrication.printability import PROCESSES, Check, at_least, at_most
-from geometry.hall_chips import chip_of
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -125,7 +124,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         seats = hall_elements.three_elements(design, where, fit, base.seat_wall, thickness)
     else:
         # the chip stands on the board under the base, so the height of its Hall plates fixes the thickness
-        thickness = chip_of(design).plate - where[design.hall_layout][2]
+        thickness = design.chip.plate - where[design.hall_layout][2]
         if base.thickness is not None and not abs(base.thickness - thickness) <= 1e-6:
             raise BadInput(
                 f"l0 sets the thickness of a chip's base, here {thickness:.4g} mm; got {base.thickness:g} mm: "

@@ -18,7 +18,7 @@ from typing import Any
 
 from geometry.bad_input import BadInput as BadInput
 from geometry.bad_input import in_range, nearest, no_effect, quantity
-from geometry.hall_chips import CHIPS, OWN, chip_of
+from geometry.hall_chips import CHIPS, OWN, HallChip
 
 __all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
 
@@ -291,6 +291,20 @@ class Design:
         return Shape(self.D, self.L, self.magnet_diameter, self.magnet_height, self.magnet_edge_radius)
 
     @property
+    def chip(self) -> HallChip:
+        """The 3-axis chip of a layout that has one; a `chip_noise` above 0 replaces what its data sheet states.
+
+        >>> Design(hall_layout="mlx90393").chip.noise, Design(hall_layout="chip", chip_noise=2e-6).chip.noise
+        (None, 2e-06)
+        """
+        noise = self.chip_noise or None
+        if self.hall_layout == OWN:
+            body = self.chip_length, self.chip_width, self.chip_height
+            return HallChip("chip", self.chip_range, self.chip_step, body, self.chip_plate, noise)
+        chip = CHIPS[self.hall_layout]
+        return chip if noise is None else dataclasses.replace(chip, noise=noise, rate=None)
+
+    @property
     def law_numbers(self) -> tuple[float, ...]:
         """The dimensionless parameters of the law, in the order of `LAWS`."""
         return tuple(getattr(self, name) for name in LAWS[self.law])
@@ -360,9 +374,9 @@ class Design:
             if rest < 1:
                 note = f"static solves take E as it stands; at rest a force is {rest:.3g} times as large"
                 texts.append(f"modulus is instantaneous: {note}")
-        if self.hall_layout != "three" and chip_of(self).noise is None:
+        if self.hall_layout != "three" and self.chip.noise is None:
             texts.append(
-                f"the noise of {chip_of(self).name} is unknown: resolutions count its step alone and are too fine; "
+                f"the noise of {self.chip.name} is unknown: resolutions count its step alone and are too fine; "
                 "set chip_noise"
             )
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from geometry.design import Design
+from typing import Any
 
 OWN = "chip"
 """Layout of a chip whose range, step, noise and body are fields of the design."""
@@ -73,18 +69,3 @@ CHIPS = {
     for layout, table in tomllib.loads(Path(__file__).with_name("hall_chips.toml").read_text("utf-8")).items()
 }
 """The chips by the name in `Design.hall_layout`."""
-
-
-def chip_of(design: Design) -> HallChip:
-    """Return the chip of a design that has one; a `chip_noise` above 0 replaces what its data sheet states.
-
-    >>> from geometry.design import Design
-    >>> chip_of(Design(hall_layout="mlx90393")).noise, chip_of(Design(hall_layout="chip", chip_noise=2e-6)).noise
-    (None, 2e-06)
-    """
-    noise = design.chip_noise or None
-    if design.hall_layout == OWN:
-        body = design.chip_length, design.chip_width, design.chip_height
-        return HallChip("chip", design.chip_range, design.chip_step, body, design.chip_plate, noise)
-    chip = CHIPS[design.hall_layout]
-    return chip if noise is None else dataclasses.replace(chip, noise=noise, rate=None)

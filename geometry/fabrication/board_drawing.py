@@ -18,7 +18,6 @@ import io
 from typing import TYPE_CHECKING, Any
 
 from geometry.fabrication.hall_elements import SS495A, places
-from geometry.hall_chips import chip_of
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -63,7 +62,7 @@ def board(design: Design, plan: Plan) -> str:
     else:
         _chip(space, design)
         _text(space, BELOW, -plan.half, -plan.half - 4.5 * LETTER)
-        known = "pin 1 at the least x and y." if chip_of(design).pads else "whose pads are unknown."
+        known = "pin 1 at the least x and y." if design.chip.pads else "whose pads are unknown."
         _text(space, f"Chip: {design.hall_layout}, {known}", -plan.half, -plan.half - 6 * LETTER)
     _axes(space, plan.half)
     _text(space, NOTE, -plan.half, -plan.half - 3 * LETTER)
@@ -75,7 +74,7 @@ def board(design: Design, plan: Plan) -> str:
 def pads(design: Design) -> list[tuple[float, float]]:
     """Return the centres of all pads (x, y), mm; of three elements first those of S1, then of S2 and of S3."""
     if design.hall_layout != "three":
-        row, (middle, _, _) = chip_of(design).pads, places(design)[design.hall_layout]
+        row, (middle, _, _) = design.chip.pads, places(design)[design.hall_layout]
         if row is None:
             return []
         along = [middle + (k - (row.pins - 1) / 2) * row.pitch for k in range(row.pins)]
@@ -106,7 +105,7 @@ def _leaded(space: Any, design: Design) -> None:
 
 
 def _chip(space: Any, design: Design) -> None:
-    chip = chip_of(design)
+    chip = design.chip
     x, y, _ = places(design)[design.hall_layout]
     _rectangle(space, "HALL", x, y, chip.body[0], chip.body[1])
     _circle(space, "HALL", x, y, 0.2)

@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING
 
 from geometry.cad import element_positions, moved
 from geometry.design import BadInput, Design
-from geometry.hall_chips import chip_of
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -102,7 +101,7 @@ def heights(design: Design) -> tuple[float, float]:
     """Return the highest z of all bodies, and the lowest z of all bodies and leads, in the sensor's frame, mm."""
     where = places(design)
     if design.hall_layout != "three":
-        chip, (_, _, z) = chip_of(design), where[design.hall_layout]
+        chip, (_, _, z) = design.chip, where[design.hall_layout]
         return z - chip.plate + chip.body[2], z - chip.plate
     p, z1, z23 = SS495A, where["S1"][2], where["S2"][2]
     top = max(z1 + p.depth, z23 + p.height / 2)
@@ -115,7 +114,7 @@ def bodies(design: Design) -> dict[str, Solid]:
     The marked face of S1 points up; those of S2 and S3 point towards the beam.
     """
     if design.hall_layout != "three":
-        chip, (x, _, z) = chip_of(design), places(design)[design.hall_layout]
+        chip, (x, _, z) = design.chip, places(design)[design.hall_layout]
         corner = (x - chip.body[0] / 2, -chip.body[1] / 2, z - chip.plate)
         return {design.hall_layout: Block(corner, chip.body).solid()}
     import build123d as bd
@@ -273,7 +272,7 @@ def chip_seat(design: Design, where: dict[str, Vector], fit: float, thickness: f
     BadInput
         Too little of the base would be left over the chip.
     """
-    chip, (middle, _, z) = chip_of(design), where[design.hall_layout]
+    chip, (middle, _, z) = design.chip, where[design.hall_layout]
     (length, width, height), pads = chip.body, chip.pads
     roof = z - chip.plate + height + fit
     if not roof <= -WEB:
