@@ -161,5 +161,5 @@ def test_a_press_is_predicted_to_the_tolerance_of_intermediate_states(solver, mo
         return newton(*given, tolerance=tolerance, **options)
 
     monkeypatch.setattr(load_increments, "newton", record)
-    follow_segment(solver, at_rest(section()), np.array([0.05, 0.0, 0.0]), predicts=True)
+    follow_segment(solver, at_rest(section()), np.array([0.05, 0.0, 0.0]), passes=True)
     assert set(asked) == {load_increments.PASSED_TOLERANCE}

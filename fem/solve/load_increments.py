@@ -151,13 +151,13 @@ def march_in_increments(
 
 
 def follow_segment(
-    solver: Solver, state: PathState, goal: Array, *, predicts: bool = False, friction_step_factor: float = 1.0
+    solver: Solver, state: PathState, goal: Array, *, passes: bool = False, friction_step_factor: float = 1.0
 ) -> Reached[PathState]:
     """Move in a straight line to a position (3,) in increments.
 
     Parameters
     ----------
-    predicts : whether the states are only a prediction.
+    passes : whether the goal too is only passed: a prediction, or an increment of a longer segment.
     friction_step_factor : factor on the longest increments with Coulomb friction.
     """
     start, reached = state.position, Reached(state, "", 0)
@@ -169,14 +169,14 @@ def follow_segment(
     def increment(state: PathState, target: float, step: float) -> Reached[PathState]:
         position = goal if target == 1 else start + target * (goal - start)
         # with friction every state is solved fully, as the history keeps its error
-        passed = (predicts or target < 1) and state.friction is None
+        passed = (passes or target < 1) and state.friction is None
         tolerance = PASSED_TOLERANCE if passed else TOLERANCE
         return apply_increment(solver, state, position, tolerance, accept=step * length <= LONGEST_DOUBTFUL)
 
     state = _set_direction(state, (goal - start) / length)
     for after in march_in_increments(state, longest, SHORTEST * min(1.0, 1 / length), increment):
         reached = after
-    if not reached.stop or state.friction is not None or predicts:
+    if not reached.stop or state.friction is not None:
         return reached
     state, more = _solve_fully(solver, reached.state)
     return Reached(state, reached.stop, reached.iterations + more)

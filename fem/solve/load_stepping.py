@@ -15,6 +15,7 @@ the state of a press on another mesh.
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,7 @@ from fem.model import plate_contact
 from fem.model.section_interpolation import interpolate_section
 from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
 from fem.solve.direct_solver import Solver
-from fem.solve.load_increments import CRUSHED, Reached, follow_segment, path_at, turns_over
+from fem.solve.load_increments import CRUSHED, LONGEST, Reached, follow_segment, path_at, turns_over
 from fem.solve.newton import newton
 from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
@@ -91,6 +92,7 @@ class Path:
         self._solvers, self._reduced_solver = {self.rest.d.model: Solver()}, Solver()
         if models.predictor is not None and models.raised is None:
             self.rest = with_predictor(self.rest, models.predictor.build())
+        self._passed = [self.rest]
 
     def advance(self, state: PathState, position: Array) -> Reached[PathState]:
         """Move from a state to a position (3,): first to its depth, then to its shear."""
@@ -102,7 +104,28 @@ class Path:
 
     def apply(self, state: PathState, position: Array) -> Reached[PathState]:
         """Do as `advance`, but from rest where a press to this depth has no history (`starts_from_rest`)."""
-        return self.advance(self.rest if state.starts_from_rest(float(position[0])) else state, position)
+        if not state.starts_from_rest(float(position[0])):
+            return self.advance(state, position)
+        passed = self._pass_to(float(position[0]))
+        if passed.stop:
+            return passed
+        reached = self.advance(passed.state, position)
+        return replace(reached, iterations=passed.iterations + reached.iterations)
+
+    def _pass_to(self, depth: float) -> Reached[PathState]:
+        """Return the last state that a press from rest passes, in the longest increments, before a depth over D.
+
+        These states do not depend on the depth, so all presses of the path share them.
+        """
+        iterations, count = 0, max(math.ceil(depth / LONGEST - 1.001), 0)
+        while len(self._passed) <= count:
+            goal = np.array([len(self._passed) * LONGEST, 0.0, 0.0])
+            reached = follow_segment(self._solvers[self.rest.d.model], self._passed[-1], goal, passes=True)
+            iterations += reached.iterations
+            if reached.stop:
+                return replace(reached, iterations=iterations)
+            self._passed.append(reached.state)
+        return Reached(self._passed[count], "", iterations)
 
     def begin_shear(self, low: PathState) -> PathState:
         """Return a state in the model of a shear, with glued contact where required, before the plate moves."""
@@ -153,7 +176,7 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
     added = state.q - raise_harmonics(low, high, before.q)
     if before.bond is None:
         before = replace(before, bond=state.bond)
-    ahead = follow_segment(reduced_solver, before, goal, predicts=True)
+    ahead = follow_segment(reduced_solver, before, goal, passes=True)
     state = replace(state, reduced=ahead.state)
     # another number of unstable directions means another branch
     if ahead.stop or ahead.state.stability != state.stability:
