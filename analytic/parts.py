@@ -94,6 +94,9 @@ class Element:
 CONVERTER, CONVERTER_NOISE, CONVERTER_STEP = "NI 9205, +-10 V", 2.44e-4, 20 / 2**16
 """Converter that the paper names: name, noise and step, V. The noise does not include that of the elements."""
 
+UNDITHERED = 0.5
+"""Share of the noise of an averaged reading from which steps that are left are worth a warning: 13 % of it."""
+
 AXES: tuple[Vector, Vector, Vector] = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """Directions n of S1, S2 and S3, or of the three axes of a chip; `analytic.hall.elements` explains their signs."""
 
@@ -136,6 +139,25 @@ def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
         dataclasses.replace(e, noise=CONVERTER_NOISE, step=CONVERTER_STEP) if e.unit == "V" else e for e in elements
     ]
     return tuple(converted), f"{CONVERTER}, assumed: the design gives none"
+
+
+def average_warnings(design: Design) -> list[str]:
+    """Return a sentence where averaging leaves steps of the converter, because the noise is too small to dither them.
+
+    >>> average_warnings(Design(hall_layout="tmag5273a1", hall_average=100))
+    []
+    >>> average_warnings(Design(hall_layout="chip", chip_step=2e-5, chip_noise=2e-6, hall_average=100))
+    ['averaging 100 values leaves an error of 0.19 steps of 2e-05 T: a noise of 0.1 steps does not dither them']
+    """
+    element = of_design(design)[0]
+    if element.average == 1 or not element.step:
+        return []
+    left = reading_noise.rounding_bias(element.noise, element.step)
+    if left < UNDITHERED * element.noise_T * element.gain:
+        return []
+    error = f"{left / element.step:.2g} steps of {element.step:g} {element.unit}"
+    reason = f"a noise of {element.noise / element.step:.2g} steps does not dither them"
+    return [f"averaging {element.average} values leaves an error of {error}: {reason}"]
 
 
 def columns(elements: Sequence[Element]) -> list[str]:

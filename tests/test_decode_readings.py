@@ -306,3 +306,13 @@ def test_a_pose_beyond_level_finite_says_that_its_error_is_unknown(run, strict):
         (row,) = strict(run("decode", "paper", f"--readings={readings}", "--level", "finite", "--json")[1])
         said = [text for text in row["warnings"] if "outside the range of level finite" in text]
         assert len(said) == count
+
+
+def test_a_file_of_a_chip_has_the_columns_that_the_help_names(run, tmp_path, strict):
+    names = "chip_-z_T,chip_x_T,chip_y_T"
+    assert names in "".join(run("decode", "--help")[1].replace("│", " ").split())
+    (tmp_path / "chip.csv").write_text(f"{names}\n0.0100,0.001,0\n", encoding="utf-8")
+    words = ("--set", "hall_layout=mlx90393", "--set", "l0=8", "--level", "finite", "--json")
+    status, out, _ = run("decode", "paper", "--file", tmp_path / "chip.csv", *words)
+    assert status == 0
+    assert strict(out)[0]["force_z_N"] > 0

@@ -29,6 +29,20 @@ def test_design_table_tells_the_source(run):
     assert "would lie inside the beam" not in out
 
 
+def test_design_shows_the_chip_in_use_and_where_averaging_leaves_its_steps(run, strict):
+    words = ("--set", "hall_layout=tlv493d-a1b6", "--set", "hall_average=16", "--set", "l0=9")
+    (record,) = strict(run("design", "paper", *words, "--json")[1])
+    derived = record["derived"]
+    assert derived["hall_part"] == "TLV493D-A1B6, a 3-axis chip"
+    assert (derived["hall_range_T"], derived["hall_step_T"]) == ([-0.13, 0.13], 98e-6)
+    assert derived["hall_reading_noise_T"] == pytest.approx(1e-4 / 4, rel=0.1)
+    assert not any("does not dither" in text for text in record["warnings"])
+    (record,) = strict(run("design", "paper", *words, "--set", "chip_noise=1e-6", "--json")[1])
+    assert any("16 values leaves an error of 0.28 steps" in text for text in record["warnings"])
+    table = run("design", "paper", *words)[1]
+    assert "unused" in next(line for line in table.splitlines() if "hall_gain" in line)
+
+
 def test_design_without_magnet_has_nulls(run, strict):
     status, out, _ = run("design", "paper", "--set", "magnet_diameter=0", "--set", "magnet_height=0", "--json")
     (record,) = strict(out)

@@ -88,6 +88,13 @@ def test_elements_deviate_independently_and_the_axes_of_a_chip_together():
     assert len(np.unique(chip.gain_factor)) == 30
 
 
+def test_a_chip_deviates_as_its_data_sheet_says():
+    design = Design(hall_layout="tmag5170a1")
+    assert parse_tolerances([], design).chip_gain == 2.6
+    assert parse_tolerances(["chip_gain=1"], design).chip_gain == 1
+    assert parse_tolerances([], design).chip_null == Tolerances().chip_null
+
+
 def test_impossible_sensors_are_kept_with_their_reason():
     sensors = made_sensors(Design(magnet_diameter=7.58), Tolerances(**NONE | {"magnet_diameter": 0.2}), 200, 6)
     impossible = [k for k, design in enumerate(sensors.designs) if design is None]

@@ -166,6 +166,12 @@ def test_a_design_without_a_silicone_gets_no_invented_mix():
     assert "Mix the parts of Mine as its data sheet says" in named
 
 
+def test_a_chip_of_unknown_pads_is_built_and_the_recipe_says_so(run, tmp_path):
+    words = ("--set", "hall_layout=mlx90393", "--set", "l0=9", "--set", "chip_x=2")
+    assert run("cad", "paper", *words, "--out", tmp_path / "cad")[0] == 0
+    assert "Its pads are unknown here" in (tmp_path / "cad" / "README.md").read_text("utf-8")
+
+
 def test_neighbouring_magnets_are_glued_one_after_another():
     design = dataclasses.replace(paper(), D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
     text = recipe_text(design, sensor_solids.FabricationChoices(Mold(columns=2)))

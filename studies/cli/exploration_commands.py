@@ -183,7 +183,8 @@ def sensitivity(
     from studies.sensitivity.beam_motions import Press
 
     here = destination(sensitivity, locals(), sensitivity_study.FILES)
-    design, sizes = design_of(source, sets), made_sensors.parse_tolerances(options.tolerances or [])
+    design = design_of(source, sets)
+    sizes = made_sensors.parse_tolerances(options.tolerances or [], design)
     chosen = tuple(dict.fromkeys(part.strip() for part in options.methods.split(",")))
     request = sensitivity_study.Request(
         design=design,

@@ -108,8 +108,9 @@ def decode(
     if readings is not None and out is not None:
         raise BadInput("--out works with --file only: leave it out")
     atomic_files.check_apart([out], [source, file, decoding.responses])
-    made = parse_tolerances(decoding.tolerances or [])
-    coder = decode_readings.prepare(design_of(source, sets), decoding)
+    design = design_of(source, sets)
+    made = parse_tolerances(decoding.tolerances or [], design)
+    coder = decode_readings.prepare(design, decoding)
     if readings is not None:
         answer, field, found = decode_readings.decode_text(coder, readings, decoding)
         checked = decode_tolerances.check(coder, field, found, made)

@@ -151,6 +151,6 @@ def text(
         margin=MARGIN,
         paper_cure=PAPER_CURE,
         pushed=neighbours_push(design, mold) if design.shape.has_magnet else None,
-        pin=board_drawing.pads(design)[0],
+        pin=next(iter(board_drawing.pads(design)), None),
     )
     return f"{page}\n"

@@ -315,7 +315,8 @@ class Decoding:
     readings
         Readings a,b,c in the order S1,S2,S3 (of a chip: -z,x,y), V or T as --units says.
     file
-        CSV file with the columns S1_V,S2_V,S3_V (or _T), decoded row by row as a stream.
+        CSV file with the columns `S1_V,S2_V,S3_V` (or `S1_T` and so on), of a chip `chip_-z_T,chip_x_T,chip_y_T`,
+        decoded row by row as a stream.
     units
         Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output.
     level

@@ -211,8 +211,10 @@ def toml_table(path: str, what: str) -> dict[str, Any]:
 
 
 def warn_of_values(design: Design) -> None:
-    """Warn of each field that is set without effect, and of a value that no silicone has."""
-    for warning in design.value_warnings():
+    """Warn of fields without effect, of values that no silicone has, and of steps that averaging does not reduce."""
+    from analytic import parts
+
+    for warning in (*design.value_warnings(), *parts.average_warnings(design)):
         console.warn(warning)
 
 

@@ -261,7 +261,8 @@ def decode_file(
 
     Without `out` the table is printed; as JSON, one object for each row with its number and its readings.
 
-    The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities).
+    The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities),
+    or chip_-z_T,chip_x_T,chip_y_T.
     Further columns are copied. A row with an empty or NaN reading gets the status not_finite. `check` returns the
     status of each row, which may differ from the decoder's, and warnings. A row without an answer is a failure.
 

@@ -101,17 +101,25 @@ class Tolerances:
                 raise BadInput(f"tolerance {spec.name} must be {name} from 0 to {most:g}; got {value:g}")
 
 
-def parse_tolerances(texts: Sequence[str]) -> Tolerances:
-    """Return the tolerances of texts NAME=VALUE; the others have their defaults.
+def of_data_sheet(design: Design) -> dict[str, float]:
+    """Return the tolerances of gain and offset that the data sheet of a design's chip states."""
+    if design.hall_layout == "three":
+        return {}
+    gain, null = design.chip.gain_tolerance, design.chip.offset
+    return ({} if gain is None else {"chip_gain": 100 * gain}) | ({} if null is None else {"chip_null": null})
 
-    >>> parse_tolerances(["E=5"]).E, parse_tolerances([]).hall_null
-    (5, 0.075)
+
+def parse_tolerances(texts: Sequence[str], design: Design = Design()) -> Tolerances:
+    """Return the tolerances of texts NAME=VALUE; the others are those of the design's chip, or have their defaults.
+
+    >>> parse_tolerances(["E=5"]).E, parse_tolerances([], Design(hall_layout="tmag5170a1")).chip_gain
+    (5, 2.6)
     """
     values = parse_choices("--tolerance", texts, Tolerances)
     for name, value in values.items():
         if not (isinstance(value, (int, float)) and math.isfinite(value)):
             raise BadInput(f"tolerance {name} must be a finite number; got {value!r}")
-    return Tolerances(**values)
+    return Tolerances(**of_data_sheet(design) | values)
 
 
 MOST_SENSORS = 1_000_000

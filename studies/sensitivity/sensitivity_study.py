@@ -37,7 +37,7 @@ from studies.sensitivity import beam_motions, global_sensitivity, made_sensors, 
 from studies.sensitivity.beam_motions import MODELS, Press, sampled_cases, sampled_outputs
 from studies.sensitivity.calibration import AxisSpread, CalibrationSpread, calibration_spread, percentile
 from studies.sensitivity.global_sensitivity import Ranges
-from studies.sensitivity.made_sensors import Tolerances
+from studies.sensitivity.made_sensors import Tolerances, of_data_sheet
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -530,18 +530,20 @@ def _force_errors(axes: Mapping[str, AxisSpread]) -> list[str]:
 def _effective_tolerances(request: Request) -> list[FlatRow]:
     """Return the rows of the tolerances that have an effect, with their sources."""
     unused = "hall" if request.design.hall_layout != "three" else "chip"
-    units, rows = {"1": "", "percent": "%"}, []
+    units, rows, read = {"1": "", "percent": "%"}, [], of_data_sheet(request.design)
     for spec in dataclasses.fields(Tolerances):
         if spec.name in (f"{unused}_gain", f"{unused}_null"):
             continue
         value, meta = getattr(request.tolerances, spec.name), spec.metadata
         source = f"{'assumed: ' if meta['assumed'] else ''}{meta['source']}"
+        if spec.name in read:
+            source = request.design.chip.source
         rows.append(
             {
                 "value": meta["text"],
                 "tolerance": f"± {value:g} {units.get(meta['unit'], meta['unit'])}".rstrip(),
                 "distribution": meta["shape"],
-                "source": source if value == spec.default else "set by the user",
+                "source": source if value == read.get(spec.name, spec.default) else "set by the user",
             }
         )
     return rows

@@ -34,17 +34,20 @@ def shown(value: float | str) -> str:
 
 def study(design: Design) -> Result:
     """Return every value of a design with its source, derived values, assumptions and warnings."""
+    from analytic.parts import average_warnings
+
     derived, failures, base_limits_l0 = derived_values(design)
     specs = dataclasses.fields(Design)
     unused = design.unused_fields()
     assumed = [spec.name for spec in specs if origin(spec.name, design) == "assumed" and spec.name not in unused]
     # a base asks for more room over the elements than the beam does: one limit of l0, the larger one
-    warnings = [*design.warnings(base_limits_l0=base_limits_l0), *failures]
+    warnings = [*design.warnings(base_limits_l0=base_limits_l0), *average_warnings(design), *failures]
     rows = []
     for spec in specs:
         unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
         value = shown(getattr(design, spec.name))
-        rows.append([spec.name, value, unit, origin(spec.name, design), spec.metadata["text"]])
+        source = "unused" if spec.name in unused else origin(spec.name, design)
+        rows.append([spec.name, value, unit, source, spec.metadata["text"]])
     return Result(
         title="Design",
         records=[dataclasses.asdict(design) | {"derived": derived, "assumed": assumed, "warnings": warnings}],
@@ -65,6 +68,8 @@ def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
     S1_mm, S2_mm, S3_mm : positions of the Hall elements.
     rest_readings_T, rest_readings_V, rest_saturated : one value for each element without a load; None if the field
         at an element is unknown, and no volts for a chip.
+    hall_part, hall_range, hall_step, hall_noise, hall_reading_noise : the Hall part in use; full scale on both sides
+        of the null, step and noise of one value, and noise of a reading, V, or T for a chip; None if unknown.
     magnets_apart_mm : distance of the axes from which two such magnets side by side, as in neighbouring cavities,
         stay where they are put; None without a magnet.
     """
@@ -104,9 +109,26 @@ def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
         "rest_readings_T": rest and list(rest.B_T),
         "rest_readings_V": list(rest.V) if rest is not None and set(rest.units) == {"V"} else None,
         "rest_saturated": rest and list(rest.saturated),
+        **hall_part(design),
         "magnets_apart_mm": resting_distance(design),
     }
     return derived, failures, base_limits_l0
+
+
+def hall_part(design: Design) -> FlatRow:
+    """Return what is in use of the Hall part, see `derived_values`."""
+    from analytic.parts import of_design
+
+    element = of_design(design)[0]
+    chip = element.unit == "T"
+    unit, known = element.unit, element.noise > 0 or element.floor > 0
+    return {
+        "hall_part": f"{design.chip.name}, a 3-axis chip" if chip else "three one-axis elements",
+        f"hall_range_{unit}": (element.low - element.null, element.high - element.null),
+        f"hall_step_{unit}": element.step,
+        f"hall_noise_{unit}": element.noise if known else None,
+        f"hall_reading_noise_{unit}": element.noise_T * element.gain if known else None,
+    }
 
 
 def outer_size(design: Design, plan: Plan | None) -> FlatRow:
