@@ -70,8 +70,8 @@ def test_a_gap_is_searched_for_only_where_no_branches_are_measured(run):
 
 
 def test_a_gap_that_no_loss_factor_has_is_told(run):
-    quick = ("--accuracy", "quick", "--cycles", 1, "--depth", 0.2, "--tolerance", 0.02)
-    status, _, err = run("cycle", "paper", "--speed", 0.5, "--gap", 90, *quick)
+    rough = ("--cycles", 1, "--depth", 0.2, "--tolerance", 0.02)
+    status, _, err = run("cycle", "paper", "--speed", 0.5, "--gap", 90, *rough, *QUICK)
     assert status == 3
     assert "no loss factor up to 1 has a gap of 90 %" in err
 
@@ -94,7 +94,20 @@ def test_a_fast_cycle_is_warned_of_inertia_and_is_not_yet_steady(run):
 
 def test_an_interrupt_prints_the_complete_cycles(tmp_path):
     code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
-    words = ["cycle", "paper", "--depth", "0.1", "--speed", "0.5", "--cycles", "1000", "--out", "o"]
+    words = [
+        "cycle",
+        "paper",
+        "--depth",
+        "0.1",
+        "--speed",
+        "0.5",
+        "--cycles",
+        "1000",
+        "--tolerance",
+        "0.02",
+        "--out",
+        "o",
+    ]
     paths = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))))
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import sparse
 from test_nonlinear_system import RNG, SCENES, plate, smooth
 
 from fem.model import element_assembly, material
@@ -59,16 +60,16 @@ def dense_matrix(system, matrices):
     """The matrix of the unknowns from matrices (m, f, a, f, a): the fields of all nodes, then the constraints."""
     cells, (nodes, fields) = system.elements.cells, system.fixed.shape
     places = (fields * cells[:, None] + np.arange(fields)[:, None]).reshape(len(cells), -1)
-    full = np.zeros((nodes * fields,) * 2)
-    np.add.at(full, (places[:, :, None], places[:, None]), matrices.reshape(len(cells), *places.shape[1:] * 2))
-    follow = np.zeros((nodes * fields, system.size))
-    follow[system.free.ravel(), : system.n_free] = np.eye(system.n_free)
+    rows, columns = (places.repeat(places.shape[1], axis=1), np.tile(places, places.shape[1]))
+    full = sparse.coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=(nodes * fields,) * 2)
+    follow = sparse.lil_array((nodes * fields, system.size))
+    follow[np.flatnonzero(system.free), np.arange(system.n_free)] = 1.0
     if system.rigid:
         rows = np.zeros(system.fixed.shape, dtype=bool)
         rows[system.glued] = True
         motion = system.rigid.derivative(np.zeros(system.n_rigid)).reshape(-1, system.n_rigid)
         follow[rows.ravel(), system.n_free : system.n_free + system.n_rigid] = motion
-    return follow.T @ full @ follow
+    return (follow.T @ full.tocsr() @ follow.tocsr()).toarray()
 
 
 @pytest.mark.parametrize("name", ["cube", "half ball", "cylinder", "one harmonic"])

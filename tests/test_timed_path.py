@@ -47,9 +47,16 @@ def test_fast_and_slow_presses_equal_the_elastic_solves(law: ViscousLaw, duratio
     assert state.response.force[2] == pytest.approx(solve(elastic, Load(0.8), COARSE).response.force[2], rel=1e-6)
 
 
+@pytest.fixture(scope="module")
+def cycles() -> dict[ViscousLaw, list[TimedState]]:
+    """Every step of a cycle by both laws."""
+    laws: tuple[ViscousLaw, ...] = "prony", "finite"
+    return {law: _cycle(law, every_step=True) for law in laws}
+
+
 @pytest.mark.parametrize("law", ["prony", "finite"])
-def test_estimate_covers_the_error_of_the_time_steps(law: ViscousLaw) -> None:
-    fine, coarse = _cycle(law, 0.04), _cycle(law)
+def test_estimate_covers_the_error_of_the_time_steps(law: ViscousLaw, cycles) -> None:
+    fine, coarse = _cycle(law, 0.04), [state for state in cycles[law] if state.time in (1, 2)]
     largest = max(_force(fine))
     for exact, state in zip(fine, coarse, strict=True):
         error = abs(state.response.force[2] - exact.response.force[2]) / largest
@@ -74,8 +81,8 @@ def test_shorter_steps_have_errors_of_second_order() -> None:
 
 
 @pytest.mark.parametrize("law", ["prony", "finite"])
-def test_work_is_stored_or_dissipated(law: ViscousLaw) -> None:
-    states = _cycle(law, every_step=True)
+def test_work_is_stored_or_dissipated(law: ViscousLaw, cycles) -> None:
+    states = cycles[law]
     dissipated = [state.dissipated for state in states]
     assert dissipated == sorted(dissipated)
     assert dissipated[0] > 0
@@ -99,11 +106,10 @@ def test_slip_dissipates_while_the_plate_goes_down_and_up() -> None:
     assert up.balance == pytest.approx(0.0, abs=5e-3 * down.work)
 
 
-@pytest.mark.parametrize(("loss_factor", "mu"), [(0.1, 0.3), (0.25, 0.6)])
-def test_slip_within_a_step_changes_the_force_by_less_than_two_thousandths(loss_factor: float, mu: float) -> None:
+def test_slip_within_a_step_changes_the_force_by_less_than_two_thousandths() -> None:
     # the docstring of fem.analyses.timed_path and the notes of `magtip cycle` state this bound
-    design = replace(paper(), loss_factor=loss_factor)
-    loads = [TimedLoad(t, Load(1.0, x, friction=mu)) for t, x in ((0.5, 0.0), (1.5, 1.0), (2.5, 0.0))]
+    design = replace(paper(), loss_factor=0.25)
+    loads = [TimedLoad(t, Load(1.0, x, friction=0.6)) for t, x in ((0.5, 0.0), (1.5, 1.0), (2.5, 0.0))]
 
     def path(largest_step: float) -> tuple[list[float], list[float]]:
         one = replace(COARSE, harmonics=1)
