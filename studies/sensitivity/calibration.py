@@ -245,9 +245,14 @@ def calibration_spread(
         The model refuses the design itself under this load, or the draws are impossible.
     """
     sensors = made_sensors(design, tolerances, count, seed)
+    return CalibrationSpread(sensors, spread_of(sensors, load, model))
+
+
+def spread_of(sensors: MadeSensors, load: Press, model: str) -> dict[str, AxisSpread]:
+    """Return the spread of the calibrations of sensors by the axis, see `calibration_spread`."""
     pairs = curves(model, sensors, load)
-    errors = sensitivity_errors(model, design, load)
-    return CalibrationSpread(sensors, {name: _spread(*pair, name, errors[name]) for name, pair in pairs.items()})
+    errors = sensitivity_errors(model, sensors.nominal, load)
+    return {name: _spread(*pair, name, errors[name]) for name, pair in pairs.items()}
 
 
 def _spread(nominal: Curves, made: Curves, name: str, model_error: float) -> AxisSpread:

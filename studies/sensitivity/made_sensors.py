@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -172,7 +172,7 @@ def made_sensors(
     count: int = 1000,
     seed: int = 0,
     *,
-    ranges: Mapping[str, tuple[float, float]] | None = None,
+    batches: Mapping[str, Callable[[Array], Array]] = {},
 ) -> MadeSensors:
     """Draw made sensors of a design.
 
@@ -180,8 +180,8 @@ def made_sensors(
 
     Parameters
     ----------
-    ranges : of E, nu or remanence, in place of their tolerances: half of the sensors lie between each end and the
-        design's value.
+    batches : of E, nu or remanence, in place of design and tolerance: the values of parts whose deviations over the
+        largest are -1 to 1, shape (n,).
 
     Raises
     ------
@@ -197,9 +197,7 @@ def made_sensors(
         **{name: getattr(design, name) * (1 + deviation[name] / 100) for name in ("E", "remanence")},
         **{name: getattr(design, name) + deviation[name] for name in ("magnet_diameter", "magnet_height")},
     }
-    for name, (low, high) in (ranges or {}).items():
-        middle, u = getattr(design, name), unit[name]
-        fields[name] = middle + np.where(u < 0, u * (middle - low), u * (high - middle))
+    fields |= {name: of_parts(unit[name]) for name, of_parts in batches.items()}
     designs, refusals = zip(*(_possible(design, fields, k) for k in range(count)), strict=True)
     places = np.stack([deviation[name] for name in ("hall_x", "hall_y", "hall_z")], axis=-1)
     chip = design.hall_layout != "three"
@@ -259,7 +257,7 @@ def _possible(design: Design, fields: Mapping[str, Array], k: int) -> tuple[Desi
         return None, str(error)
 
 
-def share_with_error(count: int, total: int, level: float = 0.95) -> tuple[float, float, float]:
+def share_with_error(count: float, total: float, level: float = 0.95) -> tuple[float, float, float]:
     """Return a share and its confidence interval by Clopper and Pearson, such as that of sensors in specification.
 
     >>> [round(value, 3) for value in share_with_error(950, 1000)]

@@ -1,12 +1,15 @@
 """Yield of a variant: the share of made sensors that meet all requirements, and which requirement fails most.
 
-Each made sensor has its own E, Poisson's ratio, magnet, displaced parts, gains and offsets (`made_sensors`), drawn
-within the ranges of the catalogues. Its mechanics come from the surrogate, its readings from its own parts. It counts
-as calibrated by itself: deviations change what it can reach, and are no errors of its forces. The magnet's place in
-the silicone changes the readings only.
+A maker's silicone and magnets are those of a batch, which lies anywhere within the ranges of the catalogue (E, nu,
+remanence); its sensors differ by the scatter of parts, places and gains. So there is a yield over batches, and one of
+the worst batch, among which are the ends of the ranges of E and remanence. No sensor lies beyond a range.
 
-A yield is uncertain for two reasons: the number of sensors is finite (`low` to `high`), and the surrogate has errors
-(`worse` to `better`: all values at the worse, and at the better ends of its 90 % intervals).
+Requirements hold for a sensor that is calibrated by itself: its deviations change what it can reach, and are no
+errors of its forces. `calibrations` says how many also read the force without, or with part of a calibration.
+
+Mechanics come from the surrogate: `worse` and `better` are the shares at the ends of its 90 % intervals, and `check`
+holds drawn sensors against finite elements. The sampling error (`low` to `high`) only says that the number of sensors
+is finite.
 """
 
 from __future__ import annotations
@@ -14,22 +17,48 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
+from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED, Load
+from geometry.messages import Progress
+from studies.output import page_templates
 from studies.output.records import FlatRow
+from studies.sensitivity.beam_motions import SURROGATE, Press, motions
+from studies.sensitivity.calibration import spread_of
 from studies.sensitivity.made_sensors import MadeSensors, Tolerances, made_sensors, share_with_error
 from studies.sizing.candidate_performance import MadeReader, performance
 from studies.sizing.variant_search import beams_of
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from studies.sizing.candidate_variables import Variant
     from studies.sizing.requirements import Requirements
 
 SENSORS = 1000
-"""Number of made sensors: a share of 90 % is then known to 2 points."""
+"""Number of made sensors."""
+BATCHES = 25
+"""Number of batches among them; four more, at the ends of the ranges, count for the worst batch only."""
+OF_PARTS = 0.25
+"""Share of a catalogue's range that is the scatter of parts within a batch; assumed: no source parts the two."""
+ENDS = ((0, 0), (0, 1), (1, 0), (1, 1))
+"""Ends of the ranges of E and remanence, low or high."""
+ALLOWED = 0.05
+"""Largest force error over the required range with which a sensor counts as calibrated."""
+CALIBRATIONS = {
+    "none": "force_error",
+    "offset": "zeroed_force_error",
+    "offset and gain": "recalibrated_force_error",
+    "full": "",
+}
+"""Calibrations of each sensor by itself, and the force errors that remain; a full one leaves none but the noise."""
+CHECKED = 30
+"""Number of drawn sensors that finite elements solve."""
 MAGNET_DIGITS = 2
 """Decimals of a made magnet's size, mm: magnets of equal size share the computation of their fields."""
 ALL = "all"
@@ -44,72 +73,76 @@ class Yield:
 
     Attributes
     ----------
-    count, passed : made sensors, and those that meet all requirements.
-    low, high : 95 % interval of the share from the number of sensors alone (Clopper and Pearson).
-    worse, better : shares at the worse and at the better ends of the surrogate's intervals, by requirement; the first
-        is that of all together.
-    missed : number of sensors that miss each requirement, the most frequent one first.
-    quantiles : 5 %, 50 % and 95 % quantiles of the margins of each requirement.
+    table : a row for all requirements and for each: yield.csv.
+    batches : a row for each batch: E, nu and remanence of its middle, sensors within all requirements, and whether it
+        lies at the ends of the ranges.
+    calibrations : a row for each of `CALIBRATIONS`: shares of sensors within all requirements whose force errors are
+        below `ALLOWED` of the required range, over batches and of the worst batch; empty where the design itself
+        reaches no such force by the surrogate.
+    check : drawn sensors by finite elements and by the surrogate; empty if none was solved.
     """
 
-    count: int
-    passed: int
-    low: float
-    high: float
-    worse: Mapping[str, float]
-    better: Mapping[str, float]
-    missed: Mapping[str, int]
-    quantiles: Mapping[str, tuple[float, float, float]]
+    table: pd.DataFrame
+    batches: pd.DataFrame
+    calibrations: pd.DataFrame
+    check: pd.DataFrame
 
     @property
     def share(self) -> float:
-        """Share of the sensors that meet all requirements, 0 to 1."""
-        return self.passed / self.count
+        """Share of the sensors that meet all requirements, over batches, 0 to 1."""
+        return float(self.table["within_percent"].iloc[0]) / 100
 
     @property
-    def uncertainty(self) -> str:
-        """Both parts of the uncertainty of the share, as a text."""
-        sampling = f"95 % interval from the number of sensors {100 * self.low:.3g} to {100 * self.high:.3g} %"
-        ends = f"{100 * self.worse[ALL]:.3g} and {100 * self.better[ALL]:.3g} %"
-        return f"{sampling}; at the ends of the surrogate's 90 % intervals {ends}"
+    def count(self) -> int:
+        return int(self.table["sensors"].iloc[0])
 
     def rows(self) -> list[FlatRow]:
-        """Return the rows of yield.csv: all requirements together, and each by itself."""
-        rows: list[FlatRow] = [self._row(ALL, self.count - self.passed)]
-        for name, missed in self.missed.items():
-            low, middle, high = (100 * value for value in self.quantiles.get(name, (np.nan,) * 3))
-            rows.append(
-                self._row(name, missed)
-                | {"margin_5_percent": low, "margin_50_percent": middle, "margin_95_percent": high}
-            )
-        return rows
+        return _records(self.table)
 
-    def _row(self, name: str, missed: int) -> FlatRow:
-        share, low, high = share_with_error(self.count - missed, self.count)
-        numbers = {"sensors": self.count, "within": self.count - missed, "within_percent": 100 * share}
-        ends = {
-            "surrogate_worse_percent": 100 * self.worse[name],
-            "surrogate_better_percent": 100 * self.better[name],
+    def record(self) -> dict[str, list[FlatRow]]:
+        """Return the tables by their keys in sizing.json."""
+        tables = {"batches": self.batches, "calibrations": self.calibrations, "check": self.check}
+        return {"yield": self.rows()} | {f"yield_{name}": _records(table) for name, table in tables.items()}
+
+    @property
+    def sentence(self) -> str:
+        """Yield over batches, of the worst batch, sampling error, and the ends of the surrogate's intervals."""
+        (text,) = page_templates.sentences(_TEMPLATE, "sentence", **self._words())
+        return text
+
+    def text(self) -> str:
+        """Return the section of SIZING.md."""
+        return page_templates.rendered(_TEMPLATE, made=self, rows=self.rows(), allowed=ALLOWED, **self._words())
+
+    def _words(self) -> dict[str, Any]:
+        worst = self.batches.loc[self.batches["within_percent"].idxmin()]
+        return {
+            "all": self.table.iloc[0],
+            "worst": worst,
+            "first": self.table.iloc[1] if len(self.table) > 1 else None,
         }
-        return {"requirement": name, **numbers, "low_percent": 100 * low, "high_percent": 100 * high} | ends
+
+
+_TEMPLATE = Path(__file__).with_name("YIELD.md.j2")
+
+
+def _records(table: pd.DataFrame) -> list[FlatRow]:
+    return [
+        {str(k): None if v != v else v for k, v in row.items()} for row in table.astype(object).to_dict("records")
+    ]
 
 
 def tolerances_of(variant: Variant) -> Tolerances:
     """Return the tolerances of a variant's parts but for `ranges_of`; places and tilts have their defaults."""
-    magnet, gain = variant.magnet, 100 * variant.hall_part.gain_tolerance
-    return Tolerances(
-        magnet_diameter=magnet.tolerance,
-        magnet_height=magnet.tolerance,
-        hall_gain=gain,
-        chip_gain=gain,
-    )
+    part, size = variant.hall_part, variant.magnet.tolerance
+    kind = "hall" if part.layout == "three" else "chip"
+    null = {} if part.null_tolerance is None else {f"{kind}_null": part.null_tolerance}
+    values = {f"{kind}_gain": 100 * part.gain_tolerance, "magnet_diameter": size, "magnet_height": size, **null}
+    return Tolerances(**values)
 
 
 def ranges_of(variant: Variant) -> dict[str, tuple[float, float]]:
-    """Return the ranges of the catalogue for E, nu and the remanence.
-
-    The range of E is that over the sources, which disagree: it is wider than that of one supplier's batches.
-    """
+    """Return the ranges of the catalogue for E, nu and the remanence, over its sources and grades."""
     silicone, magnet = variant.silicone, variant.magnet
     return {
         "E": (silicone.E_low, silicone.E_high),
@@ -118,28 +151,100 @@ def ranges_of(variant: Variant) -> dict[str, tuple[float, float]]:
     }
 
 
-def yield_of(variant: Variant, requirements: Requirements, count: int = SENSORS, seed: int = 0) -> Yield:
-    """Return the yield of a variant."""
-    drawn = made_sensors(variant.design, tolerances_of(variant), count, seed, ranges=ranges_of(variant))
-    sensors = _rounded(drawn)
-    table, worse, better = (_margins(variant, sensors, requirements, caution) for caution in (0.0, 1.0, -1.0))
-    met = {name: values >= 0 for name, values in table.items()}
-    passed = int(np.all(list(met.values()), axis=0).sum())
-    missed = {name: int((~values).sum()) for name, values in met.items()}
-    _, low, high = share_with_error(passed, count)
-    quantiles: dict[str, tuple[float, float, float]] = {}
-    for name, values in table.items():
-        least, middle, most = np.nanquantile(values, [0.05, 0.5, 0.95]).tolist()
-        quantiles[name] = least, middle, most
-    order = sorted(missed, key=lambda name: -missed[name])
-    ordered = {name: missed[name] for name in order}
-    return Yield(count, passed, low, high, _shares(worse), _shares(better), ordered, quantiles)
+def drawn(variant: Variant, count: int, seed: int) -> tuple[MadeSensors, pd.DataFrame, Ints]:
+    """Draw made sensors of `BATCHES` batches, and as many of each batch at the ends of the ranges.
+
+    Half of the batches lie on each side of the typical value, which is in the middle of no range; a batch is
+    `OF_PARTS` of its range wide, and lies within it.
+
+    Returns
+    -------
+    The sensors, those of the ends last; the middle of each batch; and the batch of each sensor, shape (n,).
+    """
+    import pandas as pd
+    from scipy.stats import qmc
+
+    ranges, number = ranges_of(variant), min(BATCHES, count)
+    parts = -(-count // number)
+    half = OF_PARTS / 2
+    place = half + (1 - OF_PARTS) * qmc.LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(number)
+    at_ends = [(half + (1 - OF_PARTS) * E, 0.5, half + (1 - OF_PARTS) * remanence) for E, remanence in ENDS]
+    place = np.vstack([place, at_ends]).T
+    batch = np.append(np.arange(count) % number, np.repeat(number + np.arange(len(ENDS)), parts))
+
+    def value(column: int, share: Array) -> Array:
+        """Return the values below which lie these shares of what is sold: a half lies below the typical one."""
+        name, (low, high) = list(ranges.items())[column]
+        return np.asarray(np.interp(share, [0.0, 0.5, 1.0], [low, getattr(variant.design, name), high]))
+
+    values = {name: lambda unit, k=k: value(k, place[k][batch] + half * unit) for k, name in enumerate(ranges)}
+    sensors = made_sensors(variant.design, tolerances_of(variant), len(batch), seed, batches=values)
+    middle = [value(k, place[k]) for k in range(len(ranges))]
+    table = pd.DataFrame(dict(zip(("E_MPa", "nu", "remanence_T"), middle, strict=True)))
+    return _rounded(sensors), table.assign(at_the_ends=table.index >= number), batch
 
 
-def _shares(margins: Mapping[str, Array]) -> dict[str, float]:
-    """Return the shares of sensors that meet all requirements, and each of them."""
-    met = {name: values >= 0 for name, values in margins.items()}
-    return {name: float(np.mean(one)) for name, one in ({ALL: np.all(list(met.values()), axis=0)} | met).items()}
+def yield_of(
+    variant: Variant,
+    requirements: Requirements,
+    count: int = SENSORS,
+    seed: int = 0,
+    *,
+    solves: Mapping[str, Any] = {},
+) -> Yield:
+    """Return the yield of a variant.
+
+    Parameters
+    ----------
+    solves : model, store, workers, progress of `cases.answer` for the check by finite elements; empty for no check.
+    """
+    import pandas as pd
+
+    sensors, batches, batch = drawn(variant, count, seed)
+    margins, worse, better = (_margins(variant, sensors, requirements, caution) for caution in (0.0, 1.0, -1.0))
+    met, low, high = (pd.DataFrame(one)[:count] >= 0 for one in (margins, worse, better))
+    every = (pd.DataFrame(margins) >= 0).all(axis=1)
+    groups = every.groupby(batch)
+    batches = batches.assign(sensors=groups.size(), within=groups.sum(), within_percent=100 * groups.mean())
+    table = pd.DataFrame([
+        _row(ALL, met.all(axis=1), low.all(axis=1), high.all(axis=1), batch[:count]),
+        *(
+            _row(name, met[name], low[name], high[name], batch[:count])
+            | dict(zip(QUANTILES, 100 * np.quantile(margins[name][:count], SHARES), strict=True))
+            for name in (~met).sum().sort_values(ascending=False, kind="stable").index
+        ),
+    ])  # fmt: skip
+    load = required_load(variant.design, requirements)
+    none = pd.DataFrame()
+    calibrations = none if load is None else _calibrations(sensors, load, requirements, every, batch, count)
+    check = none if load is None or not solves else check_of(sensors, load, count, **solves)
+    return Yield(table, batches.rename_axis("batch").reset_index(), calibrations, check)
+
+
+SHARES = (0.05, 0.5, 0.95)
+QUANTILES = tuple(f"margin_{100 * share:g}_percent" for share in SHARES)
+
+
+def _row(name: str, met: pd.Series[bool], worse: pd.Series[bool], better: pd.Series[bool], batch: Ints) -> FlatRow:
+    """Return a row of yield.csv; its interval is that of Clopper and Pearson, for as many independent sensors as are
+    worth those of the batches (Kish: the design effect is the variance of the batches over that of the draws).
+    """
+    count, within = len(met), int(met.sum())
+    share, of_batches = within / count, met.groupby(batch).mean()
+    independent = share * (1 - share) / count
+    effect = max(float(of_batches.var() / len(of_batches)) / independent, 1.0) if independent else 1.0
+    _, low, high = share_with_error(within / effect, count / effect)
+    return {
+        "requirement": name,
+        "sensors": count,
+        "within": within,
+        "within_percent": 100 * share,
+        "low_percent": 100 * low,
+        "high_percent": 100 * high,
+        "surrogate_worse_percent": 100 * float(worse.mean()),
+        "surrogate_better_percent": 100 * float(better.mean()),
+        "worst_batch_percent": 100 * float(of_batches.min()),
+    }
 
 
 def _margins(variant: Variant, sensors: MadeSensors, requirements: Requirements, caution: float) -> dict[str, Array]:
@@ -162,6 +267,88 @@ def _margins(variant: Variant, sensors: MadeSensors, requirements: Requirements,
     for name in ("outer_size", "height", "wall", "clearance"):
         margins.pop(name, None)
     return margins | {IMPOSSIBLE: np.where(possible, 1.0, -1.0)}
+
+
+def required_load(design: Design, requirements: Requirements) -> Press | None:
+    """Return depth and shear at which a design reaches the required forces by the surrogate; None if it does not."""
+    grid = design.D * np.linspace(0.02, 0.5, 97)[None]
+    pressed = motions(SURROGATE, [design], grid, np.zeros_like(grid)).values["force_z"][0]
+    depth = _first(grid[0], pressed, requirements.force_z)
+    if depth is None or requirements.force_x is None:
+        return None if depth is None else Press(depth)
+    sheared = motions(SURROGATE, [design], np.full_like(grid, depth), grid).values["force_x"][0]
+    shear = _first(grid[0], sheared, requirements.force_x)
+    return None if shear is None else Press(depth, shear)
+
+
+def _first(at: Array, force: Array, wanted: float) -> float | None:
+    known = np.isfinite(force)
+    reached = np.flatnonzero(known & (force >= wanted))
+    if not len(reached) or not force[known][0] <= wanted:
+        return None
+    rising = known & (np.arange(len(at)) <= reached[0])
+    return float(np.interp(wanted, force[rising], at[rising]))
+
+
+def _calibrations(
+    sensors: MadeSensors, load: Press, requirements: Requirements, every: pd.Series[bool], batch: Ints, count: int
+) -> pd.DataFrame:
+    """Return the shares within all requirements and `ALLOWED`; a sensor without a calibration curve has no error that
+    is known, and counts as missed unless its calibration is full."""
+    import pandas as pd
+
+    try:
+        axes = spread_of(sensors, load, SURROGATE)
+    except BadInput:
+        return pd.DataFrame()
+    span = {"z": requirements.force_z, "x": requirements.force_x, "y": requirements.force_x}
+    rows = []
+    for name, quantity in CALIBRATIONS.items():
+        errors = [axis.made[quantity] / (span[way] or np.nan) for way, axis in axes.items()] if quantity else []
+        worst = np.max(errors, axis=0) if errors else np.zeros(len(every))
+        within = every & (worst <= ALLOWED)
+        known = worst[:count][np.isfinite(worst[:count])]
+        rows.append({
+            "calibration": name,
+            "within_percent": 100 * float(within[:count].mean()),
+            "worst_batch_percent": 100 * float(within.groupby(batch).mean().min()),
+            "force_error_95_percent": 100 * float(np.quantile(known, 0.95)) if len(known) and errors else np.nan,
+            "unknown": int(count - len(known)),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def check_of(
+    sensors: MadeSensors,
+    load: Press,
+    count: int,
+    *,
+    model: str = "fem",
+    store: Path | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Return `CHECKED` drawn sensors under a load by finite elements, and by the surrogate with its half widths."""
+    from studies import cases
+
+    chosen = np.unique(np.linspace(0, count - 1, min(CHECKED, count)).round().astype(int)).tolist()
+    designs = {k: sensors.designs[k] for k in chosen}
+    at = Load(load.depth, load.shear, friction="stick") if load.shear else Load(load.depth)
+    table = cases.table([(design, at, "rigid") for design in designs.values() if design is not None])
+    table.index = [k for k, design in designs.items() if design is not None]
+    common: dict[str, Any] = {"base": sensors.nominal, "quantities": ["force"], "store": store, "workers": workers}
+    solved = cases.answer(table, [model], progress=progress, **common)
+    fast = cases.answer(table, [SURROGATE], **common)
+    columns = {"sensor": solved.index, "E_MPa": solved["E_MPa"], "status": solved["status"]}
+    result = solved.assign(**columns)[list(columns)]
+    estimates = {"force": "error_estimate"} | ({"force_x": "sideways_error_estimate"} if load.shear else {})
+    known = solved["status"].isin(ANSWERED)
+    for name, estimate in estimates.items():
+        fem, surrogate = solved[f"fem_{name}_N"].where(known), fast[f"surrogate_{name}_N"]
+        result[f"fem_{name}_N"], result[f"surrogate_{name}_N"] = fem, surrogate
+        result[f"{name}_difference_percent"] = 100 * (surrogate / fem - 1)
+        result[f"{name}_half_width_percent"] = 100 * fast[estimate]
+    return result
 
 
 def _rounded(sensors: MadeSensors) -> MadeSensors:

@@ -128,7 +128,13 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
     made = None
     if front[0].status == "ok":
         progress(SOLVED, f"{settings.sensors} made sensors")
-        made = front_yield.yield_of(front[0].variant, requirements, settings.sensors, requirements.seed)
+        solves = {
+            "model": f"fem:{settings.accuracy.name}",
+            "store": settings.store,
+            "workers": settings.processes.workers,
+        }
+        variant, seed = front[0].variant, requirements.seed
+        made = front_yield.yield_of(variant, requirements, settings.sensors, seed, solves=solves)
     return Sizing(requirements, catalogues, settings.effort, len(variants), front, made, None)
 
 
@@ -152,7 +158,7 @@ def record(sizing: Sizing, origin: str, command: str) -> FlatRow:
         "winner": None if winner is None else winner_record(winner),
         "front": [point.row() for point in sizing.front],
         "differences": list(largest_differences(sizing.front).values()),
-        "yield": [] if sizing.winner_yield is None else sizing.winner_yield.rows(),
+        **({"yield": []} if sizing.winner_yield is None else sizing.winner_yield.record()),
         "conflict": [] if sizing.conflict is None else sizing.conflict.rows(),
         "command": command,
         "made": origin,
@@ -189,10 +195,7 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
         shown.append(Table(title=f"Front: {len(rows)} points, solved by finite elements", rows=main, first=first))
         files["front.png"] = partial(picture, rows=rows, draw=sizing_figures.front)
     if rows and made_sensors is not None:
-        shown.append(
-            f"Yield of the first: {100 * made_sensors.share:.3g} % of {made_sensors.count} made sensors are within "
-            f"all requirements ({made_sensors.uncertainty})."
-        )
+        shown.append(f"Yield of the first: {made_sensors.sentence}.")
     tables = {"front": rows, "yield": [] if made_sensors is None else made_sensors.rows()}
     return Result(
         title="Sizing",
