@@ -4,18 +4,44 @@ REST = """Explorer.resting() && ['a', 'b'].every((side) =>
   !Explorer.sides[side] || Explorer.refusals[side] || Explorer.answers[side].state)"""
 """Whether the newest request of each side has its picture."""
 DRAG = """(async (id, low, high, steps) => {
-  const slider = document.getElementById(id), times = Explorer.times();
-  times.length = 0;
+  const slider = document.getElementById(id), { engine } = Explorer, { receive } = Explorer.requests();
+  const { ask } = engine, moves = [], sent = new Map(), times = [];
+  engine.ask = (request) => {
+    sent.set(request.number, performance.now());
+    for (const move of moves) move.number ??= request.number;
+    ask(request);
+  };
+  engine.onAnswer((answer) => {
+    receive(answer);
+    if (answer.part !== 'state' || Explorer.answers.a.state !== answer) return;
+    const received = performance.now(), begin = sent.get(answer.number), [queue, work] = answer.times || [0, 0];
+    // the page has asked for the same frame before
+    requestAnimationFrame(() => {
+      const now = performance.now();
+      for (const move of moves.filter((one) => one.number <= answer.number && !one.drawn)) {
+        move.drawn = true;
+        times.push({ total: now - move.at, before: begin - move.at, queue, work,
+          transport: received - begin - queue - work, drawing: now - received });
+      }
+    });
+  });
   for (let k = 0; k <= steps; k++) {
     slider.value = low + (high - low) * k / steps;
+    moves.push({ at: performance.now() });
     slider.dispatchEvent(new Event('input', { bubbles: true }));
     await new Promise((done) => setTimeout(done, 25));
   }
   slider.dispatchEvent(new Event('change', { bubbles: true }));
   for (let k = 0; k < 400 && !Explorer.resting(); k++) await new Promise((done) => setTimeout(done, 25));
-  return [...times];
+  engine.ask = ask;
+  engine.onAnswer(receive);
+  return times;
 })"""
-"""Moves a slider at 40 steps a second; returns the times from each step to its picture, ms."""
+"""Moves a slider at 40 steps a second.
+
+Returns the times from each step to the first picture that contains it, ms, and what they consist of: until the
+request of the picture was sent, its wait for the worker, the worker's time, transport, and drawing.
+"""
 GO = """(async (state) => {
   Explorer.commit();
   if (location.hash === state) return;

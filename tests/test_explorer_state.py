@@ -62,7 +62,7 @@ def test_address_and_overrides_name_changed_fields_only():
 def test_wrong_field_is_the_one_without_which_the_state_is_accepted():
     assert wrong_field({"state": {"design": {"D": 9, "L": 3}, "load": {"depth": 1}}}) == "L"
     assert wrong_field({"state": {"design": {"D": 9}, "load": {"depth": 1, "shear": 99}}}) == "shear"
-    assert wrong_field({"state": {"preset": "none"}}) is None
+    assert wrong_field({"state": {"level": "none"}}) is None
 
 
 @pytest.mark.parametrize(

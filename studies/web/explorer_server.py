@@ -262,10 +262,10 @@ class Export(Guarded):
         self.finish(content)
 
     async def _content(self, name: str, request: Request) -> bytes:
-        if name in state_exports.OF_WORKER:
-            return await self.shared.workers.export(name, request)
+        if name == "design.toml":
+            return state_exports.design_text(request.state.design).encode()
         if name != "mold.zip":
-            return state_exports.text_of(name, request.state)
+            return await self.shared.workers.export(name, request)
         async with self.shared.molding:
             return await state_exports.mold(request.state)
 

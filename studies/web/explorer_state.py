@@ -5,11 +5,11 @@ It is checked as on the command line.
 A request is the JSON object that the page sends:
 
     {"number": 7, "side": "a", "formula_level": "finite", "parts": ["state", "curve"],
-     "state": {"preset": "paper", "design": {"D": 10}, "load": {"depth": 1, "shear": 0.5, "direction": 90,
-               "friction": "stick", "plate_tilt": 0}, "magnet": "rigid", "level": "standard"}}
+     "state": {"design": {"D": 10}, "load": {"depth": 1, "shear": 0.5, "direction": 90, "friction": "stick",
+               "plate_tilt": 0}, "magnet": "rigid", "level": "standard"}}
 
-Fields that are missing have the values of the preset, a load of zero, and the friction that `magtip solve` chooses.
-Values that cannot be used raise `BadInput` with the sentence that the command line prints.
+Fields that are missing have the values of the preset paper, a load of zero, and the friction that `magtip solve`
+chooses. Values that cannot be used raise `BadInput` with the sentence that the command line prints.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
-from geometry.bad_input import nearest
-from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, PRESETS, BadInput, Design
+from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
@@ -60,7 +59,6 @@ class ExplorerState:
     frequency, speed : of small vibrations, Hz, and of loading cycles, mm/s; 0: none.
     """
 
-    preset: str
     design: Design
     load: Load
     motion: Motion
@@ -113,9 +111,7 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
     from analytic.beam import LEVELS as FORMULAS
     from fem.scene import Scene
 
-    preset, magnet = str(content.get("preset") or "paper"), cast(Magnet, content.get("magnet") or "rigid")
-    if preset not in PRESETS:
-        raise BadInput(f"there is no preset {preset!r}: {nearest(preset, PRESETS)}")
+    magnet = cast(Magnet, content.get("magnet") or "rigid")
     if magnet not in get_args(Magnet):
         raise BadInput(f"magnet must be one of {', '.join(get_args(Magnet))}; got {magnet!r:.60}")
     level = cast(Level, content.get("level") or "standard")
@@ -129,7 +125,7 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
     # a text in a field of numbers is read like --set, which refuses it in the same words
     texts = [f"{name}={value}" for name, value in values.items() if isinstance(value, str)]
     numbers = {name: value for name, value in values.items() if not isinstance(value, str)}
-    design = user_input.design_from(preset, {**numbers, **user_input.overrides(texts)}, magnet)
+    design = user_input.design_from("paper", {**numbers, **user_input.overrides(texts)}, magnet)
     values = _table("load", content.get("load") or {})
     motion, rates = motion_of(values), [_number(name, values.get(name)) for name in RATES]
     for (name, unit), rate in zip(RATES.items(), rates, strict=True):
@@ -140,7 +136,7 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
         # nothing slides before a shear: such a press is that of a plate without friction, and is kept as that
         load = dataclasses.replace(load, friction="none")
     Scene(design, (load,), magnet=magnet)
-    return ExplorerState(preset, design, load, motion, magnet, level, str(formulas), *rates)
+    return ExplorerState(design, load, motion, magnet, level, str(formulas), *rates)
 
 
 def motion_of(values: Mapping[str, Any]) -> Motion:

@@ -8,11 +8,13 @@ figures, interprets its expressions.
 from __future__ import annotations
 
 import base64
+import csv
 import hashlib
+import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import Load
@@ -23,9 +25,6 @@ from studies.web import folder_contents, report_sections
 from studies.web.folder_contents import Contents, Table
 from studies.web.page_content import Budget, as_json, lead_of, page_html, sources, title_of
 from studies.web.report_sections import Section
-
-if TYPE_CHECKING:
-    pass
 
 PAGE = Path(__file__).parent / "page"
 SCRIPTS = (
@@ -173,9 +172,11 @@ def _digest(text: str) -> str:
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
-def _kept_tables(sections: Sequence[Section]) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
+def _kept_tables(
+    sections: Sequence[Section],
+) -> tuple[dict[str, list[list[str]]], dict[tuple[str, str], str]]:
     every = [(one.name, table) for one in sections for table in one.contents.tables.values()]
-    kept: dict[str, str] = {}
+    kept: dict[str, list[list[str]]] = {}
     left_out: dict[tuple[str, str], str] = {}
     total = 0
     for name, table in sorted(every, key=lambda pair: _bytes(pair[1])):
@@ -185,7 +186,7 @@ def _kept_tables(sections: Sequence[Section]) -> tuple[dict[str, str], dict[tupl
         elif total > MOST_TABLE_BYTES:
             left_out[name, table.name] = f"it has {_bytes(table) / 1e6:.1f} MB, too many for the page"
         else:
-            kept[_table_key(name, table)] = table.text
+            kept[_table_key(name, table)] = list(csv.reader(io.StringIO(table.text)))
     return kept, left_out
 
 

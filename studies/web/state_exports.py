@@ -7,10 +7,8 @@ is that of `magtip cad`, made by a worker process that ends with the request: it
 from __future__ import annotations
 
 import asyncio
-import csv
 import dataclasses
 import io
-import json
 import shlex
 import tempfile
 import zipfile
@@ -20,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from analytic import buckling
 from geometry import design_digest
-from geometry.design import PRESETS, BadInput, Design
+from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 from studies.inputs.option_groups import Motion
 from studies.mechanics.worker_process import WorkerDied, processes
@@ -31,15 +29,12 @@ if TYPE_CHECKING:
 
 TYPES = {
     "design.toml": "application/toml",
-    "commands.json": "application/json",
     "mold.zip": "application/zip",
     "state.csv": "text/csv; charset=utf-8",
     "curve.csv": "text/csv; charset=utf-8",
     "fields.vtu": "application/vnd.vtk+xml",
 }
 """Names of the exports, and the types of their files."""
-OF_WORKER = ("state.csv", "curve.csv", "fields.vtu")
-"""Exports for which a worker process solves."""
 PATIENCE = 300.0
 """Longest time that the mould's process may take, s; it takes some 10 s."""
 
@@ -63,7 +58,7 @@ def shell(state: ExplorerState) -> str:
 
 def without_load(design: Design, magnet: Magnet, level: Level) -> dict[str, str]:
     """Return both texts for a design without load, in which the page without a server puts options and `Load()`."""
-    state = ExplorerState("paper", design, Load(), Motion(depth=0.0), magnet, level)
+    state = ExplorerState(design, Load(), Motion(depth=0.0), magnet, level)
     return {"shell": line("solve", state, {}), "python": python(state)}
 
 
@@ -99,20 +94,20 @@ def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
     """Return a command line with options, those that are None left out, and with what all verbs take of a state."""
     options["--magnet"] = None if state.magnet == "rigid" else state.magnet
     options["--accuracy"] = None if state.level == "standard" else state.level
-    words = ["magtip", verb, state.preset]
+    words = ["magtip", verb, "paper"]
     for name, value in options.items():
         if value is not None:
             text = plain(value)
             # a value that begins with a dash is joined to its option
             words += [f"{name}={text}"] if text.startswith("-") else [name, text]
-    for name, value in changed_fields(state.design, state.preset).items():
+    for name, value in changed_fields(state.design).items():
         words += ["--set", f"{name}={plain(value)}"]
     return shlex.join(words)
 
 
-def changed_fields(design: Design, preset: str = "paper") -> dict[str, float | str]:
-    """Return the fields of a design that differ from a preset."""
-    base = PRESETS[preset]()
+def changed_fields(design: Design) -> dict[str, float | str]:
+    """Return the fields of a design that differ from the preset paper."""
+    base = paper()
     names = [spec.name for spec in dataclasses.fields(base)]
     return {name: getattr(design, name) for name in names if getattr(design, name) != getattr(base, name)}
 
@@ -120,9 +115,7 @@ def changed_fields(design: Design, preset: str = "paper") -> dict[str, float | s
 def python(state: ExplorerState) -> str:
     """Return the lines of Python that solve for the state, read the Hall elements, and vibrate where it has rates."""
     accuracy, has_magnet = state.level.upper(), state.design.shape.has_magnet
-    fields = "".join(
-        f", {name}={_literal(value)}" for name, value in changed_fields(state.design, state.preset).items()
-    )
+    fields = "".join(f", {name}={_literal(value)}" for name, value in changed_fields(state.design).items())
     magnet = "" if state.magnet == "rigid" else f', magnet="{state.magnet}"'
     vibrates, about = bool(state.frequency), _load_source(state.vibrating_load)
     band = ", ".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
@@ -132,9 +125,9 @@ def python(state: ExplorerState) -> str:
         f"from fem.accuracy import {accuracy}",
         "from fem.equilibrium import solve",
         "from fem.analyses.vibration import vibrating_sensor" if vibrates else "",
-        f"from geometry.design import {state.preset}",
+        "from geometry.design import paper",
         "from geometry.loads import Load\n",
-        f"design = replace({state.preset}(){fields})" if fields else f"design = {state.preset}()",
+        f"design = replace(paper(){fields})" if fields else "design = paper()",
         f"state = solve(design, {_load_source(state.load)}, {accuracy}{magnet})",
         "print(state.status, state.message)",
         "print(state.response)",
@@ -184,13 +177,6 @@ def _load_source(load: Load) -> str:
 
 def _literal(value: float | str | None) -> str:
     return f'"{value}"' if isinstance(value, str) else "None" if value is None else plain(value)
-
-
-def text_of(name: str, state: ExplorerState) -> bytes:
-    """Return an export that needs no solution."""
-    if name == "design.toml":
-        return design_text(state.design).encode()
-    return (json.dumps(commands(state), indent=1) + "\n").encode()
 
 
 def design_text(design: Design) -> str:
@@ -263,11 +249,15 @@ def of_solution(name: str, state: ExplorerState, solution: Solution) -> bytes:
     from studies.simulation import state_rows
 
     row = state_rows.solved_row(solution, design_digest.of_mechanics(state.design, state.magnet))
-    made_for = row.pop("made_for", None)
+    made_for = row.pop("made_for", {})
     if state.design.shape.has_magnet:
         readings = hall.readings(state.design, solution.response)
         row |= {"readings_T": list(readings.B_T), "output": list(readings.output), "units": list(readings.units)}
-    return table([row | (made_for if isinstance(made_for, dict) else {})])
+    columns: dict[str, Any] = {}
+    for key, value in (row | made_for).items():
+        parts = value if isinstance(value, (list, tuple)) else None
+        columns |= {key: value} if parts is None else {f"{key}_{k}": part for k, part in enumerate(parts, 1)}
+    return _csv({key: [value] for key, value in columns.items()})
 
 
 def of_curve(data: Mapping[str, Any]) -> bytes:
@@ -285,25 +275,10 @@ def of_curve(data: Mapping[str, Any]) -> bytes:
         f"{level['name']}_shift_mm": level["shift"],
         "status": data["status"],
     }
-    names = list(columns)
-    return table([dict(zip(names, row, strict=True)) for row in zip(*columns.values(), strict=True)])
+    return _csv(columns)
 
 
-def table(rows: list[dict[str, Any]]) -> bytes:
-    """Return rows as CSV; a list becomes one column for each value, None an empty cell."""
-    flat = [_columns(row) for row in rows]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(flat[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(flat)
-    return text.getvalue().encode()
+def _csv(columns: Mapping[str, Any]) -> bytes:
+    import pandas as pd
 
-
-def _columns(row: Mapping[str, Any]) -> dict[str, Any]:
-    columns: dict[str, Any] = {}
-    for name, value in row.items():
-        if isinstance(value, (list, tuple)):
-            columns |= {f"{name}_{k + 1}": one for k, one in enumerate(value)}
-        else:
-            columns[name] = value
-    return columns
+    return bytes(pd.DataFrame(columns).to_csv(index=False, lineterminator="\n"), "utf-8")

@@ -71,7 +71,7 @@ const Explorer = (() => {
         fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]),
       );
     const changed = Object.fromEntries(changes(side).map((field) => [field.name, values[field.name]]));
-    const state = { preset: "paper", design: changed, load: pick("load"), magnet: values.magnet, level };
+    const state = { design: changed, load: pick("load"), magnet: values.magnet, level };
     return { state, formula_level: view.formula, parts: parts() };
   }
 
@@ -271,7 +271,6 @@ const Explorer = (() => {
       one.grey(Boolean(refusals[side]));
       views.sensors[side].grey(Boolean(refusals[side]));
       one.say(caption(side));
-      if (answers[side].state) requests.drawn(side, answers[side].state.number);
     }
     const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY));
     views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
@@ -509,7 +508,6 @@ const Explorer = (() => {
     look,
     complete,
     fields: () => fields,
-    times: () => requests.times,
     requests: () => requests,
     notice: () => notice,
     resting: () => requests.resting() && !drawing,

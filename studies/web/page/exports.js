@@ -1,5 +1,5 @@
 "use strict";
-// Texts to the clipboard, files of the server, and the picture of the page's canvases.
+// Files to the user, and the picture of the page's canvases.
 
 const Exports = (() => {
   const GAP = 24;
@@ -10,22 +10,6 @@ const Exports = (() => {
     link.click();
     link.remove();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  }
-
-  // The clipboard needs a secure page and the user's consent; a selection works without them.
-  async function copy(text) {
-    try {
-      await navigator.clipboard.writeText(text);
-      return true;
-    } catch {
-      /* the older way follows */
-    }
-    const area = Format.make("textarea", { class: "hidden", "aria-hidden": "true" }, document.body);
-    area.value = text;
-    area.select();
-    const done = document.execCommand("copy");
-    area.remove();
-    return done;
   }
 
   // Rows of canvases under each other, on paper of their own, with lines of text above.
@@ -68,5 +52,5 @@ const Exports = (() => {
     return new Promise((done) => sheet.toBlob(done, "image/png"));
   }
 
-  return { save, copy, picture };
+  return { save, picture };
 })();

@@ -2,30 +2,11 @@
 // Numbers as text, elements, and the colour maps.
 
 const Format = (() => {
+  const map = (text) => text.split(" ").map((hex) => [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16)));
   // viridis at nine places: readable with any colour vision, and in grey
-  const VIRIDIS = [
-    [68, 1, 84],
-    [71, 45, 123],
-    [59, 82, 139],
-    [44, 114, 142],
-    [33, 145, 140],
-    [39, 173, 129],
-    [92, 200, 99],
-    [170, 220, 50],
-    [253, 231, 37],
-  ];
+  const VIRIDIS = map("440154 472d7b 3b528b 2c728e 21918c 27ad81 5cc863 aadc32 fde725");
   // signed values: blue below zero, orange above
-  const SIGNED = [
-    [8, 69, 148],
-    [66, 146, 198],
-    [158, 202, 225],
-    [222, 235, 247],
-    [245, 243, 238],
-    [254, 224, 194],
-    [253, 174, 97],
-    [224, 106, 27],
-    [153, 52, 4],
-  ];
+  const SIGNED = map("084594 4292c6 9ecae1 deebf7 f5f3ee fee0c2 fdae61 e06a1b 993404");
   const NICE = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
 
   // Four digits, a true minus sign, powers of ten where the value is very small or large.
@@ -97,29 +78,9 @@ const Format = (() => {
           .join(" ");
   }
 
-  // Colours of the style sheet, read once for each theme.
-  let colours = new Map();
-  function colour(name) {
-    if (!colours.has(name))
-      colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
-    return colours.get(name);
-  }
-  const recolour = () => {
-    colours = new Map();
-  };
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
+  // A colour of the style sheet in the present theme.
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const pixels = () => Math.min(window.devicePixelRatio || 1, 2);
-
-  // Gives a canvas the pixels of its box; returns whether they changed.
-  function fit(canvas) {
-    const ratio = pixels();
-    const width = Math.round(canvas.clientWidth * ratio);
-    const height = Math.round(canvas.clientHeight * ratio);
-    if (!width || !height || (canvas.width === width && canvas.height === height)) return false;
-    canvas.width = width;
-    canvas.height = height;
-    return true;
-  }
 
   const TYPES = { float32: Float32Array, uint16: Uint16Array, uint32: Uint32Array };
   // A value of JSON with each {type: text}, base64 in little-endian order, replaced by its array.
@@ -136,22 +97,5 @@ const Format = (() => {
     return Object.fromEntries(entries.map(([key, one]) => [key, decoded(one)]));
   }
 
-  return {
-    decoded,
-    VIRIDIS,
-    SIGNED,
-    number,
-    short,
-    width,
-    plain,
-    round,
-    mix,
-    make,
-    put,
-    once,
-    colour,
-    recolour,
-    pixels,
-    fit,
-  };
+  return { decoded, VIRIDIS, SIGNED, number, short, width, plain, round, mix, make, put, once, colour, pixels };
 })();

@@ -34,22 +34,6 @@ const Tip = (() => {
   };
   const csv = (rows) => rows.map((row) => row.map(cell).join(",")).join("\r\n") + "\r\n";
 
-  // Cells of CSV text, quoted ones too.
-  function parse(text) {
-    const rows = [[]];
-    const take = /("(?:[^"]|"")*"|[^,\r\n]*)(,|\r?\n|$)/g;
-    let match;
-    while ((match = take.exec(text)) && (match[0] || take.lastIndex < text.length)) {
-      const value = match[1];
-      rows[rows.length - 1].push(value.startsWith('"') ? value.slice(1, -1).replace(/""/g, '"') : value);
-      if (match[2] !== ",") {
-        if (take.lastIndex >= text.length) break;
-        rows.push([]);
-      }
-    }
-    return rows.filter((row) => row.length > 1 || row[0]);
-  }
-
   function table(rows, box) {
     const region = { class: "scroll", tabindex: 0, role: "region", "aria-label": "Table, scrolls sideways" };
     const node = Format.make("table", {}, Format.make("div", region, box));
@@ -72,20 +56,10 @@ const Tip = (() => {
   function wire(box, rows) {
     const fold = box.querySelector("details.data");
     const button = box.querySelector("button[data-csv]");
-    if (fold)
-      fold.addEventListener("toggle", () => {
-        if (fold.open && !fold.dataset.filled) {
-          fold.dataset.filled = "1";
-          table(rows(), fold);
-        }
-      });
-    if (button)
-      button.addEventListener("click", () =>
-        Exports.save(
-          button.dataset.csv,
-          new Blob([box.dataset.table ? data.tables[box.dataset.table] : csv(rows())], { type: "text/csv" }),
-        ),
-      );
+    fold.addEventListener("toggle", () => table(rows(), fold), { once: true });
+    button.addEventListener("click", () =>
+      Exports.save(button.dataset.csv, new Blob([csv(rows())], { type: "text/csv" })),
+    );
   }
 
   const drawn = [];
@@ -108,7 +82,7 @@ const Tip = (() => {
     ReportSurface.start(surface, box);
     wire(box, () => ReportSurface.rows(surface));
   }
-  for (const box of document.querySelectorAll("[data-table]")) wire(box, () => parse(data.tables[box.dataset.table]));
+  for (const box of document.querySelectorAll("[data-table]")) wire(box, () => data.tables[box.dataset.table]);
   let waiting = 0;
   window.addEventListener("resize", () => {
     clearTimeout(waiting);

@@ -126,8 +126,10 @@ const SectionView = (() => {
       canvas,
       wish,
       draw(drawing) {
-        Format.fit(canvas);
-        if (!canvas.width) return;
+        const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((v) => Math.round(v * Format.pixels()));
+        if (!width || !height) return;
+        // setting a size clears the canvas
+        if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
         at = SectionDrawing.draw(canvas, { ...drawing, value });
         shown = drawing.state;
         wish();

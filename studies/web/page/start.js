@@ -101,7 +101,9 @@
       const text =
         button.dataset.copy === "address" ? address : answers[view.edit].commands?.data[button.dataset.copy];
       close(button);
-      tell(text && (await Exports.copy(text)) ? "Copied." : "Not copied: the text stands at the end of the page.");
+      // the clipboard needs the user's consent
+      const copied = navigator.clipboard?.writeText(text ?? "") ?? Promise.reject();
+      tell(await copied.then(() => "Copied.").catch(() => "Not copied: the text stands at the end of the page."));
     });
   for (const button of document.querySelectorAll("[data-export]"))
     button.addEventListener("click", async () => {

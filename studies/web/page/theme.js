@@ -4,36 +4,34 @@
 const Theme = (() => {
   const NAMES = { auto: "Theme: system", light: "Theme: light", dark: "Theme: dark" };
   const KEY = "magtip-theme";
-
-  function put(button, name) {
-    if (name === "auto") delete document.documentElement.dataset.theme;
-    else document.documentElement.dataset.theme = name;
-    button.textContent = NAMES[name];
-    button.dataset.now = name;
-    Format.recolour();
-  }
+  const system = window.matchMedia("(prefers-color-scheme: dark)");
 
   // A page opened from a file may have no storage; the choice then lasts as long as the page.
-  function kept() {
+  function stored(use) {
     try {
-      return localStorage.getItem(KEY);
+      return use(localStorage);
     } catch {
       return null;
     }
   }
 
-  // `changed` is called after the button has changed the theme.
+  // `changed` is called after the theme has changed.
   function start(button, changed = () => {}) {
-    put(button, kept() in NAMES ? kept() : "auto");
+    let now = stored((storage) => storage.getItem(KEY)) || "auto";
+    function put() {
+      document.documentElement.dataset.theme = now === "auto" ? (system.matches ? "dark" : "light") : now;
+      button.textContent = NAMES[now];
+    }
+    put();
+    system.addEventListener("change", () => {
+      put();
+      changed();
+    });
     button.addEventListener("click", () => {
       const names = Object.keys(NAMES);
-      const next = names[(names.indexOf(button.dataset.now) + 1) % names.length];
-      put(button, next);
-      try {
-        localStorage.setItem(KEY, next);
-      } catch {
-        /* see `kept` */
-      }
+      now = names[(names.indexOf(now) + 1) % names.length];
+      stored((storage) => storage.setItem(KEY, now));
+      put();
       changed();
     });
   }
