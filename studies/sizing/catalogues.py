@@ -10,6 +10,7 @@ Input that cannot be used raises a `BadInput` here, whose message is one sentenc
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,15 +32,7 @@ FILTER = math.pi / 2
 
 @dataclass(frozen=True, slots=True)
 class MagnetEntry:
-    """A cylindrical magnet that is sold, magnetised along its axis.
-
-    Attributes
-    ----------
-    diameter, height, edge_radius : mm. tolerance : of diameter and height, +- mm.
-    remanence_low, remanence_high : range of the grade, T.
-    largest_temperature : °C. density : kg/m³.
-    source : publication or data sheet. assumed : fields without a source that was read.
-    """
+    """A cylindrical magnet that is sold, magnetised along its axis: a size in one grade, see `catalogue_keys.csv`."""
 
     name: str
     grade: str
@@ -70,44 +63,33 @@ class MagnetEntry:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HallPartEntry:
     """A Hall part that is sold: one-axis parts, of which a sensor has three, or a 3-axis chip. None is unknown.
 
-    Attributes
-    ----------
-    layout : `hall_layout` of the designs with this part; "ambient" for a chip whose range is below a magnet's field.
-    gain, null, low, high : gain, V/T, output in zero field and rails, V; of a chip in T (gain 1).
-    gain_tolerance : largest relative deviation of the gain. gain_drift : of the gain with temperature, 1/K.
-    null_tolerance : largest deviation of the null, V; of a chip in T.
-    noise_density : white noise of the input up to `bandwidth`, T/sqrt(Hz); None for a chip.
-    noise : rms of one output value of a chip at `rate` values a second, T and Hz; None for a one-axis part.
-    bandwidth : -3 dB, Hz; None for a chip.
-    step : step of a chip's converter, T. plate : side of the Hall plate, mm.
-    width, height, thickness : body, mm; of a chip along x, along y and over its board.
-    plate_height : of a chip's sensitive volume over its board, mm; None for a one-axis part.
-    source : publication or data sheet. assumed : fields without a source that was read.
+    Of a chip the gain is 1, null, its tolerance and rails are in T, and width, height and thickness are its size
+    along x, along y and over its board. The others are those of `catalogue_keys.csv`.
     """
 
     name: str
     layout: str
-    gain: float
+    gain: float = 1.0
     gain_tolerance: float
-    gain_drift: float | None
-    null: float
-    null_tolerance: float | None
+    gain_drift: float | None = None
+    null: float = 0.0
+    null_tolerance: float | None = None
     low: float
     high: float
-    noise_density: float | None
-    noise: float | None
-    rate: float | None
-    bandwidth: float | None
-    step: float
-    plate: float
+    noise_density: float | None = None
+    noise: float | None = None
+    rate: float | None = None
+    bandwidth: float | None = None
+    step: float = 0.0
+    plate: float = 0.0
     width: float
     height: float
     thickness: float
-    plate_height: float | None
+    plate_height: float | None = None
     source: str
     assumed: tuple[str, ...]
 
@@ -154,16 +136,7 @@ class HallPartEntry:
 
 @dataclass(frozen=True, slots=True)
 class SiliconeEntry:
-    """A castable silicone.
-
-    Attributes
-    ----------
-    E_low, E, E_high : least, typical and largest published Young's modulus at small strain, MPa.
-    nu_low, nu, nu_high : Poisson's ratio. density : kg/m³.
-    cure_temperature, cure_hours : of the data sheet without an oven, °C and h.
-    mixed : ratio of the parts.
-    source : publication or data sheet. assumed : fields without a source that was read.
-    """
+    """A castable silicone: least, typical and largest published values, see `catalogue_keys.csv`."""
 
     name: str
     E_low: float
@@ -202,74 +175,39 @@ Entry = MagnetEntry | HallPartEntry | SiliconeEntry
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key of a table: unit and range of its numbers, or text.
-
-    Attributes
-    ----------
-    unit : one of `studies.inputs.quantity_input.UNITS`; "text" or "names" (a list of texts) for others.
-    count : how many numbers, from low to high, or the three sides of a body.
-    default : None where the key is needed; NaN where it is then unknown.
+    """A key of a table: unit (of `studies.inputs.quantity_input.UNITS`, text, or names) and range of its numbers, how
+    many they are, and its default: None where it is needed, NaN where it is then unknown.
     """
 
     unit: str
-    low: float = 0.0
-    high: float = 0.0
-    count: int = 1
-    default: Any = None
+    low: float
+    high: float
+    count: int
+    default: Any
 
 
-_COMMON = {"source": Key("text", default="the user's file"), "assumed": Key("names", default=())}
-KEYS: dict[str, dict[str, Key]] = {
-    "grade": {
-        "name": Key("text"),
-        "remanence": Key("T", 0.01, 2.0, 2),
-        "largest_temperature": Key("C", 20, 600, default=80.0),
-        "source": _COMMON["source"],
-    },
-    "magnet": {
-        "name": Key("text", default=""),
-        "diameter": Key("mm", 0.1, 200),
-        "height": Key("mm", 0.1, 200),
-        "edge_radius": Key("mm", 0, 100, default=0.1),
-        "tolerance": Key("mm", 0, 10, default=0.1),
-        "density": Key("kg/m3", 100, 25000, default=7500.0),
-        "grades": Key("names"),
-        **_COMMON,
-    },
-    "hall_part": {
-        "name": Key("text"),
-        "layout": Key("text", default="three"),
-        "gain": Key("V/T", 1e-3, 1e6, default=math.nan),
-        "gain_tolerance": Key("1", 0, 1, default=0.05),
-        "gain_drift": Key("1/K", -1, 1, default=math.nan),
-        "null": Key("V", 0, 100, default=2.5),
-        "null_tolerance": Key("V", 0, 100, default=math.nan),
-        "low": Key("V", 0, 100, default=0.2),
-        "high": Key("V", 0, 100, default=4.8),
-        "noise_density": Key("T/sqrt(Hz)", 0, 1e-3, default=130e-9),
-        "bandwidth": Key("Hz", 1, 1e7, default=20e3),
-        "plate": Key("mm", 0, 10, default=0.0),
-        "range": Key("T", 1e-6, 10, default=math.nan),
-        "step": Key("T", 0, 1, default=math.nan),
-        "noise": Key("T", 0, 1, default=math.nan),
-        "rate": Key("Hz", 1e-3, 1e7, default=math.nan),
-        "offset": Key("T", 0, 10, default=math.nan),
-        "plate_height": Key("mm", 0, 20, default=math.nan),
-        "body": Key("mm", 0.1, 100, 3, default=(4.06, 3.0, 1.57)),
-        **_COMMON,
-    },
-    "silicone": {
-        "name": Key("text"),
-        "E": Key("MPa", 1e-4, 1e4, 3),
-        "nu": Key("1", 0.3, 0.5, 3, default=(0.49, 0.4998, 0.4999)),
-        "density": Key("kg/m3", 100, 25000, default=1080.0),
-        "cure_temperature": Key("C", 0, 400, default=23.0),
-        "cure_hours": Key("h", 0, 1000, default=24.0),
-        "mixed": Key("text", default="by its data sheet"),
-        **_COMMON,
-    },
-}
-"""Keys of the tables. The defaults of one-axis parts are those of an SS495A, with the noise of a DRV5055."""
+def _default(unit: str, count: int, text: str) -> Any:
+    if unit in ("text", "names") or text in ("", "unknown"):
+        return {"": None, "unknown": math.nan, "-": () if unit == "names" else ""}.get(text, text)
+    numbers = tuple(float(number) for number in text.split())
+    return numbers if count > 1 else numbers[0]
+
+
+def _keys() -> dict[str, dict[str, Key]]:
+    tables: dict[str, dict[str, Key]] = {}
+    with (FOLDER / "catalogue_keys.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            low, high = (float(row[end] or math.nan) for end in ("low", "high"))
+            unit, count = row["unit"], int(row["count"])
+            key = Key(unit, low, high, count, _default(unit, count, row["default"]))
+            tables.setdefault(row["table"], {})[row["key"]] = key
+    return tables
+
+
+FOLDER = Path(__file__).parent
+"""Folder of the shipped catalogues."""
+KEYS = _keys()
+"""Keys of the tables of a file, see `catalogue_keys.csv`."""
 OF_CHIP = ("range", "step", "noise", "rate", "offset", "plate_height")
 OF_ONE_AXIS = ("gain", "null", "null_tolerance", "low", "high", "noise_density", "bandwidth", "plate")
 """Keys of a Hall part that only a chip of one's own, and only a one-axis part, has."""
@@ -312,7 +250,6 @@ def read_catalogue(path: str) -> CatalogueFile:
 
 
 def _by_name(path: str, array: str, tables: object) -> dict[str, dict[str, Any]]:
-    """Return the checked tables of an array by their names."""
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise BadInput(f"{path}: {array} must be an array of tables: write [[{array}]]")
     named: dict[str, dict[str, Any]] = {}
@@ -350,7 +287,6 @@ def _entry(path: str, array: str, table: Mapping[str, Any], number: int) -> dict
 
 
 def _value(where: str, value: object, key: Key) -> Any:
-    """Return a value that has been checked against its key."""
     if key.unit == "text":
         if not isinstance(value, str) or not value.strip():
             raise BadInput(f"{where} must be a text; got {value!r:.60}")
@@ -419,54 +355,43 @@ def _one_axis(where: str, known: Mapping[str, Any]) -> HallPartEntry:
             f"{where}: null must lie between low = {known['low']:g} V and high = {known['high']:g} V; got "
             f"{known['null']:g} V"
         )
-    width, height, thickness = known["body"]
-    body = {"width": width, "height": height, "thickness": thickness, "plate_height": None}
     values = {key: value for key, value in known.items() if key not in (*OF_CHIP, "body")}
-    return HallPartEntry(**values, **body, noise=None, rate=None, step=0.0)
+    return HallPartEntry(**values, **_body(known["body"]))
+
+
+def _body(body: tuple[float, ...]) -> dict[str, Any]:
+    return dict(zip(("width", "height", "thickness"), body, strict=True))
 
 
 def _of_chip(chip: HallChip, layout: str) -> HallPartEntry:
-    width, height, thickness = chip.body
-    assumed = chip.assumed if chip.gain_tolerance is not None else (*chip.assumed, "gain_tolerance")
+    usual = KEYS["hall_part"]["gain_tolerance"].default
     return HallPartEntry(
         name=chip.name,
         layout=layout,
-        gain=1.0,
-        gain_tolerance=KEYS["hall_part"]["gain_tolerance"].default
-        if chip.gain_tolerance is None
-        else chip.gain_tolerance,
         gain_drift=chip.gain_drift,
-        null=0.0,
+        noise=chip.noise,
+        rate=chip.rate,
+        step=chip.step,
+        source=chip.source,
+        gain_tolerance=usual if chip.gain_tolerance is None else chip.gain_tolerance,
         null_tolerance=chip.offset,
         low=-chip.range,
         high=chip.range,
-        noise_density=None,
-        noise=chip.noise,
-        rate=chip.rate,
-        bandwidth=None,
-        step=chip.step,
-        plate=0.0,
-        width=width,
-        height=height,
-        thickness=thickness,
+        **_body(chip.body),
         plate_height=chip.plate,
-        source=chip.source,
-        assumed=assumed,
+        assumed=(*chip.assumed, *(["gain_tolerance"] if chip.gain_tolerance is None else [])),
     )
 
 
 def _silicone(entry: Mapping[str, Any]) -> SiliconeEntry:
-    """Return a silicone."""
     values = {key: value for key, value in entry.items() if key not in ("E", "nu")}
-    E_low, E, E_high = entry["E"]
-    nu_low, nu, nu_high = entry["nu"]
-    return SiliconeEntry(**values, E_low=E_low, E=E, E_high=E_high, nu_low=nu_low, nu=nu, nu_high=nu_high)
+    for name in ("E", "nu"):
+        values |= dict(zip((f"{name}_low", name, f"{name}_high"), entry[name], strict=True))
+    return SiliconeEntry(**values)
 
 
 AMBIENT = "ambient"
 """Layout of a chip that measures the ambient field beside a sensor, and saturates at its magnet."""
-FOLDER = Path(__file__).parent
-"""Folder of the shipped catalogues."""
 TABLES = {"magnets": "magnet", "hall_parts": "hall_part", "silicones": "silicone"}
 """Name of the tables in a file, by the kind of parts."""
 
@@ -493,9 +418,10 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     files = {kind: ([ours[kind]] if kind in requirements.shipped else []) + users for kind in CATALOGUES}
     magnets = _in_use("magnets", _magnets(files["magnets"], grades), requirements)
     _check_fit(magnets, requirements)
-    chips = {chip.name: _of_chip(chip, layout) for layout, chip in CHIPS.items()}
-    shipped = [chips] if "hall_parts" in requirements.shipped else []
-    hall_parts = _merged([*shipped, *(file.hall_parts for file in files["hall_parts"])])
+    chips = CHIPS if "hall_parts" in requirements.shipped else {}
+    hall_parts = {chip.name: _of_chip(chip, layout) for layout, chip in chips.items()}
+    hall_parts |= {name: part for file in files["hall_parts"] for name, part in file.hall_parts.items()}
+    silicones = {name: part for file in files["silicones"] for name, part in file.silicones.items()}
     unusable = {name: part.unusable for name, part in hall_parts.items() if part.unusable}
     for name in requirements.hall_parts:
         if name in unusable:
@@ -503,37 +429,27 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     return Catalogues(
         magnets,
         _in_use("hall_parts", {k: part for k, part in hall_parts.items() if k not in unusable}, requirements),
-        _in_use("silicones", _merged(file.silicones for file in files["silicones"]), requirements),
+        _in_use("silicones", silicones, requirements),
         tuple(hall_parts[name] for name in unusable),
     )
 
 
-def silicone_of(name: str) -> Silicone:
-    """Return what a casting recipe needs to know of a silicone of the shipped catalogue.
+def mix_named(option: str | None, of_design: str = "") -> Silicone | None:
+    """Return what a recipe knows of the silicone that an option names, or else the design; None: no mix is known.
 
     Raises
     ------
     BadInput
-        There is no silicone of this name.
+        The option names no silicone of the shipped catalogue; a design may be of another one.
 
-    >>> silicone_of("Sylgard 184").mixed
-    '10A:1B by weight'
+    >>> mix_named("Sylgard 184").mixed, mix_named(None, "my own")
+    ('10A:1B by weight', None)
     """
     shipped = read_catalogue(str(FOLDER / "silicones.toml")).silicones
-    if name not in shipped:
-        raise BadInput(f"the catalogue has no silicone {name!r}: {nearest(name, shipped)}")
-    return mix_of(shipped[name])
-
-
-def mix_named(option: str | None, of_design: str) -> Silicone | None:
-    """Return what a recipe knows of the silicone that an option names, or else the design; None: no mix is known.
-
-    An option must name a silicone of the shipped catalogue; a design may be of another one.
-    """
-    shipped = read_catalogue(str(FOLDER / "silicones.toml")).silicones
-    if option is None and of_design not in shipped:
-        return None
-    return silicone_of(of_design if option is None else option)
+    if option is not None and option not in shipped:
+        raise BadInput(f"the catalogue has no silicone {option!r}: {nearest(option, shipped)}")
+    name = of_design if option is None else option
+    return mix_of(shipped[name]) if name in shipped else None
 
 
 def mix_of(part: SiliconeEntry) -> Silicone:
@@ -557,23 +473,19 @@ def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[d
     return table
 
 
-COLUMNS = {
-    **{name: f"{name}_mm" for name in ("diameter", "height", "edge_radius", "tolerance", "plate", "width")},
-    **{name: f"{name}_C" for name in ("largest_temperature", "cure_temperature")},
-    **{name: f"{name}_T" for name in ("remanence_low", "remanence_high", "noise", "step")},
-    "rate": "rate_Hz",
-    "gain_drift": "gain_drift_per_K",
-    "plate_height": "plate_height_mm",
-    **{name: f"{name}_MPa" for name in ("E_low", "E", "E_high")},
-    "thickness": "thickness_mm",
-    "cure_hours": "cure_h",
-    "density": "density_kg_per_m3",
-    "bandwidth": "bandwidth_Hz",
-    "gain": "gain_V_per_mT",
-    "noise_density": "noise_density_V_per_sqrtHz",
+UNITS = {
+    "mm": ("diameter", "height", "edge_radius", "tolerance", "plate", "width", "thickness", "plate_height"),
+    "C": ("largest_temperature", "cure_temperature"),
+    "T": ("remanence_low", "remanence_high", "noise", "step"),
+    "MPa": ("E_low", "E", "E_high"),
+    "Hz": ("rate", "bandwidth"),
+    "per_K": ("gain_drift",),
+    "kg_per_m3": ("density",),
+    "V_per_mT": ("gain",),
+    "V_per_sqrtHz": ("noise_density",),
 }
-"""Columns that carry a unit, by field. null, low, high and null_tolerance have none: V for one-axis parts, T for
-chips."""
+COLUMNS = {name: f"{name}_{unit}" for unit, names in UNITS.items() for name in names} | {"cure_hours": "cure_h"}
+"""Columns that carry a unit, by field; the null, its tolerance and the rails are in V, or in T of a chip."""
 
 
 def _check_apart(kind: str, users: Sequence[CatalogueFile]) -> None:
@@ -584,11 +496,6 @@ def _check_apart(kind: str, users: Sequence[CatalogueFile]) -> None:
             if name in where:
                 raise BadInput(f"{file.path}: {where[name]} has a part {name!r} too: rename or remove one of them")
             where[name] = file.path
-
-
-def _merged(files: Iterable[Mapping[str, Part]]) -> dict[str, Part]:
-    """Return the parts of all files by their names; later files replace parts of earlier ones."""
-    return {name: part for file in files for name, part in file.items()}
 
 
 def _magnets(files: Sequence[CatalogueFile], grades: Mapping[str, Mapping[str, Any]]) -> dict[str, MagnetEntry]:
@@ -604,7 +511,6 @@ def _magnets(files: Sequence[CatalogueFile], grades: Mapping[str, Mapping[str, A
 
 
 def _graded(size: Mapping[str, Any], grade_name: str, grade: Mapping[str, Any]) -> MagnetEntry:
-    """Return the magnet of a size and a grade."""
     low, high = grade["remanence"]
     values = {key: value for key, value in size.items() if key not in ("grades", "name", "source")}
     return MagnetEntry(
