@@ -15,7 +15,6 @@ from studies.sensitivity.beam_motions import (
     poses,
     readings,
     relative_half_width,
-    sampled_cases,
     sampled_outputs,
 )
 
@@ -82,8 +81,7 @@ POINTS = np.array([[0.5, 1.0], [2.0, 0.5], [1.0, 0.001]])
 
 
 def test_outputs_are_those_of_each_case():
-    cases = sampled_cases(paper(), RANGES, POINTS, Press(1.0, 0.2))
-    outputs, refusals = sampled_outputs("finite", paper(), cases, sheared=True)
+    outputs, refusals = sampled_outputs("finite", paper(), RANGES, POINTS, Press(1.0, 0.2), sheared=True)
     assert tuple(outputs) == names(paper(), sheared=True)
     response = beam.solve(Design(E=2.0), Load(0.5, 0.2, friction="stick"), "finite")
     assert outputs["force_x_N"][0][1] == response.force[0]
@@ -94,15 +92,13 @@ def test_outputs_are_those_of_each_case():
 
 def test_a_chip_has_outputs_in_mT():
     chip = Design(hall_layout="tmag5273a1")
-    cases = sampled_cases(chip, RANGES, POINTS[:1], Press(1.0))
-    outputs, _ = sampled_outputs("finite", chip, cases, sheared=False)
+    outputs, _ = sampled_outputs("finite", chip, RANGES, POINTS[:1], Press(1.0), sheared=False)
     truth = hall.readings(chip, beam.solve(chip, Load(1.0), "finite")).B_T[0]
     assert outputs["chip_-z_output_mT"][0][0] == pytest.approx(1e3 * truth)
 
 
 def test_cases_that_the_surrogate_refuses_have_no_value_and_a_reason():
-    cases = sampled_cases(paper(), RANGES, POINTS, Press(1.0))
-    outputs, refusals = sampled_outputs("surrogate", paper(), cases, sheared=False)
+    outputs, refusals = sampled_outputs("surrogate", paper(), RANGES, POINTS, Press(1.0), sheared=False)
     assert np.isfinite(outputs["force_N"][0][:2]).all()
     assert np.isnan(outputs["S1_V"][0][2])
     assert "the surrogate knows depths of 0.08 to" in refusals[2]
@@ -118,25 +114,18 @@ def test_the_error_is_relative_to_the_variation():
     assert relative_half_width(np.full(3, np.nan), np.zeros(3)) == 0.0
 
 
-def test_cases_have_the_values_of_their_points_and_elements_keep_their_places():
+def test_elements_keep_their_places_and_impossible_points_their_reason():
     points = np.array([[8.0, 9.0, 0.5], [8.0, 11.0, 1.5], [20.0, 9.0, 1.0]])
-    cases = sampled_cases(paper(), {"D": (4, 20), "L": (8, 12), "depth": (0.5, 1.5)}, points, Press(1.0, 0.2))
-    first, longer, impossible = cases.designs
-    assert (first.D, first.L, first.l0) == pytest.approx((8.0, 9.0, 7.2))
-    assert (longer.L, longer.l0) == (11.0, 9.2)
-    assert impossible is None
-    assert "L must exceed the tip radius" in cases.refusals[2]
-    assert cases.depth.tolist() == [0.5, 1.5, 1.0]
-    assert cases.shear.tolist() == [0.2] * 3
+    ranges = {"D": (4, 20), "L": (8, 12), "depth": (0.5, 1.5)}
+    outputs, refusals = sampled_outputs("finite", paper(), ranges, points, Press(1.0, 0.2), sheared=True)
+    longer = Design(L=11.0, l0=9.2)
+    response = beam.solve(longer, Load(1.5, 0.2, friction="stick"), "finite")
+    assert outputs["S1_V"][0][1] == pytest.approx(hall.readings(longer, response).V[0])
+    assert np.isnan(outputs["force_N"][0]).tolist() == [False, False, True]
+    assert "L must exceed the tip radius" in refusals[2]
 
 
 @pytest.mark.parametrize("load", [(0.0, 0.0), (float("nan"), 0.0), (1.0, -0.1), (1.0, float("inf"))])
 def test_impossible_loads_are_refused(load):
     with pytest.raises(BadInput, match="must be a finite number of mm"):
         Press(*load)
-
-
-def test_a_case_without_a_possible_sensor_keeps_its_place():
-    cases = sampled_cases(Design(), {"nu": (0.4, 0.6)}, np.array([[0.45], [0.55]]), Press(1.0))
-    assert cases.designs[0].nu == 0.45
-    assert cases.designs[1] is None

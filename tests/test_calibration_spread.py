@@ -15,19 +15,20 @@ from geometry.loads import Load
 from studies.mechanics.solve_plan import Processes, Solver
 from studies.sensitivity.beam_motions import Press
 from studies.sensitivity.calibration import (
-    calibration_spread,
     curves,
     percentile,
+    refusals_of,
     sensitivity_errors,
+    spread_of,
 )
-from studies.sensitivity.made_sensors import Tolerances, made_readings, made_sensors
+from studies.sensitivity.made_sensors import SPECS, made_readings, made_sensors, tolerances
 from studies.sensitivity.sensitivity_study import failure_reasons
 
-NONE = {spec.name: 0.0 for spec in dataclasses.fields(Tolerances)}
+NONE = dict.fromkeys(SPECS, 0.0)
 
 
 def test_the_ends_of_the_nominal_curves_are_the_readings_under_the_load():
-    made = made_sensors(paper(), Tolerances(**NONE), 1)
+    made = made_sensors(paper(), tolerances(**NONE), 1)
     axes = curves("finite", made, Press(1.0, 0.3))
     pressed, sheared = (beam.solve(paper(), Load(1.0, s, friction="stick"), "finite") for s in (0.0, 0.3))
     nominal, _ = axes["z"]
@@ -41,16 +42,16 @@ def test_the_ends_of_the_nominal_curves_are_the_readings_under_the_load():
 
 
 def test_a_sensor_of_twice_the_modulus_is_pressed_less_for_the_same_force():
-    made = made_sensors(paper(), Tolerances(**NONE), 1)
-    stiff = dataclasses.replace(made, designs=(Design(E=2.0),), E=np.array([2.0]))
+    made = made_sensors(paper(), tolerances(**NONE), 1)
+    stiff = dataclasses.replace(made, designs=(Design(E=2.0),))
     nominal, curve = curves("finite", stiff, Press(1.0))["z"]
     soft_at_half = np.interp(nominal.force[-1] / 2, nominal.force, nominal.reading[0])
     assert curve.reading[0, -1] == pytest.approx(soft_at_half, rel=1e-4)
 
 
 def test_a_sensor_that_does_not_reach_the_force_says_so():
-    made = made_sensors(paper(), Tolerances(**NONE), 1)
-    soft = dataclasses.replace(made, designs=(Design(E=0.3),), E=np.array([0.3]))
+    made = made_sensors(paper(), tolerances(**NONE), 1)
+    soft = dataclasses.replace(made, designs=(Design(E=0.3),))
     _, curve = curves("finite", soft, Press(1.0, 0.2))["z"]
     assert np.isnan(curve.reading[0, -1])
     assert "its force does not rise to 4.08 N" in curve.refusals[0]
@@ -82,12 +83,14 @@ def test_the_stated_error_of_the_sensitivity_covers_what_it_differs_from_finite_
     assert set(sensitivity_errors("surrogate", paper(), Press(1.0))) == {"z"}
 
 
-def spread(design=paper(), load=Press(1.0, 0.3), count=4, seed=1, **tolerances):
-    return calibration_spread(design, load, Tolerances(**NONE | tolerances), count, seed, "finite")
+def spread(design=paper(), load=Press(1.0, 0.3), count=4, seed=1, **sizes):
+    """Made sensors, and the spread of their calibrations by the axis."""
+    sensors = made_sensors(design, tolerances(**NONE | sizes), count, seed)
+    return sensors, spread_of(sensors, load, "finite")
 
 
 def test_without_tolerances_all_sensors_are_the_nominal_one():
-    for axis in spread(count=2).axes.values():
+    for axis in spread(count=2)[1].values():
         assert axis.made["force_error"] == pytest.approx([0, 0], abs=1e-12)
         assert axis.made["recalibrated_force_error"] == pytest.approx([0, 0], abs=1e-12)
         assert axis.made["sensitivity"] == pytest.approx([axis.nominal["sensitivity"]] * 2)
@@ -95,8 +98,8 @@ def test_without_tolerances_all_sensors_are_the_nominal_one():
 
 
 def test_a_wrong_null_is_corrected_by_zeroing():
-    result = spread(hall_null=0.02, count=20)
-    axis, null = result.axes["z"], result.sensors.null_shift[:, 0]
+    sensors, axes = spread(hall_null=0.02, count=20)
+    axis, null = axes["z"], sensors.null_shift[:, 0]
     assert axis.made["offset"] == pytest.approx(axis.nominal["offset"] + null)
     assert axis.made["zeroed_force_error"] == pytest.approx(np.zeros(20), abs=1e-9)
     # beyond the curve's upper end it goes on with its mean slope
@@ -106,47 +109,47 @@ def test_a_wrong_null_is_corrected_by_zeroing():
 
 
 def test_a_wrong_gain_needs_the_recalibration_too():
-    axis = spread(hall_gain=4.0).axes["x"]
+    axis = spread(hall_gain=4.0)[1]["x"]
     assert (axis.made["zeroed_force_error"] > 1e-6).all()
     assert axis.made["recalibrated_force_error"] == pytest.approx(np.zeros(4), abs=1e-9)
 
 
 def test_the_sensitivity_to_force_falls_with_the_modulus():
-    result = spread(E=10.0, load=Press(1.0, 0.3))
-    axis = result.axes["x"]
-    order = np.argsort(result.sensors.E)
+    sensors, axes = spread(E=10.0, load=Press(1.0, 0.3))
+    axis = axes["x"]
+    order = np.argsort(sensors.fields["E"])
     assert (np.diff(axis.made["sensitivity"][order]) < 0).all()
     assert axis.made["offset"] == pytest.approx([axis.nominal["offset"]] * 4, abs=0.01)
 
 
 def test_deviations_of_the_elements_make_the_axes_differ():
-    axes = spread(hall_x=0.3, hall_y=0.3).axes
+    axes = spread(hall_x=0.3, hall_y=0.3)[1]
     assert not np.allclose(axes["x"].made["sensitivity"], axes["y"].made["sensitivity"])
 
 
 def test_impossible_sensors_are_failures_with_their_reason():
-    result = spread(Design(magnet_diameter=7.58), magnet_diameter=0.2, count=30, load=Press(0.3))
-    impossible = [design is None for design in result.sensors.designs]
+    sensors, axes = spread(Design(magnet_diameter=7.58), magnet_diameter=0.2, count=30, load=Press(0.3))
+    impossible = [design is None for design in sensors.designs]
     assert 3 < sum(impossible) < 27
-    axis = result.axes["z"]
-    assert np.array_equal(np.isnan(axis.made["force_error"]), impossible)
-    assert [bool(reason) for reason in result.refusals] == impossible
-    assert sum(failure_reasons(result.refusals).values()) == sum(impossible)
+    refusals = refusals_of(axes)
+    assert np.array_equal(np.isnan(axes["z"].made["force_error"]), impossible)
+    assert [bool(reason) for reason in refusals] == impossible
+    assert sum(failure_reasons(refusals).values()) == sum(impossible)
 
 
 def test_a_reading_at_a_rail_fails_the_sensor_and_an_axis_whose_reading_folds_fails_all():
-    railed = spread(Design(hall_high=2.91)).axes["z"]
+    railed = spread(Design(hall_high=2.91))[1]["z"]
     assert (
         railed.message == "the reading of axis z of the design itself lies at a rail" or "one sense" in railed.message
     )
     assert np.isnan(railed.made["force_error"]).all()
-    folded = spread(Design(f=3.0, c=0.0), Press(1.0, 2.5)).axes["x"]
+    folded = spread(Design(f=3.0, c=0.0), Press(1.0, 2.5))[1]["x"]
     assert "one sense" in folded.message
     assert all(folded.refusals)
 
 
 def test_only_sensors_that_reach_a_rail_fail():
-    axis = spread(Design(hall_high=2.93), hall_null=0.05, count=40, load=Press(0.8)).axes["z"]
+    axis = spread(Design(hall_high=2.93), hall_null=0.05, count=40, load=Press(0.8))[1]["z"]
     failed = np.array([reason == "its reading lies at a rail" for reason in axis.refusals])
     assert 0 < failed.sum() < 40
     assert np.array_equal(np.isnan(axis.made["sensitivity"]), failed)
@@ -154,8 +157,8 @@ def test_only_sensors_that_reach_a_rail_fail():
 
 def test_the_surrogate_predicts_the_spread_of_finite_elements():
     """Three sensors solved one by one: the surrogate's sensitivities differ by its stated error, equally for all."""
-    spread_of_three = calibration_spread(paper(), Press(1.0), count=3, seed=3)
-    axis, sensors = spread_of_three.axes["z"], spread_of_three.sensors
+    sensors = made_sensors(paper(), count=3, seed=3)
+    axis = spread_of(sensors, Press(1.0))["z"]
     loads, force = tuple(map(Load, (0.8, 0.95, 1.1, 1.25))), axis.force_range[1]
     ratios = []
     for k, design in enumerate(sensors.designs):
@@ -174,10 +177,10 @@ def test_the_surrogate_predicts_the_spread_of_finite_elements():
 @pytest.mark.parametrize("layout", ["tle493d-p2b6", "tmag5273a1"])
 def test_the_steps_of_a_chip_fail_no_sensor(layout):
     """Within the range of a shear the reading of a chip stays on some of its steps for several forces."""
-    result = spread(Design(hall_layout=layout), Press(1.0, 0.5), chip_gain=5.0)
-    assert [axis.message for axis in result.axes.values()] == ["", "", ""]
-    assert result.refusals == ("",) * 4
-    for axis in result.axes.values():
+    _, axes = spread(Design(hall_layout=layout), Press(1.0, 0.5), chip_gain=5.0)
+    assert [axis.message for axis in axes.values()] == ["", "", ""]
+    assert refusals_of(axes) == ("",) * 4
+    for axis in axes.values():
         assert axis.made["recalibrated_force_error"] == pytest.approx(np.zeros(4), abs=1e-9)
 
 

@@ -37,16 +37,16 @@ def test_sensor_without_deviations_reads_as_designed():
 
 
 def test_ranges_of_the_catalogue_are_the_tolerances():
-    tolerances = tolerances_of(MADE)
-    assert tolerances.hall_gain == pytest.approx(5.0)
-    assert tolerances.magnet_diameter == MADE.magnet.tolerance
+    sizes = tolerances_of(MADE)
+    assert sizes["hall_gain"] == pytest.approx(5.0)
+    assert sizes["magnet_diameter"] == MADE.magnet.tolerance
 
 
 @pytest.mark.parametrize("name", ["E", "nu", "remanence"])
 def test_draws_fill_the_range_of_the_catalogue_and_no_more(name):
     """Half of the sensors lie on each side of the typical value, which is in the middle of no range."""
     low, high = ranges_of(MADE)[name]
-    values = getattr(drawn(MADE, 2000, 0)[0], name)[:2000]
+    values = drawn(MADE, 2000, 0)[0].fields[name][:2000]
     assert low <= values.min() < low + 0.1 * (high - low)
     assert high - 0.1 * (high - low) < values.max() <= high
     assert np.mean(values < getattr(MADE.design, name)) == pytest.approx(0.5, abs=0.04)
@@ -55,7 +55,7 @@ def test_draws_fill_the_range_of_the_catalogue_and_no_more(name):
 def test_sensors_of_a_batch_are_alike_and_batches_differ():
     """Of the variance of E, that within batches is small; parts differ in their gains whatever their batch."""
     sensors, batches, batch = drawn(MADE, 500, 0)
-    table = pd.DataFrame({"E": sensors.E, "gain": sensors.gain_factor[:, 0]})[:500].groupby(batch[:500])
+    table = pd.DataFrame({"E": sensors.fields["E"], "gain": sensors.gain_factor[:, 0]})[:500].groupby(batch[:500])
     within = table.var().mean() / table.obj.var()
     assert within["E"] < 0.1
     assert within["gain"] > 0.8

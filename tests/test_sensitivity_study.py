@@ -13,7 +13,7 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.sensitivity import sensitivity_study
 from studies.sensitivity.beam_motions import Press
-from studies.sensitivity.made_sensors import Tolerances
+from studies.sensitivity.made_sensors import tolerances
 from studies.sensitivity.sensitivity_study import Found, Request, monte_carlo, ranges_of, sobol, substitutes
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
@@ -220,7 +220,7 @@ def test_impossible_studies_are_refused_in_a_sentence(run, options, message):
 
 
 def test_ranges_of_the_tolerances_lie_about_the_design_and_below_their_bounds():
-    ranges = ranges_of(paper(), [], ["sobol"], Tolerances(E=20.0, nu=0.001, magnet_height=0.0))
+    ranges = ranges_of(paper(), [], ["sobol"], tolerances(E=20.0, nu=0.001, magnet_height=0.0))
     assert ranges["E"] == pytest.approx((0.8, 1.2))
     assert ranges["nu"] == pytest.approx((0.4988, 0.5))
     assert ranges["magnet_diameter"] == pytest.approx((3.95, 4.05))
@@ -242,7 +242,7 @@ def test_ranges_of_the_tolerances_lie_about_the_design_and_below_their_bounds():
 )
 def test_impossible_ranges_are_refused(text, message):
     with pytest.raises(BadInput) as error:
-        ranges_of(paper(), [text], ["sobol"], Tolerances())
+        ranges_of(paper(), [text], ["sobol"], tolerances())
     assert message in str(error.value)
 
 

@@ -235,41 +235,6 @@ def _outputs(designs: Sequence[Design | None], values: Mapping[str, Array]) -> A
     return converted(null + gain * field, low, high, np.zeros(1))[0].reshape(count, states, ELEMENTS)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SampledCases:
-    """Sensors and loads at n points.
-
-    Attributes
-    ----------
-    designs, refusals : the sensor at each point, or None and the reason why it is impossible ("" where it is not).
-    depth, shear : load at each point, shape (n,), mm.
-    """
-
-    designs: tuple[Design | None, ...]
-    refusals: tuple[str, ...]
-    depth: Array
-    shear: Array
-
-
-def sampled_cases(
-    design: Design, ranges: Mapping[str, tuple[float, float]], points: Array, load: Press
-) -> SampledCases:
-    """Return the sensors and loads at points (n, d); Hall elements keep their places, as in `study_cases.varied`."""
-    columns = dict(zip(ranges, points.T, strict=True))
-    fields = {name: values for name, values in columns.items() if name in study_axes.DESIGN}
-    designs, refusals = zip(*(_varied(design, fields, k) for k in range(len(points))), strict=True)
-    depth, shear = (columns.get(name, np.full(len(points), getattr(load, name))) for name in ("depth", "shear"))
-    return SampledCases(designs, refusals, depth, shear)
-
-
-def _varied(design: Design, fields: Mapping[str, Array], k: int) -> tuple[Design | None, str]:
-    """Return the sensor at a point, or None and the reason why it is impossible."""
-    try:
-        return varied(design, {name: float(values[k]) for name, values in fields.items()}), ""
-    except BadInput as error:
-        return None, str(error)
-
-
 def names(design: Design, *, sheared: bool) -> tuple[str, ...]:
     """Return the names of the outputs, with their units: those that `magtip sweep` has, too.
 
@@ -283,23 +248,45 @@ def names(design: Design, *, sheared: bool) -> tuple[str, ...]:
 
 
 def sampled_outputs(
-    model: str, design: Design, cases: SampledCases, *, sheared: bool
+    model: str,
+    design: Design,
+    ranges: Mapping[str, tuple[float, float]],
+    points: Array,
+    load: Press,
+    *,
+    sheared: bool,
 ) -> tuple[dict[str, tuple[Array, Array]], tuple[str, ...]]:
-    """Return the outputs of n cases by their names, and why each case has failed, "" where it has not.
+    """Return the outputs at points (n, d) by their names, and why each point has failed, "" where it has not.
 
     An output is its values, NaN where it has failed, and the half widths of the model's 90 % interval, each of shape
-    (n,).
+    (n,). Hall elements keep their places, as in `study_cases.varied`.
     """
-    moved = motions(model, cases.designs, cases.depth[:, None], cases.shear[:, None])
+    columns = dict(zip(ranges, points.T, strict=True))
+    fields = [name for name in ranges if name in study_axes.DESIGN]
+    made = [_varied(design, dict(zip(fields, row, strict=True))) for row in _rows(columns, fields, len(points))]
+    designs, impossible = zip(*made, strict=True)
+    depth, shear = (columns.get(name, np.full(len(points), getattr(load, name))) for name in ("depth", "shear"))
+    moved = motions(model, designs, depth[:, None], shear[:, None])
     quantities = SHEAR if sheared else PRESS
     outputs = {name: (moved.values[key][:, 0], moved.half_widths[key][:, 0]) for name, key in quantities.items()}
-    read, half_widths = readings(cases.designs, moved)
-    _, unit = element_columns(design)
-    scale = 1.0 if unit == "V" else 1e3
+    read, half_widths = readings(designs, moved)
+    scale = 1.0 if element_columns(design)[1] == "V" else 1e3
     for k, name in enumerate(names(design, sheared=sheared)[len(quantities) :]):
         outputs[name] = scale * read[:, 0, k], scale * half_widths[:, 0, k]
-    refusals = zip(cases.refusals, moved.refusals[:, 0], strict=True)
-    return outputs, tuple(impossible or str(refused) for impossible, refused in refusals)
+    refusals = zip(impossible, moved.refusals[:, 0], strict=True)
+    return outputs, tuple(reason or str(refused) for reason, refused in refusals)
+
+
+def _rows(columns: Mapping[str, Array], names: Sequence[str], count: int) -> list[list[float]]:
+    return [[float(columns[name][k]) for name in names] for k in range(count)]
+
+
+def _varied(design: Design, fields: Mapping[str, float]) -> tuple[Design | None, str]:
+    """Return the sensor with other fields, or None and the reason why it is impossible."""
+    try:
+        return varied(design, fields), ""
+    except BadInput as error:
+        return None, str(error)
 
 
 def relative_half_width(value: Array, half_width: Array) -> float:

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.sensitivity.beam_motions import Motions, Press, motions, poses, readings
-from studies.sensitivity.made_sensors import MadeSensors, Tolerances, made_readings, made_sensors, nominal_sensor
+from studies.sensitivity.beam_motions import SURROGATE, Motions, Press, motions, poses, readings
+from studies.sensitivity.made_sensors import MadeSensors, made_readings, nominal_sensor
 
 AXES = ("z", "x", "y")
 """Axes in the order of the elements that read them."""
@@ -106,7 +106,6 @@ def sensitivity_errors(model: str, design: Design, load: Press) -> dict[str, flo
 
 
 def _pressed(model: str, sensors: MadeSensors, depth: Array) -> Motions:
-    """Return presses of each sensor to these depths, of which the first is 0."""
     count = len(sensors)
     moved = motions(model, sensors.designs, np.tile(depth[1:], (count, 1)), np.zeros((count, len(depth) - 1)))
     # a model may lack the shallowest presses, but every sensor that it has is at rest without one
@@ -117,33 +116,30 @@ def _pressed(model: str, sensors: MadeSensors, depth: Array) -> Motions:
 
 
 def _press_curves(model: str, sensors: MadeSensors, load: Press, force: Array) -> Curves:
-    """Return the readings of the first element over the press force."""
     moved = _pressed(model, sensors, REACH * load.depth * np.linspace(0, 1, STATES) ** 2)
     read = made_readings(sensors, *moved.poses())
     return _curves(sensors, moved, moved.values["force_z"], read.output[..., 0], read.saturated[..., 0], force, 0)
 
 
 def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, force: Array) -> tuple[Curves, Curves]:
-    """Return the readings of the second element over the force along x, and of the third along y."""
     depths = REACH * load.depth * np.linspace(0, 1, STATES) ** 2
     pressed = _pressed(model, sensors, depths).values["force_z"]
-    depth = np.array([_over(force_of_sensor, depths, np.array([press]))[0] for force_of_sensor in pressed])
+    depth = np.array([_over(reached, depths, np.array([press])) for reached in pressed])
     shear = REACH * load.shear * np.linspace(0, 1, STATES)
-    count = len(sensors)
-    moved = motions(model, sensors.designs, np.tile(depth[:, None], len(shear)), np.tile(shear, (count, 1)))
+    moved = motions(model, sensors.designs, np.tile(depth, len(shear)), np.tile(shear, (len(sensors), 1)))
     # the mirror image of a shear reverses what points along it
-    signs = {"force_x": -1.0, "shift_x": -1.0, "tilt": -1.0}
-    both = {
-        name: np.hstack([signs.get(name, 1.0) * values[:, :0:-1], values]) for name, values in moved.values.items()
+    values = {
+        name: np.hstack([(-1.0 if name in ("force_x", "shift_x", "tilt") else 1.0) * column[:, :0:-1], column])
+        for name, column in moved.values.items()
     }
-    both_refusals = np.hstack([moved.refusals[:, :0:-1], moved.refusals])
-    both_sides = Motions(both, {}, both_refusals)
-    axes = []
-    for element, towards_y in ((1, False), (2, True)):
-        read = made_readings(sensors, *poses(both, towards_y))
+    both = Motions(values, {}, np.hstack([moved.refusals[:, :0:-1], moved.refusals]))
+
+    def of_axis(element: int) -> Curves:
+        read = made_readings(sensors, *poses(values, towards_y=element == 2))
         output, rail = read.output[..., element], read.saturated[..., element]
-        axes.append(_curves(sensors, both_sides, both["force_x"], output, rail, force, len(shear) - 1))
-    return axes[0], axes[1]
+        return _curves(sensors, both, values["force_x"], output, rail, force, len(shear) - 1)
+
+    return of_axis(1), of_axis(2)
 
 
 def _curves(
@@ -212,29 +208,14 @@ class AxisSpread:
     message: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CalibrationSpread:
-    """Made sensors, and the spread of their calibrations by the axis."""
-
-    sensors: MadeSensors
-    axes: Mapping[str, AxisSpread]
-
-    @property
-    def refusals(self) -> tuple[str, ...]:
-        """Why each sensor has failed on any axis, "" where it has not."""
-        every = zip(*(axis.refusals for axis in self.axes.values()), strict=True)
-        return tuple(next((reason for reason in one if reason), "") for one in every)
+def refusals_of(axes: Mapping[str, AxisSpread]) -> tuple[str, ...]:
+    """Return why each sensor has failed on any axis, "" where it has not."""
+    every = zip(*(axis.refusals for axis in axes.values()), strict=True)
+    return tuple(next(filter(None, reasons), "") for reasons in every)
 
 
-def calibration_spread(
-    design: Design,
-    load: Press,
-    tolerances: Tolerances = Tolerances(),
-    count: int = 1000,
-    seed: int = 0,
-    model: str = "surrogate",
-) -> CalibrationSpread:
-    """Return the spread of the calibrations of made sensors.
+def spread_of(sensors: MadeSensors, load: Press, model: str = SURROGATE) -> dict[str, AxisSpread]:
+    """Return the spread of the calibrations of made sensors by the axis.
 
     The force range is that of the design itself: the press force at the depth, and the force of the shear to both
     sides there.
@@ -242,21 +223,13 @@ def calibration_spread(
     Raises
     ------
     BadInput
-        The model refuses the design itself under this load, or the draws are impossible.
+        The model refuses the design itself under this load.
     """
-    sensors = made_sensors(design, tolerances, count, seed)
-    return CalibrationSpread(sensors, spread_of(sensors, load, model))
-
-
-def spread_of(sensors: MadeSensors, load: Press, model: str) -> dict[str, AxisSpread]:
-    """Return the spread of the calibrations of sensors by the axis, see `calibration_spread`."""
-    pairs = curves(model, sensors, load)
     errors = sensitivity_errors(model, sensors.nominal, load)
-    return {name: _spread(*pair, name, errors[name]) for name, pair in pairs.items()}
+    return {name: _spread(*pair, name, errors[name]) for name, pair in curves(model, sensors, load).items()}
 
 
 def _spread(nominal: Curves, made: Curves, name: str, model_error: float) -> AxisSpread:
-    """Return the spread of the sensors' curves along an axis."""
     force, truth = nominal.force, nominal.reading[0]
     rising = np.diff(truth)
     message = ""
@@ -269,28 +242,22 @@ def _spread(nominal: Curves, made: Curves, name: str, model_error: float) -> Axi
         for reason, rail in zip(made.refusals, made.saturated, strict=True)
     )
     failed = np.array([bool(reason) for reason in refusals])
-    reading = np.where(failed[:, None], np.nan, made.reading)
-    rest = np.where(failed, np.nan, made.rest)
+    reading, rest = np.where(failed[:, None], np.nan, made.reading), np.where(failed, np.nan, made.rest)
     span, change = force[-1] - force[0], truth[-1] - truth[0]
     # offset and gain as in the nominal sensor at rest and at the largest force
-    gain = (truth[-1] - nominal.rest[0]) / (reading[:, -1] - rest)
+    above = reading - rest[:, None]
     corrected = {
         "force_error": reading,
-        "zeroed_force_error": nominal.rest[0] + reading - rest[:, None],
-        "recalibrated_force_error": nominal.rest[0] + (reading - rest[:, None]) * gain[:, None],
+        "zeroed_force_error": nominal.rest[0] + above,
+        "recalibrated_force_error": nominal.rest[0] + above * ((truth[-1] - nominal.rest[0]) / above[:, -1:]),
     }
     none = np.full(len(failed), np.nan)
-    made_quantities = {
-        "sensitivity": (reading[:, -1] - reading[:, 0]) / span,
-        "offset": rest,
-        **{name: none if message else _largest_error(force, truth, each) for name, each in corrected.items()},
-    }
-    nominal_quantities = {"sensitivity": float(change / span), "offset": float(nominal.rest[0])}
+    errors = {name: none if message else _largest_error(force, truth, each) for name, each in corrected.items()}
     return AxisSpread(
         force_range=(float(force[0]), float(force[-1])),
-        nominal=dict.fromkeys(made_quantities, 0.0) | nominal_quantities,
+        nominal={"sensitivity": float(change / span), "offset": float(nominal.rest[0])} | dict.fromkeys(errors, 0.0),
         model_error=model_error,
-        made=made_quantities,
+        made={"sensitivity": (reading[:, -1] - reading[:, 0]) / span, "offset": rest} | errors,
         refusals=refusals,
         message=message,
     )

@@ -25,7 +25,14 @@ import numpy as np
 from analytic.decode import Status, decode
 from analytic.parts import common_values
 from studies.sensing.decode_readings import WHY
-from studies.sensitivity.made_sensors import MadeSensors, Tolerances, made_readings, made_sensors, nominal_sensor
+from studies.sensitivity.made_sensors import (
+    MadeSensors,
+    Tolerances,
+    made_readings,
+    made_sensors,
+    nominal_sensor,
+    tolerances,
+)
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder
@@ -88,7 +95,7 @@ class ToleranceCheck:
         }
 
 
-def check(coder: Decoder, field: Array, decoded: Decoded, tolerances: Tolerances = Tolerances()) -> ToleranceCheck:
+def check(coder: Decoder, field: Array, decoded: Decoded, sizes: Tolerances = tolerances()) -> ToleranceCheck:
     """Compare decoded rows of a design's own three elements with made sensors of the design.
 
     Parameters
@@ -96,7 +103,7 @@ def check(coder: Decoder, field: Array, decoded: Decoded, tolerances: Tolerances
     field : the readings B.n, shape (n, 3), T.
     """
     design = coder.forward.design
-    made, nominal = made_sensors(design, tolerances, SENSORS), nominal_sensor(design)
+    made, nominal = made_sensors(design, sizes, SENSORS), nominal_sensor(design)
     rest, rest_deviations = _read(nominal, made, np.zeros(3), np.zeros(2))
     rest_deviations = rest_deviations + np.random.default_rng(0).normal(0.0, coder.sigma, rest_deviations.shape)
     inverse = np.linalg.inv(rest_deviations.T @ rest_deviations / len(rest_deviations))

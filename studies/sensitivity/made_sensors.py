@@ -15,11 +15,12 @@ which sense its reading changes.
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -28,77 +29,37 @@ from analytic.hall import ELEMENTS, BatchReadings, batch_readings, converted, ro
 from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.inputs.user_input import parse_choices
+from studies.inputs.user_input import check_keys, pairs
 
-Shape = Literal["normal", "uniform"]
+Tolerances = Mapping[str, float]
+"""Largest deviations of a made sensor from its design by name; 0 for a value that does not vary."""
+with Path(__file__).with_name("tolerances.csv").open(encoding="utf-8", newline="") as _file:
+    SPECS = {row["name"]: row for row in csv.DictReader(_file)}
+"""Default, unit, distribution, number of independent deviations (about two axes, or of each element), meaning and
+source of each tolerance. `assumed` where no data sheet or measurement gives the default. A tolerance in percent is
+relative to the design's value."""
 CUT = 2.0
 """Number of standard deviations at which a normal deviation is cut off: 4.6 % of parts are sorted out."""
+MOST = {"percent": 90.0, "mm": 100.0, "deg": 45.0}
+"""Largest tolerances, by unit, else 1: a deviation of 100 % would allow a value of 0, of which there is no sensor."""
+MOST_SENSORS = 1_000_000
+"""Largest number of made sensors; more are taken for a mistake."""
 
 
-def _tolerance(default: float, unit: str, shape: Shape, text: str, source: str, *, assumed: bool = True) -> Any:
-    metadata = {"unit": unit, "shape": shape, "text": text, "source": source, "assumed": assumed}
-    return field(default=default, metadata=metadata)
+def tolerances(**given: float) -> dict[str, float]:
+    """Return all tolerances; those that are not given have their defaults.
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tolerances:
-    """Largest deviations of a made sensor from its design; 0 for a value that does not vary.
-
-    The metadata of a field give unit, distribution, a description, and the source of the default; `assumed` is True
-    where no data sheet or measurement gives it. A tolerance in percent is relative to the design's value.
-
-    Raises
-    ------
-    BadInput
-        A tolerance is negative, not finite or too large.
-
-    >>> Tolerances(E=-1)
+    >>> tolerances(E=-1)
     Traceback (most recent call last):
         ...
     geometry.bad_input.BadInput: tolerance E must be a number of percent from 0 to 90; got -1
     """
-
-    E: float = _tolerance(
-        10.0, "percent", "normal", "Young's modulus", "2 points of Shore A are 9 % at Shore 30 A by Gent's formula"
-    )
-    nu: float = _tolerance(2e-4, "1", "uniform", "Poisson's ratio, at most 0.5", "bulk modulus from 0.4 GPa upwards")
-    remanence: float = _tolerance(
-        2.5, "percent", "uniform", "remanence of the magnet", "range of remanences within one grade of NdFeB"
-    )
-    magnet_diameter: float = _tolerance(
-        0.05, "mm", "uniform", "diameter of the magnet", "usual tolerance of ground sintered NdFeB up to 10 mm"
-    )
-    magnet_height: float = _tolerance(
-        0.05, "mm", "uniform", "height of the magnet", "usual tolerance of ground sintered NdFeB up to 10 mm"
-    )
-    magnet_x: float = _tolerance(0.15, "mm", "normal", "place of the magnet along x", "play in the cast pocket")
-    magnet_y: float = _tolerance(0.15, "mm", "normal", "place of the magnet along y", "play in the cast pocket")
-    magnet_z: float = _tolerance(0.15, "mm", "normal", "place of the magnet along z", "glue below the magnet")
-    magnet_tilt: float = _tolerance(
-        3.0,
-        "deg",
-        "normal",
-        "tilt of the magnetisation about x and about y",
-        "magnetisation within a few degrees of the axis (K&J Magnetics); seat in the pocket assumed",
-    )
-    hall_x: float = _tolerance(0.1, "mm", "normal", "place of a Hall element along x", "play in a printed seat")
-    hall_y: float = _tolerance(0.1, "mm", "normal", "place of a Hall element along y", "play in a printed seat")
-    hall_z: float = _tolerance(0.1, "mm", "normal", "place of a Hall element along z", "play in a printed seat")
-    hall_gain: float = _tolerance(
-        4.0, "percent", "uniform", "gain of a Hall element", "SS495A: 3.00 to 3.25 mV/G", assumed=False
-    )
-    hall_null: float = _tolerance(0.075, "V", "uniform", "null of a Hall element", "SS495A: 2.50 +- 0.075 V")
-    chip_gain: float = _tolerance(5.0, "percent", "uniform", "gain of a chip's axis", "TMAG5273: 5 %")
-    chip_null: float = _tolerance(3e-4, "T", "uniform", "offset of a chip's axis", "TMAG5273: 0.3 mT")
-
-    def __post_init__(self) -> None:
-        for spec in dataclasses.fields(self):
-            value, unit = getattr(self, spec.name), spec.metadata["unit"]
-            # a deviation of 100 % would allow a value of 0, of which there is no sensor
-            most = {"percent": 90.0, "mm": 100.0, "deg": 45.0}.get(unit, 1.0)
-            if not 0 <= value <= most:
-                name = {"percent": "a number of percent", "1": "a number"}.get(unit, f"a number of {unit}")
-                raise BadInput(f"tolerance {spec.name} must be {name} from 0 to {most:g}; got {value:g}")
+    for name, value in given.items():
+        unit = SPECS[name]["unit"]
+        if not 0 <= value <= MOST.get(unit, 1.0):
+            what = {"percent": "a number of percent", "1": "a number"}.get(unit, f"a number of {unit}")
+            raise BadInput(f"tolerance {name} must be {what} from 0 to {MOST.get(unit, 1.0):g}; got {value:g}")
+    return {name: float(spec["default"]) for name, spec in SPECS.items()} | given
 
 
 def of_data_sheet(design: Design) -> dict[str, float]:
@@ -109,26 +70,23 @@ def of_data_sheet(design: Design) -> dict[str, float]:
     return ({} if gain is None else {"chip_gain": 100 * gain}) | ({} if null is None else {"chip_null": null})
 
 
-def parse_tolerances(texts: Sequence[str], design: Design = Design()) -> Tolerances:
+def parse_tolerances(texts: Sequence[str], design: Design = Design()) -> dict[str, float]:
     """Return the tolerances of texts NAME=VALUE; the others are those of the design's chip, or have their defaults.
 
-    >>> parse_tolerances(["E=5"]).E, parse_tolerances([], Design(hall_layout="tmag5170a1")).chip_gain
-    (5, 2.6)
+    >>> parse_tolerances(["E=5"])["E"], parse_tolerances([], Design(hall_layout="tmag5170a1"))["chip_gain"]
+    (5.0, 2.6)
     """
-    values = parse_choices("--tolerance", texts, Tolerances)
-    for name, value in values.items():
-        if not (isinstance(value, (int, float)) and math.isfinite(value)):
-            raise BadInput(f"tolerance {name} must be a finite number; got {value!r}")
-    return Tolerances(**of_data_sheet(design) | values)
-
-
-MOST_SENSORS = 1_000_000
-"""Largest number of made sensors; more are taken for a mistake."""
-COLUMNS = {"magnet_tilt": 2, **dict.fromkeys(("hall_x", "hall_y", "hall_z", "hall_gain", "chip_gain"), ELEMENTS)} | {
-    "hall_null": ELEMENTS,
-    "chip_null": ELEMENTS,
-}
-"""Number of independent deviations of a tolerance that has several: about two axes, or of each element."""
+    given = pairs("--tolerance", texts, "chip_null=2")
+    check_keys("--tolerance", given, SPECS)
+    values = {}
+    for name, text in given.items():
+        try:
+            values[name] = float(text)
+        except ValueError:
+            raise BadInput(f"tolerance {name} must be a finite number; got {text!r}") from None
+        if not math.isfinite(values[name]):
+            raise BadInput(f"tolerance {name} must be a finite number; got {text}")
+    return tolerances(**of_data_sheet(design) | values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,9 +96,9 @@ class MadeSensors:
     Attributes
     ----------
     nominal : the design that was to be made.
-    designs : design of each sensor, with its own E, nu, remanence and magnet; None where it is impossible.
+    designs : design of each sensor, with its own `fields`; None where it is impossible.
     refusals : why each sensor is impossible, "" where it is possible.
-    E, nu, remanence, magnet_diameter, magnet_height : values of each sensor, shape (n,), MPa, 1, T, mm, mm.
+    fields : E, nu, remanence, magnet_diameter and magnet_height of each sensor, shape (n,), MPa, 1, T, mm, mm.
     magnet_offset : displacement of the magnet in the silicone, shape (n, 3), mm.
     magnet_tilt : rotation vector (rx, ry) of the magnetisation in the silicone, shape (n, 2), rad.
     element_offset : displacement of each element, shape (n, 3, 3): sensor, element, axis, mm.
@@ -151,11 +109,7 @@ class MadeSensors:
     nominal: Design
     designs: tuple[Design | None, ...]
     refusals: tuple[str, ...]
-    E: Array
-    nu: Array
-    remanence: Array
-    magnet_diameter: Array
-    magnet_height: Array
+    fields: Mapping[str, Array]
     magnet_offset: Array
     magnet_tilt: Array
     element_offset: Array
@@ -168,7 +122,7 @@ class MadeSensors:
 
 def made_sensors(
     design: Design,
-    tolerances: Tolerances = Tolerances(),
+    sizes: Tolerances = tolerances(),
     count: int = 1000,
     seed: int = 0,
     *,
@@ -180,6 +134,7 @@ def made_sensors(
 
     Parameters
     ----------
+    sizes : tolerances.
     batches : of E, nu or remanence, in place of design and tolerance: the values of parts whose deviations over the
         largest are -1 to 1, shape (n,).
 
@@ -189,23 +144,24 @@ def made_sensors(
         The count or the seed is out of range, or the design has no magnet.
     """
     check_draw(design, count, seed)
-    unit = _unit_deviations(tolerances, count, seed)
-    deviation = {name: getattr(tolerances, name) * values for name, values in unit.items()}
+    unit = _unit_deviations(count, seed)
+    deviation = {name: sizes[name] * values for name, values in unit.items()}
     fields = {
+        **{name: getattr(design, name) * (1 + deviation[name] / 100) for name in ("E", "remanence")},
         # the rounding error of 0.4998 + 0.0002 must not make a Poisson's ratio above 0.5, nor may the tolerance
         "nu": np.clip(design.nu + deviation["nu"], 0.0, 0.5),
-        **{name: getattr(design, name) * (1 + deviation[name] / 100) for name in ("E", "remanence")},
         **{name: getattr(design, name) + deviation[name] for name in ("magnet_diameter", "magnet_height")},
+        **{name: of_parts(unit[name]) for name, of_parts in batches.items()},
     }
-    fields |= {name: of_parts(unit[name]) for name, of_parts in batches.items()}
-    designs, refusals = zip(*(_possible(design, fields, k) for k in range(count)), strict=True)
+    rows = [dict(zip(fields, row, strict=True)) for row in np.column_stack(list(fields.values())).tolist()]
+    designs, refusals = zip(*(_possible(design, row) for row in rows), strict=True)
     places = np.stack([deviation[name] for name in ("hall_x", "hall_y", "hall_z")], axis=-1)
     chip = design.hall_layout != "three"
     return MadeSensors(
         nominal=design,
         designs=designs,
         refusals=refusals,
-        **fields,
+        fields=fields,
         magnet_offset=np.stack([deviation[name] for name in ("magnet_x", "magnet_y", "magnet_z")], axis=-1),
         magnet_tilt=np.radians(deviation["magnet_tilt"]),
         # the three axes of a chip are in one case
@@ -227,32 +183,26 @@ def check_draw(design: Design, count: int, seed: int) -> None:
 
 def nominal_sensor(design: Design) -> MadeSensors:
     """Return the one sensor that has no deviations, in the same form."""
-    none = Tolerances(**{spec.name: 0.0 for spec in dataclasses.fields(Tolerances)})
-    return made_sensors(design, none, 1)
+    return made_sensors(design, dict.fromkeys(SPECS, 0.0), 1)
 
 
-def _unit_deviations(tolerances: Tolerances, count: int, seed: int) -> dict[str, Array]:
+def _unit_deviations(count: int, seed: int) -> dict[str, Array]:
     """Return deviations over their tolerance, -1 to 1, by its name, of shape (n,), or (n, k) if it has several."""
-    specs = dataclasses.fields(tolerances)
-    widths = [COLUMNS.get(spec.name, 1) for spec in specs]
+    widths = [int(spec["columns"]) for spec in SPECS.values()]
     # one table of random numbers for all: a tolerance of 0 must not shift the numbers of the others
-    unit = np.random.default_rng(seed).random((count, sum(widths)))
+    uniform = np.random.default_rng(seed).random((count, sum(widths)))
     deviations = {}
-    for spec, columns in zip(specs, np.split(unit, np.cumsum(widths)[:-1], axis=1), strict=True):
-        if spec.metadata["shape"] == "uniform":
-            values = 2 * columns - 1
-        else:
-            inside = ndtr(-CUT) + columns * (ndtr(CUT) - ndtr(-CUT))
-            values = ndtri(inside) / CUT
-        deviations[spec.name] = values if spec.name in COLUMNS else values[:, 0]
+    for name, columns in zip(SPECS, np.split(uniform, np.cumsum(widths)[:-1], axis=1), strict=True):
+        inside = ndtr(-CUT) + columns * (ndtr(CUT) - ndtr(-CUT))
+        values = 2 * columns - 1 if SPECS[name]["shape"] == "uniform" else ndtri(inside) / CUT
+        deviations[name] = values if columns.shape[1] > 1 else values[:, 0]
     return deviations
 
 
-def _possible(design: Design, fields: Mapping[str, Array], k: int) -> tuple[Design | None, str]:
-    """Return the design of a made sensor, or None and the reason why it is impossible."""
-    values: dict[str, Any] = {name: float(column[k]) for name, column in fields.items()}
+def _possible(design: Design, fields: Mapping[str, float]) -> tuple[Design | None, str]:
+    """Return a design with other fields, or None and the reason why it is impossible."""
     try:
-        return dataclasses.replace(design, **values), ""
+        return dataclasses.replace(design, **fields), ""  # type: ignore[arg-type]
     except BadInput as error:
         return None, str(error)
 

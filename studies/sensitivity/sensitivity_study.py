@@ -30,14 +30,14 @@ from studies.inputs.user_input import AccuracyName
 from studies.output import page_templates
 from studies.output.figures import picture
 from studies.output.records import FlatRow
-from studies.output.result import Result, Table, Writer
+from studies.output.result import Result, Table
 from studies.output.text_tables import heading, titled
 from studies.sensing.field_readings import columns as element_columns
 from studies.sensitivity import beam_motions, global_sensitivity, made_sensors, uncertainty_figures
-from studies.sensitivity.beam_motions import MODELS, Press, sampled_cases, sampled_outputs
-from studies.sensitivity.calibration import AxisSpread, CalibrationSpread, calibration_spread, percentile
+from studies.sensitivity.beam_motions import MODELS, Press, sampled_outputs
+from studies.sensitivity.calibration import AxisSpread, percentile, refusals_of, spread_of
 from studies.sensitivity.global_sensitivity import Ranges
-from studies.sensitivity.made_sensors import Tolerances, of_data_sheet
+from studies.sensitivity.made_sensors import MadeSensors, Tolerances, of_data_sheet, tolerances
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +80,7 @@ class Request:
     ranges: Ranges
     load: Press
     methods: Sequence[str] = ("sobol", "montecarlo")
-    tolerances: Tolerances = dataclasses.field(default_factory=Tolerances)
+    tolerances: Tolerances = dataclasses.field(default_factory=tolerances)
     model: str = beam_motions.SURROGATE
     accuracy: AccuracyName = "standard"
     points: int = 1024
@@ -124,18 +124,21 @@ class Request:
         return bool(self.load.shear) or "shear" in self.ranges
 
 
-def ranges_of(design: Design, vary: Sequence[str], methods: Sequence[str], tolerances: Tolerances) -> Ranges:
-    """Return the ranges in texts NAME=low:high; without any, those of the tolerances.
+def ranges_of(design: Design, vary: Sequence[str], methods: Sequence[str], sizes: Tolerances) -> Ranges:
+    """Return the ranges in texts NAME=low:high; without any, those of the tolerances that are above 0.
 
     >>> from geometry.design import paper
-    >>> ranges_of(paper(), ["E=0.6:1", "depth=0.5:1.5"], ["sobol"], Tolerances())
+    >>> ranges_of(paper(), ["E=0.6:1", "depth=0.5:1.5"], ["sobol"], tolerances())
     {'E': (0.6, 1.0), 'depth': (0.5, 1.5)}
     """
-    if not vary:
-        return _ranges_of_tolerances(design, tolerances)
-    if tuple(methods) == ("montecarlo",):
-        raise BadInput("--vary works with the methods sobol and morris: add one to --methods, or use --tolerance")
     ranges = {}
+    for name in OF_A_TOLERANCE if not vary else ():
+        value, size = getattr(design, name), sizes[name]
+        spread = size * value / 100 if name in ("E", "remanence") else size
+        if spread:
+            ranges[name] = (value - spread, min(value + spread, study_axes.DESIGN[name].high))
+    if vary and tuple(methods) == ("montecarlo",):
+        raise BadInput("--vary works with the methods sobol and morris: add one to --methods, or use --tolerance")
     for name, text in user_input.pairs("--vary", vary, "E=0.6:1").items():
         study_axes.check_name(name)
         if not study_axes.AXES[name].is_number:
@@ -149,17 +152,6 @@ def ranges_of(design: Design, vary: Sequence[str], methods: Sequence[str], toler
         if isinstance(low, str) or isinstance(high, str) or not low < high:
             raise BadInput(f"--vary {name} takes low:high with low < high; got {text!r}")
         ranges[name] = (low, high)
-    return ranges
-
-
-def _ranges_of_tolerances(design: Design, tolerances: Tolerances) -> Ranges:
-    """Return the ranges in which the tolerances let the fields of a design vary; none for a tolerance of 0."""
-    ranges = {}
-    for name in OF_A_TOLERANCE:
-        value, size = getattr(design, name), getattr(tolerances, name)
-        spread = size * value / 100 if name in ("E", "remanence") else size
-        if spread:
-            ranges[name] = (value - spread, min(value + spread, study_axes.DESIGN[name].high))
     return ranges
 
 
@@ -192,22 +184,18 @@ class Found:
         >>> Found(rows=[], count=100, reasons={"a": 2, "b": 1}).failures
         '3 of 100 have failed (3 %), 2 because a, 1 because b'
         """
-        failed = sum(self.reasons.values())
-        if not failed:
-            return ""
-        named = list(self.reasons.items())[:MOST_NAMED]
-        texts = [f"{number} because {text}" for text, number in named]
+        failed, named = sum(self.reasons.values()), list(self.reasons.items())[:MOST_NAMED]
         rest = failed - sum(number for _, number in named)
-        texts += [f"{rest} for other reasons"] if rest else []
-        return f"{failed} of {self.count} have failed ({100 * failed / self.count:.3g} %), {', '.join(texts)}"
+        texts = [f"{number} because {text}" for text, number in named] + [f"{rest} for other reasons"] * (rest > 0)
+        share = f"{failed} of {self.count} have failed ({100 * failed / self.count:.3g} %), {', '.join(texts)}"
+        return share if failed else ""
 
 
 def sobol(request: Request) -> Found:
     """Return the Sobol indices of all outputs for the ranges of the inputs."""
     design, ranges, seed = request.design, request.ranges, request.seed
     points = global_sensitivity.saltelli_points(ranges, request.points, seed)
-    sampled = sampled_cases(design, ranges, points, request.load)
-    outputs, refusals = sampled_outputs(request.model, design, sampled, sheared=request.sheared)
+    outputs, refusals = sampled_outputs(request.model, design, ranges, points, request.load, sheared=request.sheared)
     lengths = beam_motions.error_lengths(request.model, design)
     rows, doubtful = [], []
     for name, (values, half_width) in outputs.items():
@@ -226,10 +214,8 @@ def sobol(request: Request) -> Found:
     doubt = (
         f"do not read the indices of {', '.join(doubtful)}: the model's error exceeds the variation of the output, "
         "so that their intervals reach from 0 to 1; vary the inputs in wider ranges, or use --methods morris"
-        if doubtful
-        else ""
     )
-    return Found(rows=rows, count=len(points), reasons=failure_reasons(refusals), doubt=doubt)
+    return Found(rows=rows, count=len(points), reasons=failure_reasons(refusals), doubt=doubt if doubtful else "")
 
 
 def morris(request: Request, progress: Progress | None = None) -> Found:
@@ -246,15 +232,12 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
     points = global_sensitivity.trajectories(ranges, request.trajectories, request.seed)
     fixed = {name: getattr(load, name) for name in ("depth", "shear") if name not in ranges and getattr(load, name)}
     inputs = pd.DataFrame(points, columns=[study_axes.column(name) for name in ranges])
+    read, tilt = design.shape.has_magnet, request.sheared
     table = cases.answer(
         inputs.assign(**{study_axes.column(name): value for name, value in fixed.items()}),
         [f"fem:{request.accuracy}"],
         base=design,
-        quantities=[
-            *("force", "shift", "contact_radius"),
-            *(["readings"] if design.shape.has_magnet else []),
-            *(["tilt"] if request.sheared else []),
-        ],
+        quantities=["force", "shift", "contact_radius", *["readings"] * read, *["tilt"] * tilt],
         store=request.store,
         workers=request.workers,
         scheduler=request.scheduler,
@@ -262,12 +245,11 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
     )
     ok = table["status"].isin(ANSWERED)
     stand_ins = substitutes(request, points, ~ok.to_numpy())
-    unit_of = {name: heading(name)[1] or name.rpartition("_")[2] for name in output_names(request)}
     rows = []
-    for name, unit in unit_of.items():
+    for name in beam_motions.names(design, sheared=request.sheared):
         values = np.where(ok, table[f"fem_{name}"].astype(float), np.nan)
         effects = global_sensitivity.effects(ranges, points, values, stand_ins.get(name), request.seed)
-        effects["effect_unit"] = f"{unit} per full range"
+        effects["effect_unit"] = f"{heading(name)[1] or name.rpartition('_')[2]} per full range"
         rows += _rows("morris", ranges, name, effects, values, {"model": f"fem {request.accuracy}"})
     failed, unstable = table[~ok], table["message"][table["status"] == "unstable"]
     doubt = f"{len(unstable)} of {len(table)} states are unstable, the first one because {next(iter(unstable), '')}"
@@ -281,17 +263,12 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
     )
 
 
-def output_names(request: Request) -> tuple[str, ...]:
-    """Return the names of the outputs, with their units."""
-    return beam_motions.names(request.design, sheared=request.sheared)
-
-
 def substitutes(request: Request, points: Array, failed: NDArray[np.bool_]) -> dict[str, Array]:
     """Return the outputs of the fast model at the failed points, NaN elsewhere; none if no point has failed."""
     if not failed.any():
         return {}
-    sampled = sampled_cases(request.design, request.ranges, points[failed], request.load)
-    outputs, _ = sampled_outputs(request.model, request.design, sampled, sheared=request.sheared)
+    design, ranges, load = request.design, request.ranges, request.load
+    outputs, _ = sampled_outputs(request.model, design, ranges, points[failed], load, sheared=request.sheared)
     result = {name: np.full(len(points), np.nan) for name in outputs}
     for name, (values, _) in outputs.items():
         result[name][failed] = values
@@ -327,11 +304,11 @@ def monte_carlo(request: Request) -> Found:
     BadInput
         The model refuses the design itself under this load.
     """
-    design, model = request.design, request.model
-    spread = calibration_spread(design, request.load, request.tolerances, request.sensors, request.seed, model)
-    unit = "V" if element_columns(design)[1] == "V" else "T"
+    sensors = made_sensors.made_sensors(request.design, request.tolerances, request.sensors, request.seed)
+    axes = spread_of(sensors, request.load, request.model)
+    unit = "V" if element_columns(request.design)[1] == "V" else "T"
     rows = []
-    for name, axis in spread.axes.items():
+    for name, axis in axes.items():
         for quantity, values in axis.made.items():
             for share in SHARES:
                 value, low, high = percentile(values, share)
@@ -347,43 +324,39 @@ def monte_carlo(request: Request) -> Found:
                     "high": high,
                     "sensors": len(axis.refusals),
                     "failed": sum(map(bool, axis.refusals)),
-                    "model": model,
+                    "model": request.model,
                     "model_error_percent": 100 * axis.model_error,
                     "message": axis.message,
                 }
                 rows.append(_known(row))
-    sensors = sensor_rows(spread, unit)
-    reasons = failure_reasons(spread.refusals)
-    return Found(rows=rows, each=sensors, count=len(sensors), reasons=reasons, axes=spread.axes)
+    refusals = refusals_of(axes)
+    each = sensor_rows(sensors, axes, refusals, unit)
+    return Found(rows=rows, each=each, count=len(each), reasons=failure_reasons(refusals), axes=axes)
 
 
-def sensor_rows(spread: CalibrationSpread, unit: str) -> list[FlatRow]:
+def sensor_rows(
+    made: MadeSensors, axes: Mapping[str, AxisSpread], refusals: Sequence[str], unit: str
+) -> list[FlatRow]:
     """Return a row for each made sensor: its values, and its calibration along each axis."""
     import pandas as pd
 
-    made = spread.sensors
     columns: dict[str, Any] = {
         "sensor": range(1, len(made) + 1),
-        "status": ["failed" if reason else "ok" for reason in spread.refusals],
-        "E_MPa": made.E,
-        "nu": made.nu,
-        "remanence_T": made.remanence,
-        "magnet_diameter_mm": made.magnet_diameter,
-        "magnet_height_mm": made.magnet_height,
+        "status": ["failed" if reason else "ok" for reason in refusals],
+        **{study_axes.column(name): made.fields[name] for name in OF_A_TOLERANCE},
+        **{f"magnet_offset_{way}_mm": made.magnet_offset[:, k] for k, way in enumerate("xyz")},
+        "magnet_tilt_rad": made.magnet_tilt[:, 1],
+        "magnet_tilt_y_rad": -made.magnet_tilt[:, 0],
     }
-    for k, letter in enumerate("xyz"):
-        columns[f"magnet_offset_{letter}_mm"] = made.magnet_offset[:, k]
-    columns |= {"magnet_tilt_rad": made.magnet_tilt[:, 1], "magnet_tilt_y_rad": -made.magnet_tilt[:, 0]}
-    for element in range(made.gain_factor.shape[1]):
-        for k, letter in enumerate("xyz"):
-            columns[f"element{element + 1}_offset_{letter}_mm"] = made.element_offset[:, element, k]
-        columns[f"element{element + 1}_gain_factor"] = made.gain_factor[:, element]
-        columns[f"element{element + 1}_null_shift_{unit}"] = made.null_shift[:, element]
+    for k in range(made.gain_factor.shape[1]):
+        columns |= {f"element{k + 1}_offset_{way}_mm": made.element_offset[:, k, j] for j, way in enumerate("xyz")}
+        columns[f"element{k + 1}_gain_factor"] = made.gain_factor[:, k]
+        columns[f"element{k + 1}_null_shift_{unit}"] = made.null_shift[:, k]
     unit_of = {"sensitivity": f"{unit}_per_N", "offset": unit}
-    for name, axis in spread.axes.items():
+    for name, axis in axes.items():
         columns |= {f"{name}_{quantity}_{unit_of.get(quantity, 'N')}": v for quantity, v in axis.made.items()}
-    columns["message"] = spread.refusals
-    return [{str(k): v for k, v in row.items()} for row in pd.DataFrame(columns).to_dict("records")]
+    table = pd.DataFrame(columns | {"message": refusals})
+    return [{str(k): v for k, v in row.items()} for row in table.to_dict("records")]
 
 
 def failure_reasons(refusals: Sequence[str]) -> dict[str, int]:
@@ -400,20 +373,18 @@ def failure_reasons(refusals: Sequence[str]) -> dict[str, int]:
     return {group[0]: len(group) for group in sorted(groups.values(), key=len, reverse=True)}
 
 
+OF_ROWS = ("method", "low", "high", "unit", "points", "failed", "failed_percent", "model")
 METHODS: dict[str, Table] = {
     "sobol": Table(
         title="Sobol indices",
         rows=(),
-        brief=("method", "low", "high", "unit", "points", "failed", "failed_percent", "model", "mean"),
+        brief=(*OF_ROWS, "mean"),
         first=("output", "input", "first_order", "total_order"),
     ),
     "morris": Table(
         title="Morris' effects",
         rows=(),
-        brief=(
-            *("method", "low", "high", "unit", "points", "failed", "failed_percent", "model"),
-            *("sigma_low", "sigma_high"),
-        ),
+        brief=(*OF_ROWS, "sigma_low", "sigma_high"),
         first=("output", "input", "mu_star", "sigma", "effect_unit"),
     ),
     "montecarlo": Table(
@@ -443,41 +414,24 @@ def run(request: Request, progress: Progress) -> Result:
     remarks = ["; ".join(filter(None, (each.failures, each.doubt))) for each in found.values()]
     said = [remark for remark in remarks if remark]
     lost = any(sum(each.reasons.values()) >= each.count for each in found.values())
+    rows = {"percentiles" if name == "montecarlo" else name: each.rows for name, each in found.items()}
+    cases_of = {"morris": "morris_cases", "montecarlo": "montecarlo"}
+    draw = {"sobol": uncertainty_figures.sobol, "morris": uncertainty_figures.morris}
+    draw |= {"montecarlo": uncertainty_figures.made_sensors}
     return Result(
         title="Sensitivity",
         records=[row for table in shown for row in table.rows],
         shown=shown,
-        tables=_tables(found),
-        files=_pictures(found),
+        tables=rows | {file: found[name].each for name, file in cases_of.items() if name in found},
+        files={
+            f"{name}.png": partial(picture, rows=each.each if name == "montecarlo" else each.rows, draw=draw[name])
+            for name, each in found.items()
+        },
         pages={"SENSITIVITY.md": page(request, found)},
         packages=("SALib",),
         remarks=[] if lost else said,
         failures=said if lost else [],
     )
-
-
-def _tables(found: Mapping[str, Found]) -> dict[str, list[FlatRow]]:
-    """Return the rows by the names of their files."""
-    of_rows = {"montecarlo": "percentiles"}
-    of_each = {"morris": "morris_cases", "montecarlo": "montecarlo"}
-    tables = {}
-    for name, result in found.items():
-        tables[of_rows.get(name, name)] = result.rows
-        if name in of_each:
-            tables[of_each[name]] = result.each
-    return tables
-
-
-def _pictures(found: Mapping[str, Found]) -> dict[str, Writer]:
-    """Return the pictures by the names of their files."""
-    files: dict[str, Writer] = {}
-    for name, draw in {"sobol": uncertainty_figures.sobol, "morris": uncertainty_figures.morris}.items():
-        if name in found:
-            files[f"{name}.png"] = partial(picture, rows=found[name].rows, draw=draw)
-    if "montecarlo" in found:
-        sensors = found["montecarlo"].each
-        files["montecarlo.png"] = partial(picture, rows=sensors, draw=uncertainty_figures.made_sensors)
-    return files
 
 
 def page(request: Request, found: Mapping[str, Found]) -> str:
@@ -486,7 +440,7 @@ def page(request: Request, found: Mapping[str, Found]) -> str:
         Path(__file__).with_name("SENSITIVITY.md.j2"),
         load=request.load,
         shares=_largest_shares(found["sobol"].rows) if "sobol" in found else (),
-        errors=_force_errors(found["montecarlo"].axes) if "montecarlo" in found else (),
+        errors=_force_errors(found["montecarlo"].axes) if "montecarlo" in found else {},
         tolerances=_effective_tolerances(request) if "montecarlo" in found else (),
         titled=titled,
         bracketed=_bracketed,
@@ -495,57 +449,43 @@ def page(request: Request, found: Mapping[str, Found]) -> str:
     )
 
 
-def _largest_shares(rows: Sequence[FlatRow]) -> list[str]:
+def _largest_shares(rows: Sequence[FlatRow]) -> list[tuple[str, list[FlatRow]]]:
     """Return for each output the inputs whose total order is at least `LEAST_SHARE`, the largest first."""
     import pandas as pd
 
-    lines = []
-    for output, each in pd.DataFrame(rows).groupby("output", sort=False):
-        named = each[each["total_order"] >= LEAST_SHARE].sort_values(["total_order", "input"], ascending=False)
-        texts = [
-            f"{name} {100 * share:.0f} %" for name, share in zip(named["input"], named["total_order"], strict=True)
-        ]
-        # the interval of an index is then wide: the estimate alone would mislead
-        doubtful = each["model_error_over_deviation"].iloc[0] > 1
-        doubt = "; the model's error exceeds this variation" if doubtful else ""
-        lines += [f"{titled(str(output))} varies with {', '.join(texts)}{doubt}"] if texts else []
-    return lines
+    table = pd.DataFrame(rows).astype({"total_order": float})
+    largest = table[table["total_order"] >= LEAST_SHARE].sort_values(["total_order", "input"], ascending=False)
+    by_output = {output: largest[largest["output"] == output].to_dict("records") for output in table["output"]}
+    return [(output, each) for output, each in by_output.items() if each]
 
 
-def _force_errors(axes: Mapping[str, AxisSpread]) -> list[str]:
-    """Return for each axis the 95th percentile of the force errors, in N and of the span of the force range."""
-    lines = []
+def _force_errors(axes: Mapping[str, AxisSpread]) -> dict[str, list[tuple[float, float]]]:
+    """Return for each axis the 95th percentiles of the three force errors, in N and in % of the force range."""
+    errors = {}
     for name, axis in axes.items():
         span = axis.force_range[1] - axis.force_range[0]
         worst = [percentile(values, 0.95)[0] for key, values in axis.made.items() if key.endswith("force_error")]
-        texts = [f"{error:.2g} N ({100 * error / span:.3g} % of the range)" for error in worst]
         if all(map(math.isfinite, worst)):
-            lines.append(
-                f"Along {name} 95 % of the sensors that have not failed err by at most {texts[0]} with the nominal "
-                f"calibration, {texts[1]} after zeroing, and {texts[2]} after recalibration"
-            )
-    return lines
+            errors[name] = [(error, 100 * error / span) for error in worst]
+    return errors
 
 
 def _effective_tolerances(request: Request) -> list[FlatRow]:
     """Return the rows of the tolerances that have an effect, with their sources."""
     unused = "hall" if request.design.hall_layout != "three" else "chip"
     units, rows, read = {"1": "", "percent": "%"}, [], of_data_sheet(request.design)
-    for spec in dataclasses.fields(Tolerances):
-        if spec.name in (f"{unused}_gain", f"{unused}_null"):
+    for name, spec in made_sensors.SPECS.items():
+        if name in (f"{unused}_gain", f"{unused}_null"):
             continue
-        value, meta = getattr(request.tolerances, spec.name), spec.metadata
-        source = f"{'assumed: ' if meta['assumed'] else ''}{meta['source']}"
-        if spec.name in read:
-            source = request.design.chip.source
-        rows.append(
-            {
-                "value": meta["text"],
-                "tolerance": f"± {value:g} {units.get(meta['unit'], meta['unit'])}".rstrip(),
-                "distribution": meta["shape"],
-                "source": source if value == read.get(spec.name, spec.default) else "set by the user",
-            }
-        )
+        value, usual = request.tolerances[name], read.get(name, float(spec["default"]))
+        assumed = "assumed: " if spec["assumed"] else ""
+        source = request.design.chip.source if name in read else f"{assumed}{spec['source']}"
+        rows.append({
+            "value": spec["meaning"],
+            "tolerance": f"± {value:g} {units.get(spec['unit'], spec['unit'])}".rstrip(),
+            "distribution": spec["shape"],
+            "source": source if value == usual else "set by the user",
+        })  # fmt: skip
     return rows
 
 

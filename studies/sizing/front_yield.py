@@ -30,7 +30,7 @@ from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.sensitivity.beam_motions import SURROGATE, Press, motions
 from studies.sensitivity.calibration import spread_of
-from studies.sensitivity.made_sensors import MadeSensors, Tolerances, made_sensors, share_with_error
+from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error, tolerances
 from studies.sizing.candidate_performance import MadeReader, performance
 from studies.sizing.variant_search import beams_of
 
@@ -132,13 +132,13 @@ def _records(table: pd.DataFrame) -> list[FlatRow]:
     ]
 
 
-def tolerances_of(variant: Variant) -> Tolerances:
+def tolerances_of(variant: Variant) -> dict[str, float]:
     """Return the tolerances of a variant's parts but for `ranges_of`; places and tilts have their defaults."""
     part, size = variant.hall_part, variant.magnet.tolerance
     kind = "hall" if part.layout == "three" else "chip"
     null = {} if part.null_tolerance is None else {f"{kind}_null": part.null_tolerance}
     values = {f"{kind}_gain": 100 * part.gain_tolerance, "magnet_diameter": size, "magnet_height": size, **null}
-    return Tolerances(**values)
+    return tolerances(**values)
 
 
 def ranges_of(variant: Variant) -> dict[str, tuple[float, float]]:
@@ -298,7 +298,7 @@ def _calibrations(
     import pandas as pd
 
     try:
-        axes = spread_of(sensors, load, SURROGATE)
+        axes = spread_of(sensors, load)
     except BadInput:
         return pd.DataFrame()
     span = {"z": requirements.force_z, "x": requirements.force_x, "y": requirements.force_x}
