@@ -95,13 +95,12 @@ def test_half_widths_hold_what_is_solved_between_the_nodes(page, depth, shear, d
 def test_an_interval_of_the_depth_with_a_failed_check_has_unknown_errors(grid):
     place = grid.checks[-1][:2]
     checked = dataclasses.replace(grid, checks=grid.checks[:-1], failed_checks=[place])
-    share, _ = offline_tables.measured(checked)
-    assert np.isnan(share[-1]).all()
-    assert np.isfinite(share[:-1]).all()
-    table = offline_tables.response(checked, share)
+    table, errors = offline_tables.response(checked)
+    assert np.isnan(errors[-1]).all()
+    assert np.isfinite(errors[:-1]).all()
     inside = (table.axes[0] > grid.roots[-2] + 1e-9) & (table.axes[0] < grid.roots[-1] - 1e-9)
-    assert np.isnan(table.values[inside][..., 6:]).all()
-    assert np.isfinite(table.values[inside][:, 0, :6]).all()
+    assert np.isnan(table.values[inside][..., offline_tables.WIDTHS]).all()
+    assert np.isfinite(table.values[inside][:, 0, offline_tables.RESPONSE]).all()
 
 
 def test_a_press_and_a_shear_beyond_the_solved_states_are_refused_in_a_sentence(page):

@@ -94,51 +94,35 @@ def page(grid: Grid, magnet: Magnet) -> str:
 def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
     """Return everything that the page's engine reads, and what the page says of itself, as HTML."""
     design = grid.design
-    errors = offline_tables.measured(grid)
-    response = offline_tables.response(grid, errors[0])
-    formulas, remarks, remark_texts = offline_tables.formulas(design, response.axes)
-    statuses, status_texts = offline_tables.statuses(grid, response.axes)
+    response, errors = offline_tables.response(grid)
     curve = state_answers.curve(design, magnet, LEVEL, estimate=True)
     curves = {level: state_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
-    sensor = _sensor(design)
+    sensor, elements = _sensor(design), offline_tables.elements(design)
     content: Data = {
         "fields": _fields(grid),
         "sensor": sensor,
         "model": "finite elements",
         "level": LEVEL,
-        "levels": list(beam.LEVELS),
         "fixed": {"D": design.D, "L": design.L, "H": design.H},
-        "response": response.data(),
-        "statuses": {"numbers": statuses.ravel(), "texts": status_texts},
-        "formulas": formulas.data(),
-        "remarks": {"numbers": remarks.ravel(), "texts": remark_texts},
-        "readings": None,
-        "elements": offline_tables.elements(design),
+        "plane": offline_tables.plane(grid, response).data(),
+        "elements": elements,
         "pictures": offline_tables.pictures(grid, magnet),
         "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
-        "curve": {
-            **curves["paper"],
-            "levels": {level: one["level"] for level, one in curves.items()},
-            "tables": {level: state_exports.of_curve(one).decode() for level, one in curves.items()},
-        },
+        "curves": curves,
         "commands": state_exports.without_load(design, magnet, LEVEL),
         "files": {"design.toml": state_exports.design_text(design)},
+        "curve_files": {level: state_exports.of_curve(one).decode() for level, one in curves.items()},
         "refusal": _refusal(grid),
     }
     volts = ""
-    if content["elements"] is not None and "rest" in content["elements"]:
+    if elements is not None and "rest" in elements:
         readings, reading_errors = offline_tables.readings(grid)
-        table, status, names, decoding_errors = offline_tables.decoded(grid, response, reading_errors)
-        unit = content["elements"]["units"][0]
-        volts = f", a reading by {_figure(reading_errors.max())} {unit}"
+        decoded, decoding_errors = offline_tables.decoded(grid, response, reading_errors)
+        volts = f", a reading by {_figure(reading_errors.max())} {elements['units'][0]}"
         if np.isfinite(decoding_errors).any():
             volts += f", the decoded force by {_figure(np.nanmax(decoding_errors))} N"
-        content |= {
-            "readings": readings.data(),
-            "decoded": table.data(),
-            "decoding": {"numbers": status.ravel(), "names": names, "level": state_answers.DECODER_LEVEL},
-        }
-    return content, _about(grid, errors, sensor, volts)
+        content |= {"readings": readings.data(), "decoded": decoded.data()}
+    return content, _about(grid, np.nanmax(errors, axis=0), sensor, volts)
 
 
 def _fields(grid: Grid) -> list[Data]:
@@ -185,25 +169,21 @@ def _refusal(grid: Grid) -> str:
     )
 
 
-def _about(grid: Grid, errors: tuple[Array, Array], sensor: str, volts: str) -> str:
-    share, absolute = errors
-    force, shift = (100 * np.nanmax(share[:, k]) for k in (1, 2))
-    tangential, tilt = absolute[0], absolute[4]
+def _about(grid: Grid, errors: Array, sensor: str, volts: str) -> str:
+    tangential, _, normal, shift, _, sinking, tilt = map(_figure, errors)
     presses = sum(not shear for _, shear, _ in grid.states)
     text = (
         f"This file is fixed to one design, {sensor}, solved by finite elements at accuracy {LEVEL}: {presses} "
         f"presses to {grid.roots[-1] ** 2 * grid.design.D:.3g} mm and {len(grid.states) - presses} shears to "
         f"{grid.shears[-1]:.3g} mm, in which the contact sticks; between them it interpolates. "
-        f"Against {len(grid.checks)} further solves between these states the force is off by at most "
-        f"{_figure(force)} % and the magnet's shift by {_figure(shift)} % of their lengths, the force along the "
-        f"shear by {_figure(tangential)} N, the tilt by {_figure(tilt)} deg{volts}. Half widths hold this error near "
-        "their depth and the estimated error of the finite elements; where one of these is unknown, so are they. All "
-        "states are at rest. A design that changes, friction, tilted plates, vibrations and loading cycles need "
-        "magtip explore without --export."
+        f"Against {len(grid.checks)} further solves between these states the normal force is off by at most "
+        f"{normal} N, the force along the shear by {tangential} N, the magnet's shift by {shift} mm along the shear "
+        f"and {sinking} mm along z, the tilt by {tilt} deg{volts}. Half widths hold this error near their depth and "
+        "the estimated error of the finite elements; where one of these is unknown, so are they. All states are at "
+        "rest. A design that changes, friction, tilted plates, vibrations and loading cycles need magtip explore "
+        "without --export."
     )
-    summary = (
-        f"Fixed design: {sensor}. Finite elements, accuracy {LEVEL}; interpolated to {_figure(force)} % of the force."
-    )
+    summary = f"Fixed design: {sensor}. Finite elements, accuracy {LEVEL}; interpolated to {normal} N."
     return (
         f'<details id="about-model" class="soft"><summary>{html.escape(summary)} Show for what this page holds.'
         "</summary>"

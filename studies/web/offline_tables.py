@@ -10,16 +10,17 @@ the press by a cubic spline over r through many presses, the bracket by cubic sp
 value is given in a cell that has a node without a solved state. `Grid.checks` are further states in the middle of the
 cells, for which the finite elements are solved as well: they measure the error of whatever is read from the grid.
 
-**Tables** over depth, shear and direction. The page interpolates linearly between the nodes of a table and does
-nothing else to a number, but for turning vectors into the direction of the shear. Readings, formulas and the decoded
-load are computed at the nodes by the functions of the live page. The half widths are those of the error estimates
-and, added to them, the errors of the interpolation, measured at the checks of the grid.
+**Tables** of answers of the live page over depth and shear, or over depth, shear and direction, made by its own
+functions (`state_answers`). The page interpolates linearly between the nodes of a table and does nothing else to a
+number, but for turning vectors into the direction of the shear. The half widths are those of the error estimates and,
+added to them, the errors of the interpolation, measured at the checks of the grid.
 """
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +37,7 @@ from geometry.messages import Progress
 from studies.web import state_answers, state_pictures
 
 if TYPE_CHECKING:
+    from analytic.decode import Decoder
     from fem.solution import Solution
 
 DEEPEST, FARTHEST = 0.375, 0.375
@@ -46,10 +48,9 @@ FIRST_ROW = 4
 """First row with shears; below, the plate of this stroke barely touches the tip, and a bonded one peels off."""
 SHALLOWEST = 0.01
 """Least depth of a check, mm: the step of the page's slider."""
-QUANTITIES = ("force_t", "force_n", "shift_t", "shift_n", "tilt", "contact_radius")
-"""Quantities in the plane of the shear: force and shift along it and along z, N and mm, tilt, degrees, and mm."""
-WIDTHS = ("force_t", "force_n", "shift", "tilt")
-"""Half widths that the error estimates of the finite elements give."""
+RESPONSE, RADIUS, WIDTHS = slice(0, 9), 8, slice(9, 16)
+"""Columns of a state sheared along x: force, shift, tilts and contact radius (the last), and half widths of force,
+shift and tilt; N, mm, degrees."""
 FINE = 8, 4
 """Intervals of the table of the response per interval of the grid, along depth and shear."""
 READ = 2, 2, 48
@@ -58,9 +59,9 @@ DECODED = 2, 2, 12
 """The same for the decoded load, which takes a millisecond a node and grows with a power of the depth."""
 PICTURED = 2, 2
 """Intervals of the grid per interval of the pictures."""
-OF_FORMULAS = len(QUANTITIES)
 SKIN = "back"
 """The half of the skin that is stored; the other one is its mirror image."""
+REST = Response((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
 
 Data = dict[str, Any]
 Place = tuple[float, float]
@@ -76,8 +77,8 @@ class Grid:
     Attributes
     ----------
     roots, shears : nodes r of the rows, and of the shear, mm; `press_roots` are those of the presses.
-    press, rows : `QUANTITIES` and `WIDTHS` of the presses, shape (p, 10), and at the nodes of rows and shears, shape
-        (n, m, 10).
+    press, rows : numbers (`RESPONSE`, `WIDTHS`) of the presses, shape (p, 16), and at the nodes of rows and shears,
+        shape (n, m, 16).
     states : the solutions with their place (r, shear).
     checks : states in the middle of the cells, in the same form.
     failed_checks : places of those without an answer.
@@ -93,15 +94,16 @@ class Grid:
     checks: list[State]
     failed_checks: list[Place]
 
-    def at(self, roots: Array, shears: Array) -> tuple[Array, Array]:
-        """Return quantities and half widths at all pairs of r and shear, shapes (a, b, 6) and (a, b, 4)."""
-        values, widths = (
+    def at(self, roots: Array, shears: Array) -> Array:
+        """Return the numbers at all pairs of r and shear, shape (a, b, 16)."""
+        parts = [
             between(self.press_roots, self.press[:, part], roots, degree)[:, None]
             + self._change((self.rows - self.rows[:, :1])[..., part], roots, shears, degree)
-            for part, degree in ((slice(len(QUANTITIES)), 3), (slice(len(QUANTITIES), None), 1))
-        )
-        values[..., 5] = np.maximum(values[..., 5], 0.0)
-        return values, np.maximum(widths, 0.0)
+            for part, degree in ((RESPONSE, 3), (WIDTHS, 1))
+        ]
+        values = np.concatenate(parts, axis=-1)
+        values[..., RADIUS:] = np.maximum(values[..., RADIUS:], 0.0)
+        return values
 
     def _change(self, rows: Array, roots: Array, shears: Array, degree: int) -> Array:
         along = np.stack([between(self.shears, row, shears, degree) for row in rows])
@@ -185,48 +187,27 @@ def solve(
     states, checks = ([one for one in some if one[2].status in ANSWERED] for some in (states, checks))
     if len(states) < 2:
         raise BadInput("no press of this design could be solved: the page needs its states")
-    answered = {(root, shear) for root, shear, _ in checks}
-    failed = [place for place in wanted if place not in answered]
-    return _grid(design, (roots, shears, press_roots), states, checks, failed)
-
-
-def quantities(solution: Solution) -> Array:
-    """Return `QUANTITIES` of a state that is sheared along x."""
-    response = solution.response
-    force, shift = response.force, response.shift
-    return np.array(
-        [force[0], force[2], shift[0], shift[2], math.degrees(response.tilt), response.contact_radius], dtype=float
-    )
-
-
-def _widths(solution: Solution) -> Array:
-    widths = state_answers.half_widths(solution)
-    force, shift, tilt = widths["force"], widths["shift"], widths["tilt"]
-    known = force is not None and shift is not None
-    # an upright press has no tilt
-    tilt = 0.0 if not solution.response.tilt else math.nan if tilt is None else tilt
-    return np.array([force[0], force[2], shift[2], tilt] if known else [np.nan] * 4)
-
-
-def _grid(
-    design: Design,
-    nodes: tuple[Array, Array, Array],
-    states: list[State],
-    checks: list[State],
-    failed_checks: list[Place],
-) -> Grid:
-    roots, shears, press_roots = nodes
-    press = np.full((len(press_roots), len(QUANTITIES) + len(WIDTHS)), np.nan)
-    rows = np.full((len(roots), len(shears), press.shape[1]), np.nan)
+    press = np.full((len(press_roots), WIDTHS.stop), np.nan)
+    table = np.full((len(roots), len(shears), WIDTHS.stop), np.nan)
     press[0] = 0.0
     for root, shear, state in states:
-        values = np.concatenate([quantities(state), _widths(state)])
         if shear:
-            rows[np.argmin(np.abs(roots - root)), np.argmin(np.abs(shears - shear))] = values
+            table[np.argmin(np.abs(roots - root)), np.argmin(np.abs(shears - shear))] = numbers_of(state)
         else:
-            press[np.argmin(np.abs(press_roots - root))] = values
-    rows[:, 0] = press[:: (len(press_roots) - 1) // (len(roots) - 1)]
-    return Grid(design, roots, shears, press_roots, press, rows, states, checks, failed_checks)
+            press[np.argmin(np.abs(press_roots - root))] = numbers_of(state)
+    table[:, 0] = press[::PRESSES]
+    failed = [place for place in wanted if place not in {check[:2] for check in checks}]
+    return Grid(design, roots, shears, press_roots, press, table, states, checks, failed)
+
+
+def numbers_of(solution: Solution) -> Array:
+    """Return the numbers of a state that is sheared along x, shape (16,)."""
+    response, widths = state_answers.response_data(solution.response), state_answers.half_widths(solution)
+    # an upright press has no tilt
+    tilt = widths["tilt"] if response["tilt"] else 0.0
+    half = [*(widths["force"] or [None] * 3), *(widths["shift"] or [None] * 3), tilt]
+    numbers = [*response["force"], *response["shift"], response["tilt"], response["tilt_y"]]
+    return np.array([*numbers, response["contact_radius"], *half], dtype=float)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,10 +218,15 @@ class Table:
     ----------
     axes : nodes of each axis, evenly spaced.
     values : shape (*lengths of the axes, channels).
+    template : an answer at whose numbers the values stand, one after the other, and at whose words `texts`.
+    codes : numbers of the texts at the nodes, shape (*lengths of the axes, words).
     """
 
     axes: tuple[Array, ...]
     values: Array
+    template: Any = None
+    texts: tuple[str, ...] = ()
+    codes: Ints | None = None
 
     def at(self, points: Array) -> Array:
         """Return the values as the page reads them at points (n, axes), shape (n, channels).
@@ -258,7 +244,42 @@ class Table:
     def data(self) -> Data:
         """Return the table as the page takes it."""
         axes = [[float(axis[0]), float(axis[-1]), len(axis)] for axis in self.axes]
-        return {"axes": axes, "channels": self.values.shape[-1], "values": self.values.astype(np.float32)}
+        values = {"channels": self.values.shape[-1], "values": self.values.astype(np.float32)}
+        return {"axes": axes, **values, "template": self.template, "texts": self.texts, "codes": self.codes}
+
+
+def tabulated(axes: tuple[Array, ...], answer: Callable[..., Data]) -> Table:
+    """Return a table of the answers at all nodes; `answer` takes the places of a node on the axes."""
+    shape = tuple(map(len, axes))
+    answers = [answer(*index) for index in np.ndindex(shape)]
+    template = functools.reduce(_wider, answers)
+    leaves = [list(_leaves(template, one)) for one in answers]
+    values = np.array([[leaf for leaf in row if not isinstance(leaf, str)] for row in leaves])
+    words = [[leaf for leaf in row if isinstance(leaf, str)] for row in leaves]
+    texts = tuple(dict.fromkeys(word for row in words for word in row))
+    codes = np.array([[texts.index(word) for word in row] for row in words], dtype=np.int64)
+    return Table(axes, values.reshape(*shape, -1), template, texts, codes.reshape(*shape, -1))
+
+
+def _wider(one: Any, other: Any) -> Any:
+    """Return an answer with the places of two."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return {key: _wider(one.get(key), other.get(key)) for key in one | other}
+    return other if one is None else one
+
+
+def _leaves(template: Any, answer: Any) -> Iterator[float | str]:
+    """Yield the numbers and words of an answer at the places of a template; NaN and "" where it has none."""
+    if isinstance(template, dict):
+        for key, part in template.items():
+            yield from _leaves(part, None if answer is None else answer.get(key))
+    elif isinstance(template, (list, tuple)):
+        for k, part in enumerate(template):
+            yield from _leaves(part, None if answer is None else answer[k])
+    elif isinstance(template, str):
+        yield answer or ""
+    elif template is not None:
+        yield math.nan if answer is None else float(answer)
 
 
 def refined(nodes: Array, number: int) -> Array:
@@ -271,37 +292,24 @@ def directions(number: int) -> Array:
     return np.linspace(0.0, 360.0, number + 1)
 
 
-def measured(grid: Grid) -> tuple[Array, Array]:
-    """Return the largest errors of the response, interpolated by spline and table, at the checks.
+def response(grid: Grid) -> tuple[Table, Array]:
+    """Return the numbers with the errors of the interpolation in their half widths.
 
     Returns
     -------
-    share : by interval of the depth; of force and shift over the lengths of the vectors, of the force along the
-        shear and of the tilt over themselves, as far as there is a shear; in the order of `WIDTHS`, NaN where
-        no check tells.
-    absolute : of each of `QUANTITIES` at any check.
+    The table, and the largest errors of force, shift and tilt at the checks by interval of the depth, shape (n, 7);
+    NaN where no check tells.
     """
-    table, _ = _response(grid)
+    roots, shears = refined(grid.roots, FINE[0]), refined(grid.shears, FINE[1])
+    table = Table((roots, shears), grid.at(roots, shears))
     points = np.array([check[:2] for check in grid.checks])
-    exact = np.array([quantities(state) for *_, state in grid.checks])
-    off = np.abs(table.at(points) - exact)
-    force, shift = (np.hypot(exact[:, k], exact[:, k + 1]) for k in (0, 2))
-    sheared = points[:, 1] > 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.stack(
-            [
-                np.where(sheared, off[:, 0] / np.abs(exact[:, 0]), 0.0),
-                np.hypot(off[:, 0], off[:, 1]) / force,
-                np.hypot(off[:, 2], off[:, 3]) / shift,
-                np.where(sheared, off[:, 4] / np.abs(exact[:, 4]), 0.0),
-            ],
-            axis=1,
-        )
-    largest = _largest_by_depth(grid, points[:, 0], share)
+    exact = np.array([numbers_of(state) for *_, state in grid.checks])
+    errors = _largest_by_depth(grid, points[:, 0], np.abs(table.at(points) - exact)[:, :7])
     if grid.failed_checks:
         failed = np.array(grid.failed_checks)
-        largest[_interval(grid, failed[np.isfinite(table.at(failed)[:, 0]), 0])] = np.nan
-    return largest, np.nanmax(off, axis=0)
+        errors[_interval(grid, failed[np.isfinite(table.at(failed)[:, 0]), 0])] = np.nan
+    table.values[..., WIDTHS] += _at_depths(grid, errors, roots)[:, None]
+    return table, errors
 
 
 def _interval(grid: Grid, roots: Array) -> Ints:
@@ -322,84 +330,63 @@ def _at_depths(grid: Grid, errors: Array, roots: Array) -> Array:
     return np.asarray(np.fmax(*sides))
 
 
-def _response(grid: Grid) -> tuple[Table, Array]:
-    roots, shears = refined(grid.roots, FINE[0]), refined(grid.shears, FINE[1])
-    values, widths = grid.at(roots, shears)
-    return Table((roots, shears), values), widths
-
-
-def response(grid: Grid, share: Array) -> Table:
-    """Return quantities and half widths of the finite elements with the errors of the interpolation, 10 channels."""
-    table, widths = _response(grid)
-    share, values = _at_depths(grid, share, table.axes[0])[:, None], np.abs(table.values)
-    force, shift = np.hypot(values[..., 0], values[..., 1]), np.hypot(values[..., 2], values[..., 3])
-    size = np.stack([values[..., 0], force, shift, values[..., 4]], axis=-1)
-    return replace(table, values=np.concatenate([table.values, widths + share * size], axis=-1))
-
-
-def formulas(design: Design, axes: tuple[Array, ...]) -> tuple[Table, Ints, list[str]]:
-    """Return `QUANTITIES` of each level of the formulas, and the number of each level's remark at each node."""
-    levels, texts = beam.LEVELS, [""]
-    roots, shears = axes
-    values = np.full((len(roots), len(shears), len(levels) * OF_FORMULAS), np.nan)
-    remarks = np.zeros((len(roots), len(shears), len(levels)), dtype=np.int64)
-    for i, root in enumerate(roots):
-        for j, shear in enumerate(shears):
-            load = Load(root**2 * design.D, float(shear), friction="stick" if shear else "none")
-            for k, level in enumerate(levels):
-                part = state_answers.formula(design, load, level)
-                if part["message"] not in texts:
-                    texts.append(part["message"])
-                remarks[i, j, k] = texts.index(part["message"])
-                if part["force"] is not None:
-                    force, shift = part["force"], part["shift"]
-                    values[i, j, k * OF_FORMULAS : (k + 1) * OF_FORMULAS] = (
-                        *(force[0], force[2], shift[0], shift[2]),
-                        *(part["tilt"], part["contact_radius"]),
-                    )
-    return Table(axes, values), remarks, texts
-
-
-def statuses(grid: Grid, axes: tuple[Array, ...]) -> tuple[Ints, list[list[str]]]:
-    """Return the number of status and message of the solved state nearest to each node, and these texts."""
+def plane(grid: Grid, response: Table) -> Table:
+    """Return the answers in the plane of the shear: response, half widths, status and formulas of all levels."""
     from scipy.spatial import KDTree
 
-    D, step = grid.design.D, np.array([grid.roots[1], grid.shears[1]])
-    texts = [["ok", ""]]
-    numbers = []
-    for root, shear, state in grid.states:
-        message = state.message
-        if message:
-            message = f"The nearest solved state ({root**2 * D:.3g} mm deep, sheared by {shear:.3g} mm): {message}."
-        if [state.status, message] not in texts:
-            texts.append([state.status, message])
-        numbers.append(texts.index([state.status, message]))
-    places = np.array([one[:2] for one in grid.states])
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    return np.array(numbers)[KDTree(places / step).query(nodes / step)[1]], texts
+    D, (roots, shears) = grid.design.D, response.axes
+    scale = np.array([grid.roots[1], grid.shears[1]])
+    nearest = KDTree(np.array([one[:2] for one in grid.states]) / scale)
+
+    def answer(i: int, j: int) -> Data:
+        root, shear = float(roots[i]), float(shears[j])
+        load = Load(root**2 * D, shear, friction="stick" if shear else "none")
+        r, s, state = grid.states[nearest.query([root, shear] / scale)[1]]
+        where = f"The nearest solved state ({r**2 * D:.3g} mm deep, sheared by {s:.3g} mm)"
+        data, widths = in_direction(response.values[i, j], 0.0)
+        return {
+            "response": state_answers.response_data(data),
+            "estimates": widths,
+            "status": state.status,
+            "message": f"{where}: {state.message}." if state.message else "",
+            "formulas": {level: state_answers.formula(grid.design, load, level) for level in beam.LEVELS},
+        }
+
+    return tabulated(response.axes, answer)
 
 
-def poses(values: Array, direction: Array) -> tuple[Array, Array]:
-    """Return shift (..., 3) and rotation vector (..., 2) of `QUANTITIES` (..., 6) in directions, degrees."""
-    angle, tilt = np.radians(direction), np.radians(values[..., 4])
-    c, s = np.cos(angle), np.sin(angle)
-    shift = np.stack([c * values[..., 2], s * values[..., 2], values[..., 3]], axis=-1)
-    return shift, np.stack(rotation_of(c * tilt, s * tilt), axis=-1)
+def in_direction(numbers: Array, angle: float) -> tuple[Response, Data]:
+    """Return the response and its half widths in a direction, degrees, from the numbers of a shear along x."""
+    x, _, z, u, _, w, tilt, _, radius, *half = numbers.tolist()
+    c, s, lean = math.cos(math.radians(angle)), math.sin(math.radians(angle)), math.radians(tilt)
+    response = Response((c * x, s * x, z), (c * u, s * u, w), c * lean, radius, s * lean)
+    a, b = abs(c), abs(s)
+    force, shift = ([a * side, b * side, up] for side, up in ((half[0], half[2]), (half[3], half[5])))
+    return response, {
+        "force": None if math.isnan(half[2]) else force,
+        "shift": None if math.isnan(half[5]) else shift,
+        "tilt": None if math.isnan(half[6]) else half[6],
+        "contact_radius": None,
+    }
 
 
-def outputs(design: Design, values: Array, direction: Array) -> Array:
+def outputs(design: Design, numbers: Array, direction: Array) -> Array:
     """Return the outputs of the Hall elements, and 1 for each that is at a rail, shape (..., 2 ELEMENTS)."""
-    shift, turn = (part.reshape(-1, part.shape[-1]) for part in poses(values, direction))
+    angle, tilt = np.radians(direction), np.radians(numbers[..., 6])
+    c, s = np.cos(angle), np.sin(angle)
+    shift = np.stack([c * numbers[..., 3], s * numbers[..., 3], numbers[..., 5]], axis=-1).reshape(-1, 3)
+    turn = np.stack(rotation_of(c * tilt, s * tilt), axis=-1).reshape(-1, 2)
     read = batch_readings([design], np.zeros(len(shift), dtype=np.int64), shift, turn)
     flat = np.concatenate([read.output, np.where(np.isnan(read.output), np.nan, read.saturated)], axis=1)
-    return flat.reshape(*values.shape[:-1], 2 * ELEMENTS)
+    return flat.reshape(*numbers.shape[:-1], 2 * ELEMENTS)
 
 
 def readings(grid: Grid) -> tuple[Table, Array]:
     """Return the readings over depth, shear and direction, and the largest error of each reading at the checks."""
     roots, shears, turn = refined(grid.roots, READ[0]), refined(grid.shears, READ[1]), directions(READ[2])
-    values = np.repeat(grid.at(roots, shears)[0][:, :, None], len(turn), axis=2)
-    table = Table((roots, shears, turn), outputs(grid.design, values, np.broadcast_to(turn, values.shape[:-1])))
+    values = np.repeat(grid.at(roots, shears)[:, :, None], len(turn), axis=2)
+    read = outputs(grid.design, values, np.broadcast_to(turn, values.shape[:-1]))
+    table = Table((roots, shears, turn), read, {"volts": [0] * ELEMENTS, "saturated": [0] * ELEMENTS})
     points, exact = _checks(grid)
     largest = np.zeros(ELEMENTS)
     # each element has its error in other directions than its neighbours
@@ -411,87 +398,68 @@ def readings(grid: Grid) -> tuple[Table, Array]:
 
 
 def _checks(grid: Grid) -> tuple[Array, Array]:
-    """Return the checks with a direction each, between the nodes of all tables, and their quantities."""
+    """Return the checks with a direction each, between the nodes of all tables, and their numbers."""
     turn = (np.arange(len(grid.checks)) + 0.5) * 360 / READ[2] % 360
     points = np.array([[root, shear, angle] for (root, shear, _), angle in zip(grid.checks, turn, strict=True)])
-    return points, np.array([quantities(state) for *_, state in grid.checks])
+    return points, np.array([numbers_of(state) for *_, state in grid.checks])
 
 
-def decoded(grid: Grid, response: Table, reading_errors: Array) -> tuple[Table, Ints, list[str], Array]:
-    """Return what the live page shows of readings and decoded load, with the errors of the interpolation.
-
-    The channels are the half widths of the readings (3), then the decoded force along the shear, across and along z
-    (3), its half widths (3) and noise (3), along x, y and z.
+def decoded(grid: Grid, response: Table, reading_errors: Array) -> tuple[Table, Array]:
+    """Return the half widths of the readings, and the decoded load with its force along, across and up the shear.
 
     Returns
     -------
-    The table, the number of the decoder's status at each node, the names of the statuses, and the errors of the
-    decoded force across z and along it, N, by interval of the depth, shape (n, 2); NaN where no check tells.
+    The table, and the errors of the decoded force across z and along it, N, by interval of the depth, shape (n, 2);
+    NaN where no check tells.
     """
     design = grid.design
     decoder = state_answers.build_decoder(design)
     axes = (refined(grid.roots, DECODED[0]), refined(grid.shears, DECODED[1]), directions(DECODED[2]))
-    values, names = np.full((*map(len, axes), 12), np.nan), ["out_of_workspace"]
-    status = np.zeros(values.shape[:-1], dtype=np.int64)
     points = np.stack(np.meshgrid(*axes[:2], indexing="ij"), axis=-1)
     nodes = response.at(points.reshape(-1, 2)).reshape(*points.shape[:-1], -1)
-    for i, j in np.argwhere(np.isfinite(nodes[..., 0])).tolist():
-        for k, angle in enumerate(axes[2].tolist()):
-            if k and (not j or k == len(axes[2]) - 1):
-                # without a shear all directions are one, and the last one is the first
-                values[i, j, k], status[i, j, k] = values[i, j, 0], status[i, j, 0]
-                continue
-            name, channels = _decoded(design, decoder, nodes[i, j], angle)
-            values[i, j, k] = channels
-            values[i, j, k, :ELEMENTS] += reading_errors
-            if name not in names:
-                names.append(name)
-            status[i, j, k] = names.index(name)
-    errors = _decoding_errors(grid, decoder, Table(axes, values))
-    values[..., 6:9] += _at_depths(grid, errors, axes[0])[:, None, None, [0, 0, 1]]
-    return Table(axes, values), status, names, errors
+
+    @functools.cache
+    def at(i: int, j: int, k: int) -> Data:
+        return _decoded(design, decoder, nodes[i, j], float(axes[2][k]))
+
+    # without a shear all directions are one, and the last one is the first
+    table = tabulated(axes, lambda i, j, k: at(i, j, k % (len(axes[2]) - 1) if j else 0))
+    places, exact = _checks(grid)
+    exact[:, WIDTHS] = np.nan
+    forces = [
+        _decoded(design, decoder, row, angle)["decoded"]["force"]
+        for row, angle in zip(exact, places[:, 2].tolist(), strict=True)
+    ]
+    off = np.abs(table.at(places)[:, 3:6] - np.array(forces))
+    off = np.stack([np.hypot(off[:, 0], off[:, 1]), off[:, 2]], axis=1)
+    errors = _largest_by_depth(grid, places[:, 0], off)
+    table.values[..., :ELEMENTS] += reading_errors
+    table.values[..., 6:9] += _at_depths(grid, errors, axes[0])[:, None, None, [0, 0, 1]]
+    return table, errors
 
 
-def _decoding_errors(grid: Grid, decoder: Any, table: Table) -> Array:
-    points, exact = _checks(grid)
-    forces = np.array(
-        [
-            _decoded(grid.design, decoder, np.append(row, np.full(len(WIDTHS), np.nan)), angle)[1][3:6]
-            for row, angle in zip(exact, points[:, 2].tolist(), strict=True)
-        ]
-    )
-    off = np.abs(table.at(points)[:, 3:6] - forces)
-    return _largest_by_depth(grid, points[:, 0], np.stack([np.hypot(off[:, 0], off[:, 1]), off[:, 2]], axis=1))
-
-
-def _decoded(design: Design, decoder: Any, node: Array, angle: float) -> tuple[str, Array]:
-    """Return status and channels of a node of the response in a direction, degrees."""
-    tangential, normal, u, w, tilt, radius, *half = node.tolist()
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    lean = math.radians(tilt)
-    one = Response((c * tangential, s * tangential, normal), (c * u, s * u, w), c * lean, radius, s * lean)
-    aside = (abs(c), abs(s)) if tangential else (0.0, 0.0)
-    known = not math.isnan(half[2])
-    widths: Data = {
-        "shift": [half[2] * aside[0], half[2] * aside[1], half[2]] if known else None,
-        "tilt": None if math.isnan(half[3]) else half[3],
-    }
-    channels = np.full(12, np.nan)
-    read = state_answers.readings(design, one, widths)
+def _decoded(design: Design, decoder: Decoder | None, numbers: Array, angle: float) -> Data:
+    """Return what the live page shows in a direction, degrees; unknown numbers are NaN."""
+    one, widths = in_direction(numbers, angle)
+    part: Data = {"status": "out_of_workspace", "level": state_answers.DECODER_LEVEL}
+    unknown = [math.nan] * ELEMENTS
+    read = state_answers.readings(design, one, widths) if np.isfinite(numbers[RESPONSE]).all() else None
     if read is None or "volts" not in read:
-        return "out_of_workspace", channels
-    if read["half_width"] is not None:
-        channels[:3] = read["half_width"]
-    if decoder is None:
-        return "out_of_workspace", channels
-    part = state_answers.decoded(decoder, one, widths)
-    if part["force"] is not None:
-        x, y, z = part["force"]
-        channels[3:6] = c * x + s * y, c * y - s * x, z
-    for start, name in ((6, "half_width"), (9, "noise")):
-        if part[name] is not None:
-            channels[start : start + 3] = part[name]
-    return part["status"], channels
+        read = {"half_width": None}
+    elif decoder is not None:
+        part = state_answers.decoded(decoder, one, widths)
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    x, y, z = part.get("force") or unknown
+    return {
+        "half_width": read["half_width"] or unknown,
+        "decoded": {
+            "status": part["status"],
+            "level": part["level"],
+            "force": [c * x + s * y, c * y - s * x, z],
+            "half_width": part.get("half_width") or unknown,
+            "noise": part.get("noise") or unknown,
+        },
+    }
 
 
 def pictures(grid: Grid, magnet: Magnet) -> Data:
@@ -504,7 +472,8 @@ def pictures(grid: Grid, magnet: Magnet) -> Data:
     roots, shears = grid.roots[:: PICTURED[0]], grid.shears[:: PICTURED[1]]
     template = next(state for _, shear, state in reversed(grid.states) if not shear)
     section, surface = state_pictures.section(design, template, magnet), state_pictures.surface(template)["parts"]
-    rest = _at_rest(template)
+    still_field = replace(template.field, u=0 * template.field.u, p=0 * template.field.p)
+    rest = replace(template, load=Load(), response=REST, field=still_field)
     skin = state_pictures.surface(rest)["parts"]
     still = skin[SKIN]["points"].reshape(-1, 3)
     place = {(round(root, 9), round(shear, 9)): state for root, shear, state in grid.states}
@@ -534,12 +503,6 @@ def pictures(grid: Grid, magnet: Magnet) -> Data:
         "outline": state_pictures.magnet_outline(design, 0.0, 0.0, 0.0) if magnet == "rigid" else None,
         "lines": state_pictures.field_lines(design, rest)["lines"],
     }
-
-
-def _at_rest(solution: Solution) -> Solution:
-    response = Response((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
-    field = replace(solution.field, u=0 * solution.field.u, p=0 * solution.field.p)
-    return replace(solution, load=Load(), response=response, field=field)
 
 
 def _on_mesh(solution: Solution, template: Solution) -> Solution:
@@ -576,9 +539,7 @@ def _sides(count: int) -> tuple[slice, slice]:
 
 def elements(design: Design) -> Data | None:
     """Return what does not change of the readings; None without a magnet."""
-    still = Response((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
-    rest = state_answers.readings(design, still, {"shift": None, "tilt": None})
+    rest = state_answers.readings(design, REST, {"shift": None, "tilt": None})
     if rest is None or "volts" not in rest:
         return rest
-    names: Sequence[str] = ("elements", "units", "rest", "noise", "low", "high")
-    return {name: rest[name] for name in names}
+    return {name: rest[name] for name in ("elements", "units", "rest", "noise", "low", "high")}

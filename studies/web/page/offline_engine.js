@@ -5,7 +5,7 @@
 
 const OfflineEngine = (packed) => {
   const page = Format.decoded(packed);
-  const { response, formulas, readings, decoded, pictures, fixed } = page;
+  const { readings, decoded, pictures, fixed } = page;
   const LEVEL = page.level;
   const DEGREES = 180 / Math.PI;
   let answer = () => {};
@@ -31,18 +31,29 @@ const OfflineEngine = (packed) => {
     return result;
   }
 
-  // The number at the node of a table's axes that is nearest to a point.
-  function nearest({ axes }, numbers, point, width = 1, k = 0) {
-    const index = axes.reduce(
-      (sum, [low, high, count], i) =>
-        sum * count + Math.max(0, Math.min(count - 1, Math.round(((point[i] - low) / (high - low)) * (count - 1)))),
-      0,
-    );
-    return numbers[index * width + k];
+  // The answer of a table at a point: its numbers by `at`, null where unknown, and the words of the nearest node.
+  function answerAt(table, point) {
+    const place = table.axes.reduce((sum, [low, high, count], k) => {
+      const node = Math.round(((point[k] - low) / (high - low)) * (count - 1));
+      return sum * count + Math.max(0, Math.min(count - 1, node));
+    }, 0);
+    const words = table.codes ? table.codes.length / (table.values.length / table.channels) : 0;
+    const numbers = at(table, point).values();
+    const codes = words ? table.codes.subarray(place * words, (place + 1) * words).values() : null;
+    function build(part) {
+      if (part === null) return null;
+      if (typeof part === "string") return table.texts[codes.next().value];
+      if (typeof part === "number") {
+        const { value } = numbers.next();
+        return Number.isFinite(value) ? value : null;
+      }
+      if (!Array.isArray(part))
+        return Object.fromEntries(Object.entries(part).map(([key, one]) => [key, build(one)]));
+      const list = part.map(build);
+      return list.every((value) => value === null) ? null : list;
+    }
+    return build(table.template);
   }
-
-  const known = (value) => (Number.isFinite(value) ? value : null);
-  const list = (values) => (values.every(Number.isFinite) ? values : null);
 
   // The load of the page as a place in the tables: a shear below 0 is one in the other direction.
   function placed({ depth, shear, direction }) {
@@ -51,75 +62,50 @@ const OfflineEngine = (packed) => {
     // exactly 0 along an axis
     const [c, s] = size ? [Math.cos, Math.sin].map((f) => Number(f(turn / DEGREES).toFixed(15))) : [1, 0];
     const point = [Math.sqrt(depth / fixed.D), size, size ? turn : 0];
-    const plane = at(response, point);
-    if (!plane.every((value, k) => k > 5 || Number.isFinite(value))) throw new Error(page.refusal);
+    const plane = answerAt(page.plane, point);
+    if (!plane.response.force) throw new Error(page.refusal);
     return { depth, size, c, s, point, plane };
   }
 
-  const turned = (along, across, up, { c, s }) => [c * along - s * across, s * along + c * across, up];
+  const turned = (vector, { c, s }) =>
+    vector && [c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]];
 
-  // Response of a row of QUANTITIES in the direction of a load.
-  function inDirection([tangential, normal, shift, down, tilt, radius], load) {
-    return {
-      force: turned(tangential, 0, normal, load),
-      shift: turned(shift, 0, down, load),
-      tilt: load.c * tilt,
-      tilt_y: load.s * tilt,
-      contact_radius: radius,
-    };
-  }
+  // A response in the plane of the shear in the direction of a load.
+  const inDirection = ({ force, shift, tilt, ...more }, load) => ({
+    ...more,
+    force: turned(force, load),
+    shift: turned(shift, load),
+    tilt: tilt === null ? null : load.c * tilt,
+    tilt_y: tilt === null ? null : load.s * tilt,
+  });
 
   function statePart(load, level) {
-    const { plane, size, point } = load;
-    const [tangential, normal, shift, tilt] = plane.subarray(6);
-    const [c, s] = size ? [Math.abs(load.c), Math.abs(load.s)] : [0, 0];
-    const [status, message] = page.statuses.texts[nearest(response, page.statuses.numbers, point)];
-    const k = page.levels.indexOf(level);
-    const row = at(formulas, point).slice(6 * k, 6 * k + 6);
-    const remark = page.remarks.texts[nearest(formulas, page.remarks.numbers, point, page.levels.length, k)];
-    const formula = list(row) ? inDirection(row, load) : { force: null, shift: null };
+    const { response, estimates, formulas, status, message } = load.plane;
+    const sizes = { c: Math.abs(load.c), s: Math.abs(load.s) };
     return {
       status,
       message,
       model: page.model,
-      load: { depth: load.depth, shear: [load.c * size, load.s * size] },
-      response: inDirection(plane, load),
-      estimates: {
-        force: list([c * tangential, s * tangential, normal]),
-        shift: list([c * shift, s * shift, shift]),
-        tilt: known(tilt),
-        contact_radius: null,
-      },
+      load: { depth: load.depth, shear: [load.c * load.size, load.s * load.size] },
+      response: inDirection(response, load),
+      estimates: { ...estimates, force: turned(estimates.force, sizes), shift: turned(estimates.shift, sizes) },
       ...read(load),
-      formula_level: { level, ...formula, message: remark },
+      formula_level: { level, ...inDirection(formulas[level], load) },
     };
   }
 
   function read(load) {
     if (!readings) return { readings: page.elements, decoded: null };
-    const values = at(readings, load.point);
-    const more = at(decoded, load.point);
-    const three = (array, k) => Array.from(array.subarray(k, k + 3));
-    const force = list(three(more, 3));
-    const lone = {
-      ...page.elements,
-      volts: three(values, 0).map(known),
-      saturated: three(values, 3).map((share) => share > 0),
-    };
+    const { half_width, decoded: part } = answerAt(decoded, load.point);
     return {
-      readings: { ...lone, half_width: list(three(more, 0)) },
-      decoded: {
-        status: page.decoding.names[nearest(decoded, page.decoding.numbers, load.point)],
-        level: page.decoding.level,
-        force: force && turned(...force, load),
-        half_width: list(three(more, 6)),
-        noise: list(three(more, 9)),
-      },
+      readings: { ...page.elements, ...answerAt(readings, load.point), half_width },
+      decoded: { ...part, force: turned(part.force, load) },
     };
   }
 
   // Points (x, z), or (x, y, z), that the magnet carries, at its pose in the plane of the shear.
-  function carried(points, width, { plane: [, , u, w, tilt] }) {
+  function carried(points, width, { plane: { response } }) {
+    const { shift, tilt } = response;
     const c = Math.cos(tilt / DEGREES);
     const s = Math.sin(tilt / DEGREES);
     const moved = Array.from(points);
@@ -127,8 +113,8 @@ const OfflineEngine = (packed) => {
     for (let k = 0; k < moved.length; k += width) {
       const x = points[k];
       const z = points[k + up] - fixed.H;
-      moved[k] = c * x + s * z + u;
-      moved[k + up] = c * z - s * x + w + fixed.H;
+      moved[k] = c * x + s * z + shift[0];
+      moved[k + up] = c * z - s * x + shift[2] + fixed.H;
     }
     return moved;
   }
@@ -195,10 +181,6 @@ const OfflineEngine = (packed) => {
     return { parts, largest: [...parts.back.value, ...cut.value].reduce((a, b) => Math.max(a, b), 0) };
   }
 
-  function curve(level) {
-    return { ...page.curve, level: { name: level, ...page.curve.levels[level] } };
-  }
-
   function commands({ depth, size, c, s }) {
     const [x, y] = [c * size, s * size].map((v) => Number(v.toPrecision(9)));
     const sheared = size > 0;
@@ -224,7 +206,7 @@ const OfflineEngine = (packed) => {
           seconds: (performance.now() - begin) / 1000,
         };
       },
-      curve: () => curve(level),
+      curve: () => page.curves[level],
       sensor3d: () => surface(load, drawn),
       stability: () => page.stability,
       commands: () => commands(load),
@@ -250,7 +232,7 @@ const OfflineEngine = (packed) => {
   // Files that need no server: texts of the page, and the numbers of the state.
   async function file(name, { state, formula_level: level }) {
     if (name === "state.csv") return new Blob([numbers(statePart(placed(state.load), level))], { type: "text/csv" });
-    const text = name === "curve.csv" ? page.curve.tables[level] : page.files[name];
+    const text = name === "curve.csv" ? page.curve_files[level] : page.files[name];
     if (text === undefined)
       throw new Error(`This page has no server, which ${name} needs: run magtip explore, or the command line below.`);
     return new Blob([text], { type: "text/plain" });
