@@ -149,6 +149,19 @@ def run(capsys, tmp_path, monkeypatch):
 
 
 @pytest.fixture
+def refusal(run):
+    """Run a command line that must be refused: exit status 2, nothing printed, one sentence, which it returns."""
+
+    def command(*tokens):
+        status, out, err = run(*tokens)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith("magtip: ")
+        return err
+
+    return command
+
+
+@pytest.fixture
 def strict():
     """Read JSON objects, one per line, without NaN or Infinity."""
 

@@ -78,31 +78,6 @@ def test_exchanging_one_point_at_a_time_settles_the_same_step(harmonics, monkeyp
     np.testing.assert_allclose(steps[1], steps[0], rtol=0, atol=1e-10)
 
 
-def test_points_at_the_unknowns_of_earlier_ones_add_no_forces():
-    """All points of a facet, at every angle, depend on the same unknowns."""
-    system, held = sensor(harmonics=2), plate()
-    _, solver, _ = plain_step(system, held, within(system, 0.3))
-    points = np.arange(system.surface.weights.shape[1])
-    first = active_set._extend(None, system, solver, points[:-1], held)
-    both = active_set._extend(first, system, solver, points, held)
-    assert first.by_unknown
-    assert np.array_equal(both.forces, first.forces)
-    assert len(both.C) == len(points)
-
-
-def test_a_step_that_flips_too_many_springs_stays_plain(monkeypatch):
-    monkeypatch.setattr(active_set, "MOST_POINTS", 3)
-    system, held = sensor(), plate()
-    rest, solver, step = plain_step(system, held, within(system, 0.4))
-    assert active_set.settle_contact(system, solver, rest, step, held, within(system, 0.4)) is step
-
-
-def test_without_a_plate_a_step_stays_plain():
-    system = sensor()
-    rest, solver, step = plain_step(system, plate(), within(system, 0.1))
-    assert active_set.settle_contact(system, solver, rest, step, None) is step
-
-
 def test_a_body_that_gives_way_without_its_springs_has_no_settled_step():
     """A unit compliance against a spring of stiffness 1 that goes: what is left has no stiffness."""
     one = np.ones((1, 1))

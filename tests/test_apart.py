@@ -43,12 +43,11 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_an_output_onto_an_input_is_bad_input(run, tmp_path, case):
+def test_an_output_onto_an_input_is_bad_input(refusal, tmp_path, case):
     name, text, tokens = CASES[case]
     (tmp_path / name).write_text(text)
     (tmp_path / "p.csv").write_text(POINTS)
-    status, out, err = run(*tokens)
-    assert (status, out, err.count("\n")) == (2, "", 1)
+    err = refusal(*tokens)
     assert f"the output {name!r} is also the input {name!r}: choose another name" in err or (
         f"{name!r} was not written by magtip and would be overwritten" in err
     )
@@ -56,7 +55,7 @@ def test_an_output_onto_an_input_is_bad_input(run, tmp_path, case):
     assert {file.name for file in tmp_path.glob("[!.]*")} == {name, "p.csv"}
 
 
-def test_a_design_of_ones_own_is_not_replaced_by_a_fit(run, tmp_path):
+def test_a_design_of_ones_own_is_not_replaced_by_a_fit(run, refusal, tmp_path):
     (tmp_path / "test.csv").write_text(TEST)
     (tmp_path / "design.toml").write_text(DESIGN)
     status, out, err = run("fit", "test.csv", "--out", ".")
@@ -68,6 +67,5 @@ def test_a_design_of_ones_own_is_not_replaced_by_a_fit(run, tmp_path):
     assert run("fit", "test.csv", "--out", ".")[0] == 0
     fitted = (tmp_path / "design.toml").read_text()
     (tmp_path / "design.toml").write_text(fitted + "L = 20.0\n")
-    status, _, err = run("fit", "test.csv", "--out", ".")
-    assert (status, "'design.toml' was changed after magtip had written it" in err) == (2, True)
+    assert "'design.toml' was changed after magtip had written it" in refusal("fit", "test.csv", "--out", ".")
     assert (tmp_path / "design.toml").read_text() == fitted + "L = 20.0\n"

@@ -134,29 +134,6 @@ def test_a_failed_solve_is_not_hidden_by_an_unstable_one():
         assert row["status"] == status
 
 
-def test_a_mesh_that_fails_is_a_status(monkeypatch):
-    def fails(*args, **kwargs):
-        raise MeshError("the section could not be meshed")
-
-    monkeypatch.setattr(equilibrium, "trace", fails)
-    (outcome,) = path_solver.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
-    assert (outcome.solution, outcome.status, outcome.message) == (
-        None,
-        "not_converged",
-        "the section could not be meshed",
-    )
-
-
-@pytest.mark.parametrize("error", [RuntimeError, ValueError, ArithmeticError])
-def test_a_bug_in_the_finite_elements_is_no_state(monkeypatch, error):
-    def fails(*args, **kwargs):
-        raise error("a bug")
-
-    monkeypatch.setattr(equilibrium, "trace", fails)
-    with pytest.raises(error, match="a bug"):
-        path_solver.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
-
-
 def test_a_beam_without_a_magnet_has_forces_but_no_readings():
     found = compare.run(BARE, accuracy=QUICK, depths=(0.5,), shears=(0.0,), shear_depth=0.5)
     (row,) = found.press

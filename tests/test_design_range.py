@@ -56,10 +56,9 @@ def test_a_design_that_fails_is_told(quick, run, tmp_path, strict):
     assert len((tmp_path / "out" / "range.csv").read_text().splitlines()) == 5
 
 
-def test_bad_counts(run):
+def test_bad_counts(refusal):
     for count in (0, -1, 5000):
-        status, out, err = run("validate", "range", "--count", count)
-        assert (status, out, err.count("\n")) == (2, "", 1)
+        refusal("validate", "range", "--count", count)
 
 
 def test_without_a_possible_design_nothing_is_shown():

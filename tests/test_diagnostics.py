@@ -163,13 +163,6 @@ def test_where_all_is_well_there_is_nothing_to_say(told):
     assert told(Facts(stability=STABLE)) == ""
 
 
-def test_where_the_stability_is_unknown_that_is_said(told):
-    assert (
-        told(Facts(stability=UNKNOWN)) == "whether this equilibrium is stable is not known (its pivots do not tell)"
-    )
-    assert diagnostics.classify(Facts(stability=UNKNOWN, remark="guided_unknown")) == "ok"
-
-
 def test_an_onset_that_is_past_is_told(told):
     assert "past it now" in told(Facts(stability=STABLE, onset="shear", onset_mm=(0.0, 0.4)))
 
@@ -192,10 +185,6 @@ def test_what_is_inside_out_is_told_of_a_state_of_any_status(told):
     for facts in (Facts(), Facts("no_convergence"), Facts(stability=Stability(1))):
         assert "0.002 % of the silicone is inverted (J <= 0)" in told(replace(facts, inverted_share=2e-5))
         assert "is inverted" not in told(replace(facts, inverted_share=1e-7))
-
-
-def test_silicone_that_is_inside_out_is_told():
-    assert "of the silicone is inverted" in solve(paper(), Load(depth=3.6), STANDARD).message
 
 
 def test_a_touch_that_needs_more_harmonics_than_a_model_has_is_told(told):

@@ -1,14 +1,12 @@
 """The explorer's server: who may use it, what it answers, what it exports, and how it ends."""
 
 import asyncio
-import contextlib
 import csv
 import html
 import io
 import json
 import math
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -22,11 +20,12 @@ import pytest
 import worker_tasks
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
+from worker_tasks import children, gone, until
 
 from analytic import hall
 from fem.accuracy import LEVELS
 from fem.equilibrium import solve
-from geometry.design import BadInput, Design
+from geometry.design import Design
 from studies.cli import commands
 from studies.inputs import user_input
 from studies.mechanics import worker_process
@@ -353,58 +352,6 @@ def test_newer_requests_replace_older_ones(loop, live):
     assert {one["number"] for one in answers if one.get("level") == "standard"} == {numbers[-1]}
 
 
-def test_two_pages_get_their_own_answers(loop, running, live):
-    async def answers():
-        other = await Page(running).open()
-        await live.ask({"load": {"depth": 0.5}})
-        await other.ask({"load": {"depth": 1.5}})
-        own = [(await page.until(estimated(page.number, "quick")))[0] for page in (live, other)]
-        other.socket.close()
-        return own
-
-    one, other = loop.run_until_complete(answers())
-    assert (one["data"]["load"]["depth"], other["data"]["load"]["depth"]) == (0.5, 1.5)
-
-
-def memory(pids):
-    """Resident memory of processes, MB."""
-    pages = sum(int(Path(f"/proc/{pid}/statm").read_text().split()[1]) for pid in pids)
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
-def test_many_moves_leave_no_error_and_no_memory(loop, running, live):
-    draw = random.Random(3)
-    workers = running.shared.workers
-    pids = [*workers.quick.processes.pids, *workers.refining.processes.pids]
-    assert len(pids) == 2
-
-    ranges = {"depth": (-0.1, 3), "D": (6, 12), "L": (5, 14), "E": (0.1, 3), "f": (4, 9), "remanence": (0.8, 1.4)}
-    state = {"design": {}, "load": {"depth": 1.0}}
-
-    async def moves(count):
-        for k in range(count):
-            name = draw.choice(list(ranges))
-            state["load" if name == "depth" else "design"][name] = draw.uniform(*ranges[name])
-            # a shear far beyond the depth of a press needs many increments
-            state["load"]["shear"] = 0.0 if k % 12 else draw.uniform(-1, 1) * max(state["load"]["depth"], 0)
-            design, load = dict(state["design"]), dict(state["load"])
-            number = await live.ask({"design": design, "load": load, "level": "quick"})
-            answer, _ = await live.until(state_of(number))
-            if "error" in answer:
-                with pytest.raises(BadInput) as refused:
-                    explorer_state.state_of({"design": design, "load": load})
-                assert answer["error"] == str(refused.value)
-            else:
-                assert math.isfinite(answer["data"]["response"]["force"][2])
-
-    loop.run_until_complete(moves(10))
-    before = memory(pids)
-    loop.run_until_complete(moves(12))
-    assert memory(pids) < 1.15 * before
-    assert len(running.shared.pages) == 1
-
-
 def test_exports_open_again(loop, page, tmp_path):
     async def files():
         return {
@@ -489,16 +436,6 @@ def test_a_worker_that_dies_is_said_and_replaced(loop, running, live):
     assert answer["data"]["status"] == "ok"
 
 
-def children(pid):
-    """Processes whose parent is a process."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            if int((folder / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
-                found.append(int(folder.name))
-    return found
-
-
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are listed from /proc")
 def test_token_is_in_no_command_line_and_an_interrupt_ends_the_server_and_its_workers(tmp_path):
     browser, said = tmp_path / "browser", tmp_path / "said"
@@ -514,9 +451,7 @@ def test_token_is_in_no_command_line_and_an_interrupt_ends_the_server_and_its_wo
         address = process.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:")
         assert address.endswith("#preset=paper&D=10")
-        end = time.monotonic() + PATIENCE
-        while not said.exists() and time.monotonic() < end:
-            time.sleep(0.05)
+        assert until(said.exists, PATIENCE)
         line, mode, *content = said.read_text().splitlines()
         workers = children(process.pid)
         # a second server on this port says so
@@ -536,10 +471,7 @@ def test_token_is_in_no_command_line_and_an_interrupt_ends_the_server_and_its_wo
     # the browser may still be a process of it
     assert (process.returncode, len(workers) >= 2) == (0, True)
     assert "Traceback" not in errors
-    end = time.monotonic() + 5
-    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < end:
-        time.sleep(0.05)
-    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+    assert until(lambda: all(map(gone, workers)), 5)
 
 
 def test_files_of_the_page_are_in_the_wheel():

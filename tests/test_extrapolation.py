@@ -39,19 +39,6 @@ def test_two_past_states_extrapolate_what_is_quadratic(depths, exact):
     assert bool(error < 1e-12) is exact
 
 
-def test_one_past_state_extrapolates_what_is_linear():
-    state = after(0.1, 0.2)
-    line = state.q + 0.5 * (state.q - state.past[0].q)
-    np.testing.assert_allclose(load_increments.extrapolate_unknowns(state, at(0.25)), line, atol=1e-12)
-
-
-def test_without_a_past_the_guess_is_the_present():
-    state = after(0.2)
-    guess = load_increments.extrapolate_unknowns(state, at(0.25))
-    np.testing.assert_array_equal(guess, state.q)
-    assert guess is not state.q
-
-
 @pytest.mark.parametrize(("position", "kept"), [(at(0.25), 2), (at(0.15), 0), (at(0.2, 0.1), 0), (at(0.25, 0.01), 0)])
 def test_a_past_that_does_not_lead_ahead_is_forgotten(position, kept):
     state = after(0.1, 0.15, 0.2)
@@ -73,7 +60,3 @@ def test_at_first_touch_contact_is_where_half_the_depth_cuts_the_dome():
     np.testing.assert_array_equal(expected, REST.skin.points[..., 2] >= REST.d.shape.L - 0.1)
     assert expected.any()
     assert height <= REST.d.shape.L
-
-
-def test_a_grip_has_no_contact():
-    assert load_increments.extrapolate_contact(at_rest(REST.d, grip=0.3), at(0.0, 0.1)) is None

@@ -81,16 +81,14 @@ def test_the_workers_of_a_batch_that_is_killed_do_not_bind(tmp_path):
         pass
 
 
-def test_a_verb_refuses_a_folder_that_another_process_fills(run, tmp_path):
+def test_a_verb_refuses_a_folder_that_another_process_fills(refusal, tmp_path):
     with holder("filled", tmp_path / "o") as process:
         for tokens in (
             ("sweep", "--axis", "D=6,8", "--depth", 0.5, "--out", "o"),
             ("cad", "paper", "--axis", "D=7,8", "--out", "o"),
             ("cad", "paper", "--out", "o"),
         ):
-            status, out, err = run(*tokens)
-            assert (status, out, err.count("\n")) == (2, "", 1)
-            assert f"the folder 'o' is being filled by process {process.pid}" in err
+            assert f"the folder 'o' is being filled by process {process.pid}" in refusal(*tokens)
         assert [file.name for file in (tmp_path / "o").iterdir()] == [atomic_files.LOCK]
 
 

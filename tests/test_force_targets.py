@@ -71,13 +71,6 @@ def test_the_depth_depends_on_force_over_E_only():
     assert stiff.load.depth == pytest.approx(soft.load.depth, rel=1e-9)
 
 
-def test_a_slender_beam_sinks_beyond_the_contact():
-    slender = Design(L=48.0)
-    state = solve_force(slender, 1.0, ROUGH, magnet="ignored")
-    assert normal(state) == pytest.approx(1.0, rel=FORCE_TOLERANCE)
-    assert state.load.depth > 1.5 * solve_force(paper(), 1.0, ROUGH, magnet="ignored").load.depth
-
-
 def test_the_order_of_the_forces_does_not_matter():
     up, down = (
         [state.load.depth for state in walk_forces(paper(), [ForceTarget(f) for f in forces], ROUGH)]

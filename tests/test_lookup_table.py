@@ -76,13 +76,13 @@ def test_a_table_interrupted_at_once_leaves_nothing(run, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("plane", [(), ("--plane",)])
 @pytest.mark.parametrize("name", ["t.npy", "t.json"])
-def test_a_foreign_file_is_not_replaced(run, tmp_path, plane, name):
+def test_a_foreign_file_is_not_replaced(refusal, tmp_path, plane, name):
     np.save(tmp_path / "mine.npy", np.arange(3.0))
     (tmp_path / "mine.npy").rename(tmp_path / name)
     before = (tmp_path / name).read_bytes()
-    status, out, err = run("table", "paper", "--step", 1, "--out", "t.npy", *plane)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert f"{name!r} was not written by magtip and would be overwritten: choose another name" in err
+    assert f"{name!r} was not written by magtip and would be overwritten: choose another name" in refusal(
+        "table", "paper", "--step", 1, "--out", "t.npy", *plane
+    )
     assert [(file.name, file.read_bytes()) for file in tmp_path.glob("[!.]*")] == [(name, before)]
 
 
@@ -175,7 +175,5 @@ def test_the_papers_grid():
         (("--out", "t.npy", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "no magnet"),
     ],
 )
-def test_bad_input_is_a_sentence(run, tokens, words):
-    status, out, err = run("table", "paper", *tokens)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert words in err
+def test_bad_input_is_a_sentence(refusal, tokens, words):
+    assert words in refusal("table", "paper", *tokens)

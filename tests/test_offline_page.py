@@ -190,7 +190,5 @@ def test_a_sensor_without_a_magnet_and_of_another_law_has_a_page(monkeypatch):
     assert "the paper&#x27;s sensor with" in offline_page.page(grid, "ignored")
 
 
-def test_the_file_of_a_page_ends_in_html(run):
-    status, _, message = run("explore", "paper", "--export", "sensor.txt")
-    assert status == 2
-    assert ".html" in message
+def test_the_file_of_a_page_ends_in_html(refusal):
+    assert ".html" in refusal("explore", "paper", "--export", "sensor.txt")

@@ -115,10 +115,10 @@ def test_a_page_of_the_user_beside_results_of_earlier_versions_is_not_overwritte
         ("table", "paper", "--step", "1", "--out", "mine.npy"),
     ],
 )
-def test_no_verb_overwrites_a_single_file_of_the_user(run, tmp_path, command):
+def test_no_verb_overwrites_a_single_file_of_the_user(refusal, tmp_path, command):
     file = tmp_path / command[-1]
     file.write_text("mine")
-    status, out, err = run(*command)
-    assert (status, out) == (2, "")
-    assert f"{file.name!r} was not written by magtip and would be overwritten: choose another name" in err
+    assert f"{file.name!r} was not written by magtip and would be overwritten: choose another name" in refusal(
+        *command
+    )
     assert file.read_text() == "mine"

@@ -5,7 +5,6 @@ from dataclasses import FrozenInstanceError, fields, replace
 import numpy as np
 import pytest
 
-from fem.model import symmetry_models
 from fem.model.plate_contact import KAPPA, SECTION_KAPPA
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve import path_state
@@ -33,15 +32,6 @@ def test_nothing_of_a_state_can_be_set(pressed, name):
         setattr(pressed, name, None)
 
 
-def test_the_plate_comes_down_and_aside_with_the_position(pressed):
-    assert pressed.plate.height == pytest.approx(SHAPE.L - 0.1, rel=1e-15)
-    beside = pressed.plate_at(np.array([0.2, 0.3, 0.4]))
-    assert beside.height == pytest.approx(SHAPE.L - 0.2, rel=1e-15)
-    np.testing.assert_array_equal(beside.shear, (0.3, 0.4))
-    # kappa E / sqrt(R d)
-    assert beside.stiffness == pytest.approx(pressed.plate.stiffness / np.sqrt(2), rel=1e-12)
-
-
 def test_only_a_section_without_friction_has_stiffer_springs():
     d = section()
     assert at_rest(d).kappa == SECTION_KAPPA
@@ -56,22 +46,6 @@ def test_a_grip_holds_the_cap_above_its_height():
     np.testing.assert_array_equal(
         state.bond.tied, np.broadcast_to((facets >= SHAPE.L - 0.3)[:, None], (len(facets), 3))
     )
-
-
-def test_a_state_with_harmonics_is_the_same_and_has_no_past(pressed):
-    low, high = pressed, path_state.with_harmonics(pressed, section(3))
-    around = high.overlap.shape[1] // low.overlap.shape[1]
-    np.testing.assert_allclose(high.overlap, np.repeat(low.overlap, around, axis=1), atol=1e-15)
-    assert (high.past, low.past) == ((), ("before",))
-    stored = [s.d.system.assemble(s.d.system.state(s.q), s.plate, tangent=False).energy for s in (low, high)]
-    assert stored[1] == pytest.approx(stored[0], rel=1e-12)
-
-
-def test_a_predictor_stands_where_its_state_does(pressed):
-    state = path_state.with_predictor(path_state.with_harmonics(pressed, section(3)), section(1), pressed)
-    np.testing.assert_array_equal(state.reduced.position, state.position)
-    raised = symmetry_models.raise_harmonics(state.reduced.d.system, state.d.system, state.reduced.q)
-    np.testing.assert_array_equal(raised, state.q)
 
 
 def test_what_is_glued_counts_its_motion_from_where_it_was_glued(pressed):

@@ -66,81 +66,39 @@ def test_a_frequency_stands_for_a_time(file):
     assert read(path, 0.5).covered == pytest.approx((1 / (200 * np.pi), 1 / (0.2 * np.pi)))
 
 
+MODULUS = "time_s,youngs_modulus_MPa"
 STRESS = "time_s,nominal_stress_MPa"
+HELD = "time_s,stretch,nominal_stress_MPa"
+DYNAMIC = "frequency_Hz,storage_modulus_MPa,"
 
 
 @pytest.mark.parametrize(
     ("header", "content", "options", "message"),
     [
-        (
-            "time,youngs_modulus_MPa",
-            rows(1.0),
-            {},
-            "the name of column 'time' has no unit: call it time_s or time_ms",
-        ),
+        ("time,youngs_modulus_MPa", rows(1.0), {}, "name of column 'time' has no unit: call it time_s or time_ms"),
         ("time_s,youngs_modulus", rows(1.0), {}, "has no unit: call it"),
-        ("time_s,nominal_stress_MPa,strain_percent", rows(0.15, 0.25), {}, "if they were those of a column strain"),
+        (STRESS + ",strain_percent", rows(0.15, 0.25), {}, "if they were those of a column strain"),
         ("frequency,storage_modulus_MPa,tan_delta", rows(1.0, 0.1), {}, "the name of column 'frequency' has no unit"),
         ("frequency_Hz,storage_modulus,tan_delta", rows(1.0, 0.1), {}, "'storage_modulus' has no unit"),
-        (
-            "frequency_Hz,storage_modulus_MPa,loss",
-            rows(1.0, 0.1),
-            {},
-            "the name of column 'loss' has no unit: call it loss_modulus_MPa or",
-        ),
-        (
-            "frequency_Hz,storage_modulus_MPa,shear_loss_modulus_MPa",
-            rows(1.0, 0.1),
-            {},
-            "must both be Young's moduli",
-        ),
+        (DYNAMIC + "loss", rows(1.0, 0.1), {}, "name of column 'loss' has no unit: call it loss_modulus_MPa or"),
+        (DYNAMIC + "shear_loss_modulus_MPa", rows(1.0, 0.1), {}, "must both be Young's moduli"),
         ("time_s,foo", rows(1.0), {}, "the header needs a column nominal_stress_MPa or"),
-        ("frequency_Hz,storage_modulus_MPa", rows(1.0), {}, "or tan_delta besides frequency_Hz, storage_modulus_MPa"),
-        (
-            "time_s,youngs_modulus_MPa",
-            rows(1.0),
-            {"stretch": 1.2},
-            "which needs no held stretch: leave --stretch out",
-        ),
-        ("time_s,nominal_stress_MPa", [], {"ramp": 1.0}, "has a header but no rows: add a row"),
-        (
-            "time_s,youngs_modulus_MPa",
-            rows(1.0)[:5],
-            {},
-            "has too few points (5): a fit of branches needs at least 6",
-        ),
-        (
-            "time_s,youngs_modulus_MPa",
-            rows(1.0, times=TIMES - 0.1),
-            {},
-            "line 2, column time_s: a time must be more than 0",
-        ),
-        (
-            "time_s,youngs_modulus_MPa",
-            rows(1.0, times=TIMES[::-1]),
-            {},
-            "line 3, column time_s: each time must be greater",
-        ),
-        (
-            "time_s,youngs_modulus_MPa",
-            rows(1.0, times=np.repeat(TIMES, 2)),
-            {},
-            "sort the rows, drop repeats; got 0.1",
-        ),
-        ("time_s,youngs_modulus_MPa", rows(-1.0), {}, "a modulus must be more than 0; got -1"),
-        ("frequency_Hz,storage_modulus_MPa,tan_delta", rows(-1.0, 0.1), {}, "a storage modulus must be more than 0"),
-        ("frequency_Hz,storage_modulus_MPa,tan_delta", rows(1.0, -0.1), {}, "a loss must be 0 or more; got -0.1"),
+        (DYNAMIC.removesuffix(","), rows(1.0), {}, "or tan_delta besides frequency_Hz, storage_modulus_MPa"),
+        (MODULUS, rows(1.0), {"stretch": 1.2}, "which needs no held stretch: leave --stretch out"),
+        (STRESS, [], {"ramp": 1.0}, "has a header but no rows: add a row"),
+        (MODULUS, rows(1.0)[:5], {}, "has too few points (5): a fit of branches needs at least 6"),
+        (MODULUS, rows(1.0, times=TIMES - 0.1), {}, "line 2, column time_s: a time must be more than 0"),
+        (MODULUS, rows(1.0, times=TIMES[::-1]), {}, "line 3, column time_s: each time must be greater"),
+        (MODULUS, rows(1.0, times=np.repeat(TIMES, 2)), {}, "sort the rows, drop repeats; got 0.1"),
+        (MODULUS, rows(-1.0), {}, "a modulus must be more than 0; got -1"),
+        (DYNAMIC + "tan_delta", rows(-1.0, 0.1), {}, "a storage modulus must be more than 0"),
+        (DYNAMIC + "tan_delta", rows(1.0, -0.1), {}, "a loss must be 0 or more; got -0.1"),
         (STRESS, rows(-1.0), {"stretch": 1.2}, "tension must be positive and compression negative"),
-        (
-            STRESS,
-            rows(1.0),
-            {"stretch": 1.0},
-            "the held stretch must lie between 0.05 and 20 and differ from 1; got 1",
-        ),
+        (STRESS, rows(1.0), {"stretch": 1.0}, "held stretch must lie between 0.05 and 20 and differ from 1; got 1"),
         (STRESS, rows(1.0), {"ramp": 100.0}, "end before the last time, 100 s; got 100 s"),
         (STRESS, rows(1.0), {"ramp": -1.0}, "the ramp must last 0 s or longer"),
-        ("time_s,stretch,nominal_stress_MPa", rows(TIMES, 1.0), {}, "column stretch: must be held at 100; got 0.1"),
-        ("time_s,stretch,nominal_stress_MPa", rows(1.5, 1.0), {"stretch": 1.5}, "leave --stretch out"),
+        (HELD, rows(TIMES, 1.0), {}, "column stretch: must be held at 100; got 0.1"),
+        (HELD, rows(1.5, 1.0), {"stretch": 1.5}, "leave --stretch out"),
         ("time_s,ramp_s,youngs_modulus_MPa", rows(0.1, 1.0), {"ramp": 0.1}, "leave --ramp out"),
     ],
 )

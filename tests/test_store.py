@@ -193,22 +193,15 @@ def test_files_that_are_no_stores_are_refused(file):
     assert "cannot be opened" in refused(file.parent)
 
 
-def test_a_newer_store_is_refused(file):
+@pytest.mark.parametrize(
+    ("statement", "said"),
+    [("UPDATE about SET value = '99'", "has format 99"), ("DELETE FROM about", "is damaged (its format is '')")],
+)
+def test_a_newer_store_and_one_without_a_format_are_refused(file, statement, said):
     with store.opened(file):
         pass
-    with sqlite3.connect(file) as other:
-        other.execute("UPDATE about SET value = '99'")
-    other.close()
-    assert "has format 99" in refused(file)
-
-
-def test_a_store_without_a_format_is_refused(file):
-    with store.opened(file):
-        pass
-    with sqlite3.connect(file) as other:
-        other.execute("DELETE FROM about")
-    other.close()
-    assert "is damaged (its format is '')" in refused(file)
+    changed(file, statement)
+    assert said in refused(file)
 
 
 def test_a_damaged_store_is_refused_and_left_alone(file):

@@ -347,14 +347,6 @@ def counts(many):
         return kept.counts()
 
 
-def test_without_consent_states_are_only_counted(many):
-    pruning = prune(many, "nu=0.3")
-    assert (pruning["removed"], pruning["states"], pruning["paths"], pruning["states_left"]) == (False, 300, 300, 3)
-    assert pruning["solving_s"] == pytest.approx(150.0)
-    assert 0 < pruning["freed_MB"] < pruning["size_MB"]
-    assert counts(many) == (302, 303)
-
-
 def test_states_are_removed_and_their_space_is_given_back(many):
     size = many.stat().st_size
     pruning = prune(many, "nu=0.3", yes=True)

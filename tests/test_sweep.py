@@ -193,12 +193,6 @@ def test_a_sweep_takes_from_the_store_what_it_has_and_solves_what_is_missing(tra
     assert [str(other[2][name]) for name in figures] == [str(first[3][name]) for name in figures]
 
 
-def test_a_state_of_a_path_does_not_depend_on_the_other_depths_of_its_solve(kept):
-    alone = run(BARE, {"depth": [1.5]}, kept=kept)
-    among = run(BARE, {"depth": [0.5, 1.0, 1.5]})
-    assert alone[0]["fem_force_N"] == pytest.approx(among[2]["fem_force_N"], rel=1e-8)
-
-
 def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_nothing(kept, monkeypatch):
     monkeypatch.setattr(equilibrium, "trace", interrupted)
     with pytest.raises(KeyboardInterrupt, match=r"^nothing new is solved yet: the same command starts"):

@@ -48,11 +48,9 @@ def test_a_sliding_plate_moves_along_z_only_and_a_free_sensor_has_no_force(run, 
     assert free[1]["resonance_per_mm_Hz"][0] > free[1]["undamped_Hz"][0]  # the silicone stiffens with the frequency
 
 
-def test_frequencies_without_data_are_refused_or_marked(run, strict):
+def test_frequencies_without_data_are_refused_or_marked(run, refusal, strict):
     beyond = ("response", "paper", *QUICK, "--frequencies", "1:1500")
-    status, out, err = run(*beyond)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert "(extrapolate)" in err
+    assert "(extrapolate)" in refusal(*beyond)
     status, out, _ = run(*beyond, "--extrapolate", "--json")
     assert status == 0
     assert "extrapolation" in strict(out)[0]["warnings"][0]
@@ -80,9 +78,8 @@ def test_frequencies_without_data_are_refused_or_marked(run, strict):
         ("--frequencies", "1:9000", "--extrapolate"),
     ],
 )
-def test_bad_input_is_one_sentence(run, options):
-    status, out, err = run("response", "paper", "--accuracy", "quick", *options)
-    assert (status, out, err.count("\n")) == (2, "", 1)
+def test_bad_input_is_one_sentence(refusal, options):
+    refusal("response", "paper", "--accuracy", "quick", *options)
 
 
 def test_a_state_that_is_unstable_is_a_failed_solve(run, strict):
@@ -129,10 +126,8 @@ def test_a_response_beyond_buckling_has_the_status_and_the_message_of_a_solve(ru
         (("--plate-tilt", "5"), "plate tilt must be 0; got 5 degrees"),
     ],
 )
-def test_a_grip_refuses_what_belongs_to_a_plate(run, options, message):
-    status, _, err = run("response", "paper", "--grip", "1", "--shear", "0.1", *options)
-    assert status == 2
-    assert message in err
+def test_a_grip_refuses_what_belongs_to_a_plate(refusal, options, message):
+    assert message in refusal("response", "paper", "--grip", "1", "--shear", "0.1", *options)
 
 
 # Lines of a motion on the screen

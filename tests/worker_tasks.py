@@ -1,5 +1,6 @@
 """Functions that tests hand to worker processes, which import this module by its name."""
 
+import contextlib
 import json
 import os
 import signal
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.mechanics import worker_process
+from studies.mechanics import path_solver, worker_process
 
 
 def echo(task):
@@ -53,6 +54,17 @@ def counted(task):
 def prints(text):
     print(text, flush=True)
     return sys.stdin.read()
+
+
+SOLVES = "MAGTIP_TEST_SOLVES"
+"""Environment variable with the file in which solves note that they begin."""
+
+
+def noted_solve(task):
+    """Note the length over D of a solve, by a single write, which is never mixed with others, and solve it."""
+    with open(os.environ[SOLVES], "ab", 0) as log:
+        log.write(f"{task.scene.design.L / task.scene.design.D!r}\n".encode())
+    return path_solver.solve_task(task)
 
 
 def raises(kind):
@@ -99,3 +111,13 @@ def gone(process):
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except (FileNotFoundError, ProcessLookupError):
         return True
+
+
+def children(pid):
+    """Processes whose parent is a process."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if int((folder / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
+                found.append(int(folder.name))
+    return found
