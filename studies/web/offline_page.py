@@ -43,7 +43,7 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 """Nothing is loaded from, or sent to, any address."""
 STYLE = "#about-model { padding: 6px 16px; font-size: 13px } #about-model p { margin: 4px 0 0 }"
 HIDDEN = (
-    'label:has(#level), [data-export="mold.zip"], [data-export="fields.vtu"], #vibration-panel, #loop-panel '
+    'label:has(#view-level), [data-export="mold.zip"], [data-export="fields.vtu"], #vibration-panel, #loop-panel '
     "{ display: none }"
 )
 """Controls and panels that need a server."""

@@ -27,7 +27,7 @@ from geometry.relaxation import range_sentence, relaxation_of
 from studies.mechanics import resonance_peaks
 from studies.mechanics.cycle_motion import Motion, frequency_of
 from studies.simulation import response_curves
-from studies.simulation.response_curves import At, Complex
+from studies.simulation.response_curves import At
 from studies.web.explorer_state import ExplorerState
 from studies.web.state_answers import number
 
@@ -79,7 +79,7 @@ def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating
 def vibration(vibrating: Vibrating, frequency: float) -> Data:
     """Return the part `vibration` at a frequency, Hz: rows of name, unit, value and half width, and a message.
 
-    Half widths are those of `studies.simulation.response_curves`.
+    Gains, phases to the static gain and half widths are those of `magtip response`.
     """
     low, high = vibrating.band
     if not low <= frequency <= high:
@@ -93,31 +93,24 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
     near = frequency * np.array([1 - STEP, 1.0, 1 + STEP])
     one = vibrating.at(np.array([low * STATIC, *near]))[motion]
     other = None if vibrating.coarse is None else vibrating.coarse(one.frequency)[motion]
-    rows, scene = list[Data](), vibrating.sensor.scene
-
-    def add(name: str, unit: str, quantity: VibrationQuantity, gain: Complex, coarse: Complex | None) -> None:
-        """Add gain, phase in degrees, and gain over the static one."""
-        ratio, error = gain[2] / gain[0], None
-        if other is not None and coarse is not None:
-            error = float(response_curves.errors(quantity, one, other, gain, coarse, scene)[2])
-        values = {
-            (name, unit): (abs(gain[2]), abs(gain[2])),
-            (f"phase of {name}", "deg"): (math.degrees(math.atan2(ratio.imag, ratio.real)), math.degrees(1.0)),
-        }
-        if quantity != "base":  # the static shift of the free sensor is 0
-            values[f"{name}, over static", ""] = abs(ratio), abs(ratio)
-        for (row, its_unit), (value, scale) in values.items():
-            half_width = None if error is None else error * scale
-            rows.append(number(row, its_unit, value, half_width))
-
+    static, _, gains, _ = response_curves.rows(one, other, vibrating.sensor.scene)
+    columns = {(f"force along {motion}", "N/mm"): ("force_N_per_mm", "force_phase_deg", "error_estimate")}
+    for name, unit in [(one.names[k], one.units[k]) for k in one.readers[:1]]:
+        columns[f"{name} per N", f"{unit}/N"] = (
+            f"{name}_{unit}_per_N",
+            f"{name}_per_N_phase_deg",
+            "reading_error_estimate",
+        )
     if one.force is None:
-        add("shift of the magnet", "mm/mm", "base", one.along, None if other is None else other.along)
-    else:
-        add(f"force along {motion}", "N/mm", "force", one.force, None if other is None else other.force)
-        assert one.per_N is not None
-        for k in one.readers[:1]:
-            coarse = None if other is None or other.per_N is None else other.per_N[:, k]
-            add(f"{one.names[k]} per N", f"{one.units[k]}/N", "reading", one.per_N[:, k], coarse)
+        columns = {("shift of the magnet", "mm/mm"): ("shift_x_mm_per_mm", "shift_x_phase_deg", "error_estimate")}
+    rows: Rows = []
+    for (name, unit), (size, phase, estimate) in columns.items():
+        gain, turn, error = gains[size], gains[phase] - static[phase], gains[estimate]
+        values = {(name, unit): (gain, gain), (f"phase of {name}", "deg"): (turn, math.degrees(1.0))}
+        if one.force is not None:  # the static shift of the free sensor is 0
+            values[f"{name}, over static", ""] = (gain / static[size],) * 2
+        for (row, its_unit), (value, scale) in values.items():
+            rows.append(number(row, its_unit, value, None if error is None else error * scale))
     rows += _resonance(vibrating, motion)
     return {"frequency": frequency, "motion": motion, "rows": rows, "message": _message(vibrating, motion, rows)}
 

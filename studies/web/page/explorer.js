@@ -5,15 +5,19 @@ const Explorer = (() => {
   const NEAR = 0.9;
   const REST = 250;
   const MOST_UNDO = 45;
-  const VIEW = { field: "displacement", lines: "no", mesh: "no", formula: "finite", edit: "a", cut: "open" };
+  // Choices of the view, the first one the default; those that the server answers are asked for.
   const VIEWS = {
+    level: ["standard", "quick"],
     field: Object.keys(SectionDrawing.FIELDS),
     lines: ["no", "yes"],
     mesh: ["no", "yes"],
+    formula: ["finite", "paper", "column", "tip", "magnet"],
     edit: ["a", "b"],
     cut: ["open", "whole"],
-    formula: ["paper", "column", "tip", "magnet", "finite"],
   };
+  const ASKED = ["level", "lines", "formula"];
+  const VIEW = Object.fromEntries(Object.entries(VIEWS).map(([key, [first]]) => [key, first]));
+  const inAddress = (key) => (key === "level" ? key : `view.${key}`);
   const EVERYTHING = ["layout", "controls", ...Requests.PARTS];
   const $ = (selector, root = document) => root.querySelector(selector);
   const engine = window.MAGTIP_OFFLINE ? OfflineEngine(window.MAGTIP_OFFLINE) : LiveEngine();
@@ -23,7 +27,6 @@ const Explorer = (() => {
   const view = { ...VIEW };
   const turn = { ...SensorView.START };
   let fields = [];
-  let level = "standard";
   let controls = null;
   let views = null;
   let requests = null;
@@ -71,7 +74,7 @@ const Explorer = (() => {
         fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]),
       );
     const changed = Object.fromEntries(changes(side).map((field) => [field.name, values[field.name]]));
-    const state = { design: changed, load: pick("load"), magnet: values.magnet, level };
+    const state = { design: changed, load: pick("load"), magnet: values.magnet, level: view.level };
     return { state, formula_level: view.formula, parts: parts() };
   }
 
@@ -86,8 +89,7 @@ const Explorer = (() => {
       for (const field of fields)
         if (sides[side][field.name] !== field.value) add(prefix + field.name, sides[side][field.name]);
     }
-    if (level !== "standard") add("level", level);
-    for (const [key, text] of Object.entries(view)) if (text !== VIEW[key]) add(`view.${key}`, text);
+    for (const [key, text] of Object.entries(view)) if (text !== VIEW[key]) add(inAddress(key), text);
     return `#${parts.join("&")}`;
   }
 
@@ -95,16 +97,15 @@ const Explorer = (() => {
     const unknown = [];
     const read = { a: defaults(), b: null };
     const seen = { ...VIEW };
-    level = "standard";
     for (const [key, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
       const side = key.startsWith("b.") ? "b" : "a";
       const name = side === "b" ? key.slice(2) : key;
       const field = fields.find((one) => one.name === name);
+      const choice = Object.keys(VIEWS).find((one) => inAddress(one) === key);
       if (side === "b") read.b ??= defaults();
       if (name === "preset") {
         if (text !== "paper") unknown.push(`${key}=${text}`);
-      } else if (key === "level" && ["quick", "standard"].includes(text)) level = text;
-      else if (key.startsWith("view.") && VIEWS[key.slice(5)]?.includes(text)) seen[key.slice(5)] = text;
+      } else if (VIEWS[choice]?.includes(text)) seen[choice] = text;
       else if (!field || field.fixed) unknown.push(key);
       else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
       else if (field.kind === "text") read[side][name] = text;
@@ -235,11 +236,10 @@ const Explorer = (() => {
     $("#compare").setAttribute("aria-pressed", String(Boolean(sides.b)));
     $("#cut").setAttribute("aria-pressed", String(view.cut === "open"));
     for (const input of document.querySelectorAll("[name=edit]")) input.checked = input.value === view.edit;
-    $("#view-field").value = view.field;
-    $("#view-formula").value = view.formula;
-    $("#level").value = level;
-    $("#view-lines").checked = view.lines === "yes";
-    $("#view-mesh").checked = view.mesh === "yes";
+    for (const [key, text] of Object.entries(view)) {
+      const node = $(`#view-${key}`);
+      if (node) Object.assign(node, node.type === "checkbox" ? { checked: text === "yes" } : { value: text });
+    }
   }
 
   function drawControls() {
@@ -307,11 +307,11 @@ const Explorer = (() => {
     const { status, message: text, seconds } = answer.data;
     const waits = requests.behind(side, "state");
     const own =
-      share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== level);
+      share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== view.level);
     const part = own ? `, ${Math.round(100 * share.progress.share)} %` : "";
     const next = waits
       ? `; solving${part}`
-      : answer.level === "quick" && level === "standard"
+      : answer.level === "quick" && view.level === "standard"
         ? `; refining to standard${part}`
         : "";
     const state = status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `;
@@ -417,7 +417,7 @@ const Explorer = (() => {
   // Whether everything that is shown belongs to the newest requests, at the level where they rest.
   const settled = (side) =>
     parts().every((part) => !requests.behind(side, part)) &&
-    (answers[side].state?.level !== "quick" || level === "quick") &&
+    (answers[side].state?.level !== "quick" || view.level === "quick") &&
     answers[side].loop?.level !== "linear";
   const complete = () =>
     requests.resting() && !drawing && shownSides().every((side) => refusals[side] || settled(side));
@@ -426,6 +426,7 @@ const Explorer = (() => {
 
   function look(key, next) {
     view[key] = next;
+    if (ASKED.includes(key)) shownSides().forEach(requests.change);
     touch("layout", "controls", "state", "sensor3d", "curve", "commands");
     commitSoon();
   }
@@ -454,18 +455,10 @@ const Explorer = (() => {
     });
     for (const input of document.querySelectorAll("[name=edit]"))
       input.addEventListener("change", () => look("edit", input.value));
-    // choices of the view; those that the server answers are asked for
-    for (const [key, asks] of Object.entries({ field: false, lines: true, mesh: false, formula: true }))
-      $(`#view-${key}`).addEventListener("change", ({ target }) => {
-        look(key, target.type === "checkbox" ? (target.checked ? "yes" : "no") : target.value);
-        if (asks) shownSides().forEach((side) => requests.change(side));
-      });
-    $("#level").addEventListener("change", (event) => {
-      level = event.target.value;
-      shownSides().forEach((side) => requests.change(side));
-      touch("state");
-      commitSoon();
-    });
+    for (const key of Object.keys(VIEWS))
+      $(`#view-${key}`)?.addEventListener("change", ({ target }) =>
+        look(key, target.type === "checkbox" ? (target.checked ? "yes" : "no") : target.value),
+      );
     $("#cut").addEventListener("click", () => look("cut", view.cut === "open" ? "whole" : "open"));
     $("#turn-back").addEventListener("click", () => {
       Object.assign(turn, SensorView.START);
