@@ -23,6 +23,8 @@ bandwidth = "100 Hz"
 samples = 16
 largest_strain = "100 %"
 outer_size = "30 mm"
+outer_shape = "round"
+process = "sla"
 magnets = ["5x3 N45", "4x3 N45"]
 silicones = ["Smooth-Sil 940"]
 hall_parts = ["DRV5055A2"]
@@ -128,11 +130,19 @@ def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing):
     assert err.splitlines()[-1].startswith("100 %")
 
 
-def test_the_design_file_of_the_best_variant_has_the_same_recipe(sizing, tmp_path, run):
+def test_the_design_file_of_the_best_variant_has_the_same_recipe(sizing, tmp_path, run, strict):
     """`cad winner.toml` alone names the silicone, its mix and its mass; one that no catalogue ships has no mix."""
     folder, _ = sizing
     winner = folder / "winner.toml"
-    assert run("cad", winner, "--out", tmp_path / "cad")[0] == 0
+    status, out, _ = run("cad", winner, "--out", tmp_path / "cad", "--json")
+    assert status == 0
+    # base and process are those of the requirements: the sizes are those of the sizing
+    (made,), (shown,) = strict(out), strict(run("design", winner, "--json")[1])
+    (first, *_) = json.loads((folder / "sizing.json").read_text("utf-8"))["front"]
+    for size in (made["assembled_size_mm"], shown["derived"]["assembled_size_mm"]):
+        assert size[0] == pytest.approx(first["outer_size_mm"])
+    square = strict(run("cad", winner, "--base", "square", "--out", tmp_path / "square", "--json")[1])[0]
+    assert square["assembled_size_mm"][0] > made["assembled_size_mm"][0] + 0.1
     recipe = (tmp_path / "cad" / "README.md").read_text("utf-8")
     assert "Mix Smooth-Sil 940 100A:10B by weight" in recipe
     assert "Masses are those of Smooth-Sil 940 with 1180 kg/m³" in recipe

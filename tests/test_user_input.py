@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from geometry.design import BadInput, paper
-from studies.inputs.user_input import nearest, parse_numbers, read_design
+from studies.inputs.user_input import fabrication_of, nearest, parse_numbers, read_design
 
 
 def test_preset_and_overrides():
@@ -123,3 +123,14 @@ def test_law_by_option_and_by_file(tmp_path):
     file.write_text("law = 3\n")
     with pytest.raises(BadInput, match="law must be a string; got 3"):
         read_design(str(file))
+
+
+def test_a_design_file_says_how_the_sensor_is_made(toml, refused):
+    path = toml(
+        'L = 10.0\n[fabrication]\nprocess = "sla"\nbase = { shape = "round" }\n[requirements]\nforce_z = 5.0\n'
+    )
+    assert read_design(path).L == 10.0
+    assert fabrication_of(path) == {"process": "sla", "base": {"shape": "round"}}
+    assert fabrication_of("paper") == {}
+    with refused("fabrication: there is no key 'proces'", "did you mean process"):
+        fabrication_of(toml('[fabrication]\nproces = "sla"\n', "other.toml"))

@@ -23,9 +23,13 @@ from studies.output.result import Block, Destination, Result, Table, check_files
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
     """Show every value of a design with its source, derived values, assumptions and warnings."""
+    from studies.fabrication.sensor_solids import parse_fabrication_choices
     from studies.simulation import design_summary
 
-    return show(design_summary.study(user_input.read_design(source, sets or [])), Destination(as_json=as_json))
+    of_design = user_input.read_design(source, sets or [])
+    choices = parse_fabrication_choices(Fabrication(), given=user_input.fabrication_of(source))
+    study = design_summary.study(of_design, choices.base, choices.mold.process)
+    return show(study, Destination(as_json=as_json))
 
 
 def cad(
@@ -54,7 +58,7 @@ def cad(
     design = design_of(source, sets)
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
     mix = catalogues.mix_named(fabrication.silicone, design.silicone)
-    choices = sensor_solids.parse_fabrication_choices(fabrication, mix)
+    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, user_input.fabrication_of(source))
     axes = design_variants.axes_of(fabrication.axis or [])
     for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)

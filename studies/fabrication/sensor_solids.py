@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from geometry.base import SHAPES, Base, Plan
 from geometry.design import BadInput, Design
@@ -75,9 +77,11 @@ class FabricatedSolids:
     B: Solid
 
 
-def parse_fabrication_choices(options: Fabrication, silicone: Silicone | None = None) -> FabricationChoices:
+def parse_fabrication_choices(
+    options: Fabrication, silicone: Silicone | None = None, given: Mapping[str, Any] = {}
+) -> FabricationChoices:
     """Return the fabrication choices that the options state, with the silicone that they name; those of the base may
-    hold the name of a shape.
+    hold the name of a shape. What they leave open is that of a design file, see `user_input.fabrication_of`.
 
     >>> given = Fabrication(process="sla", mold=["columns=3", "shrink=0.01"], base=["round"])
     >>> choices = parse_fabrication_choices(given)
@@ -88,10 +92,13 @@ def parse_fabrication_choices(options: Fabrication, silicone: Silicone | None = 
         check_tolerance(options.tolerance)
     if any(text.partition("=")[0].strip() == "process" for text in options.mold or []):
         raise BadInput("process is not a key of --mold: give --process fdm or --process sla")
-    mold = user_input.parse_choices("--mold", options.mold or [], Mold)
+    mold = {**given.get("mold", {}), **user_input.parse_choices("--mold", options.mold or [], Mold)}
     texts = [f"shape={text}" if text in SHAPES else text for text in options.base or []]
-    base = user_input.parse_choices("--base", texts, Base)
-    return FabricationChoices(Mold(process=options.process, **mold), Base(**base), options.tolerance, silicone)
+    base = {**given.get("base", {}), **user_input.parse_choices("--base", texts, Base)}
+    user_input.check_keys("fabrication: base", base, [spec.name for spec in dataclasses.fields(Base)])
+    user_input.check_keys("fabrication: mold", mold, [spec.name for spec in dataclasses.fields(Mold)])
+    process = options.process or given.get("process", "fdm")
+    return FabricationChoices(Mold(**{**mold, "process": process}), Base(**base), options.tolerance, silicone)
 
 
 def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids:

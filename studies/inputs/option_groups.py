@@ -377,7 +377,8 @@ class Fabrication:
     Attributes
     ----------
     process
-        Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls.
+        Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls; default: that of the
+        design file, or fdm.
     mold
         Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3, split=1 or marks=1 (letters);
         repeatable.
@@ -393,7 +394,7 @@ class Fabrication:
         default: that of the design; without one the recipe refers to the data sheet.
     """
 
-    process: Literal["fdm", "sla"] = "fdm"
+    process: Literal["fdm", "sla"] | None = None
     mold: list[str] | None = None
     base: list[str] | None = None
     axis: list[str] | None = None

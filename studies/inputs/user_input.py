@@ -29,9 +29,9 @@ _MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
 def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
     """Read the design of a preset or of a TOML file, with overrides KEY=VALUE.
 
-    A file is a flat table of fields of `Design`. Other fields have the values of the preset that its key `base`
-    names; default: paper. With magnet "ignored", a magnet that does not fit into the beam is removed from the design,
-    so that the beam can still be studied.
+    A file has fields of `Design`. Other fields have the values of the preset that its key `base` names; default:
+    paper. Tables beside them (`BESIDE`) say how the sensor is made, and what was required of it. With magnet
+    "ignored", a magnet that does not fit into the beam is removed from the design, so that the beam can be studied.
 
     Raises
     ------
@@ -102,6 +102,20 @@ def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
     return values
 
 
+BESIDE = {"fabrication": {"process": str, "base": dict, "mold": dict}, "requirements": dict}
+"""Tables of a design file beside its fields, and their keys: how the sensor is made, and what was required of it."""
+
+
+def fabrication_of(source: str) -> dict[str, Any]:
+    """Return the table [fabrication] of a design file: process, and settings of base and mould; else nothing."""
+    table = {} if source in PRESETS else toml_table(source, "preset or file").get("fabrication", {})
+    kinds: Any = BESIDE["fabrication"]
+    if not isinstance(table, dict):
+        raise BadInput(f"{source}: fabrication must be a table: write [fabrication]")
+    check_keys(f"{source}: fabrication", table, kinds)
+    return validated(f"{source}: fabrication", table, kinds)
+
+
 def preset_or_file(source: str) -> tuple[str, dict[str, Value]]:
     """Return the name of the base preset and the fields that the source replaces."""
     return (source, {}) if source in PRESETS else design_table(source, toml_table(source, "preset or file"))
@@ -140,8 +154,9 @@ def _number(name: str, text: str) -> float:
 def design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Value]]:
     """Return the name of the base preset, and the fields that a design's table states."""
     kinds: dict[str, Any] = {"base": str, **_KINDS}
-    check_keys(name, table, kinds)
-    values = validated(name, table, kinds)
+    fields = {key: value for key, value in table.items() if key not in BESIDE}
+    check_keys(name, fields, kinds)
+    values = validated(name, fields, kinds)
     base = values.pop("base", "paper")
     if base not in PRESETS:
         raise BadInput(f"{name}: there is no preset {base!r} to be the base: {nearest(base, PRESETS)}")

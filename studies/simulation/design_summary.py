@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from geometry import design_digest
 from geometry.bad_input import MeshError
+from geometry.base import Base
 from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, vtk_files
@@ -32,11 +33,11 @@ def shown(value: float | str) -> str:
     return (value or "none") if isinstance(value, str) else f"{value:g}"
 
 
-def study(design: Design) -> Result:
+def study(design: Design, base: Base = Base(), process: str = "fdm") -> Result:
     """Return every value of a design with its source, derived values, assumptions and warnings."""
     from analytic.parts import average_warnings
 
-    derived, failures, base_limits_l0 = derived_values(design)
+    derived, failures, base_limits_l0 = derived_values(design, base, process)
     specs = dataclasses.fields(Design)
     unused = design.unused_fields()
     assumed = [spec.name for spec in specs if origin(spec.name, design) == "assumed" and spec.name not in unused]
@@ -59,7 +60,7 @@ def study(design: Design) -> Result:
     )
 
 
-def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
+def derived_values(design: Design, base: Base = Base(), process: str = "fdm") -> tuple[FlatRow, list[str], bool]:
     """Return the derived values, a sentence for each that is unknown or whose element is saturated, and whether l0 is
     too small for the base.
 
@@ -76,7 +77,7 @@ def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
     from analytic import hall
     from analytic.magnet import resting_distance
     from analytic.parts import of_design
-    from geometry.base import Base, plan
+    from geometry.base import plan
     from geometry.cad import beam_volume, magnet_volume
     from geometry.fabrication.hall_elements import ShortOfBase
 
@@ -87,7 +88,7 @@ def derived_values(design: Design) -> tuple[FlatRow, list[str], bool]:
     base_limits_l0 = False
     # a design can have a field at the elements but no base that carries them, and the reverse
     try:
-        base_plan = plan(design, Base())
+        base_plan = plan(design, base, process)
     except BadInput as error:
         failures.append(f"the size of the assembled sensor is unknown: {error}")
         base_limits_l0 = isinstance(error, ShortOfBase)

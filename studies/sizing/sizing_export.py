@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -51,7 +52,7 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     from studies.fabrication.sensor_solids import FabricationChoices
     from studies.sizing.catalogues import mix_named, mix_of
 
-    write_text(folder / DESIGN, design_text(variant))
+    write_text(folder / DESIGN, design_text(variant, requirements))
     process, shape = requirements.process, requirements.outer_shape
     mix = mix_of(variant.silicone)
     choices = FabricationChoices(Mold(process=process), Base(shape=shape), silicone=mix)
@@ -65,11 +66,8 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     return row
 
 
-def design_text(variant: Variant) -> str:
-    """Return the design file, with the names of the parts.
-
-    It names every field that differs from its default.
-    """
+def design_text(variant: Variant, requirements: Requirements) -> str:
+    """Return the design file: all fields that are no defaults, how the sensor is made, and what was required."""
     lines = [
         f"# magnet: {variant.magnet.name}",
         f"# silicone: {variant.silicone.name}, E = {variant.silicone.E_low:g} to {variant.silicone.E_high:g} MPa",
@@ -79,8 +77,16 @@ def design_text(variant: Variant) -> str:
     for spec in dataclasses.fields(Design):
         value = getattr(variant.design, spec.name)
         if value != spec.default and spec.name not in unused:
-            lines.append(f'{spec.name} = "{value}"' if isinstance(value, str) else f"{spec.name} = {value!r}")
+            lines.append(_line(spec.name, value))
+    lines += ["", "[fabrication]", _line("process", requirements.process)]
+    lines += [f"base = {{ {_line('shape', requirements.outer_shape)} }}", "", "[requirements]"]
+    rows = [row for row in requirements.rows() if row["state"] == "set"]
+    lines += [f"{_line(row['requirement'], row['value'])}  # {row['unit']}" for row in rows]
     return "\n".join(lines) + "\n"
+
+
+def _line(name: str, value: object) -> str:
+    return f"{name} = {json.dumps(value, ensure_ascii=False)}"
 
 
 def parts_text(variant: Variant) -> str:
