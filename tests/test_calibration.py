@@ -1,24 +1,223 @@
-"""Conformal quantiles: coverage, regions."""
+"""Calibration of made sensors: benches by finite elements, laws of the estimator, real data, and bad input."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from studies.validation.surrogate_fit import FEWEST, conformal_quantile, quantiles_by_region
+from fem.accuracy import QUICK
+from fem.equilibrium import trace
+from geometry.design import paper
+from geometry.loads import Load
+from studies.calibration import bench_file, calibration_study, sensor_fit
+from studies.sensitivity.made_sensors import Tolerances, made_readings, made_sensors
+
+FORCE_NOISE, READING_NOISE = 0.02, 2.5e-4
+EXAMPLES = f"{Path(calibration_study.__file__).parents[1]}/examples/bench/"
+SCAN = ["calibrate", "paper", EXAMPLES + "magnet_scan_d8h2.csv", "--scan", "--set", "hall_layout=tle493d-w2b6"]
+SCAN += ["--set", "D=12", "--set", "L=14", "--set", "magnet_diameter=8", "--set", "magnet_height=2", "--set", "l0=7"]
 
 
-def test_intervals_hold_nine_of_ten_new_points():
-    """Over many draws the mean coverage is ceil(0.9 (n + 1)) / (n + 1) for any distribution."""
-    rng = np.random.default_rng(3)
-    scores = rng.exponential(size=(4000, 50))
-    covered = [conformal_quantile(row[:-1]) >= row[-1] for row in scores]
-    assert np.mean(covered) == pytest.approx(45 / 50, abs=0.015)
+def bench_table(seed, count):
+    """Presses and shears of a made sensor, by finite elements, with noise; a stand with compliance and a zero."""
+    rng, made = np.random.default_rng(seed), made_sensors(paper(), Tolerances(), 1, seed)
+    rows = []
+    for k in range(count):
+        depth, angle = 0.4 + 1.7 * (k + 0.5) / count, 2.4 * k
+        load = Load(depth=depth, shear_x=0.9 * depth * (k % 3) / 2, friction="stick")
+        (state,) = trace(made.designs[0], [load], QUICK, estimate=False)
+        c, s = math.cos(angle), math.sin(angle)
+        x, _, z = state.response.force
+        u, _, w = state.response.shift
+        lean = state.response.tilt
+        read = made_readings(made, np.array([[[c * u, s * u, w]]]), np.array([[[-s * lean, c * lean]]])).output[0, 0]
+        force = np.array([c * x, s * x, z])
+        rows.append([*read + READING_NOISE * rng.normal(size=3), *force + FORCE_NOISE * rng.normal(size=3)])
+        rows[-1] += [depth + 0.004 * z + 0.1, *force]
+    heads = ["S1_V", "S2_V", "S3_V", "Fx_N", "Fy_N", "F_z [N]", "depth_mm", "true x", "true y", "true z"]
+    return pd.DataFrame(rows, columns=heads)
 
 
-def test_too_few_scores_give_the_largest():
-    assert conformal_quantile(np.array([1.0, 5.0, 2.0])) == 5
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A bench of 24 presses in two runs: the table with the true forces, and the files without them."""
+    table = bench_table(5, 24)
+    folder = tmp_path_factory.mktemp("bench")
+    files = []
+    for k in range(2):
+        files.append(str(folder / f"run{k + 1}.csv"))
+        table.iloc[k::2, :7].to_csv(files[-1], index=False)
+    return table, files
 
 
-def test_regions_have_their_own_quantiles_unless_they_have_few_points():
-    scores = np.concatenate([np.full(FEWEST, 1.0), np.full(FEWEST, 3.0), np.full(2, 9.0)])[:, None]
-    region = np.repeat([0, 1, 2], [FEWEST, FEWEST, 2])
-    assert quantiles_by_region(scores, region, 3)[:, 0].tolist() == [1, 3, 3]
+@pytest.fixture(scope="module")
+def simulated():
+    """A sensor with unknowns drawn from its priors, the rows that it predicts, and their noise."""
+    rng, design = np.random.default_rng(3), paper()
+    law, _, _ = calibration_study.mechanics_of(design, None)
+    table = pd.DataFrame({name: np.ones(40) for name in ("S1", "S2", "S3", "Fz_N")} | {"run": "a"})
+    un = sensor_fit.unknowns_of(design, bench_file.Bench(table, ("S1", "S2", "S3"), []), Tolerances())
+    sensor = sensor_fit.Sensor(design, law, un, np.full(3, READING_NOISE), FORCE_NOISE)
+    w, angle = -law.sink * rng.uniform(0.1, 0.8, 40), rng.uniform(0, 2 * np.pi, 40)
+    u = law.reach * rng.uniform(0, 0.7, 40) * np.sqrt(-w / law.sink)
+    return sensor, np.stack([u * np.cos(angle), u * np.sin(angle), w], axis=1), rng
+
+
+def rows_of(sensor, theta, shift, rng, noise=1.0):
+    rows = sensor.predict(theta, shift, np.zeros(len(shift)))
+    rows[:, :3] += noise * READING_NOISE * rng.normal(size=(len(shift), 3))
+    rows[:, 3:6] += noise * FORCE_NOISE * rng.normal(size=(len(shift), 3))
+    rows[:, 6:] = np.nan
+    return rows
+
+
+def test_the_estimate_is_exact_without_noise_and_with_one_unknown(simulated):
+    sensor, shift, rng = simulated
+    un = sensor.unknowns
+    one = dataclasses.replace(un, deviation=np.where(np.arange(len(un.mean)) == 0, un.deviation, 0.0))
+    sensor, theta = dataclasses.replace(sensor, unknowns=one), un.mean.copy()
+    theta[0] = 1.07
+    found = sensor_fit.fit(sensor, rows_of(sensor, theta, shift, rng, noise=0.0), np.zeros(len(shift)))
+    # the prior pulls by the share of its information
+    assert found.theta[0] == pytest.approx(1.07, abs=1e-4)
+    assert found.shift == pytest.approx(shift, abs=1e-3)
+
+
+def test_unknowns_scatter_as_their_covariance_says(simulated):
+    sensor, shift, rng = simulated
+    un, z = sensor.unknowns, []
+    for _ in range(8):
+        theta = un.mean + un.deviation * rng.normal(size=len(un.mean))
+        found = sensor_fit.fit(sensor, rows_of(sensor, theta, shift, rng), np.zeros(len(shift)))
+        z.append((found.theta - theta) / found.deviation)
+        assert 0.6 < found.chi2 / found.freedom < 1.5
+    inside = np.mean(np.abs(z) < sensor_fit.QUANTILE)
+    assert 0.82 < inside < 0.97  # 0.9 of 128 numbers that depend on each other
+
+
+def test_more_rows_never_widen_a_deviation(simulated):
+    sensor, shift, rng = simulated
+    rows = rows_of(sensor, sensor.unknowns.mean, shift, rng, noise=0.0)
+    few, many = (sensor_fit.fit(sensor, rows[:n], np.zeros(n)) for n in (10, 40))
+    assert (many.deviation <= few.deviation * (1 + 1e-3)).all()
+
+
+def test_forces_are_within_their_intervals_after_twelve_presses(bench):
+    table, files = bench
+    read = bench_file.read([Path(files[0])], paper())
+    law, _, error = calibration_study.mechanics_of(paper(), None)
+    un = sensor_fit.unknowns_of(paper(), read, Tolerances(), model_error=error)
+    sensor = sensor_fit.Sensor(paper(), law, un, np.full(3, READING_NOISE), FORCE_NOISE)
+    found = sensor_fit.fit(sensor, sensor_fit.measured_of(read), np.zeros(12))
+    unseen = table.iloc[1::2]
+    decoded = sensor_fit.decode(found, unseen[["S1_V", "S2_V", "S3_V"]].to_numpy(), np.zeros(12))
+    off = decoded.force - unseen[["true x", "true y", "true z"]].to_numpy()
+    assert np.mean(np.abs(off) < decoded.half_width) > 0.75
+    assert np.sqrt(np.square(off).sum(axis=1).mean()) < 0.1
+    # a quadratic regression from the same twelve presses
+    seen = sensor_fit.measured_of(read)
+    other = calibration_study.ridge(seen[:, :3], seen[:, 3:6], unseen[["S1_V", "S2_V", "S3_V"]].to_numpy(), 2)
+    worse = other - unseen[["true x", "true y", "true z"]].to_numpy()
+    assert np.square(worse).sum() > 9 * np.square(off).sum()
+
+
+def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
+    table, files = bench
+    out = tmp_path / "out"
+    status, text, err = run("calibrate", "paper", *files, "--out", out, "--json")
+    assert status == 0, err
+    record = json.loads(text)
+    assert (record["rows"], record["runs"]) == (24, 2)
+    by_method = {row["method"]: row for row in record["held_out"] if row["held_out"] == "run2"}
+    assert by_method["calibration"]["rmse_N"] < 0.5 * by_method["linear ridge"]["rmse_N"]
+    names = {row["name"]: row for row in record["unknowns"]}
+    assert abs(names["stand_zero"]["value"] - 0.1) < 3 * names["stand_zero"]["deviation"]
+    assert {path.name for path in out.iterdir()} >= {*calibration_study.FILES, "run.json"}
+    assert "the next press that helps most" in (out / "CALIBRATION.md").read_text("utf-8")
+    readings = ",".join(map(repr, table.iloc[7, :3].tolist()))
+    status, text, err = run(
+        "decode", "paper", "--calibration", out / "calibration.json", "--readings", readings, "--json"
+    )
+    one = json.loads(text)
+    assert status == 0, err
+    assert one["force_N"][2] == pytest.approx(table["true z"][7], abs=0.1)
+    status, text, err = run("decode", "paper", "--calibration", out / "calibration.json", "--file", files[0])
+    assert status == 0, err
+    assert text.splitlines()[0].endswith(",".join(calibration_study.DECODED))
+    assert run("solve", out / "design.toml", "--depth", "0.5", "--accuracy", "quick")[0] == 0
+
+
+def test_unknowns_that_no_row_tells_apart_are_named(simulated):
+    sensor, shift, rng = simulated
+    rows = rows_of(sensor, sensor.unknowns.mean, shift, rng)
+    said = " ".join(calibration_study.sentences(sensor_fit.fit(sensor, rows, np.zeros(len(shift)))))
+    # a fixed field is an offset of the elements
+    assert "say nothing about ambient_x, ambient_y, ambient_z" in said
+
+
+def test_a_lag_of_the_forces_is_found():
+    t = np.arange(0, 30, 0.02)
+    force = 5 * np.sin(0.9 * t) ** 2 + 0.3 * np.sin(5 * t)
+    late = 5 * np.sin(0.9 * (t - 0.06)) ** 2 + 0.3 * np.sin(5 * (t - 0.06))
+    table = pd.DataFrame(
+        {"time_s": t, "S1": force, "S2": 0.3 * np.abs(force), "S3": np.cos(t), "Fz_N": late, "run": "a"}
+    )
+    found = calibration_study.estimate_lag(bench_file.Bench(table, ("S1", "S2", "S3"), []))
+    assert found == pytest.approx(0.06, abs=0.004)
+
+
+def test_the_scan_of_a_real_magnet_gives_its_polarisation(run):
+    status, text, err = run(*SCAN, "--set", "magnet_north=up", "--json")
+    record = json.loads(text)
+    assert status == 0, err
+    # magpylib's tutorial: 1.126 T, residuals of 0.04 mT
+    assert record["J_T"] == pytest.approx(1.126, abs=0.003)
+    assert record["rms_mT"] < 0.04
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor(degree):
+    """Three real runs of one magnetic skin (eFlesh): a quadratic regression reaches 0.28 N within a run."""
+    runs = [pd.read_csv(f"{EXAMPLES}eflesh_normal_run{k}.csv.gz").dropna() for k in (1, 2, 3)]
+    B, F = ([table.filter(like=part).to_numpy() for table in runs] for part in ("_uT", "load_g"))
+    force = [np.pad(9.80665e-3 * each, ((0, 0), (0, 2)), constant_values=np.nan) for each in F]
+
+    def rmse(train, test):
+        found = calibration_study.ridge(*train, test[0], degree)
+        return np.sqrt(np.square(found - test[1])[:, 0].mean())
+
+    within = [rmse((b[::2], f[::2]), (b[1::2], f[1::2])) for b, f in zip(B, force, strict=True)]
+    across = [
+        rmse(tuple(np.concatenate([each[j] for j in range(3) if j != k]) for each in (B, force)), (B[k], force[k]))
+        for k in range(3)
+    ]
+    assert max(within) < (0.6, 0.28)[degree - 1]
+    assert np.mean(across) > 1.3 * np.mean(within)
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "sentence"),
+    [
+        (lambda t: t.rename(columns={"S1_V": "S1_mV"}), [], "check the unit of its column"),
+        (lambda t: t.rename(columns={"S1_V": "X"}), [], "has no reading S1"),
+        (lambda t: t.assign(S2_V=2.5), [], "an element that is not read"),
+        (lambda t: t.iloc[:, :3], [], "the bench has no force"),
+        (lambda t: t.iloc[:3], [], "needs at least 4"),
+        (lambda t: t, ["--force-sign", "-1"], "all forces along z are negative"),
+        (lambda t: t.assign(load_g=1.0), [], "both mean Fz_N"),
+        (lambda t: t.assign(Fx_N="much"), [], "is no number: 'much'"),
+        (lambda t: t, ["--fix", "foo=1"], "there is no unknown 'foo'"),
+        (lambda t: t, ["--scan"], "a scan is read by a 3-axis chip"),
+    ],
+)  # fmt: skip
+def test_a_bench_that_cannot_be_used_is_one_sentence(change, options, sentence, bench, run, tmp_path):
+    table = change(bench[0].iloc[:12, :7])
+    table.to_csv(tmp_path / "bench.csv", index=False)
+    status, out, err = run("calibrate", "paper", tmp_path / "bench.csv", "--out", tmp_path / "out", *options)
+    assert (status, out) == (2, "")
+    assert sentence in err.splitlines()[-1]
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())

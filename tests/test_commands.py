@@ -5,7 +5,7 @@ import re
 ORDER = """
     Design: design cad mesh cache catalogue size
     Simulation: solve analytic compare stability modes response cycle fit demo
-    Sensing: field readings decode table layout
+    Sensing: field readings calibrate decode table layout
     Exploration: explore sweep sensitivity report store
     Validation: validate
     Options: --help --version

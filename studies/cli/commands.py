@@ -54,7 +54,7 @@ VERBS = {
         "simulation_commands": "solve analytic compare stability modes response cycle fit",
         "exploration_commands": "demo",
     },
-    "Sensing": {"sensing_commands": "field readings decode table layout"},
+    "Sensing": {"sensing_commands": "field readings calibrate decode table layout"},
     "Exploration": {"exploration_commands": "explore sweep sensitivity report"},
     "Validation": {},
 }

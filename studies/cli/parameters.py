@@ -98,7 +98,7 @@ def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
         if value == default:
             continue
         if positional:
-            words.append(str(value))
+            words += map(str, value if isinstance(value, list) else [value])
         elif value is True:
             words.append(options[key])
         else:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
 from studies.inputs.option_groups import LEVEL, Basis, Decoding, FieldLevel, LayoutParts, Pose, Reading
-from studies.inputs.user_input import say_no_effect
+from studies.inputs.user_input import pairs, parse_numbers, say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
 
@@ -79,6 +81,79 @@ def readings(
     return show(field_readings.study(design, responses, sensing, wide=wide), here)
 
 
+def calibrate(
+    source: Source,
+    bench: Annotated[list[Path], Parameter(name="BENCH")],
+    /,
+    *,
+    out: Path | None = None,
+    responses: Path | None = None,
+    columns: Annotated[list[str] | None, Parameter(name="--column")] = None,
+    force_sign: Literal[1, -1] = 1,
+    force_noise: float | None = None,
+    free: list[str] | None = None,
+    fix: list[str] | None = None,
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
+    scan: bool = False,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Estimate a made sensor from what a test stand recorded, and the error of its forces on rows it has not seen.
+
+    A dozen presses with and without shear suffice. Unknown are the silicone's modulus, the magnet's remanence, place
+    and tilt, each element's gain and offset, the ambient field, and zero and compliance of the stand.
+
+    Parameters
+    ----------
+    bench
+        CSV files (also .csv.gz), each a run. Heads have their unit as a suffix or in brackets: the readings by the
+        names of the elements, S1_V, `S1 [mV]`; forces Fx_N, Fy_N, Fz_N (or load_g), positive along x, y and in
+        compression; if measured depth_mm, shear_x_mm, shear_y_mm, time_s, temperature_C, run. Cells may be empty.
+    out
+        Folder for calibration.json, which `decode --calibration` reads, design.toml, CALIBRATION.md, tables, picture.
+    responses
+        File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate.
+    columns
+        NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; repeatable.
+    force_sign
+        Factor on all forces: -1 where the file counts compression as negative.
+    force_noise
+        Standard deviation of a measured force, N; default: half a percent of the largest one.
+    free
+        Unknown whose prior is ten times as wide; repeatable.
+    fix
+        NAME=VALUE: unknown that is not estimated, such as remanence=1; repeatable.
+    tolerances
+        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, which gives the priors; repeatable.
+    scan
+        The one file is a scan of the bare magnet, without silicone, over the design's 3-axis chip: positions x_mm,
+        y_mm, z_mm of the stage and Bx_mT, By_mT, Bz_mT. Its polarisation, place and tilts are fitted.
+    """
+    from studies.calibration import bench_file, calibration_study, magnet_scan
+    from studies.sensitivity.made_sensors import parse_tolerances
+
+    names = magnet_scan.FILES if scan else calibration_study.FILES
+    here = destination(calibrate, locals(), names, [*bench, responses])
+    design = design_of(source, sets)
+    if scan:
+        if len(bench) > 1 or responses or columns or force_noise or free or fix or tolerances:
+            raise BadInput("--scan takes one file and no options of presses: leave the others out")
+        return publish(partial(magnet_scan.run, design, bench[0]), here)
+    named = pairs("--column", columns or [], "S1=X0")
+    fixed = {
+        name: parse_numbers(f"--fix {name}", text)[0]
+        for name, text in pairs("--fix", fix or [], "remanence=1").items()
+    }
+    table = bench_file.read(bench, design, named, force_sign)
+    made = parse_tolerances(tolerances or [], design)
+    study = partial(
+        calibration_study.run, design, table, made, responses=responses, freed=free or [], fixed=fixed,
+        force_noise=force_noise,
+    )  # fmt: skip
+    return publish(study, here)
+
+
 def decode(
     source: Source,
     /,
@@ -107,8 +182,13 @@ def decode(
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
         raise BadInput("--out works with --file only: leave it out")
-    atomic_files.check_apart([out], [source, file, decoding.responses])
+    atomic_files.check_apart([out], [source, file, decoding.responses, decoding.calibration])
     design = design_of(source, sets)
+    if decoding.calibration is not None:
+        from studies.calibration import calibration_study
+
+        with atomic_files.sole_writer(out):
+            return show(calibration_study.decode(design, decoding, out, as_json=as_json), here)
     made = parse_tolerances(decoding.tolerances or [], design)
     coder = decode_readings.prepare(design, decoding)
     if readings is not None:

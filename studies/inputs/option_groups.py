@@ -330,6 +330,8 @@ class Decoding:
     tolerances
         NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
         that these tolerances may cause at rest has the status uncalibrated.
+    calibration
+        calibration.json of `magtip calibrate`: decode the sensor that it describes; forces have 90 % intervals.
     """
 
     readings: str | None = None
@@ -339,6 +341,7 @@ class Decoding:
     responses: Path | None = None
     ignore_tilt: bool = False
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    calibration: Path | None = None
 
 
 @Parameter(name="*")

@@ -1,0 +1,1 @@
+"""Calibration of a made sensor from what a test stand recorded."""

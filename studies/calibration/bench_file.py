@@ -1,0 +1,230 @@
+"""Bench files: what a test stand recorded, as one table with known columns.
+
+A head has its unit as a suffix (S1_V, Fz_N, load_g) or in brackets (F_x [N], S1 [mV]). Known are the time, the
+readings by the names of the design's elements, forces on the tip (z positive in compression), depth and shear of the
+plate, temperature and the number of a run. Cells may be empty. Several files are several runs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analytic import parts
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+
+FORCES, MOTIONS = ("Fx_N", "Fy_N", "Fz_N"), ("depth_mm", "shear_x_mm", "shear_y_mm")
+UNITS: dict[str, dict[str, float]] = {
+    "V": {"V": 1.0, "mV": 1e-3},
+    "T": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "µT": 1e-6, "G": 1e-4},
+    "N": {"N": 1.0, "mN": 1e-3, "g": 9.80665e-3, "gf": 9.80665e-3, "kg": 9.80665},
+    "mm": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "m": 1e3},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "C": {"C": 1.0, "degC": 1.0, "°C": 1.0},
+}
+"""Factors of the units that a head may name, by the unit of the column that results."""
+NAMES = {
+    r"f_?x|force_?x": "Fx_N", r"f_?y|force_?y": "Fy_N", r"f_?z|force_?z|force|load|f": "Fz_N",
+    r"depth": "depth_mm", r"shear(_?x)?": "shear_x_mm", r"shear_?y": "shear_y_mm",
+    r"t|time|t_wall": "time_s", r"temp|temperature": "temperature_C",
+}  # fmt: skip
+"""Heads without their unit, in small letters, and the columns that they mean."""
+FEWEST = 4
+"""Least number of rows with all readings and a force: three readings alone tell no more than a pose."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bench:
+    """Rows of all files.
+
+    Attributes
+    ----------
+    table : a DataFrame with the columns run, those of the readings, and the others that are there; NaN for an empty
+        cell. Readings are in the elements' own unit.
+    readings : names of the columns of the readings, in the order of the elements.
+    understood : what was understood of each head: file, head, column, unit, number of values.
+    """
+
+    table: Any
+    readings: tuple[str, ...]
+    understood: Sequence[Mapping[str, Any]]
+
+    def values(self, names: Sequence[str]) -> Array:
+        """Return columns as numbers (n, k), NaN for those that are not there."""
+        return np.asarray(self.table.reindex(columns=list(names)).to_numpy(dtype=float))
+
+    @property
+    def runs(self) -> list[str]:
+        return list(dict.fromkeys(self.table["run"]))
+
+
+def read(
+    files: Sequence[Path], design: Design, columns: Mapping[str, str] | None = None, force_sign: float = 1.0
+) -> Bench:
+    """Read bench files.
+
+    Parameters
+    ----------
+    columns : heads that have other names, by the column that they mean: {"S1": "X0 [uT]"}.
+    force_sign : factor on all forces, 1 or -1.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be read, a head is ambiguous or missing, or values cannot be in the stated unit.
+    """
+    import pandas as pd
+
+    elements = parts.of_design(design)
+    names = tuple(parts.columns(elements))
+    tables, understood = [], []
+    for file in files:
+        table, heads = _read_file(file, names, elements[0].unit, columns or {})
+        label = file.name.removesuffix(".gz").removesuffix(".csv")
+        runs = table["run"].astype(str) if "run" in table else ""
+        table["run"] = label if isinstance(runs, str) else label + ":" + runs
+        tables.append(table)
+        understood += heads
+    table = pd.concat(tables, ignore_index=True)
+    present = [name for name in FORCES if name in table]
+    table[present] = force_sign * table[present]
+    _check(table, names, present, elements[0])
+    return Bench(table, names, understood)
+
+
+def read_texts(file: Path) -> Any:
+    """Return the cells of a CSV file, which may be packed (.csv.gz), as texts in a DataFrame.
+
+    Raises
+    ------
+    BadInput
+        There is no such file, or it is no table.
+    """
+    import pandas as pd
+
+    try:
+        return pd.read_csv(file, comment="#", dtype=str, skipinitialspace=True)
+    except FileNotFoundError:
+        raise BadInput(f"there is no file {str(file)!r}: check its path") from None
+    except (OSError, ValueError, pd.errors.ParserError) as error:
+        raise BadInput(f"{str(file)!r} is no CSV table ({str(error).splitlines()[0]}): check the file") from None
+
+
+def split_head(head: str) -> tuple[str, str]:
+    """Return name and unit of a head.
+
+    >>> split_head("F_x [N]"), split_head("S1_mV"), split_head("S1")
+    (('F_x', 'N'), ('S1', 'mV'), ('S1', ''))
+    """
+    bracket = re.fullmatch(r"\s*(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*", head)
+    if bracket:
+        return bracket.group(1), bracket.group(2)
+    name, _, unit = head.strip().rpartition("_")
+    return (name, unit) if name else (unit, "")
+
+
+def _read_file(
+    file: Path, names: Sequence[str], unit: str, columns: Mapping[str, str]
+) -> tuple[Any, list[dict[str, Any]]]:
+    import pandas as pd
+
+    raw = read_texts(file)
+    given = {head: name for name, head in columns.items()}
+    if lost := [head for head in given if head not in raw]:
+        raise BadInput(f"{file.name} has no column {lost[0]!r}: --column names one of {', '.join(raw.columns)}")
+    found: dict[str, str] = {}
+    table, heads = {}, []
+    for head in raw.columns:
+        column, named = _meaning(head, given.get(head), names, unit)
+        if not column:
+            heads.append({"file": file.name, "head": head, "column": "not used", "unit": "", "values": 0})
+            continue
+        if column in found:
+            raise BadInput(
+                f"{file.name}: the columns {found[column]!r} and {head!r} both mean {column}: rename or delete one"
+            )
+        found[column] = head
+        table[column] = raw[head] if column == "run" else numbers_of(file, head, raw[head]) * _factor(column, named)
+        heads.append(
+            {"file": file.name, "head": head, "column": column, "unit": named, "values": int(raw[head].notna().sum())}
+        )
+    if missing := [name for name in names if name not in table]:
+        raise BadInput(
+            f"{file.name} has no reading {missing[0]}: this design has the elements {', '.join(names)}; name its "
+            f"column {missing[0]}_{unit}, or give --column {missing[0]}=HEAD"
+        )
+    return pd.DataFrame(table), heads
+
+
+def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> tuple[str, str]:
+    """Return the column that a head means, and its unit; two empty texts for one that is not used."""
+    stem, named = split_head(head)
+    if head.strip().lower() == "run":
+        return "run", ""
+    name = given or stem
+    element = next((each for each in names if each.lower() == name.strip().lower()), None)
+    column = element or next((each for text, each in NAMES.items() if re.fullmatch(text, name.lower())), None)
+    if given and column is None:
+        column = given if given in (*FORCES, *MOTIONS, "time_s", "temperature_C") else None
+        if column is None:
+            raise BadInput(f"--column {given}: choose one of {', '.join([*names, *FORCES, *MOTIONS])}")
+    if column is None:
+        return "", ""
+    wanted = unit if element else column.rpartition("_")[2]
+    if named not in UNITS[wanted]:
+        raise BadInput(
+            f"the column {head!r} has no unit that a {'reading' if element else column.rpartition('_')[0]} can have: "
+            f"write one of {', '.join(UNITS[wanted])} behind its name, as in {name}_{wanted}"
+        )
+    return column, named
+
+
+def _factor(column: str, unit: str) -> float:
+    return next(factors[unit] for factors in UNITS.values() if unit in factors)
+
+
+def numbers_of(file: Path, head: str, cells: Any) -> Any:
+    """Return the numbers of a column, NaN for an empty cell or one that is not finite."""
+    import pandas as pd
+
+    values = pd.to_numeric(cells, errors="coerce")
+    wrong = cells[values.isna() & cells.notna() & ~cells.fillna("").str.strip().str.lower().isin(["", "nan"])]
+    if len(wrong):
+        raise BadInput(f"{file.name}, row {wrong.index[0] + 1} of {head!r} is no number: {wrong.iloc[0]!r}")
+    return values.where(np.isfinite(values))
+
+
+def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: parts.Element) -> None:
+    """Refuse a bench without forces or with impossible values."""
+    if not forces:
+        raise BadInput(
+            "the bench has no force: name a column Fz_N (or load_g), and Fx_N and Fy_N if they were measured"
+        )
+    for name in names:
+        values = table[name].dropna()
+        if len(values) and values.nunique() == 1 and len(table) >= FEWEST:
+            raise BadInput(
+                f"all readings of {name} are {values.iloc[0]:g} {element.unit}: an element that is not read"
+            )
+        beyond = (values < 2 * element.low - element.high) | (values > 2 * element.high - element.low)
+        if element.unit == "V":
+            beyond = (values < element.low / 2) | (values > 1.5 * element.high)
+        if len(values) and beyond.mean() > 0.5:
+            raise BadInput(
+                f"readings of {name} such as {values[beyond].iloc[0]:.4g} {element.unit} cannot be: this element "
+                f"reads from {element.low:g} to {element.high:g} {element.unit}: check the unit of its column"
+            )
+    pressed = table["Fz_N"].dropna() if "Fz_N" in table else table[[]].sum(axis=1)
+    if len(pressed) and (pressed <= 0).all() and (pressed < 0).any():
+        raise BadInput("all forces along z are negative, but a press is positive: use --force-sign -1")
+    complete = table[[*names]].notna().all(axis=1) & table[list(forces)].notna().any(axis=1)
+    if complete.sum() < FEWEST:
+        raise BadInput(
+            f"only {int(complete.sum())} rows have all readings and a force: a calibration needs at least {FEWEST}"
+        )

@@ -1,0 +1,459 @@
+"""A made sensor estimated from bench rows: maximum a posteriori, its covariance, and the decoder that follows.
+
+The magnet's shift s (3,) in each row is unknown too. With the polynomials of `analytic.inverse.response_surface` for
+the nominal design (tau, k, n, d, g), the unknowns of the sensor and dT = T - T_0, a row has
+
+    field at element i  B_i = b (1 + a dT) B(s + R(tilt) o, tilt + t) . n_i + (ambient field) . n_i
+    reading             null_i + z_i + gain_i g_i (1 + c dT) B_i
+    force on the tip    m (k(s) s_x, k(s) s_y, n(s))
+    depth, shear        d(s) + stand_zero + stand_compliance F_z,   g(s) (s_x, s_y)
+
+with factors m of the modulus, b of the polarisation and g_i of the gains, offset o and tilt t of the magnet in the
+silicone, and offsets z_i of the elements. All unknowns have normal priors about the nominal sensor, whose standard
+deviations follow from tolerances (`studies.sensitivity.made_sensors`): half of the largest deviation of a normal
+one, 1/sqrt(3) of that of a uniform one.
+
+What is measured has independent normal errors of known size. Gauss-Newton steps minimise the squared errors over
+their variances, with the priors'; each row's shift is eliminated from the equations (Schur complement), so a step
+costs a system of the size of the unknowns. Their covariance is the inverse of this system. Where the residuals exceed
+the stated errors, it grows by chi^2 over the degrees of freedom (Birge), and so does every interval that follows.
+
+Limits: forces are those of one branch of the mechanics, without hysteresis; what moves the magnet in the silicone
+does not change the mechanics; a factor of the polarisation is the one at the working point, below that of the data
+sheet for flat magnets. Lengths mm, angles rad, N, T.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.polynomial import polyval2d
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from analytic import parts
+from analytic.hall import batch_readings, rotated
+from analytic.inverse.response_surface import Mechanics, forces, workspace
+from geometry.arrays import Array, Ints
+from geometry.design import BadInput, Design
+from studies.calibration.bench_file import FORCES, MOTIONS, Bench
+from studies.sensitivity.made_sensors import Tolerances
+
+STEPS, LARGEST_STEP, SETTLED = 40, 0.05, 1e-7
+"""Most Gauss-Newton steps; longest change of a shift in one, over D; relative fall of the sum at which they end."""
+NOISE_ROUNDS, SAME_NOISE = 4, 0.05
+"""Most rounds in which the error of the forces is estimated; relative change that ends them."""
+MOST_DAMPED = 1e3
+"""Damping at which a row that still finds no better shift is at its best one."""
+GRID = (9, 9, 12)
+"""Shifts along x, y and z among which each row starts."""
+QUANTILE = 1.6449
+"""Half width of a 90 % interval of a normal distribution over its standard deviation."""
+AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
+"""Standard deviations of priors: ambient field (T, as the earth's), zero (mm) and compliance (mm/N) of the stand."""
+WARMING = {"remanence_per_K": (-1.1e-3, 2e-4), "gain_per_K": (0.0, 5e-4)}
+"""Priors of temperature coefficients, 1/K: NdFeB loses 0.09 to 0.13 % of its remanence per K."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unknowns:
+    """Unknowns of a made sensor, with normal priors.
+
+    Attributes
+    ----------
+    names, units : of the p unknowns.
+    mean, deviation : (p,) of their priors; a deviation of 0 fixes the value.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    mean: Array
+    deviation: Array
+
+    @property
+    def free(self) -> Ints:
+        """Indices of the unknowns that are not fixed."""
+        return np.flatnonzero(self.deviation > 0)
+
+
+def unknowns_of(
+    design: Design,
+    bench: Bench,
+    made: Tolerances,
+    *,
+    freed: Sequence[str] = (),
+    fixed: Mapping[str, float] = {},
+    model_error: float = 0.0,
+) -> Unknowns:
+    """Return the unknowns that a bench can have, with their priors.
+
+    Parameters
+    ----------
+    freed : names whose prior is ten times as wide.
+    fixed : values of unknowns that are not estimated.
+    model_error : relative standard deviation of the model's forces.
+    """
+    three = design.hall_layout == "three"
+    gain, null = (made.hall_gain, made.hall_null) if three else (made.chip_gain, made.chip_null)
+    unit = "V" if three else "T"
+    flat, half = 1 / math.sqrt(3), 0.5
+    rows = [
+        ("modulus", "1", 1.0, math.hypot(half * made.E / 100, model_error)),
+        ("remanence", "1", 1.0, flat * made.remanence / 100),
+        *((f"magnet_{axis}", "mm", 0.0, half * getattr(made, f"magnet_{axis}")) for axis in "xyz"),
+        *((f"tilt_{axis}", "rad", 0.0, half * math.radians(made.magnet_tilt)) for axis in "xy"),
+        *((f"gain_{name}", "1", 1.0, flat * gain / 100) for name in bench.readings),
+        *((f"null_{name}", unit, 0.0, flat * null) for name in bench.readings),
+        *((f"ambient_{axis}", "T", 0.0, AMBIENT) for axis in "xyz"),
+    ]
+    if np.isfinite(bench.values(["depth_mm"])).any():
+        rows += [("stand_zero", "mm", 0.0, STAND_ZERO), ("stand_compliance", "mm/N", 0.0, STAND_COMPLIANCE)]
+    if "temperature_C" in bench.table:
+        rows += [(name, "1/K", *prior) for name, prior in WARMING.items()]
+    names, units, mean, deviation = zip(*rows, strict=True)
+    for name in (*freed, *fixed):
+        if name not in names:
+            raise BadInput(f"there is no unknown {name!r}: choose one of {', '.join(names)}")
+    means, wide = np.array(mean), np.array(deviation)
+    for k, name in enumerate(names):
+        wide[k] *= 0.0 if name in fixed else 10.0 if name in freed else 1.0
+        means[k] = fixed.get(name, means[k])
+    return Unknowns(names, units, means, wide)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensor:
+    """What predicts bench rows: the nominal design, its mechanics, and errors of what is measured.
+
+    Attributes
+    ----------
+    noise : (k,) standard deviations of the readings, in the elements' unit.
+    force_noise, motion_noise : of forces, N, and of depth and shears, mm.
+    temperature_C : T_0 of the nominal sensor.
+    """
+
+    design: Design
+    mechanics: Mechanics
+    unknowns: Unknowns
+    noise: Array
+    force_noise: float
+    motion_noise: float = 0.02
+    temperature_C: float = 20.0
+
+    def value(self, theta: Array, name: str) -> float:
+        """Return an unknown, or what it is where the bench has none."""
+        names = self.unknowns.names
+        return float(theta[names.index(name)]) if name in names else 0.0
+
+    def vector(self, theta: Array, stem: str, ends: Sequence[str]) -> Array:
+        return np.array([self.value(theta, f"{stem}_{end}") for end in ends])
+
+    def predict(self, theta: Array, shift: Array, warmer: Array) -> Array:
+        """Return readings, forces and motions (n, k + 6) at shifts (n, 3), for dT (n,)."""
+        elements = parts.of_design(self.design)
+        names = parts.columns(elements)
+        x, y, w = shift.T
+        U, r = x * x + y * y, np.cbrt(np.maximum(-w, 0.0))
+        lean = polyval2d(U, w, self.mechanics.tau)
+        # a positive rotation about x carries z towards -y
+        tilt = np.stack([-lean * y, lean * x], axis=1)
+        moved = shift + rotated(self.vector(theta, "magnet", "xyz"), tilt)
+        turned = tilt + self.vector(theta, "tilt", "xy")
+        B = batch_readings([self.design], np.zeros(len(shift), dtype=np.int64), moved, turned).field_T
+        B = B * (self.value(theta, "remanence") * (1 + self.value(theta, "remanence_per_K") * warmer))[:, None]
+        B = B + self.vector(theta, "ambient", "xyz") @ np.array([element.direction for element in elements]).T
+        gain = self.vector(theta, "gain", names) * np.array([element.gain for element in elements])
+        null = self.vector(theta, "null", names) + np.array([element.null for element in elements])
+        reading = null + gain * B * (1 + self.value(theta, "gain_per_K") * warmer)[:, None]
+        force = self.value(theta, "modulus") * forces(self.mechanics, shift.T)[0].T
+        depth = polyval2d(U, r, self.mechanics.depth) + self.value(theta, "stand_zero")
+        depth = depth + self.value(theta, "stand_compliance") * force[:, 2]
+        g = polyval2d(U, r, self.mechanics.shear)
+        return np.column_stack([reading, force, depth, x * g, y * g])
+
+    def weights(self, measured: Array) -> Array:
+        """Return one over the standard deviation of what was measured (n, k + 6), 0 where nothing was."""
+        sigma = np.concatenate([self.noise, [self.force_noise] * 3, [self.motion_noise] * 3])
+        return np.where(np.isfinite(measured), 1 / sigma, 0.0)
+
+    def starts(self, theta: Array, measured: Array) -> Array:
+        """Return shifts (n, 3) near those of rows, from a grid over the workspace: the one that predicts best."""
+        low, high = workspace(self.design, self.mechanics)
+        # 0 sideways and at rest are points of the grid
+        axes = [np.linspace(a, b, n) for a, b, n in zip(low, [*high[:2], 0.0], GRID, strict=True)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        found = self.predict(theta, grid, np.zeros(len(grid)))
+        defined = np.isfinite(found).all(axis=1)  # not so inside an element
+        grid, found = grid[defined], found[defined]
+        scale = found.std(axis=0)
+        scale[scale == 0] = 1.0
+        known, shift = np.isfinite(measured), np.empty((len(measured), 3))
+        for pattern in np.unique(known, axis=0):
+            rows = (known == pattern).all(axis=1)
+            tree = cKDTree((found / scale)[:, pattern])
+            shift[rows] = grid[tree.query((measured[rows] / scale)[:, pattern])[1]]
+        return shift
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """An estimated sensor.
+
+    Attributes
+    ----------
+    sensor : what it was fitted with.
+    theta, covariance : (p,) values of the unknowns, and their covariance (p, p), with `growth`.
+    shift : (n, 3) the magnet's shift in each row.
+    residual : (n, k + 6) measured less predicted, over the standard deviation; NaN where nothing was measured.
+    chi2, freedom : sum of the squared residuals with the priors, and its degrees of freedom.
+    """
+
+    sensor: Sensor
+    theta: Array
+    covariance: Array
+    shift: Array
+    residual: Array
+    chi2: float
+    freedom: int
+
+    @property
+    def growth(self) -> float:
+        """Factor of all variances: chi^2 over its degrees of freedom, at least 1."""
+        return max(1.0, self.chi2 / max(self.freedom, 1))
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (p,) of the unknowns."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def correlation(self) -> Array:
+        """Return the correlations (p, p); 0 for unknowns that are fixed."""
+        size = np.where(self.deviation > 0, self.deviation, 1.0)
+        return np.asarray(self.covariance / np.outer(size, size))
+
+
+def measured_of(bench: Bench) -> Array:
+    """Return readings, forces and motions (n, k + 6) of a bench, NaN for what was not measured."""
+    return bench.values([*bench.readings, *FORCES, *MOTIONS])
+
+
+def warmer_of(sensor: Sensor, bench: Bench) -> Array:
+    """Return T - T_0 of all rows (n,); 0 where it was not measured."""
+    return np.nan_to_num(bench.values(["temperature_C"])[:, 0] - sensor.temperature_C)
+
+
+def fit(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
+    """Estimate the sensor from rows (n, k + 6).
+
+    Raises
+    ------
+    BadInput
+        There are fewer numbers than unknowns of the rows and the sensor need.
+    """
+    un = sensor.unknowns
+    free, theta = un.free, un.mean.copy()
+    W = sensor.weights(measured)
+    shift = sensor.starts(theta, measured)
+    shift = _settle_shifts(sensor, theta, shift, measured, W, warmer)
+    total, lever = _total(sensor, theta, shift, measured, W, warmer), 1e-3
+    for _ in range(STEPS):
+        r, Js, Jt = _linearised(sensor, theta, shift, measured, W, warmer)
+        S, g, A, B, gs = _condensed(r, Js, Jt, un, theta)
+        while True:
+            step = np.linalg.solve(S + lever * np.diag(np.diag(S)), g)
+            along = np.linalg.solve(A, (gs - np.einsum("nip,p->ni", B, step))[..., None])[..., 0]
+            along *= np.minimum(1.0, LARGEST_STEP * sensor.design.D / np.maximum(np.abs(along).max(axis=1), 1e-12))[
+                :, None
+            ]
+            trial = theta.copy()
+            trial[free] += step
+            after = _total(sensor, trial, shift + along, measured, W, warmer)
+            if after <= total or lever > 1e6:
+                break
+            lever *= 10
+        if not after <= total:
+            break
+        fall, theta, shift, total, lever = total - after, trial, shift + along, after, max(lever / 10, 1e-9)
+        if fall <= SETTLED * max(total, 1.0):
+            break
+    r, Js, Jt = _linearised(sensor, theta, shift, measured, W, warmer)
+    S = _condensed(r, Js, Jt, un, theta)[0]
+    freedom = int((W > 0).sum()) - 3 * len(measured)
+    growth = max(1.0, total / max(freedom, 1))
+    covariance = np.zeros((len(theta), len(theta)))
+    covariance[np.ix_(free, free)] = growth * np.linalg.inv(S)
+    residual = np.where(W > 0, r, np.nan)
+    return Fit(sensor, theta, covariance, shift, residual, total, freedom)
+
+
+def fit_with_noise(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
+    """Estimate the sensor, and the standard deviation of the forces from its residuals.
+
+    Three numbers of a row determine its shift, and the readings are the most exact ones: what is left is the error of
+    the measured forces, that of the mechanics included.
+    """
+    for _ in range(NOISE_ROUNDS):
+        found = fit(sensor, measured, warmer)
+        ratio = math.sqrt(found.chi2 / max(found.freedom, 1))
+        sensor = dataclasses.replace(sensor, force_noise=sensor.force_noise * min(max(ratio, 0.1), 10.0))
+        if abs(ratio - 1) < SAME_NOISE:
+            break
+    return fit(sensor, measured, warmer)
+
+
+def _total(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> float:
+    """Return the squared errors of rows over their variances, with those of the unknowns from their priors."""
+    un, off = sensor.unknowns, np.nan_to_num(measured) - sensor.predict(theta, shift, warmer)
+    total = np.square(W * off).sum() + np.square((theta - un.mean)[un.free] / un.deviation[un.free]).sum()
+    # a shift inside an element or magnet has no field
+    return float(total) if np.isfinite(total) else math.inf
+
+
+def _linearised(
+    sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array
+) -> tuple[Array, Array, Array]:
+    """Return weighted residuals (n, m) and weighted slopes of the predictions by shifts (n, m, 3) and unknowns."""
+    at, un = sensor.predict(theta, shift, warmer), sensor.unknowns
+    h = 1e-5 * sensor.design.D
+    Js = np.stack([(sensor.predict(theta, shift + h * e, warmer) - at) / h for e in np.eye(3)], axis=-1)
+    slopes = []
+    for k in un.free:
+        moved, d = theta.copy(), 1e-3 * un.deviation[k]
+        moved[k] += d
+        slopes.append((sensor.predict(moved, shift, warmer) - at) / d)
+    Jt = np.stack(slopes, axis=-1) if slopes else np.zeros((*at.shape, 0))
+    return W * (np.nan_to_num(measured) - at), W[..., None] * Js, W[..., None] * Jt
+
+
+def _condensed(
+    r: Array, Js: Array, Jt: Array, un: Unknowns, theta: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return the system S step = g of the free unknowns, and A, B and right side of the rows' shifts."""
+    A = np.einsum("nmi,nmj->nij", Js, Js)
+    # a direction in which a row tells nothing keeps its shift
+    A += 1e-9 * np.trace(A, axis1=1, axis2=2)[:, None, None] * np.eye(3) + 1e-12 * np.eye(3)
+    B, gs = np.einsum("nmi,nmp->nip", Js, Jt), np.einsum("nmi,nm->ni", Js, r)
+    prior = 1 / un.deviation[un.free] ** 2
+    inner = np.linalg.solve(A, np.concatenate([B, gs[..., None]], axis=2))
+    S = np.einsum("nmp,nmq->pq", Jt, Jt) - np.einsum("nip,niq->pq", B, inner[..., :-1]) + np.diag(prior)
+    g = np.einsum("nmp,nm->p", Jt, r) - np.einsum("nip,ni->p", B, inner[..., -1])
+    return S, g - prior * (theta - un.mean)[un.free], A, B, gs
+
+
+def _settle_shifts(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> Array:
+    """Return the shifts (n, 3) that explain each row best, for given unknowns, from shifts near them."""
+    h, most = 1e-5 * sensor.design.D, LARGEST_STEP * sensor.design.D
+    known = np.nan_to_num(measured)
+    cost = np.square(W * (known - sensor.predict(theta, shift, warmer))).sum(axis=1)
+    lever = np.full(len(shift), 1e-3)
+    for _ in range(STEPS):
+        at = sensor.predict(theta, shift, warmer)
+        J = W[..., None] * np.stack(
+            [(sensor.predict(theta, shift + h * e, warmer) - at) / h for e in np.eye(3)], axis=-1
+        )
+        A = np.einsum("nmi,nmj->nij", J, J)
+        damp = lever[:, None, None] * np.einsum("nii->n", A)[:, None, None] / 3 * np.eye(3) + 1e-12 * np.eye(3)
+        step = np.linalg.solve(A + damp, np.einsum("nmi,nm->ni", J, W * (known - at))[..., None])[..., 0]
+        step *= np.minimum(1.0, most / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
+        after = np.square(W * (known - sensor.predict(theta, shift + step, warmer))).sum(axis=1)
+        better = after < cost  # NaN is not better
+        shift = np.where(better[:, None], shift + step, shift)
+        lever = np.where(better, np.maximum(lever / 10, 1e-12), lever * 10)
+        moving = better & (cost - after > SETTLED * np.maximum(cost, 1.0))
+        cost = np.where(better, after, cost)
+        if not moving.any() and (better | (lever > MOST_DAMPED)).all():
+            break
+    return shift
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DecodedForces:
+    """Forces that readings give.
+
+    Attributes
+    ----------
+    force, half_width : (n, 3) N, and half of the 90 % interval; NaN where no pose explains the readings.
+    shift : (n, 3) mm.
+    misfit : (n,) root of the mean squared error of the readings over their standard deviation.
+    """
+
+    force: Array
+    half_width: Array
+    shift: Array
+    misfit: Array
+
+
+LARGEST_MISFIT = 5.0
+"""Largest error of the readings, in their standard deviations, of a pose that explains them."""
+
+
+def decode(found: Fit, readings: Array, warmer: Array) -> DecodedForces:
+    """Decode readings (n, k), in the elements' unit, by an estimated sensor."""
+    sensor, theta = found.sensor, found.theta
+    count = readings.shape[1]
+    measured = np.hstack([readings, np.full((len(readings), 6), np.nan)])
+    known = np.isfinite(readings).all(axis=1)
+    measured[~known] = np.nan
+    W = sensor.weights(measured)
+    start = sensor.starts(theta, measured)
+    shift = _settle_shifts(sensor, theta, start, measured, W, warmer)
+    r, Js, Jt = _linearised(sensor, theta, shift, measured, W, warmer)
+    misfit = np.sqrt(np.square(r[:, :count]).mean(axis=1))
+    F, h, un = sensor.predict(theta, shift, warmer)[:, count : count + 3], 1e-5 * sensor.design.D, sensor.unknowns
+    by_shift = np.stack(
+        [(sensor.predict(theta, shift + h * e, warmer)[:, count : count + 3] - F) / h for e in np.eye(3)], axis=-1
+    )
+    modulus = un.names.index("modulus")
+    by_theta = np.zeros((len(F), 3, len(un.free)))
+    by_theta[..., un.free == modulus] = (F / theta[modulus])[..., None]
+    A = np.einsum("nmi,nmj->nij", Js, Js)
+    A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
+    moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
+    slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
+    covariance = found.covariance[np.ix_(un.free, un.free)]
+    variance = np.einsum("nfp,pq,nfq->nf", slope, covariance, slope)
+    variance += found.growth * np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
+    # errors of the polynomials at their samples
+    model = np.array([sensor.mechanics.errors[1], sensor.mechanics.errors[1], sensor.mechanics.errors[2]]) / 2
+    good: NDArray[np.bool_] = np.asarray(known & (misfit < LARGEST_MISFIT))
+    half = QUANTILE * np.sqrt(variance + np.square(model))
+    lost = ~good[:, None]
+    return DecodedForces(np.where(lost, np.nan, F), np.where(lost, np.nan, half), shift, misfit)
+
+
+def force_variance(found: Fit, covariance: Array, shift: Array) -> float:
+    """Return the mean variance of the force that readings at shifts (n, 3) give, N^2, for a covariance."""
+    warmer = np.zeros(len(shift))
+    readings = found.sensor.predict(found.theta, shift, warmer)[:, : len(found.sensor.noise)]
+    half = decode(dataclasses.replace(found, covariance=covariance), readings, warmer).half_width
+    return float(np.nanmean(np.square(half / QUANTILE)))
+
+
+def next_press(found: Fit, candidates: Array) -> tuple[Array, float]:
+    """Return the shift (3,) among candidates (n, 3) whose row, with readings and force, would help most.
+
+    Returns
+    -------
+    shift, and the root of the mean variance of forces over the candidates after it, N.
+    """
+    sensor, theta, un = found.sensor, found.theta, found.sensor.unknowns
+    warmer = np.zeros(len(candidates))
+    ideal = sensor.predict(theta, candidates, warmer)
+    ideal[:, len(sensor.noise) + 3 :] = np.nan
+    r, Js, Jt = _linearised(sensor, theta, candidates, ideal, sensor.weights(ideal), warmer)
+    now = np.linalg.inv(found.covariance[np.ix_(un.free, un.free)])
+    prior = np.diag(1 / un.deviation[un.free] ** 2)
+    best, least = candidates[0], math.inf
+    for k in range(len(candidates)):
+        rows = slice(k, k + 1)
+        added = _condensed(r[rows], Js[rows], Jt[rows], un, theta)[0] - prior
+        covariance = np.zeros_like(found.covariance)
+        covariance[np.ix_(un.free, un.free)] = np.linalg.inv(now + added / found.growth)
+        variance = force_variance(found, covariance, candidates)
+        if variance < least:
+            best, least = candidates[k], variance
+    return best, math.sqrt(least)
