@@ -14,7 +14,7 @@ from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
 from studies.calibration import bench_file, calibration_study, sensor_fit
-from studies.sensitivity.made_sensors import Tolerances, made_readings, made_sensors
+from studies.sensitivity.made_sensors import made_readings, made_sensors, tolerances
 
 FORCE_NOISE, READING_NOISE = 0.02, 2.5e-4
 EXAMPLES = f"{Path(calibration_study.__file__).parents[1]}/examples/bench/"
@@ -24,7 +24,7 @@ SCAN += ["--set", "D=12", "--set", "L=14", "--set", "magnet_diameter=8", "--set"
 
 def bench_table(seed, count):
     """Presses and shears of a made sensor, by finite elements, with noise; a stand with compliance and a zero."""
-    rng, made = np.random.default_rng(seed), made_sensors(paper(), Tolerances(), 1, seed)
+    rng, made = np.random.default_rng(seed), made_sensors(paper(), tolerances(), 1, seed)
     rows = []
     for k in range(count):
         depth, angle = 0.4 + 1.7 * (k + 0.5) / count, 2.4 * k
@@ -60,7 +60,7 @@ def simulated():
     rng, design = np.random.default_rng(3), paper()
     law, _, _ = calibration_study.mechanics_of(design, None)
     table = pd.DataFrame({name: np.ones(40) for name in ("S1", "S2", "S3", "Fz_N")} | {"run": "a"})
-    un = sensor_fit.unknowns_of(design, bench_file.Bench(table, ("S1", "S2", "S3"), []), Tolerances())
+    un = sensor_fit.unknowns_of(design, bench_file.Bench(table, ("S1", "S2", "S3"), []), tolerances())
     sensor = sensor_fit.Sensor(design, law, un, np.full(3, READING_NOISE), FORCE_NOISE)
     w, angle = -law.sink * rng.uniform(0.1, 0.8, 40), rng.uniform(0, 2 * np.pi, 40)
     u = law.reach * rng.uniform(0, 0.7, 40) * np.sqrt(-w / law.sink)
@@ -110,7 +110,7 @@ def test_forces_are_within_their_intervals_after_twelve_presses(bench):
     table, files = bench
     read = bench_file.read([Path(files[0])], paper())
     law, _, error = calibration_study.mechanics_of(paper(), None)
-    un = sensor_fit.unknowns_of(paper(), read, Tolerances(), model_error=error)
+    un = sensor_fit.unknowns_of(paper(), read, tolerances(), model_error=error)
     sensor = sensor_fit.Sensor(paper(), law, un, np.full(3, READING_NOISE), FORCE_NOISE)
     found = sensor_fit.fit(sensor, sensor_fit.measured_of(read), np.zeros(12))
     unseen = table.iloc[1::2]

@@ -15,8 +15,9 @@ from geometry.design import BadInput, Design, paper
 from geometry.hall_chips import CHIPS
 from geometry.loads import Load
 from studies.cli import commands
+from studies.inputs.user_input import changed_fields
 from studies.web.explorer_state import RATES, components, explorer_fields, request_of, state_of, wrong_field
-from studies.web.state_exports import address_fields, changed_fields, python, shell
+from studies.web.state_exports import address_fields, python, shell
 
 STATES = [
     {"load": {"depth": 1}, "level": "quick"},

@@ -64,6 +64,7 @@ STUDIES = [
     {"simulation"},
     {"fabrication"},
     {"sensitivity"},
+    {"calibration"},
     {"sizing"},
     {"demo"},
     {"web"},

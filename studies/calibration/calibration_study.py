@@ -27,7 +27,7 @@ from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
 from studies.inputs import table_input
 from studies.inputs.option_groups import Decoding
-from studies.inputs.user_input import parse_numbers
+from studies.inputs.user_input import design_text, parse_numbers
 from studies.mechanics import surrogate_response
 from studies.output import atomic_files, page_templates
 from studies.output.atomic_files import write_text
@@ -36,7 +36,6 @@ from studies.output.result import Result, Table
 from studies.sensing.decode_readings import of_file
 from studies.sensing.field_readings import read_rows
 from studies.sensitivity.made_sensors import Tolerances
-from studies.web.state_exports import design_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -41,7 +41,7 @@ from analytic.inverse.response_surface import Mechanics, forces, workspace
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
-from studies.sensitivity.made_sensors import Tolerances
+from studies.sensitivity.made_sensors import CUT, SPECS, Tolerances
 
 STEPS, LARGEST_STEP, SETTLED = 40, 0.05, 1e-7
 """Most Gauss-Newton steps; longest change of a shift in one, over D; relative fall of the sum at which they end."""
@@ -97,17 +97,19 @@ def unknowns_of(
     fixed : values of unknowns that are not estimated.
     model_error : relative standard deviation of the model's forces.
     """
-    three = design.hall_layout == "three"
-    gain, null = (made.hall_gain, made.hall_null) if three else (made.chip_gain, made.chip_null)
-    unit = "V" if three else "T"
-    flat, half = 1 / math.sqrt(3), 0.5
+    part, unit = ("hall", "V") if design.hall_layout == "three" else ("chip", "T")
+
+    def sigma(name: str) -> float:
+        """Return the standard deviation that a tolerance means, in percent where the tolerance is."""
+        return made[name] * (1 / math.sqrt(3) if SPECS[name]["shape"] == "uniform" else 1 / CUT)
+
     rows = [
-        ("modulus", "1", 1.0, math.hypot(half * made.E / 100, model_error)),
-        ("remanence", "1", 1.0, flat * made.remanence / 100),
-        *((f"magnet_{axis}", "mm", 0.0, half * getattr(made, f"magnet_{axis}")) for axis in "xyz"),
-        *((f"tilt_{axis}", "rad", 0.0, half * math.radians(made.magnet_tilt)) for axis in "xy"),
-        *((f"gain_{name}", "1", 1.0, flat * gain / 100) for name in bench.readings),
-        *((f"null_{name}", unit, 0.0, flat * null) for name in bench.readings),
+        ("modulus", "1", 1.0, math.hypot(sigma("E") / 100, model_error)),
+        ("remanence", "1", 1.0, sigma("remanence") / 100),
+        *((f"magnet_{axis}", "mm", 0.0, sigma(f"magnet_{axis}")) for axis in "xyz"),
+        *((f"tilt_{axis}", "rad", 0.0, math.radians(sigma("magnet_tilt"))) for axis in "xy"),
+        *((f"gain_{name}", "1", 1.0, sigma(f"{part}_gain") / 100) for name in bench.readings),
+        *((f"null_{name}", unit, 0.0, sigma(f"{part}_null")) for name in bench.readings),
         *((f"ambient_{axis}", "T", 0.0, AMBIENT) for axis in "xyz"),
     ]
     if np.isfinite(bench.values(["depth_mm"])).any():

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geometry.bad_input import nearest, no_effect
-from geometry.design import PRESETS, BadInput, Design
+from geometry.design import PRESETS, BadInput, Design, paper
 from geometry.loads import Magnet
 from studies.output import console
 
@@ -236,3 +236,24 @@ def warn_of_values(design: Design) -> None:
 def say_no_effect(what: str, reason: str) -> None:
     """Warn of an option or an axis that has no effect beside other options or with this design."""
     console.warn(no_effect([what], reason))
+
+
+def changed_fields(design: Design) -> dict[str, float | str]:
+    """Return the fields of a design that differ from the preset paper."""
+    base = paper()
+    names = [spec.name for spec in dataclasses.fields(base)]
+    return {name: getattr(design, name) for name in names if getattr(design, name) != getattr(base, name)}
+
+
+def design_text(design: Design) -> str:
+    """Return a design file with every field that differs from the preset.
+
+    >>> print(design_text(Design(D=10, law="yeoh")), end="")
+    base = "paper"
+    D = 10.0
+    law = "yeoh"
+    """
+    lines = ['base = "paper"']
+    for name, value in changed_fields(design).items():
+        lines.append(f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}")
+    return "\n".join(lines) + "\n"

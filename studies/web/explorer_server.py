@@ -26,6 +26,7 @@ import tornado.web
 import tornado.websocket
 
 from geometry.design import BadInput, paper
+from studies.inputs import user_input
 from studies.web import explorer_workers, state_exports
 from studies.web.explorer_state import Request, explorer_fields, request_of, wrong_field
 from studies.web.explorer_workers import encoded, fault
@@ -263,7 +264,7 @@ class Export(Guarded):
 
     async def _content(self, name: str, request: Request) -> bytes:
         if name == "design.toml":
-            return state_exports.design_text(request.state.design).encode()
+            return user_input.design_text(request.state.design).encode()
         if name != "mold.zip":
             return await self.shared.workers.export(name, request)
         async with self.shared.molding:

@@ -22,6 +22,7 @@ from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
+from studies.inputs import user_input
 from studies.output import atomic_files
 from studies.web import (
     offline_tables,
@@ -110,7 +111,7 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
         "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
         "curves": curves,
         "commands": state_exports.without_load(design, magnet, LEVEL),
-        "files": {"design.toml": state_exports.design_text(design)},
+        "files": {"design.toml": user_input.design_text(design)},
         "curve_files": {level: state_exports.of_curve(one).decode() for level, one in curves.items()},
         "refusal": _refusal(grid),
     }

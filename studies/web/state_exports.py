@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 from analytic import buckling
 from geometry import design_digest
-from geometry.design import BadInput, Design, paper
+from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.inputs.option_groups import Motion
+from studies.inputs.user_input import changed_fields
 from studies.mechanics.worker_process import WorkerDied, processes
 from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, Level, plain
 
@@ -105,13 +106,6 @@ def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
     return shlex.join(words)
 
 
-def changed_fields(design: Design) -> dict[str, float | str]:
-    """Return the fields of a design that differ from the preset paper."""
-    base = paper()
-    names = [spec.name for spec in dataclasses.fields(base)]
-    return {name: getattr(design, name) for name in names if getattr(design, name) != getattr(base, name)}
-
-
 def python(state: ExplorerState) -> str:
     """Return the lines of Python that solve for the state, read the Hall elements, and vibrate where it has rates."""
     accuracy, has_magnet = state.level.upper(), state.design.shape.has_magnet
@@ -177,20 +171,6 @@ def _load_source(load: Load) -> str:
 
 def _literal(value: float | str | None) -> str:
     return f'"{value}"' if isinstance(value, str) else "None" if value is None else plain(value)
-
-
-def design_text(design: Design) -> str:
-    """Return a design file with every field that differs from the preset.
-
-    >>> print(design_text(Design(D=10, law="yeoh")), end="")
-    base = "paper"
-    D = 10.0
-    law = "yeoh"
-    """
-    lines = ['base = "paper"']
-    for name, value in changed_fields(design).items():
-        lines.append(f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}")
-    return "\n".join(lines) + "\n"
 
 
 async def mold(state: ExplorerState) -> bytes:
