@@ -118,7 +118,7 @@ def test_grips_and_presses_stand_in_one_table(ask):
 
 
 def test_rows_that_differ_in_what_the_mechanics_ignore_share_their_problem(ask):
-    rows = 3000
+    rows = 400
     columns = {
         "depth_mm": np.tile([0.5, 1.0], rows // 2),
         "f_mm": np.linspace(4.6, 5, rows),

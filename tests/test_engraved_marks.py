@@ -12,8 +12,9 @@ from geometry.mold import Mold, sizes
 SMALL = Design(D=4, L=4.5, l0=4.1, magnet_diameter=2, magnet_height=2)
 
 
-@pytest.mark.parametrize("design", [Design(), SMALL], ids=["D8", "D4"])
-@pytest.mark.parametrize("choices", [{}, {"process": "sla"}, {"columns": 2, "split": 1}], ids=str)
+@pytest.mark.parametrize(
+    ("design", "choices"), [(Design(), {}), (SMALL, {"process": "sla"}), (SMALL, {"columns": 2, "split": 1})], ids=str
+)
 def test_a_marked_mould_passes_all_checks(design, choices):
     mold = Mold(marks=1, **choices)
     A, B = parts(design, mold)

@@ -34,7 +34,7 @@ def assert_equal(one, other):
 
 def test_answers_are_those_of_a_solve_from_rest(paths):
     draw = random.Random(1)
-    for k in range(8):
+    for k in range(5):
         design = Design(E=draw.uniform(0.5, 2), D=draw.choice([8.0, 9.0]))
         shear = draw.uniform(-0.5, 0.5) if k % 2 else 0.0
         load = Load(depth=0.5 if shear else draw.uniform(0.1, 2), shear_y=shear, friction="stick")

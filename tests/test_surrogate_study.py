@@ -32,7 +32,8 @@ from studies.validation.surrogate_training import (
 
 ROUGH = replace(QUICK, name="rough", section_size=0.5, section_patch=0.12, harmonics=1)
 EXTENT = Extent(first=10, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH)
-DEPTHS = 2
+DEPTHS, SHEARS = 2, 1
+"""Random depths of a press, and random shears."""
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,7 @@ def result():
         # the intervals are scaled by the beams of the test, which are then solved once
         patch.setattr(surrogate_study, "CALIBRATION", 1)
         patch.setattr(surrogate_study, "RANDOM_DEPTHS", DEPTHS)
+        patch.setattr(surrogate_study, "RANDOM_SHEARS", SHEARS)
         yield surrogate_study.build(EXTENT, memory, Processes(0))
 
 
@@ -62,7 +64,7 @@ def test_training_beams_get_back_their_own_states(result):
 def test_every_state_of_the_test_has_its_errors(result):
     rows = result.errors()
     count = len(result.test.set.beams)
-    for kind, quantities, states in (("press", 5, DEPTHS), ("shear", 7, 2), ("mode", 1, 1)):
+    for kind, quantities, states in (("press", 5, DEPTHS), ("shear", 7, SHEARS), ("mode", 1, 1)):
         assert (rows.kind == kind).sum() == count * quantities * states
     assert np.isfinite(rows.error_percent + rows.fem_error_percent).all()
     assert (rows.interval_percent > 0).all()

@@ -1,5 +1,6 @@
 """Solutions within a tolerance, on the command line and from Python."""
 
+import functools
 import json
 
 import pytest
@@ -11,7 +12,7 @@ from geometry.loads import Load
 from studies.inputs.option_groups import Method
 from studies.mechanics import model_choice, surrogate_response
 from studies.mechanics.model_choice import Statement
-from studies.simulation import load_cases, within_tolerance
+from studies.simulation import compare, load_cases, within_tolerance
 
 WITHOUT_SURROGATE = ("--set", "magnet_edge_radius=0.4")
 """A magnet with rounder edges than the surrogate knows."""
@@ -128,6 +129,13 @@ def estimates(one, other, load, scene, model):
     return Estimates(force=value, shift=value, tilt=None, sideways=None)
 
 
+@pytest.fixture
+def few_states(monkeypatch):
+    """Let a comparison be one of few states."""
+    monkeypatch.setattr(compare, "run", functools.partial(compare.run, depths=(0.5, 1.0), shears=(0.0, 0.5)))
+
+
+@pytest.mark.usefixtures("few_states")
 def test_compare_takes_a_tolerance(run):
     status, out, err = run("compare", "paper", "--tolerance", "5%", "--json")
     record = json.loads(out)
@@ -166,6 +174,7 @@ def test_the_force_along_a_shear_decides_too(run):
     assert row["sideways_error_estimate"] <= 0.05 or row["status"] == "beyond_tolerance"
 
 
+@pytest.mark.usefixtures("few_states")
 def test_a_comparison_beyond_its_tolerance_ends_with_status_3(run, monkeypatch):
     monkeypatch.setattr(
         "fem.equilibrium.estimate_response", lambda *_: Estimates(force=0.06, shift=0.01, tilt=0.01, sideways=0.01)
