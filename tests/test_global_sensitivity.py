@@ -11,7 +11,6 @@ from studies.sensitivity.global_sensitivity import (
     effects,
     fillings,
     indices,
-    morris_of,
     saltelli_points,
     sobol_of,
     squared_differences,
@@ -137,6 +136,11 @@ def test_impossible_counts_are_refused(ranges, count, message):
 
 
 RANGES = {"a": (0.0, 2.0), "b": (-1.0, 1.0), "c": (10.0, 20.0)}
+
+
+def morris_of(function, ranges, count=10, seed=0):
+    points = trajectories(ranges, count, seed)
+    return effects(ranges, points, function(points), seed=seed)
 
 
 def linear(x):

@@ -224,7 +224,6 @@ def three_elements(design: Design, where: dict[str, Vector], fit: float, wall: f
 
 
 def _refuse_meeting(design: Design, bodies: dict[str, Block], passage: Block) -> None:
-    """Raise BadInput if the seat of S2 meets that of S1, or that of S3, its mirror image about x = y."""
     centre, beside = bodies["S1"], bodies["S2"]
     hollows = [hollow for hollow in (beside, passage) if hollow.sides[2] > 0]
     edge = centre.corner[0] + centre.sides[0]

@@ -181,7 +181,6 @@ def shown(part: Part) -> Any:
 
 
 def _trimmed(picture: Any) -> Any:
-    """Return the picture without white margins wider than `RIM`."""
     from PIL import ImageOps
 
     wide, tall = picture.size

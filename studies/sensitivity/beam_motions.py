@@ -106,7 +106,6 @@ def motions(model: str, designs: Sequence[Design | None], depth: Array, shear: A
 
 
 def _by_surrogate(designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
-    """Return the predictions of the surrogate, with the half widths of its intervals."""
     values, half_widths = ({name: np.full(depth.shape, np.nan) for name in QUANTITIES} for _ in range(2))
     refusals = np.full(depth.shape, "", dtype=object)
     usable = []
@@ -184,7 +183,6 @@ def error_lengths(model: str, design: Design) -> dict[str, float]:
 
 
 def _by_formula(level: str, designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
-    """Return the results of a level of the formulas, load by load."""
     values = {name: np.full(depth.shape, np.nan) for name in QUANTITIES}
     refusals = np.full(depth.shape, "", dtype=object)
     for at in np.ndindex(depth.shape):
@@ -282,7 +280,6 @@ def _rows(columns: Mapping[str, Array], names: Sequence[str], count: int) -> lis
 
 
 def _varied(design: Design, fields: Mapping[str, float]) -> tuple[Design | None, str]:
-    """Return the sensor with other fields, or None and the reason why it is impossible."""
     try:
         return varied(design, fields), ""
     except BadInput as error:

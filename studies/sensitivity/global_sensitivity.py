@@ -62,8 +62,6 @@ MORRIS_RESAMPLES = 1000
 """Number of bootstrap resamples of mu*."""
 FEWEST, MOST = 2, 1000
 """Fewest and most trajectories: one alone has no standard deviation."""
-EFFECTS = ("mu_star", "mu_star_low", "mu_star_high", "mu", "sigma", "sigma_low", "sigma_high")
-"""Columns of the table of effects."""
 
 
 def sobol_of(function: Callable[[Array], Array], ranges: Ranges, count: int = 1024, seed: int = 0) -> pd.DataFrame:
@@ -153,7 +151,6 @@ def indices(
 
 
 def _orders(ranges: Ranges, estimate: Array, low: Array, high: Array) -> pd.DataFrame:
-    """Return the table of indices of first and total order, each of shape (2, d)."""
     import pandas as pd
 
     columns = {
@@ -165,7 +162,6 @@ def _orders(ranges: Ranges, estimate: Array, low: Array, high: Array) -> pd.Data
 
 
 def _varies(values: Array) -> bool:
-    """Return whether values differ by more than rounding."""
     return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
 
 
@@ -209,7 +205,6 @@ def _unit_points(ranges: Ranges, count: int, seed: int) -> Array:
 
 
 def _problem(ranges: Ranges) -> dict[str, Any]:
-    """Return the problem as SALib describes it, in the unit cube."""
     return {"num_vars": len(ranges), "names": list(ranges), "bounds": [[0.0, 1.0]] * len(ranges)}
 
 
@@ -232,7 +227,6 @@ def _resampled(ranges: Ranges, values: Array, resamples: int, seed: int) -> tupl
 
 
 def _interval(resamples: Array) -> tuple[Array, Array]:
-    """Return the ends of the intervals of resamples (2, resamples, d), each of shape (2, d)."""
     low, high = np.quantile(resamples, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=1)
     return low, high
 
@@ -258,17 +252,6 @@ def _pairwise_bounds(values: Array, d: int) -> tuple[Array, Array]:
     # indices are shares
     least, most = np.clip(np.stack([unchanged, changed], axis=1), 0.0, 1.0)
     return least, most
-
-
-def morris_of(function: Callable[[Array], Array], ranges: Ranges, count: int = 10, seed: int = 0) -> pd.DataFrame:
-    """Return the effects on any function of points (n, d), which returns values (n,), NaN where it fails.
-
-    >>> effects = morris_of(lambda x: 3 * x[:, 0] + x[:, 1], {"a": (0, 2), "b": (0, 1)})
-    >>> effects["mu_star"].round(9).tolist(), bool(effects["sigma"].max() < 1e-9)
-    ([6.0, 1.0], True)
-    """
-    points = trajectories(ranges, count, seed)
-    return effects(ranges, points, function(points), seed=seed)
 
 
 def trajectories(ranges: Ranges, count: int, seed: int) -> Array:
@@ -304,22 +287,22 @@ def effects(
     import pandas as pd
 
     values = np.where(np.isfinite(values), values, np.nan)
+    nothing = np.full(len(ranges), np.nan)
     results = [_analysed(ranges, points, filled, seed) for filled in fillings(values, substitute)]
-    if not results:
-        return pd.DataFrame(np.nan, index=list(ranges), columns=list(EFFECTS))
-    mu_star, half_width = results[0]["mu_star"], results[0]["mu_star_conf"]
-    least, most = (mu_star, mu_star) if len(results) == 1 else _mu_star_bounds(ranges, points, values)
-    sigmas = [result["sigma"] for result in results]
-    columns = (
-        mu_star,
-        np.maximum(np.minimum(mu_star, least) - half_width, 0.0),
-        np.maximum(mu_star, most) + half_width,
-        results[0]["mu"],
-        sigmas[0],
-        np.min(sigmas, axis=0),
-        np.max(sigmas, axis=0),
-    )
-    return pd.DataFrame(dict(zip(EFFECTS, columns, strict=True)), index=list(ranges))
+    estimate = results[0] if results else dict.fromkeys(("mu_star", "mu_star_conf", "mu", "sigma"), nothing)
+    mu_star, half_width = estimate["mu_star"], estimate["mu_star_conf"]
+    least, most = _mu_star_bounds(ranges, points, values) if len(results) > 1 else (mu_star, mu_star)
+    sigmas = [result["sigma"] for result in results] or [nothing]
+    columns = {
+        "mu_star": mu_star,
+        "mu_star_low": np.maximum(np.minimum(mu_star, least) - half_width, 0.0),
+        "mu_star_high": np.maximum(mu_star, most) + half_width,
+        "mu": estimate["mu"],
+        "sigma": estimate["sigma"],
+        "sigma_low": np.min(sigmas, axis=0),
+        "sigma_high": np.max(sigmas, axis=0),
+    }
+    return pd.DataFrame(columns, index=list(ranges))
 
 
 def _unit(ranges: Ranges, points: Array) -> Array:
@@ -329,7 +312,6 @@ def _unit(ranges: Ranges, points: Array) -> Array:
 
 
 def _analysed(ranges: Ranges, points: Array, values: Array, seed: int) -> dict[str, Array]:
-    """Return SALib's statistics by their names, each of shape (d,)."""
     from SALib.analyze import morris
 
     result = morris.analyze(

@@ -135,7 +135,7 @@ def made_sensors(
     Parameters
     ----------
     sizes : tolerances.
-    batches : of E, nu or remanence, in place of design and tolerance: the values of parts whose deviations over the
+    batches : of some of the `fields`, in place of design and tolerance: the values of parts whose deviations over the
         largest are -1 to 1, shape (n,).
 
     Raises
@@ -200,7 +200,6 @@ def _unit_deviations(count: int, seed: int) -> dict[str, Array]:
 
 
 def _possible(design: Design, fields: Mapping[str, float]) -> tuple[Design | None, str]:
-    """Return a design with other fields, or None and the reason why it is impossible."""
     try:
         return dataclasses.replace(design, **fields), ""  # type: ignore[arg-type]
     except BadInput as error:

@@ -292,7 +292,6 @@ def _rows(
 
 
 def _known(row: Mapping[Any, Any]) -> FlatRow:
-    """Return a row with None in place of numbers that are not finite."""
     return {k: None if isinstance(value, float) and not math.isfinite(value) else value for k, value in row.items()}
 
 
@@ -471,7 +470,6 @@ def _force_errors(axes: Mapping[str, AxisSpread]) -> dict[str, list[tuple[float,
 
 
 def _effective_tolerances(request: Request) -> list[FlatRow]:
-    """Return the rows of the tolerances that have an effect, with their sources."""
     unused = "hall" if request.design.hall_layout != "three" else "chip"
     units, rows, read = {"1": "", "percent": "%"}, [], of_data_sheet(request.design)
     for name, spec in made_sensors.SPECS.items():

@@ -307,7 +307,6 @@ def _value(where: str, value: object, key: Key) -> Any:
 
 
 def _check_magnet(where: str, entry: Mapping[str, Any]) -> None:
-    """Raise BadInput for a magnet without a grade, or with an edge that is wider than itself."""
     if not entry["grades"]:
         raise BadInput(f"{where}: grades is empty: name one or more, such as N35")
     widest = min(entry["diameter"], entry["height"]) / 2
@@ -489,7 +488,6 @@ COLUMNS = {name: f"{name}_{unit}" for unit, names in UNITS.items() for name in n
 
 
 def _check_apart(kind: str, users: Sequence[CatalogueFile]) -> None:
-    """Raise BadInput if two files of the user have a part of the same name."""
     where: dict[str, str] = {}
     for file in users:
         for name in getattr(file, kind):
@@ -499,7 +497,6 @@ def _check_apart(kind: str, users: Sequence[CatalogueFile]) -> None:
 
 
 def _magnets(files: Sequence[CatalogueFile], grades: Mapping[str, Mapping[str, Any]]) -> dict[str, MagnetEntry]:
-    """Return a magnet for each size and each of its grades, by name."""
     merged: dict[str, MagnetEntry] = {}
     for file in files:
         for size, values in file.magnets.items():
@@ -525,7 +522,6 @@ def _graded(size: Mapping[str, Any], grade_name: str, grade: Mapping[str, Any]) 
 
 
 def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) -> tuple[Part, ...]:
-    """Return the parts that the requirements name, or all of them."""
     names = getattr(requirements, kind) or tuple(parts)
     if not parts:
         raise BadInput(
@@ -539,7 +535,6 @@ def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) ->
 
 
 def _check_fit(magnets: Sequence[MagnetEntry], requirements: Requirements) -> None:
-    """Raise BadInput if no magnet leaves silicone beside it in the largest beam that the requirements allow."""
     widest = min(requirements.D_high or math.inf, requirements.outer_size or math.inf)
     least = min(magnets, key=lambda magnet: magnet.diameter)
     if least.diameter + 2 * LEAST_WALL > widest:

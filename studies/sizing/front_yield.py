@@ -178,10 +178,15 @@ def drawn(variant: Variant, count: int, seed: int) -> tuple[MadeSensors, pd.Data
         return np.asarray(np.interp(share, [0.0, 0.5, 1.0], [low, getattr(variant.design, name), high]))
 
     values = {name: lambda unit, k=k: value(k, place[k][batch] + half * unit) for k, name in enumerate(ranges)}
-    sensors = made_sensors(variant.design, tolerances_of(variant), len(batch), seed, batches=values)
+    sizes = tolerances_of(variant)
+    values |= {
+        name: lambda unit, name=name: (getattr(variant.design, name) + sizes[name] * unit).round(MAGNET_DIGITS)
+        for name in ("magnet_diameter", "magnet_height")
+    }
+    sensors = made_sensors(variant.design, sizes, len(batch), seed, batches=values)
     middle = [value(k, place[k]) for k in range(len(ranges))]
     table = pd.DataFrame(dict(zip(("E_MPa", "nu", "remanence_T"), middle, strict=True)))
-    return _rounded(sensors), table.assign(at_the_ends=table.index >= number), batch
+    return sensors, table.assign(at_the_ends=table.index >= number), batch
 
 
 def yield_of(
@@ -349,17 +354,3 @@ def check_of(
         result[f"{name}_difference_percent"] = 100 * (surrogate / fem - 1)
         result[f"{name}_half_width_percent"] = 100 * fast[estimate]
     return result
-
-
-def _rounded(sensors: MadeSensors) -> MadeSensors:
-    """Return made sensors whose magnets have rounded sizes."""
-    designs = tuple(
-        design
-        and dataclasses.replace(
-            design,
-            magnet_diameter=round(design.magnet_diameter, MAGNET_DIGITS),
-            magnet_height=round(design.magnet_height, MAGNET_DIGITS),
-        )
-        for design in sensors.designs
-    )
-    return dataclasses.replace(sensors, designs=designs)
