@@ -60,7 +60,7 @@ def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:
 
 def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate | str]:
     """Return the response of each case, or the sentence why there is none; the cases are possible."""
-    found = [_refusal_of_kind(*case) for case in cases]
+    found = [refusal_of_kind(*case) for case in cases]
     answers: list[Estimate | str] = [f"{reason}: take finite elements" for reason in found]
     known = [k for k, reason in enumerate(found) if not reason]
     if not known:
@@ -127,7 +127,7 @@ def beams_of(designs: list[Design]) -> Beams:
 
 def refusal(design: Design, load: Load, magnet: Magnet) -> str:
     """Return why the surrogate refuses a case, "" if it takes it."""
-    reason = _refusal_of_kind(design, load, magnet)
+    reason = refusal_of_kind(design, load, magnet)
     if reason:
         return reason
     try:
@@ -137,7 +137,7 @@ def refusal(design: Design, load: Load, magnet: Magnet) -> str:
     return load_refusal(beams, 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
 
 
-def _refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
+def refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
     """Return why the surrogate refuses a kind of sensor or load; "" if it takes it."""
     for refused, text in (
         (design.law != "neo-hookean", f"the surrogate knows the law neo-hookean only; got {design.law}"),

@@ -10,7 +10,6 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from studies.inputs import study_axes
-from studies.mechanics import prediction, surrogate_range, surrogate_response
+from studies.mechanics import surrogate_range, surrogate_response
 from studies.mechanics.prediction import Beams
 from studies.mechanics.study_cases import varied
 from studies.sensing.field_readings import columns as element_columns
@@ -76,13 +75,9 @@ class Motions:
     half_widths: Mapping[str, Array]
     refusals: NDArray[Any]
 
-    def poses(self, towards_y: bool = False) -> tuple[Array, Array]:
-        """Return shift, shape (n, k, 3), mm, and rotation vector, (n, k, 2), rad, for a shear along x or along y."""
-        return poses(self.values, towards_y)
-
 
 def poses(values: Mapping[str, Array], towards_y: bool = False) -> tuple[Array, Array]:
-    """Return shift and rotation vector of the magnet from results in the plane of the shear."""
+    """Return shift, shape (n, k, 3), mm, and rotation vector, (n, k, 2), rad, for a shear along x or along y."""
     zero = np.zeros_like(values["shift_x"])
     x, z, tilt = values["shift_x"], values["shift_z"], values["tilt"]
     if towards_y:
@@ -108,18 +103,16 @@ def motions(model: str, designs: Sequence[Design | None], depth: Array, shear: A
 def _by_surrogate(designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
     values, half_widths = ({name: np.full(depth.shape, np.nan) for name in QUANTITIES} for _ in range(2))
     refusals = np.full(depth.shape, "", dtype=object)
-    usable = []
+    # a kind of sensor that the surrogate does not know is refused whatever its load
+    light = Load(depth=1e-3)
     for k, design in enumerate(designs):
-        reason = "" if design is None else _unusable(design)
-        refusals[k] = reason
-        if design is not None and not reason:
-            usable.append((k, design))
+        refusals[k] = "" if design is None else surrogate_response.refusal_of_kind(design, light, "rigid")
+    usable = [(k, design) for k, design in enumerate(designs) if design is not None and not refusals[k, 0]]
     if not usable:
         return Motions(values, half_widths, refusals)
-    rows = np.array([k for k, _ in usable])
-    fields = ("D", "E", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius", "nu")
-    D, E, L, diameter, height, edge, nu = np.array([attrgetter(*fields)(design) for _, design in usable]).T
-    beams = prediction.beams(L / D, diameter / D, height / D, nu, edge / D)
+    rows, known_designs = np.array([k for k, _ in usable]), [design for _, design in usable]
+    D, E = np.array([(design.D, design.E) for design in known_designs]).T
+    beams = surrogate_response.beams_of(known_designs)
     ratio, aside = depth[rows] / D[:, None], shear[rows] / D[:, None]
     known = beams.knows(ratio, np.abs(aside))
     for name, (value, half_width) in _predicted(beams, ratio, aside).items():
@@ -130,13 +123,6 @@ def _by_surrogate(designs: Sequence[Design | None], depth: Array, shear: Array) 
         load = depth[rows[row], column], abs(shear[rows[row], column])
         refusals[rows[row], column] = surrogate_response.load_refusal(beams, row, D[row], *load)
     return Motions(values, half_widths, refusals)
-
-
-def _unusable(design: Design) -> str:
-    """Return why the surrogate has no answer for a design whatever its sizes, "" if it may have one."""
-    if design.law != "neo-hookean":
-        return f"the surrogate has the law neo-hookean only, not {design.law}"
-    return "" if design.shape.has_magnet else "the surrogate has beams with a magnet only"
 
 
 def _predicted(beams: Beams, depth: Array, shear: Array) -> dict[str, tuple[Array, Array]]:
@@ -260,8 +246,8 @@ def sampled_outputs(
     (n,). Hall elements keep their places, as in `study_cases.varied`.
     """
     columns = dict(zip(ranges, points.T, strict=True))
-    fields = [name for name in ranges if name in study_axes.DESIGN]
-    made = [_varied(design, dict(zip(fields, row, strict=True))) for row in _rows(columns, fields, len(points))]
+    fields = {name: values for name, values in columns.items() if name in study_axes.DESIGN}
+    made = [_varied(design, {name: float(of[k]) for name, of in fields.items()}) for k in range(len(points))]
     designs, impossible = zip(*made, strict=True)
     depth, shear = (columns.get(name, np.full(len(points), getattr(load, name))) for name in ("depth", "shear"))
     moved = motions(model, designs, depth[:, None], shear[:, None])
@@ -273,10 +259,6 @@ def sampled_outputs(
         outputs[name] = scale * read[:, 0, k], scale * half_widths[:, 0, k]
     refusals = zip(impossible, moved.refusals[:, 0], strict=True)
     return outputs, tuple(reason or str(refused) for reason, refused in refusals)
-
-
-def _rows(columns: Mapping[str, Array], names: Sequence[str], count: int) -> list[list[float]]:
-    return [[float(columns[name][k]) for name in names] for k in range(count)]
 
 
 def _varied(design: Design, fields: Mapping[str, float]) -> tuple[Design | None, str]:

@@ -117,7 +117,7 @@ def _pressed(model: str, sensors: MadeSensors, depth: Array) -> Motions:
 
 def _press_curves(model: str, sensors: MadeSensors, load: Press, force: Array) -> Curves:
     moved = _pressed(model, sensors, REACH * load.depth * np.linspace(0, 1, STATES) ** 2)
-    read = made_readings(sensors, *moved.poses())
+    read = made_readings(sensors, *poses(moved.values))
     return _curves(sensors, moved, moved.values["force_z"], read.output[..., 0], read.saturated[..., 0], force, 0)
 
 

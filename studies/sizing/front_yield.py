@@ -92,10 +92,6 @@ class Yield:
         """Share of the sensors that meet all requirements, over batches, 0 to 1."""
         return float(self.table["within_percent"].iloc[0]) / 100
 
-    @property
-    def count(self) -> int:
-        return int(self.table["sensors"].iloc[0])
-
     def rows(self) -> list[FlatRow]:
         return _records(self.table)
 
@@ -337,17 +333,15 @@ def check_of(
     from studies import cases
 
     chosen = np.unique(np.linspace(0, count - 1, min(CHECKED, count)).round().astype(int)).tolist()
-    designs = {k: sensors.designs[k] for k in chosen}
+    designs = {k: design for k in chosen if (design := sensors.designs[k]) is not None}
     at = Load(load.depth, load.shear, friction="stick") if load.shear else Load(load.depth)
-    table = cases.table([(design, at, "rigid") for design in designs.values() if design is not None])
-    table.index = [k for k, design in designs.items() if design is not None]
+    table = cases.table([(design, at, "rigid") for design in designs.values()])
     common: dict[str, Any] = {"base": sensors.nominal, "quantities": ["force"], "store": store, "workers": workers}
     solved = cases.answer(table, [model], progress=progress, **common)
     fast = cases.answer(table, [SURROGATE], **common)
-    columns = {"sensor": solved.index, "E_MPa": solved["E_MPa"], "status": solved["status"]}
-    result = solved.assign(**columns)[list(columns)]
-    estimates = {"force": "error_estimate"} | ({"force_x": "sideways_error_estimate"} if load.shear else {})
+    result = solved[["E_MPa", "status"]].assign(sensor=list(designs))
     known = solved["status"].isin(ANSWERED)
+    estimates = {"force": "error_estimate"} | ({"force_x": "sideways_error_estimate"} if load.shear else {})
     for name, estimate in estimates.items():
         fem, surrogate = solved[f"fem_{name}_N"].where(known), fast[f"surrogate_{name}_N"]
         result[f"fem_{name}_N"], result[f"surrogate_{name}_N"] = fem, surrogate
