@@ -198,10 +198,13 @@ async def mold(state: ExplorerState) -> bytes:
 
 def _mold_archive(task: tuple[Design, str]) -> bytes:
     from studies.fabrication.sensor_parts import build
+    from studies.fabrication.sensor_solids import FabricationChoices
+    from studies.sizing.catalogues import mix_named
 
     design, command = task
+    choices = FabricationChoices(silicone=mix_named(None, design.silicone))
     with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
-        row = build(design, Path(folder, "mold"), lambda share, text: None, command=command)
+        row = build(design, Path(folder, "mold"), lambda share, text: None, choices, command=command)
         if row.status != "ok":
             raise BadInput(row.message)
         return _zipped(row.folder)
