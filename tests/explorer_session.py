@@ -120,7 +120,7 @@ def random_moves(page, count, seed=20):
         kind = choose.random()
         if kind < 0.6:
             field = choose.choice(fields)
-            if field["kind"] == "choice":
+            if field["kind"] in ("choice", "part"):
                 move(page, field["name"], choose.choice(field["choices"]))
             elif field["kind"] == "text":
                 move(page, field["name"], choose.choice(["", "0.1:1"]))

@@ -125,6 +125,13 @@ def test_largest_plate_tilt_is_a_possible_load():
 
 
 def test_grades_of_the_remanence_are_those_of_the_catalogue():
-    remanence = next(field for field in FIELDS if field["name"] == "remanence")
-    grades = {grade["name"]: grade["value"] for grade in remanence["presets"]}
-    assert grades["N35"] < grades["N42"] < grades["N52"] <= remanence["slider"][1]
+    fields = {field["name"]: field for field in FIELDS}
+    grades = {name: sets["remanence"] for name, sets in fields["grade"]["sets"].items()}
+    assert grades["N35"] < grades["N42"] < grades["N52"] <= fields["remanence"]["slider"][1]
+
+
+def test_every_part_of_the_catalogue_makes_a_design():
+    for field in (one for one in FIELDS if one["scope"] == "part"):
+        assert len(field["sets"]) > 6
+        for sets in field["sets"].values():
+            state_of({"design": {"D": 20, "L": 30, "f": 20, "l0": 25, **sets}})

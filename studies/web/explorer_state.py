@@ -20,13 +20,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
 from studies.simulation import load_cases
+
+if TYPE_CHECKING:
+    from studies.sizing.requirements import Requirements
 
 Side = Literal["a", "b"]
 Level = Literal["quick", "standard"]
@@ -243,7 +246,7 @@ def explorer_fields(design: Design) -> list[Field]:
         "depth": {"low": 0.0, "high": room, "slider": [0, far], "value": OPENING_DEPTH},
         "shear": {"low": -2 * design.L, "high": 2 * design.L, "slider": [-far, far]},
     }
-    fields = []
+    fields, parts = [], part_fields()
     with CONTROLS.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             name = row["name"]
@@ -256,6 +259,9 @@ def explorer_fields(design: Design) -> list[Field]:
                 field["choices"] = row["choices"].split()
             if name in specs:
                 field |= {"scope": "design", "value": getattr(design, name)} | _of_design(specs[name])
+            elif row["kind"] == "part":
+                sets = parts[name]
+                field |= {"scope": "part", "value": "", "choices": ["", *sets], "sets": sets, "needs": _needs(name)}
             elif name == "magnet":
                 field |= {"scope": "magnet", "value": row["value"], "needs": {}}
             else:
@@ -274,7 +280,7 @@ def _of_design(spec: dataclasses.Field[Any]) -> Field:
         field["choices"] = list(known["choices"])
     elif "low" in known:
         field |= {"low": known["low"], "high": known["high"]}
-    return field | {"presets": _grades()} if spec.name == "remanence" else field
+    return field
 
 
 def _needs(name: str) -> Field:
@@ -286,16 +292,32 @@ def _needs(name: str) -> Field:
         needs["hall_layout"] = layouts
     if name in ("loss_factor", "loss_low", "loss_high"):
         needs["prony"] = [""]
-    if name in OF_MAGNET or name == "magnet_edge_radius":
+    if name in OF_MAGNET or name in ("magnet_edge_radius", "grade"):
         needs["magnet_diameter"] = "positive"
     return needs
 
 
-def _grades() -> list[Field]:
-    """Return the grades of magnets in the catalogue, each with the middle of the range of its remanence, T."""
-    from studies import sizing
-    from studies.sizing.catalogues import read_catalogue
+def part_fields(requirements: Requirements | None = None) -> dict[str, dict[str, Field]]:
+    """Return the parts of the catalogue as fields of a design that each sets, by control and name.
 
-    file = Path(str(sizing.__file__)).with_name("magnets.toml")
-    grades = read_catalogue(str(file)).grades
-    return [{"name": name, "value": round(sum(grade["remanence"]) / 2, 4)} for name, grade in grades.items()]
+    Parameters
+    ----------
+    requirements : whose parts are offered; default: all that are shipped.
+    """
+    from studies.sizing.catalogues import catalogues_of
+    from studies.sizing.requirements import Requirements
+
+    needed = requirements or Requirements(force_z=1.0)
+    found = catalogues_of(needed)
+    parts: dict[str, dict[str, Field]] = {
+        "silicone_part": {part.name: part.fields() for part in found.silicones},
+        "magnet_part": {part.name: part.fields() for part in found.magnets},
+        "grade": {part.grade: {"remanence": part.remanence} for part in sorted(found.magnets, key=lambda m: m.grade)},
+        "hall_part": {part.name: part.fields() | part.noise_fields(needed.bandwidth) for part in found.hall_parts},
+    }
+    return {
+        name: {
+            one: {k: v if isinstance(v, str) else round(v, 9) for k, v in sets.items()} for one, sets in of.items()
+        }
+        for name, of in parts.items()
+    }

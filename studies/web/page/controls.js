@@ -18,6 +18,7 @@ const Controls = (() => {
     const set = (value, done) => change(field, value, done);
     const parts = {
       choice: () => choice(),
+      part: () => choice(),
       friction: () => friction(),
       number: () => ranged(),
       logarithmic: () => ranged(),
@@ -27,7 +28,8 @@ const Controls = (() => {
 
     function choice() {
       const select = make("select", common, box);
-      for (const name of field.choices) make("option", { value: name }, select, name);
+      for (const name of field.choices)
+        make("option", { value: name, disabled: name === "" }, select, name || "own values");
       select.addEventListener("change", () => set(select.value, true));
       return {
         show: (value) => {
@@ -132,19 +134,6 @@ const Controls = (() => {
       };
     }
 
-    if (field.presets) {
-      const select = make("select", { class: "presets", "aria-label": `${field.label}: grade` }, box);
-      make("option", { value: "" }, select, "own value");
-      for (const one of field.presets) make("option", { value: one.value }, select, one.name);
-      select.addEventListener("change", () => {
-        if (select.value) set(Number(select.value), true);
-      });
-      const show = parts.show;
-      parts.show = (value) => {
-        show(value);
-        select.value = field.presets.find((one) => one.value === value)?.value ?? "";
-      };
-    }
     return {
       field,
       box,
@@ -164,6 +153,11 @@ const Controls = (() => {
   const matters = (field, value) =>
     Object.entries(field.needs).every(([name, need]) => (need === "positive" ? true : need.includes(value(name))));
 
+  // The part of the catalogue whose values a design has; "" for values of its own.
+  const near = (a, b) => a === b || Math.abs(a - b) < 1e-6 * Math.abs(b);
+  const partOf = ({ sets }, value) =>
+    Object.keys(sets).find((name) => Object.entries(sets[name]).every(([key, one]) => near(value(key), one))) ?? "";
+
   function build(fields, parent, change) {
     const rows = new Map();
     const groups = new Map();
@@ -180,10 +174,10 @@ const Controls = (() => {
       show(value) {
         for (const [name, { field, box, show }] of rows) {
           const hidden = !matters(field, value);
-          const next = value(name);
+          const next = field.sets ? partOf(field, value) : value(name);
           if (box.hidden !== hidden) box.hidden = hidden;
           // what is unchanged is not written: that would cost a layout of the page at every move of the hand
-          if (shown.get(name) !== next) {
+          if (shown.get(name) !== next || field.sets) {
             shown.set(name, next);
             show(next);
           }

@@ -60,9 +60,10 @@
   for (const [name, titles] of Object.entries(columns)) {
     views[name] = Numbers.table($(`[data-table=${name}]`), ...titles);
   }
-  const controls = Controls.build(fields, $("#groups"), (field, value, done) =>
-    Explorer.set(view.edit, field.name, value, done),
-  );
+  const controls = Controls.build(fields, $("#groups"), (field, value, done) => {
+    const values = field.sets ? (field.sets[value] ?? {}) : { [field.name]: value };
+    for (const [name, one] of Object.entries(values)) Explorer.set(view.edit, name, one, done);
+  });
   const requests = Requests(engine, Explorer);
   Explorer.use({ fields, controls, views, requests });
   Explorer.wire();
