@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geometry.design import Design
 from geometry.messages import Progress
+from studies.inputs import user_input
 from studies.output import own_files
 from studies.output.atomic_files import write_text
 
@@ -74,10 +73,8 @@ def design_text(variant: Variant, requirements: Requirements) -> str:
         f"# Hall part: {variant.hall_part.name}",
     ]
     unused = variant.design.unused_fields()
-    for spec in dataclasses.fields(Design):
-        value = getattr(variant.design, spec.name)
-        if value != spec.default and spec.name not in unused:
-            lines.append(_line(spec.name, value))
+    fields = user_input.changed_fields(variant.design)
+    lines += [_line(name, value) for name, value in fields.items() if name not in unused]
     lines += ["", "[fabrication]", _line("process", requirements.process)]
     lines += [f"base = {{ {_line('shape', requirements.outer_shape)} }}", "", "[requirements]"]
     rows = [row for row in requirements.rows() if row["state"] == "set"]
