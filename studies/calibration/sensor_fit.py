@@ -8,8 +8,9 @@ the nominal design (tau, k, n, d, g), the unknowns of the sensor and dT = T - T_
     force on the tip    m (k(s) s_x, k(s) s_y, n(s))
     depth, shear        d(s) + stand_zero + stand_compliance F_z,   g(s) (s_x, s_y)
 
-with factors m of the modulus, b of the polarisation and g_i of the gains, offset o and tilt t of the magnet in the
-silicone, and offsets z_i of the elements. All unknowns have normal priors about the nominal sensor, whose standard
+with factors m of the modulus, b of the polarisation (times the magnet's volume) and g_i of the gains, offset o and
+tilt t of the magnet in the silicone, offsets z_i of the elements, and their places, which shift the field's argument
+the other way. All unknowns have normal priors about the nominal sensor, whose standard
 deviations follow from tolerances (`studies.sensitivity.made_sensors`): half of the largest deviation of a normal
 one, 1/sqrt(3) of that of a uniform one.
 
@@ -26,6 +27,7 @@ sheet for flat magnets. Lengths mm, angles rad, N, T.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -103,15 +105,23 @@ def unknowns_of(
         """Return the standard deviation that a tolerance means, in percent where the tolerance is."""
         return made[name] * (1 / math.sqrt(3) if SPECS[name]["shape"] == "uniform" else 1 / CUT)
 
+    # the field far away is that of the magnet's moment
+    volume = (
+        2 * sigma("magnet_diameter") / design.magnet_diameter,
+        sigma("magnet_height") / design.magnet_height,
+    )
     rows = [
         ("modulus", "1", 1.0, math.hypot(sigma("E") / 100, model_error)),
-        ("remanence", "1", 1.0, sigma("remanence") / 100),
+        ("remanence", "1", 1.0, math.hypot(sigma("remanence") / 100, *volume)),
         *((f"magnet_{axis}", "mm", 0.0, sigma(f"magnet_{axis}")) for axis in "xyz"),
         *((f"tilt_{axis}", "rad", 0.0, math.radians(sigma("magnet_tilt"))) for axis in "xy"),
         *((f"gain_{name}", "1", 1.0, sigma(f"{part}_gain") / 100) for name in bench.readings),
         *((f"null_{name}", unit, 0.0, sigma(f"{part}_null")) for name in bench.readings),
         *((f"ambient_{axis}", "T", 0.0, AMBIENT) for axis in "xyz"),
     ]
+    if part == "hall":  # the axes of a chip are at one place, as if the magnet were displaced
+        places = itertools.product(bench.readings, "xyz")
+        rows += [(f"place_{name}_{axis}", "mm", 0.0, sigma(f"hall_{axis}")) for name, axis in places]
     if np.isfinite(bench.values(["depth_mm"])).any():
         rows += [("stand_zero", "mm", 0.0, STAND_ZERO), ("stand_compliance", "mm/N", 0.0, STAND_COMPLIANCE)]
     if "temperature_C" in bench.table:
@@ -165,7 +175,12 @@ class Sensor:
         tilt = np.stack([-lean * y, lean * x], axis=1)
         moved = shift + rotated(self.vector(theta, "magnet", "xyz"), tilt)
         turned = tilt + self.vector(theta, "tilt", "xy")
-        B = batch_readings([self.design], np.zeros(len(shift), dtype=np.int64), moved, turned).field_T
+        place = np.array([self.vector(theta, f"place_{name}", "xyz") for name in names])
+        # row j of a state has the place of element j: only the reading of this element is right
+        relative = (moved[:, None] - place).reshape(-1, 3)
+        poses = np.repeat(turned, len(names), axis=0)
+        rows = batch_readings([self.design], np.zeros(len(relative), dtype=np.int64), relative, poses).field_T
+        B = np.diagonal(rows.reshape(len(shift), len(names), -1), axis1=1, axis2=2)
         B = B * (self.value(theta, "remanence") * (1 + self.value(theta, "remanence_per_K") * warmer))[:, None]
         B = B + self.vector(theta, "ambient", "xyz") @ np.array([element.direction for element in elements]).T
         gain = self.vector(theta, "gain", names) * np.array([element.gain for element in elements])
