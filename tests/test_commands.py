@@ -2,6 +2,8 @@
 
 import re
 
+from studies.cli.commands import ACTIONS
+
 ORDER = """
     Design: design cad mesh cache catalogue size
     Simulation: solve analytic compare stability modes response cycle fit demo
@@ -20,10 +22,8 @@ def test_help_lists_the_verbs_in_groups_from_a_design_to_its_validation(run):
 
 def test_validate_lists_its_studies(run):
     listed = re.findall(r"^│ ([-\w]+)", run("validate")[1], re.MULTILINE)
-    studies = (
-        "verify friction extremes accuracy vibration crosscheck ladder range claims assumption bench trade surrogate"
-    )
-    assert listed == studies.split()
+    assert listed[:4] == ["verify", "friction", "extremes", "accuracy"]
+    assert set(listed) == {name.strip("_") for name in ACTIONS["Validation"]["validate"][2].split()}
 
 
 def test_a_study_that_was_a_verb_is_found(refusal):

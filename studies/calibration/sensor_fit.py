@@ -5,12 +5,15 @@ the nominal design (tau, k, n, d, g), the unknowns of the sensor and dT = T - T_
 
     field at element i  B_i = b (1 + a dT) B(s + R(tilt) o, tilt + t) . n_i + (ambient field) . n_i
     reading             null_i + z_i + gain_i g_i (1 + c dT) B_i
-    force on the tip    m (k(s) s_x, k(s) s_y, n(s))
+    force on the tip    m (1 + h (s_z / s_z,max - 1/2)) (f k(s) s_x, f k(s) s_y, n(s))
     depth, shear        d(s) + stand_zero + stand_compliance F_z,   g(s) (s_x, s_y)
 
-with factors m of the modulus, b of the polarisation (times the magnet's volume) and g_i of the gains, offset o and
-tilt t of the magnet in the silicone, offsets z_i of the elements, and their places, which shift the field's argument
-the other way. All unknowns have normal priors about the nominal sensor, whose standard
+with factors m of the modulus, b of the polarisation and g_i of the gains, offset o and tilt t of the magnet in the
+silicone, its larger diameter and height, offsets z_i of the elements, and their places, which shift the field's
+argument the other way. What the made sensor's law, nu and sizes change in the mechanics is small and smooth: a
+stiffening h with the depth, a factor f of the forces sideways, and a factor of the lean tau.
+
+All unknowns have normal priors about the nominal sensor, whose standard
 deviations follow from tolerances (`studies.sensitivity.made_sensors`): half of the largest deviation of a normal
 one, 1/sqrt(3) of that of a uniform one.
 
@@ -57,6 +60,9 @@ QUANTILE = 1.6449
 """Half width of a 90 % interval of a normal distribution over its standard deviation."""
 AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
 """Standard deviations of priors: ambient field (T, as the earth's), zero (mm) and compliance (mm/N) of the stand."""
+MECHANICS = 0.03
+"""The same of what is unknown of the mechanics beside the modulus: stiffening, and factors of lateral force and lean.
+Made sensors of another law, nu and magnet differ by some percent (`magtip validate calibration`)."""
 WARMING = {"remanence_per_K": (-1.1e-3, 2e-4), "gain_per_K": (0.0, 5e-4)}
 """Priors of temperature coefficients, 1/K: NdFeB loses 0.09 to 0.13 % of its remanence per K."""
 
@@ -105,14 +111,13 @@ def unknowns_of(
         """Return the standard deviation that a tolerance means, in percent where the tolerance is."""
         return made[name] * (1 / math.sqrt(3) if SPECS[name]["shape"] == "uniform" else 1 / CUT)
 
-    # the field far away is that of the magnet's moment
-    volume = (
-        2 * sigma("magnet_diameter") / design.magnet_diameter,
-        sigma("magnet_height") / design.magnet_height,
-    )
     rows = [
         ("modulus", "1", 1.0, math.hypot(sigma("E") / 100, model_error)),
-        ("remanence", "1", 1.0, math.hypot(sigma("remanence") / 100, *volume)),
+        ("stiffening", "1", 0.0, MECHANICS),
+        ("sideways", "1", 1.0, MECHANICS),
+        ("lean", "1", 1.0, MECHANICS),
+        ("remanence", "1", 1.0, sigma("remanence") / 100),
+        *((f"wider_{name}", "mm", 0.0, sigma(f"magnet_{name}")) for name in ("diameter", "height")),
         *((f"magnet_{axis}", "mm", 0.0, sigma(f"magnet_{axis}")) for axis in "xyz"),
         *((f"tilt_{axis}", "rad", 0.0, math.radians(sigma("magnet_tilt"))) for axis in "xy"),
         *((f"gain_{name}", "1", 1.0, sigma(f"{part}_gain") / 100) for name in bench.readings),
@@ -170,7 +175,7 @@ class Sensor:
         names = parts.columns(elements)
         x, y, w = shift.T
         U, r = x * x + y * y, np.cbrt(np.maximum(-w, 0.0))
-        lean = polyval2d(U, w, self.mechanics.tau)
+        lean = self.value(theta, "lean") * polyval2d(U, w, self.mechanics.tau)
         # a positive rotation about x carries z towards -y
         tilt = np.stack([-lean * y, lean * x], axis=1)
         moved = shift + rotated(self.vector(theta, "magnet", "xyz"), tilt)
@@ -179,14 +184,23 @@ class Sensor:
         # row j of a state has the place of element j: only the reading of this element is right
         relative = (moved[:, None] - place).reshape(-1, 3)
         poses = np.repeat(turned, len(names), axis=0)
-        rows = batch_readings([self.design], np.zeros(len(relative), dtype=np.int64), relative, poses).field_T
+        size = {
+            f"magnet_{name}": getattr(self.design, f"magnet_{name}") + self.value(theta, f"wider_{name}")
+            for name in ("diameter", "height")
+        }
+        # only the field is that of another magnet
+        magnet = dataclasses.replace(self.design, **size)
+        rows = batch_readings([magnet], np.zeros(len(relative), dtype=np.int64), relative, poses).field_T
         B = np.diagonal(rows.reshape(len(shift), len(names), -1), axis1=1, axis2=2)
         B = B * (self.value(theta, "remanence") * (1 + self.value(theta, "remanence_per_K") * warmer))[:, None]
         B = B + self.vector(theta, "ambient", "xyz") @ np.array([element.direction for element in elements]).T
         gain = self.vector(theta, "gain", names) * np.array([element.gain for element in elements])
         null = self.vector(theta, "null", names) + np.array([element.null for element in elements])
         reading = null + gain * B * (1 + self.value(theta, "gain_per_K") * warmer)[:, None]
-        force = self.value(theta, "modulus") * forces(self.mechanics, shift.T)[0].T
+        share = -w / self.mechanics.sink - 0.5
+        force = forces(self.mechanics, shift.T)[0].T * self.value(theta, "modulus")
+        force = force * (1 + self.value(theta, "stiffening") * share)[:, None]
+        force = force * [self.value(theta, "sideways"), self.value(theta, "sideways"), 1.0]
         depth = polyval2d(U, r, self.mechanics.depth) + self.value(theta, "stand_zero")
         depth = depth + self.value(theta, "stand_compliance") * force[:, 2]
         g = polyval2d(U, r, self.mechanics.shear)
@@ -424,9 +438,10 @@ def decode(found: Fit, readings: Array, warmer: Array) -> DecodedForces:
     by_shift = np.stack(
         [(sensor.predict(theta, shift + h * e, warmer)[:, count : count + 3] - F) / h for e in np.eye(3)], axis=-1
     )
-    modulus = un.names.index("modulus")
-    by_theta = np.zeros((len(F), 3, len(un.free)))
-    by_theta[..., un.free == modulus] = (F / theta[modulus])[..., None]
+    by_theta = np.stack([
+        (sensor.predict(theta + step * e, shift, warmer)[:, count : count + 3] - F) / step
+        for e, step in zip(np.eye(len(theta))[un.free], 1e-3 * un.deviation[un.free], strict=True)
+    ], axis=-1)  # fmt: skip
     A = np.einsum("nmi,nmj->nij", Js, Js)
     A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
     moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))

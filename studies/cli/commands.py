@@ -74,7 +74,7 @@ ACTIONS = {
             "validation_commands",
             (
                 "verify friction extremes accuracy vibration crosscheck ladder range_ claims assumption bench trade "
-                "surrogate"
+                "calibration surrogate"
             ),
         ),
     },

@@ -89,6 +89,21 @@ def vibration(*, quick: bool = False, out: Folder = None, wide: Wide = False, as
     return publish(partial(study.run, quick=quick), destination(vibration, locals(), study.FILES))
 
 
+def calibration(
+    *, quick: bool = False, out: Folder = None, store: OwnStore = None, wide: Wide = False, as_json: AsJson = False
+) -> int:
+    """Calibrate 200 simulated made sensors; exit status 3 if intervals do not hold, or regressions are as good.
+
+    Parameters
+    ----------
+    quick
+        Calibrate 24 sensors: a minute in place of some ten.
+    """
+    from studies.validation import calibration_check as study
+
+    return publish(partial(study.run, quick=quick, store=store), destination(calibration, locals(), study.FILES))
+
+
 def crosscheck(
     *,
     accuracy: AccuracyName = "quick",

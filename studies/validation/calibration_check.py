@@ -1,0 +1,239 @@
+"""Calibrations of made sensors whose truth is known: do intervals hold, and what do a few presses give?
+
+Sensors are drawn from the tolerances, as `magtip sensitivity` draws them. Their mechanics are finite elements at
+another accuracy and of another law than the estimator's surrogate: Yeoh, with another nu and other sizes of the
+magnet. Sensors share the mechanics of a few designs, which differ in what tolerances change, and have everything else
+of their own. The stand gives way and has a zero; forces scatter and have a hysteresis: they are larger in half of the
+rows, on the way down, and smaller in the others. Rows are at random depths and shears that a plate with friction 1
+can apply.
+
+Each sensor is calibrated from 30 rows, and decodes others. Quadratic regressions get the same 30 rows, and 3000.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analytic.hall import batch_readings, rotated
+from analytic.inverse.response_surface import Mechanics, force_and_load, forces, of_samples
+from analytic.parts import common_values
+from geometry.arrays import Array
+from geometry.design import Design, paper
+from geometry.loads import Load, Response
+from geometry.messages import Progress
+from studies import cases
+from studies.calibration import calibration_study, sensor_fit
+from studies.calibration.bench_file import Bench
+from studies.calibration.sensor_fit import Sensor
+from studies.output.goals import Goal, failures, verdict
+from studies.output.result import Result, Table
+from studies.sensitivity.made_sensors import MadeSensors, made_sensors, tolerances
+from studies.validation import pages
+from studies.validation.pages import Row
+
+FILES = ("CALIBRATIONS.md", "calibrations.csv", "unknowns.csv")
+SENSORS, VARIANTS, SEED = 200, 12, 7
+QUICK_SENSORS, QUICK_VARIANTS = 24, 3
+ROWS, MANY, UNSEEN = 30, 3000, 200
+"""Rows of a calibration, of the large regression, and rows that are decoded."""
+DEPTHS, SHEARS = np.linspace(0.15, 2.3, 9), np.linspace(0.0, 1.0, 4)
+"""Depths, mm, and shears over depth and over 1, of the solved states; shears end at the edge of the stick range."""
+FORCE_NOISE, READING_NOISE, HYSTERESIS = 0.02, 2.5e-4, 0.01
+"""Standard deviations of forces, N, and readings, V; half of the relative width of the loop of the force."""
+STAND_ZERO, STAND_COMPLIANCE = 0.1, 0.004
+"""mm, and mm/N."""
+ENOUGH = 100
+"""Least number of sensors for goals of single unknowns."""
+LAW: dict[str, Any] = {"law": "yeoh", "yeoh_2": 0.02}
+LEAST, MOST = 85.0, 95.0
+"""Goals of the shares of 90 % intervals that hold, %."""
+
+
+def mechanics_of(designs: Sequence[Design], store: Path | None, progress: Progress) -> list[Mechanics]:
+    """Return the mechanics of designs by finite elements at level quick, in N and mm."""
+    loads = [Load(depth=d, shear_x=d * s, friction="stick") for d in DEPTHS.tolist() for s in SHEARS.tolist()]
+    asked = cases.table((design, load, "rigid") for design in designs for load in loads)
+    asked["shear_mm"] = [load.shear_x for _ in designs for load in loads]
+    found = cases.answer(
+        asked, ["fem:quick"], quantities=["force", "shift", "tilt"], store=store, progress=progress
+    ).to_dict("records")
+    laws = []
+    for k in range(len(designs)):
+        own = zip(loads, found[k * len(loads) : (k + 1) * len(loads)], strict=True)
+        laws.append(of_samples((load, _response(load, row)) for load, row in own if row["status"] == "ok"))
+    return laws
+
+
+def _response(load: Load, row: Row) -> Response:
+    if not load.shear:
+        return Response((0.0, 0.0, row["fem_force_N"]), (0.0, 0.0, row["fem_shift_z_mm"]), 0.0, 0.0)
+    force = row["fem_force_x_N"], 0.0, row["fem_force_N"]
+    shift = row["fem_shift_x_mm"], 0.0, row["fem_shift_z_mm"]
+    return Response(force, shift, row["fem_tilt_rad"], 0.0)
+
+
+def bench_rows(
+    made: MadeSensors, k: int, law: Mechanics, shift: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return what a stand measures (n, 9) of a made sensor at shifts (n, 3), and its true forces (n, 3)."""
+    design = made.designs[k]
+    assert design is not None
+    force, load, _ = force_and_load(law, shift.T, contact=False)
+    force = force.T
+    # all that the estimator has as unknowns, from the draw itself and not by its code
+    lean = _lean(law, shift)
+    moved = shift + rotated(made.magnet_offset[k], lean)
+    relative = (moved[:, None] - made.element_offset[k]).reshape(-1, 3)
+    turned = np.repeat(lean + made.magnet_tilt[k], 3, axis=0)
+    field = batch_readings([design], np.zeros(len(relative), dtype=np.int64), relative, turned).field_T
+    B = np.diagonal(field.reshape(len(shift), 3, 3), axis1=1, axis2=2)
+    gain, null, *_ = common_values(design)
+    reading = null + made.null_shift[k] + gain * made.gain_factor[k] * B
+    reading = reading + READING_NOISE * rng.normal(size=reading.shape)
+    loop = 1 + HYSTERESIS * rng.choice([-1.0, 1.0], size=(len(shift), 1))
+    measured = force * loop + FORCE_NOISE * rng.normal(size=force.shape)
+    depth = load[0] + STAND_ZERO + STAND_COMPLIANCE * force[:, 2] + 0.005 * rng.normal(size=len(shift))
+    shears = np.full((len(shift), 2), np.nan)
+    return np.column_stack([reading, measured, depth, shears]), force
+
+
+def _lean(law: Mechanics, shift: Array) -> Array:
+    from numpy.polynomial.polynomial import polyval2d
+
+    x, y, w = shift.T
+    t = polyval2d(x * x + y * y, w, law.tau)
+    return np.stack([-t * y, t * x], axis=1)
+
+
+def random_shifts(law: Mechanics, count: int, rng: np.random.Generator) -> Array:
+    """Return shifts (n, 3) of loads within the solved states that a plate with friction 1 can apply."""
+    found = np.zeros((0, 3))
+    while len(found) < count:
+        w, angle = -law.sink * rng.uniform(0.05, 0.95, count) ** 0.7, rng.uniform(0, 2 * np.pi, count)
+        u = law.reach * rng.uniform(0, 1, count) * (-w / law.sink)
+        shift = np.stack([u * np.cos(angle), u * np.sin(angle), w], axis=1)
+        force = forces(law, shift.T)[0].T
+        holds = (force[:, 2] > 0.1) & (np.hypot(force[:, 0], force[:, 1]) < force[:, 2])
+        found = np.concatenate([found, shift[holds]])
+    return found[:count]
+
+
+def truth_of(made: MadeSensors, k: int, un: sensor_fit.Unknowns, base: Design) -> dict[str, float]:
+    """Return the true values of a made sensor's unknowns; the ambient field is 0."""
+    design = made.designs[k]
+    assert design is not None
+    values = {
+        "modulus": design.E / base.E,
+        "remanence": design.remanence / base.remanence,
+        "wider_diameter": design.magnet_diameter - base.magnet_diameter,
+        "wider_height": design.magnet_height - base.magnet_height,
+        "stand_zero": STAND_ZERO,
+        "stand_compliance": STAND_COMPLIANCE,
+    }
+    values |= {f"magnet_{axis}": v for axis, v in zip("xyz", made.magnet_offset[k].tolist(), strict=True)}
+    values |= {f"tilt_{axis}": v for axis, v in zip("xy", made.magnet_tilt[k].tolist(), strict=True)}
+    for i, name in enumerate(("S1", "S2", "S3")):
+        values |= {f"gain_{name}": float(made.gain_factor[k, i]), f"null_{name}": float(made.null_shift[k, i])}
+        values |= {f"place_{name}_{a}": float(v) for a, v in zip("xyz", made.element_offset[k, i], strict=True)}
+    return {name: values[name] for name in un.names if name in values}
+
+
+def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
+    """Calibrate made sensors and judge the intervals."""
+    count, variants = (QUICK_SENSORS, QUICK_VARIANTS) if quick else (SENSORS, VARIANTS)
+    base = paper()
+    made = made_sensors(base, tolerances(), count, SEED)
+    # a variant has the nu and the magnet of a made sensor, and another law; its E is that of each sensor
+    few = [dataclasses.replace(made.designs[k] or base, E=base.E, **LAW) for k in range(variants)]
+    laws = mechanics_of(few, store, lambda share, text: progress(0.5 * share, text))
+    nominal, source, error = calibration_study.mechanics_of(base, None)
+    rng = np.random.default_rng(SEED)
+    judged, unknowns = list[Row](), list[Row]()
+    for k in range(count):
+        progress(0.5 + 0.5 * k / count, f"sensor {k + 1} of {count}")
+        unit, E = laws[k % variants], float(made.fields["E"][k])
+        law = dataclasses.replace(unit, lateral=unit.lateral * E, normal=unit.normal * E)
+        shift = random_shifts(law, MANY + UNSEEN, rng)
+        rows, force = bench_rows(made, k, law, shift, rng)
+        one, found = _judge(made, k, base, (nominal, error), rows, force)
+        judged.append({"sensor": k} | one)
+        unknowns += [{"sensor": k} | row for row in found]
+    return result(judged, unknowns, source)
+
+
+def _judge(
+    made: MadeSensors, k: int, base: Design, model: tuple[Mechanics, float], rows: Array, force: Array
+) -> tuple[Row, list[Row]]:
+    """Return errors and shares within intervals of one sensor, and its unknowns."""
+    import pandas as pd
+
+    names = ("S1", "S2", "S3")
+    bench = Bench(pd.DataFrame({"depth_mm": [0.0], "run": "a"}), names, [])
+    un = sensor_fit.unknowns_of(base, bench, tolerances(), model_error=model[1])
+    sensor = Sensor(base, model[0], un, np.full(3, READING_NOISE), 0.05)
+    found = sensor_fit.fit_with_noise(sensor, rows[:ROWS], np.zeros(ROWS))
+    readings, true = rows[MANY:, :3], force[MANY:]
+    decoded = sensor_fit.decode(found, readings, np.zeros(len(readings)))
+    off = decoded.force - true
+    known = np.isfinite(off).all(axis=1)
+
+    def rmse(values: Array) -> float:
+        return float(np.sqrt(np.square(values).sum(axis=1).mean()))
+
+    few, many = (calibration_study.ridge(rows[:n, :3], rows[:n, 3:6], readings, 2) - true for n in (ROWS, MANY))
+    score: Row = {
+        "rmse_N": rmse(off[known]),
+        "quadratic_rmse_N": rmse(few),
+        "quadratic_3000_rmse_N": rmse(many),
+        "inside_percent": 100 * float((np.abs(off[known]) <= decoded.half_width[known]).mean()),
+        "lost": int((~known).sum()),
+        "force_noise_N": found.sensor.force_noise,
+        "largest_N": float(np.abs(true).max()),
+    }
+    truth = truth_of(made, k, un, base)
+    unknowns = [
+        {"name": name, "true": truth[name], "value": v, "deviation": d, "inside": abs(v - truth[name]) <= 1.6449 * d}
+        for name, v, d in zip(un.names, found.theta.tolist(), found.deviation.tolist(), strict=True)
+        if name in truth
+    ]
+    return score, unknowns
+
+
+def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str) -> Result:
+    """Return the result of judged sensors."""
+    import pandas as pd
+
+    frame, each = pd.DataFrame(judged), pd.DataFrame(unknowns)
+    shares = each.groupby("name", sort=False).agg(
+        inside_percent=("inside", lambda own: 100 * own.mean()), deviation=("deviation", "median")
+    )
+    few = float((frame.rmse_N / frame.quadratic_rmse_N).median())
+    many = float((frame.rmse_N / frame.quadratic_3000_rmse_N).median())
+    n, goals = len(frame), list[Goal]()
+    told = [("forces", float(frame.inside_percent.mean())), ("all unknowns", 100 * float(each.inside.mean()))]
+    # of a few sensors the share of one unknown is chance
+    for name, share in [*told, *(shares.inside_percent.items() if n >= ENOUGH else ())]:
+        goals.append(Goal(f"90 % intervals of {name} that hold", share, LEAST, n, "%", at_least=True))
+        goals.append(Goal(f"90 % intervals of {name} that hold (not too wide)", share, MOST, n, "%"))
+    goals.append(Goal("RMSE over that of a quadratic regression, both from 30 rows, median", few, 1 / 3, n))
+    goals.append(Goal("RMSE from 30 rows over that of a quadratic regression from 3000, median", many, 1.0, n))
+    table = [{"unknown": name, **row} for name, row in shares.to_dict("index").items()]
+    page = pages.rendered(
+        "calibrations.md.j2", verdict=verdict(goals), goals=list(map(str, goals)), table=table, sensors=n,
+        source=source, median=pages.records(frame.drop(columns="sensor").median().to_frame().T),
+    )  # fmt: skip
+    title = "Calibrations of made sensors"
+    return Result(
+        title=title,
+        records=judged,
+        shown=[Table(title=title, rows=table), *map(str, goals[-2:]), str(goals[0])],
+        tables={"calibrations": judged, "unknowns": unknowns},
+        digits=5,
+        pages={"CALIBRATIONS.md": page},
+        failures=failures(goals),
+    )
