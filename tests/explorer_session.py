@@ -1,7 +1,7 @@
 """A session with the explorer's page: its server, a page in headless Chromium, moves at random, measured times.
 
 `python tests/explorer_session.py OUT [MOVES]` writes into the folder OUT screenshots, `session.json` with 1000 random
-moves, the effect of every control, and the times from slider to picture, and the same in words, EXPLORER.md.
+moves and the times from slider to picture, and the same in words, EXPLORER.md.
 `python tests/explorer_session.py --latency` measures these times only, in less than a minute, and prints them.
 """
 
@@ -14,7 +14,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from urllib.parse import urlencode
 
 from browser import launched, opened, said, wait
 from explorer_scripts import DRAG, GO, REST, SET, SETTLED
@@ -80,14 +79,6 @@ def drawn(page, selector="figure.section[data-side=a] canvas"):
     return hashlib.sha256(page.evaluate(script).encode()).hexdigest()
 
 
-def shown(page):
-    """A digest of all that the page shows: canvases, tables and texts."""
-    return hashlib.sha256(page.evaluate("document.querySelector('main').innerText").encode()).hexdigest(), *(
-        drawn(page, selector)
-        for selector in ("figure.section[data-side=a] canvas", "figure.sensor[data-side=a] canvas")
-    )
-
-
 def heap(page):
     """Bytes of the page's JavaScript heap after a garbage collection."""
     page.request_gc()
@@ -149,20 +140,6 @@ def random_moves(page, count, seed=20):
             time.sleep(choose.choice([0.0, 0.0, 0.02, 0.1]))
 
 
-def effects(page):
-    """What each control changes: the request, and what the page shows, by the name of the control."""
-    table = {}
-    for field in page.evaluate("Explorer.fields()"):
-        begin(page, field)
-        before, sent = shown(page), page.evaluate("JSON.stringify(Explorer.message('a'))")
-        value = other_value(field)
-        move(page, field["name"], value)
-        wait(page, "Explorer.complete()")
-        request = page.evaluate("JSON.stringify(Explorer.message('a'))")
-        table[field["name"]] = {"request": sent != request, "page": before != shown(page)}
-    return table
-
-
 def other_value(field):
     """Another value of a control: the next choice, or 15 % of the way to the farther end of the slider."""
     if "choices" in field:
@@ -173,15 +150,6 @@ def other_value(field):
         return 700
     farther = max(field["slider"], key=lambda end: abs(end - field["value"]))
     return field["value"] + 0.15 * (farther - field["value"])
-
-
-def begin(page, field):
-    """Show a state in which a control has an effect."""
-    needs = {name: allowed[0] for name, allowed in field["needs"].items() if isinstance(allowed, list)}
-    needs |= {"shear": 0.5, "level": "quick"} if field["group"] == "Load" else {"level": "quick"}
-    needs |= {"hall_noise_density": 1e-5} if field["name"] == "hall_bandwidth" else {}
-    go(page, "#" + urlencode({"preset": "paper", **needs}))
-    wait(page, f"!document.querySelector('[data-name={field['name']}]').hidden && Explorer.complete()")
 
 
 def percentile(values, share):
@@ -237,7 +205,6 @@ def main(out, moves=1000):
         rest(page)
         # the first answers of an installation wait for compiled functions
         wait(page, SETTLED)
-        evidence["controls"] = effects(page)
         memories = []
         for part in range(5):
             random_moves(page, moves // 5, seed=part)
@@ -265,7 +232,6 @@ def in_words(evidence):
     """The evidence as a page of Markdown."""
     command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=7"]
     commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    still = [name for name, effect in evidence["controls"].items() if not all(effect.values())]
     memories = "\n".join(f"| {one['moves']} | {one['server_MB']} | {one['heap_MB']} |" for one in evidence["memory"])
     return f"""# The live page, measured
 
@@ -291,10 +257,6 @@ and that of the page's JavaScript.
 {memories}
 
 Messages on the console: {len(evidence["console"])}.
-
-## Controls
-
-{len(evidence["controls"])} controls; without effect on the request or on the page: {", ".join(still) or "none"}.
 """
 
 

@@ -88,17 +88,6 @@ const SectionDrawing = (() => {
       y[k] = at.z(points[k][1]) - 0.5;
       s[k] = ((value[k] - span.low) / (span.high - span.low)) * (TONES - 1);
     }
-    // the part of the canvas that is coloured
-    let left = width;
-    let right = 0;
-    let top = height;
-    let bottom = 0;
-    for (let k = 0; k < n; k++) {
-      left = Math.min(left, x[k]);
-      right = Math.max(right, x[k]);
-      top = Math.min(top, y[k]);
-      bottom = Math.max(bottom, y[k]);
-    }
     for (const cell of cells) {
       const i = cell[0];
       const j = cell[1];
@@ -132,11 +121,7 @@ const SectionDrawing = (() => {
         }
       }
     }
-    pen.clearRect(0, 0, width, height);
-    left = Math.max(0, Math.floor(left));
-    top = Math.max(0, Math.floor(top));
-    if (right > left && bottom > top)
-      pen.putImageData(image, 0, 0, left, top, Math.ceil(right) - left + 1, Math.ceil(bottom) - top + 1);
+    pen.putImageData(image, 0, 0);
   }
 
   // Transparent pixels of a canvas' size; they are used again, since each picture would leave a megabyte to collect.

@@ -78,22 +78,20 @@ const SectionView = (() => {
       return { z: value("L") - depth + rise, x: friction === "none" ? present.x : way * shear, tilt };
     }
 
+    // Puts an element over a plate, some pixels above its lower face.
+    function over(node, plate, above) {
+      node.hidden = !at || !plate;
+      if (node.hidden) return;
+      const half = (0.62 * value("D") * at.scale) / at.ratio;
+      const x = at.x(plate.x || 0) / at.ratio - half;
+      const y = at.z(plate.z) / at.ratio - above;
+      node.style.width = `${2 * half}px`;
+      node.style.transform = `translate(${x}px, ${y}px) rotate(${plate.tilt || 0}deg)`;
+    }
+
     // The handle lies over the drawn plate and a little below it.
     function place(plate) {
-      if (!at || !plate) {
-        handle.hidden = true;
-        return;
-      }
-      const half = 0.62 * value("D") * at.scale;
-      const x = (at.x(plate.x || 0) - half) / at.ratio;
-      const y = at.z(plate.z) / at.ratio;
-      handle.hidden = false;
-      Object.assign(handle.style, {
-        left: `${x}px`,
-        width: `${(2 * half) / at.ratio}px`,
-        top: `${y - 26}px`,
-        transform: `rotate(${plate.tilt || 0}deg)`,
-      });
+      over(handle, plate, 26);
       const { depth, shear } = load();
       const text = `depth ${Format.plain(depth)} mm, shear ${Format.plain(shear)} mm`;
       handle.setAttribute("aria-valuetext", text);
@@ -106,19 +104,8 @@ const SectionView = (() => {
       const { plate: present, direction = [1, 0] } = shown?.section || {};
       const target = present && wanted(present, direction);
       const far =
-        at &&
-        present &&
-        (Math.abs(target.z - present.z) > 0.004 ||
-          Math.abs(target.x - present.x) > 0.004 ||
-          target.tilt !== present.tilt);
-      mark.hidden = !far;
-      if (far) {
-        const half = (0.62 * value("D") * at.scale) / at.ratio;
-        const x = at.x(target.x || 0) / at.ratio;
-        const y = at.z(target.z) / at.ratio;
-        mark.style.width = `${2 * half}px`;
-        mark.style.transform = `translate(${x - half}px, ${y}px) rotate(${target.tilt || 0}deg)`;
-      }
+        present && (Math.hypot(target.z - present.z, target.x - present.x) > 0.004 || target.tilt !== present.tilt);
+      over(mark, far && target, 0);
       place(present && (held ? target : present));
     }
 
