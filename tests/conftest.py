@@ -15,6 +15,7 @@ from browser import executable, launched
 
 from geometry.design import BadInput, paper
 from studies.cli import entry_point
+from studies.output import figures
 
 # a shell starts programs in the background with Ctrl-C ignored, and these hand that on to the commands that tests
 # interrupt; a handler of their own is not handed on
@@ -63,6 +64,14 @@ def own_cache(tmp_path_factory):
     run = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAGTIP_CACHE", str(run / "meshes"))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def small_pictures():
+    """Pictures of figures have fewer pixels and are drawn sooner."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "SCALE", 1.5)
         yield
 
 

@@ -117,19 +117,6 @@ def test_grips_and_presses_stand_in_one_table(ask):
     assert forces == pytest.approx(np.array(expected), rel=1e-6, abs=1e-9)
 
 
-def test_rows_that_differ_in_what_the_mechanics_ignore_share_their_problem(ask):
-    rows = 400
-    columns = {
-        "depth_mm": np.tile([0.5, 1.0], rows // 2),
-        "f_mm": np.linspace(4.6, 5, rows),
-        "E_MPa": np.linspace(0.5, 2, rows),
-    }
-    found = ask(columns, ["fem:quick", "paper"])
-    assert set(found["solve"]) == {1}
-    over_E = found["fem_force_N"] / found["E_MPa"]
-    assert over_E[0::2].std() < 1e-12 < over_E[1] - over_E[0]
-
-
 def test_solved_states_are_kept(ask):
     first = ask({"depth_mm": [0.5]}, ["fem:quick"])
     again = ask({"depth_mm": [0.5]}, ["fem:quick"], workers=0)

@@ -12,7 +12,6 @@ from fem.equilibrium import solve, trace
 from fem.model import coulomb_friction
 from fem.model.plate_contact import KAPPA, Plate
 from fem.model.symmetry_models import MeshSpecification
-from fem.scene import choose_model
 from fem.solve.direct_solver import Solver, have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -194,15 +193,6 @@ def test_cattaneo_and_mindlin():
         assert 1 - state.slip_share == pytest.approx(1 - share, abs=0.3 * (1 - share) + 0.05)
     assert states[4].slip_share == 1
     assert states[4].response.force[0] == pytest.approx(mu * states[4].response.force[2], rel=0.01)
-
-
-def test_models_of_friction():
-    press, shear, tilt, across = (
-        Load(depth=1.0, friction=0.5, **more)
-        for more in ({}, {"shear_x": 1.0}, {"plate_tilt": 0.1}, {"plate_tilt": 0.1, "shear_y": 1.0})
-    )
-    found = [choose_model([load], "auto") for load in (press, shear, tilt, across)]
-    assert found == ["axisymmetric", "harmonic", "harmonic", "harmonic"]
 
 
 def test_a_plate_with_friction_may_come_and_go_after_a_shear():

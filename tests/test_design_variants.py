@@ -10,12 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from geometry.base import Base, plan
 from geometry.design import BadInput, paper
 from studies.fabrication import design_variants
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.mechanics import worker_process
-from studies.mechanics.study_cases import varied
 
 
 def test_sentences_of_a_batch_name_the_variants():
@@ -119,12 +117,6 @@ def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
             design_variants.batch(paper(), {"L": [9.0, 10.0]}, tmp_path / "parts", design_variants.silent, workers=2)
         )
     assert caught.value.filename == "x.stl"
-
-
-def test_the_elements_of_a_batch_stay_in_the_base():
-    one, other = (plan(varied(paper(), {"L": length}), Base()) for length in (9.0, 12.0))
-    assert one.thickness == pytest.approx(other.thickness, rel=1e-12)
-    assert one.seats.bodies["S2"].corner == pytest.approx(other.seats.bodies["S2"].corner, rel=1e-12)
 
 
 def test_axes_that_change_no_solid_are_named():

@@ -23,6 +23,8 @@ ERRORS = pd.DataFrame(
         "failed": [False, False, True, False],
     }
 )
+SCALE = figures.SCALE
+"""Pixels for a point, before tests make fewer of them."""
 
 
 def layers(figure):
@@ -129,7 +131,8 @@ def test_nothing_to_draw_is_no_error():
     ],
     ids=lambda figure: figure.title,
 )
-def test_a_picture_has_marks_of_the_colours(figure, tmp_path):
+def test_a_picture_has_marks_of_the_colours(figure, tmp_path, monkeypatch):
+    monkeypatch.setattr(figures, "SCALE", SCALE)
     figures.save(tmp_path / "one.png", [figure], notes=["A sentence."])
     picture = np.asarray(Image.open(tmp_path / "one.png").convert("RGB")).astype(int)
     assert picture.shape[1] > 600

@@ -6,7 +6,6 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
-from fem.scene import choose_model
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, check_load
 
@@ -63,12 +62,6 @@ def test_a_deep_press_at_once_leans_the_same_way(force):
     state = trace(SLENDER, [Load(depth=2.0, imperfection=force)], replace(QUICK, harmonics=2), estimate=False)[-1]
     assert state.status == "ok"
     assert 6.0 < state.response.shift[0] < 6.2
-
-
-def test_models_that_can_carry_one():
-    assert choose_model([Load(depth=1.0, imperfection=1e-3)], "auto") == "harmonic"
-    with pytest.raises(BadInput, match="imperfection"):
-        choose_model([Load(depth=1.0, imperfection=1e-3)], "axisymmetric")
 
 
 @pytest.mark.parametrize(

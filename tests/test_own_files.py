@@ -53,18 +53,6 @@ def test_a_file_that_is_staged_may_be_written_again(tmp_path):
         own_files.check(tmp_path, ["part.stl"])
 
 
-def test_a_single_file_of_the_user_is_not_overwritten(tmp_path):
-    file = tmp_path / "m.csv"
-    file.write_text("mine")
-    with pytest.raises(
-        BadInput, match=r"m\.csv' was not written by magtip and would be overwritten: choose another name"
-    ):
-        atomic_files.check_output_file(file, ".csv")
-    file.unlink()
-    atomic_files.write_text(file, "a\n1\n")
-    assert atomic_files.check_output_file(file, ".csv") == file
-
-
 def test_a_process_that_is_killed_leaves_files_that_may_be_written_again(tmp_path, monkeypatch):
     atomic_files.write_text(tmp_path / "a.csv", "old")
     monkeypatch.setattr(atomic_files.os, "replace", lambda *paths: (_ for _ in ()).throw(KeyboardInterrupt))

@@ -20,7 +20,7 @@ from geometry.mold import Mold, sizes
 from studies.fabrication import assembly_picture, casting_recipe, sensor_parts, sensor_solids
 from studies.fabrication.fabrication_rows import FabricationRow, Silicone
 from studies.inputs.option_groups import Fabrication
-from studies.output import console, own_files
+from studies.output import own_files
 from studies.simulation import design_summary
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
@@ -301,11 +301,6 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
     text = (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
     assert "assembly.png" not in text
     assert "Written by `magtip cad paper --out parts --axis D=3,8 --axis L=10`." in text
-
-
-def test_a_module_that_cannot_be_loaded_says_so():
-    with pytest.raises(ModuleNotFoundError, match="no_such_module"):
-        console.load("no_such_module")
 
 
 @pytest.mark.parametrize(("option", "choices"), [("--mold", Mold), ("--base", base.Base)])

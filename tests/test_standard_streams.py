@@ -53,17 +53,3 @@ def test_a_full_standard_error_is_dropped_so_that_the_exit_flushes_it_without_an
         console.say("lost")
         full.write("also lost")
         full.flush()
-
-
-def test_a_reader_that_takes_one_line():
-    with subprocess.Popen(
-        [sys.executable, "-c", CODE, "design", "paper"],
-        env=ENVIRONMENT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdout.readline().strip() == "Design"
-        process.stdout.close()
-        assert process.stderr.read() == ""
-    assert process.returncode in (0, 141)

@@ -293,16 +293,6 @@ def test_an_export_without_states_writes_nothing(three, tmp_path, refused):
     assert out.read_text() == "old"
 
 
-def test_an_export_replaces_its_own_file_and_none_of_the_user(three, tmp_path, refused):
-    out = tmp_path / "states.jsonl"
-    for _ in range(2):
-        exported(three, out)
-    out.write_text("mine")
-    with refused("was changed after magtip had written it and would be overwritten: choose another name"):
-        exported(three, out)
-    assert out.read_text() == "mine"
-
-
 def test_an_export_has_a_suffix(three, tmp_path, refused):
     with refused("must end in .csv or .parquet or .jsonl"):
         exported(three, tmp_path / "states.xlsx")

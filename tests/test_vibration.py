@@ -264,12 +264,6 @@ def test_shift_and_tilt_of_a_slow_motion_along_x_are_those_of_a_small_shear(magn
     assert tilt / paper().D == pytest.approx(small.tilt, rel=0.01)
 
 
-def test_forces_are_reciprocal_about_a_sheared_state():
-    force = static(blocks(SHEARED)[0])[1]
-    assert force[0, 1] == pytest.approx(force[1, 0], rel=1e-8)
-    assert abs(force[0, 1]) > 1e-3 * force[0, 0]
-
-
 def test_the_pressure_of_the_contact_sums_to_the_force():
     block = blocks(PRESSED)[0]
     x, force = static(block)
