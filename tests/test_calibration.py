@@ -160,6 +160,16 @@ def test_unknowns_that_no_row_tells_apart_are_named(simulated):
     assert "ambient_x, ambient_y, ambient_z, which keep their priors" in said
 
 
+def test_remanence_and_gains_move_against_each_other_and_leave_the_force_alone(simulated):
+    sensor, shift, rng = simulated
+    un = sensor.unknowns
+    wide = np.array([0.1 if name == "remanence" or name.startswith("gain") else 0.0 for name in un.names])
+    sensor = dataclasses.replace(sensor, unknowns=dataclasses.replace(un, deviation=wide))
+    found = sensor_fit.fit(sensor, rows_of(sensor, un.mean, shift, rng), np.zeros(len(shift)))
+    sentence = "remanence moves against gain_S1, gain_S2, gain_S3 (1.00): the decoded force does not depend on it"
+    assert sentence in calibration_study.sentences(found)
+
+
 def test_a_lag_of_the_forces_is_found():
     t = np.arange(0, 30, 0.02)
     force = 5 * np.sin(0.9 * t) ** 2 + 0.3 * np.sin(5 * t)

@@ -87,8 +87,7 @@ def read(
     for file in files:
         table, heads = _read_file(file, names, elements[0].unit, columns or {})
         label = file.name.removesuffix(".gz").removesuffix(".csv")
-        runs = table["run"].astype(str) if "run" in table else ""
-        table["run"] = label if isinstance(runs, str) else label + ":" + runs
+        table["run"] = f"{label}:" + table["run"].astype(str) if "run" in table else label
         tables.append(table)
         understood += heads
     table = pd.concat(tables, ignore_index=True)
@@ -171,9 +170,9 @@ def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> t
     element = next((each for each in names if each.lower() == name.strip().lower()), None)
     column = element or next((each for text, each in NAMES.items() if re.fullmatch(text, name.lower())), None)
     if given and column is None:
-        column = given if given in (*FORCES, *MOTIONS, "time_s", "temperature_C") else None
-        if column is None:
-            raise BadInput(f"--column {given}: choose one of {', '.join([*names, *FORCES, *MOTIONS])}")
+        if given not in (others := (*FORCES, *MOTIONS, "time_s", "temperature_C")):
+            raise BadInput(f"--column {given}: choose one of {', '.join([*names, *others])}")
+        column = given
     if column is None:
         return "", ""
     wanted = unit if element else column.rpartition("_")[2]
@@ -212,16 +211,16 @@ def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: par
             raise BadInput(
                 f"all readings of {name} are {values.iloc[0]:g} {element.unit}: an element that is not read"
             )
-        beyond = (values < 2 * element.low - element.high) | (values > 2 * element.high - element.low)
-        if element.unit == "V":
-            beyond = (values < element.low / 2) | (values > 1.5 * element.high)
+        # a voltage is positive, a flux density is not
+        least = element.low / 2 if element.unit == "V" else 1.5 * element.low
+        beyond = (values < least) | (values > 1.5 * element.high)
         if len(values) and beyond.mean() > 0.5:
             raise BadInput(
                 f"readings of {name} such as {values[beyond].iloc[0]:.4g} {element.unit} cannot be: this element "
                 f"reads from {element.low:g} to {element.high:g} {element.unit}: check the unit of its column"
             )
-    pressed = table["Fz_N"].dropna() if "Fz_N" in table else table[[]].sum(axis=1)
-    if len(pressed) and (pressed <= 0).all() and (pressed < 0).any():
+    pressed = table["Fz_N"].dropna() if "Fz_N" in table else table[forces[0]].iloc[:0]
+    if (pressed <= 0).all() and (pressed < 0).any():
         raise BadInput("all forces along z are negative, but a press is positive: use --force-sign -1")
     complete = table[[*names]].notna().all(axis=1) & table[list(forces)].notna().any(axis=1)
     if complete.sum() < FEWEST:

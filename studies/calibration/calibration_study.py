@@ -53,7 +53,7 @@ SIZES = (12, 30, 100, 300, 1000, 3000)
 FOLDS = 5
 """Parts in which a single run is held out, each of consecutive rows."""
 TOGETHER, IRRELEVANT = 0.9, 0.05
-"""Correlation of two unknowns that is told; share of the force's deviation below which it does not depend on them."""
+"""Correlation of two unknowns that is told; share of the force's variance below which it does not depend on them."""
 SAME = 0.9
 """Posterior over prior standard deviation from which the rows say nothing about an unknown."""
 PATTERN = 4.0
@@ -255,20 +255,23 @@ def unknown_rows(found: Fit) -> list[FlatRow]:
 
 def sentences(found: Fit) -> list[str]:
     """Return what the rows cannot tell: unknowns that move together, and those that stay as uncertain as before."""
+    from scipy.sparse.csgraph import connected_components
+
     un, correlation = found.sensor.unknowns, found.correlation()
     said = []
     total = sensor_fit.force_variance(found, found.covariance, found.shift)
-    for i, j in itertools.combinations(un.free.tolist(), 2):
-        if abs(correlation[i, j]) < TOGETHER:
+    count, label = connected_components(np.abs(correlation) > TOGETHER)
+    for group in (np.flatnonzero(label == k) for k in range(count)):
+        if len(group) < 2:
             continue
-        # the part of the covariance along both, in the ratio of their deviations
-        along = np.zeros(len(found.theta))
-        along[i], along[j] = found.deviation[i], math.copysign(found.deviation[j], correlation[i, j])
-        without = found.covariance - (1 - SAME**2) * np.outer(along, along)
-        part = 1 - sensor_fit.force_variance(found, without, found.shift) / total
-        how = "together" if correlation[i, j] > 0 else "against each other"
-        effect = ": the decoded force does not depend on it" if abs(part) < IRRELEVANT else ""
-        said.append(f"{un.names[i]} and {un.names[j]} move {how} ({correlation[i, j]:.2f}){effect}")
+        along, first = np.zeros(len(found.theta)), group[0]
+        along[group] = found.deviation[group] * np.sign(correlation[first, group])
+        # what the variance of the force gains where all are less certain by their deviations, along each other
+        more = sensor_fit.force_variance(found, found.covariance + np.outer(along, along), found.shift)
+        effect = ": the decoded force does not depend on it" if more / total - 1 < IRRELEVANT else ""
+        same, other = ([un.names[k] for k in group if along[k] * way > 0] for way in (1, -1))
+        moves = f" {'move' if same[1:] else 'moves'} against {', '.join(other)}" if other else " move together"
+        said.append(f"{', '.join(same)}{moves} ({np.abs(correlation[first, group[1:]]).min():.2f}){effect}")
     silent = [un.names[k] for k in un.free if found.deviation[k] > SAME * un.deviation[k]]
     if silent:
         said.append(f"these rows say nothing about {', '.join(silent)}, which keep their priors")
