@@ -141,20 +141,16 @@ def recipe_text(design, choices):
     return casting_recipe.text(design, choices, row, None, "", "magtip cad")
 
 
-def test_the_recipe_mixes_the_silicone_that_was_chosen():
+def test_the_recipe_mixes_and_weighs_the_silicone_that_was_chosen():
+    """The design's own density of 1080 kg/m³ is that of another silicone."""
     text = recipe_text(paper(), sensor_solids.FabricationChoices(silicone=MIX))
     assert "Mix Sylgard 184 10A:1B by weight, a ratio to check on its data sheet" in text
     assert "First cure: 48 h at 23 °C, times to check on its data sheet" in text
-    read = dataclasses.replace(MIX, assumed=())
-    assert "10A:1B by weight (a paper)" in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=read))
-
-
-def test_the_recipe_weighs_the_silicone_that_was_chosen():
-    """The design's own density of 1080 kg/m³ is that of another silicone."""
-    text = recipe_text(paper(), sensor_solids.FabricationChoices(silicone=MIX))
     rows = [row.split("|") for row in text.splitlines() if row.startswith(("| first:", "| second:"))]
     assert [float(row[4]) for row in rows] == pytest.approx([1.2 * float(row[3]) for row in rows], abs=0.013)
     assert "Masses are those of Sylgard 184 with 1200 kg/m³." in text
+    read = dataclasses.replace(MIX, assumed=())
+    assert "10A:1B by weight (a paper)" in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=read))
 
 
 def test_a_design_without_a_silicone_gets_no_invented_mix():
