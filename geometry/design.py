@@ -208,7 +208,7 @@ class Design:
     chip_width: float = quantity(3.0, "mm", 0.1, 50, "footprint of the layout chip along y", assumed=True)
     chip_height: float = quantity(1.0, "mm", 0.05, 20, "height of the layout chip over its board", assumed=True)
     chip_plate: float = quantity(0.5, "mm", 0.0, 20, "height of its sensitive volume over the board", assumed=True)
-    silicone: str = _words("", "name of the silicone, for the recipe (empty: none is named)", assumed=True)
+    silicone: str = _words("", "name of the silicone, for the recipe (empty: none is named)", assumed=False)
     loss_factor: float = quantity(0.1, "1", 0.0, 1.0, "tan(delta) of the silicone (0: elastic)", assumed=True)
     loss_low: float = quantity(0.01, "Hz", 1e-6, 1e6, "least frequency with this loss factor", assumed=True)
     loss_high: float = quantity(1000.0, "Hz", 1e-6, 1e6, "greatest frequency with this loss factor", assumed=True)

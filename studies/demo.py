@@ -13,7 +13,6 @@ from geometry.design import Design, paper
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.fabrication import sensor_parts
-from studies.fabrication.fabrication_rows import FabricationRow
 from studies.mechanics.path_solver import LoadOutcome
 from studies.output import atomic_files, result, vtk_files
 from studies.output.provenance import made, versions
@@ -94,7 +93,7 @@ def run(
         _write_last(folder, name, design, states)
     atomic_files.write_text(folder / "REPORT.md", document(design, comparison, cad, mesh, origin))
     show(1.0, "done")
-    outcomes = [(cad.status, cad.message), (mesh["status"], mesh["message"])]
+    outcomes = [(cad["status"], cad["message"]), (mesh["status"], mesh["message"])]
     outcomes += [(row["status"], row["message"]) for row in comparison.press]
     outcomes += [(row["status"], row["message"]) for row in comparison.shear]
     status, message = next((outcome for outcome in outcomes if outcome[0] not in ANSWERED), ("ok", ""))
@@ -102,8 +101,8 @@ def run(
         "status": status,
         "message": message,
         "summary": comparison.summary,
-        "parts": cad.row()["parts"],
-        "checks": cad.row()["checks"],
+        "parts": cad["parts"],
+        "checks": cad["checks"],
         "mesh": mesh,
     }
 
@@ -130,7 +129,7 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[LoadOu
 # REPORT.md
 
 
-def document(design: Design, comparison: Comparison, cad: FabricationRow, mesh: FlatRow, origin: str) -> str:
+def document(design: Design, comparison: Comparison, cad: FlatRow, mesh: FlatRow, origin: str) -> str:
     """Return the text of REPORT.md: findings, small tables, assumptions, parts and mesh, files, origin."""
     summary = comparison.summary
     press = [row for row in comparison.press if row["status"] in ANSWERED]
@@ -225,13 +224,13 @@ def _assumed(design: Design) -> str:
     return "\n".join(lines)
 
 
-def _part_lines(cad: FabricationRow, mesh: FlatRow) -> list[str]:
+def _part_lines(cad: FlatRow, mesh: FlatRow) -> list[str]:
     """Return sentences on the parts, the mould and base, and the mesh."""
-    parts, checks = cad.parts, cad.checks
-    passed = sum(check.passed for check in checks)
+    parts, checks = cad["parts"], cad["checks"]
+    passed = sum(check["passed"] for check in checks)
     lines = [f"Mould and base: {passed} of {len(checks)} checks passed."]
-    if cad.status != "ok":
-        lines.append(f"CAD: {cad.message}")
+    if cad["status"] != "ok":
+        lines.append(f"CAD: {cad['message']}")
     if parts:
         worst = max(abs(part["relative_error"]) for part in parts)
         lines.append(

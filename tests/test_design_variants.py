@@ -12,13 +12,13 @@ import pytest
 
 from geometry.design import BadInput, paper
 from studies.fabrication import design_variants
-from studies.fabrication.fabrication_rows import FabricationRow
+from studies.fabrication.sensor_parts import fabricated
 from studies.mechanics import worker_process
 
 
 def test_sentences_of_a_batch_name_the_variants():
-    rows = [FabricationRow("ok", "", Path("out", name), warnings=("a small vent",)) for name in ("D7", "D8")]
-    rows.append(FabricationRow("bad_input", "no wall", Path("out", "D3")))
+    rows = [fabricated("ok", "", Path("out", name)) | {"warnings": ["a small vent"]} for name in ("D7", "D8")]
+    rows.append(fabricated("bad_input", "no wall", Path("out", "D3")))
     assert design_variants.sentences_of(rows) == [
         "warning: variant D7, D8: a small vent",
         "variant D3: no wall",
@@ -94,14 +94,14 @@ def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeyp
         "from studies.fabrication import design_variants as variants\n"
         "def fabricate(job):\n"
         "    if job[1]['L'] == 9: os._exit(7)\n"
-        "    return variants.FabricationRow('ok', '', job[2])\n"
+        "    return variants.fabricated('ok', '', job[2])\n"
         "variants.fabricate = fabricate; worker_process.main()\n"
     )
     monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-P", "-c", code))
     axes = {"L": [9.0, 10.0, 11.0, 12.0]}
     records = list(design_variants.batch(paper(), axes, tmp_path / "parts", design_variants.silent, workers=2))
-    assert [row.status for row in records] == ["failed", "ok", "ok", "ok"]
-    assert "exit code 7" in records[0].message
+    assert [row["status"] for row in records] == ["failed", "ok", "ok", "ok"]
+    assert "exit code 7" in records[0]["message"]
 
 
 def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):

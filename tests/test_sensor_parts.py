@@ -18,7 +18,6 @@ from geometry.design import BadInput, paper
 from geometry.fabrication.printability import Check
 from geometry.mold import Mold, sizes
 from studies.fabrication import assembly_picture, casting_recipe, sensor_parts, sensor_solids
-from studies.fabrication.fabrication_rows import FabricationRow, Silicone
 from studies.inputs.option_groups import Fabrication
 from studies.output import own_files
 from studies.simulation import design_summary
@@ -132,12 +131,14 @@ def test_pins_and_screws_of_a_split_mould_have_clearance_and_lie_across_the_spli
             assert all(0.09 < bar.distance_to(half) < 0.3 for half in halves)
 
 
-MIX = Silicone("Sylgard 184", "10A:1B by weight", 48, 23, 1200.0, (1.3, 3.0), "a paper", ("mixed", "hours"))
+MIX = sensor_solids.Silicone(
+    "Sylgard 184", "10A:1B by weight", 48, 23, 1200.0, (1.3, 3.0), "a paper", ("mixed", "hours")
+)
 
 
 def recipe_text(design, choices):
     size, recipe = design_summary.outer_size(design, None), casting_recipe.recipe_of(design, choices)
-    row = FabricationRow("ok", "", Path("out"), size=size, recipe=recipe)
+    row = sensor_parts.fabricated("ok", "", Path("out"), size | {"recipe": recipe})
     return casting_recipe.text(design, choices, row, None, "", "magtip cad")
 
 

@@ -67,7 +67,7 @@ def cad(
         if not axes:
             return sensor_parts.result_of([sensor_parts.build(design, out, progress, choices, command=command_line)])
         made = list(design_variants.batch(design, axes, out, progress, choices, command=command_line))
-        said, lost = design_variants.sentences_of(made), any(each.status != "ok" for each in made)
+        said, lost = design_variants.sentences_of(made), any(each["status"] != "ok" for each in made)
         found = dataclasses.replace(sensor_parts.result_of(made), warnings=(), failures=())
         return dataclasses.replace(found, failures=said) if lost else dataclasses.replace(found, remarks=said)
 
@@ -261,7 +261,7 @@ def size(
         write(result, folder, here.command)
         if options.export and sizing.winner is not None:
             made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
-            lost = [made.message] if made.status != "ok" else []
-            result = replace(result, warnings=made.warnings, failures=[*result.failures, *lost])
+            lost = [made["message"]] if made["status"] != "ok" else []
+            result = replace(result, warnings=made["warnings"], failures=[*result.failures, *lost])
         progress(1.0, "complete")
     return show(result, here)

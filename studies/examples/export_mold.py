@@ -18,8 +18,8 @@ def main(folder: str = "out/mold") -> tuple[float, float]:
     sensor = Design(D=10.0, L=12.0, f=7.0, l0=9.2)
     mold = Mold(process="sla", columns=2, shrink=0.005)
     built = build(sensor, Path(folder), lambda *_: None, FabricationChoices(mold), picture=False)
-    for check in built.checks:
-        print(f"{check.name:48} {check.value:8.3g} {check.unit:4} must be {check.bound}")
+    for check in built["checks"]:
+        print(f"{check['name']:48} {check['value']:8.3g} {check['unit']:4} must be {check['bound']}")
     first, second = pours(sensor, mold)
     print(f"silicone: {first / 1000:.2f} ml for the first pour, {second / 1000:.2f} ml for the second")
     return first, second

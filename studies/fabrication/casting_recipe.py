@@ -12,7 +12,6 @@ from geometry.base import Plan
 from geometry.design import Design
 from geometry.fabrication import board_drawing
 from geometry.mold import BOLT, EAR_DEPTH, Mold, pours, sizes
-from studies.fabrication.fabrication_rows import FabricationRow
 from studies.output import page_templates
 from studies.output.records import FlatRow
 
@@ -122,7 +121,7 @@ def size_sentence(size: FlatRow) -> str:
 def text(
     design: Design,
     choices: FabricationChoices,
-    fabricated: FabricationRow,
+    fabricated: FlatRow,
     plan: Plan | None,
     picture: str,
     command: str,
@@ -139,9 +138,9 @@ def text(
         d=design,
         m=mold,
         row=fabricated,
-        recipe=fabricated.recipe,
+        recipe=fabricated["recipe"],
         plan=plan,
-        size=size_sentence(fabricated.size),
+        size=size_sentence(fabricated),
         picture=picture,
         command=command,
         cavities=count,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import itertools
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,12 +11,12 @@ from pathlib import Path
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.fabrication.fabrication_rows import FabricationRow
-from studies.fabrication.sensor_parts import build
+from studies.fabrication.sensor_parts import build, fabricated
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.inputs import study_input
 from studies.mechanics.worker_process import Executor, WorkerDied, processes
 from studies.output import atomic_files, console
+from studies.output.records import FlatRow
 
 Job = tuple[Design, dict[str, float], Path, FabricationChoices, str]
 """Base design, the fields that the variant replaces, its folder, the fabrication choices, and the command line."""
@@ -50,7 +49,7 @@ def batch(
     choices: FabricationChoices = FabricationChoices(),
     workers: int | None = None,
     command: str = "magtip cad",
-) -> Iterator[FabricationRow]:
+) -> Iterator[FlatRow]:
     """Call `build` for every combination of the axes' values and yield the rows in order.
 
     Each combination has a folder of its own, named after its values. The Hall elements keep their places in the base,
@@ -72,27 +71,27 @@ def batch(
     ]
     count = min(workers or cores(), len(jobs))
     with atomic_files.filled(out), _clean_up([out / name for name in names]), contextlib.ExitStack() as stack:
-        rows: Iterator[FabricationRow] = map(fabricate, jobs)
+        rows: Iterator[FlatRow] = map(fabricate, jobs)
         if count > 1:
             rows = _rows(jobs, stack.enter_context(processes(count, tries=1)))
         for k, (point, row) in enumerate(zip(points, rows, strict=True)):
-            progress((k + 1) / len(jobs), row.folder.name)
-            yield dataclasses.replace(row, variant=point)
+            progress((k + 1) / len(jobs), row["folder"].name)
+            yield point | row
 
 
-def sentences_of(rows: Sequence[FabricationRow]) -> list[str]:
+def sentences_of(rows: Sequence[FlatRow]) -> list[str]:
     """Return each warning and each reason of a failure once, with the folders of the variants that have it."""
-    warned = [(row, text) for row in rows for text in dict.fromkeys(row.warnings)]
-    failed = [(row, row.message) for row in rows if row.status != "ok"]
+    warned = [(row, text) for row in rows for text in dict.fromkeys(row["warnings"])]
+    failed = [(row, row["message"]) for row in rows if row["status"] != "ok"]
     sentences = [f"warning: {text}" for text in _named(warned)] + _named(failed)
     return [*sentences, f"{len(failed)} of {len(rows)} variants failed"] if failed else sentences
 
 
-def _named(texts: Sequence[tuple[FabricationRow, str]]) -> list[str]:
-    return console.remarks([{"variant": row.folder.name, "message": text} for row, text in texts], ("variant",))
+def _named(texts: Sequence[tuple[FlatRow, str]]) -> list[str]:
+    return console.remarks([{"variant": row["folder"].name, "message": text} for row, text in texts], ("variant",))
 
 
-def _rows(jobs: Sequence[Job], executor: Executor) -> Iterator[FabricationRow]:
+def _rows(jobs: Sequence[Job], executor: Executor) -> Iterator[FlatRow]:
     """Yield the rows of jobs in order; an exception of a worker process is raised here."""
     futures = [executor.submit(fabricate, job) for job in jobs]
     for job, future in zip(jobs, futures, strict=True):
@@ -100,7 +99,7 @@ def _rows(jobs: Sequence[Job], executor: Executor) -> Iterator[FabricationRow]:
             row, error, _ = future.result()
         except WorkerDied as death:
             # the CAD kernel can crash a process, and the system can kill it when memory runs out
-            yield FabricationRow("failed", f"its process ended with {death}: make this variant by itself", job[2])
+            yield fabricated("failed", f"its process ended with {death}: make this variant by itself", job[2])
             continue
         if error is not None:
             raise error
@@ -123,7 +122,7 @@ def _clean_up(folders: Sequence[Path]) -> Iterator[None]:
         raise
 
 
-def fabricate(job: Job) -> FabricationRow:
+def fabricate(job: Job) -> FlatRow:
     """Fabricate one variant of a batch; an impossible one gives a row with status bad_input."""
     from studies.mechanics.study_cases import varied
 
@@ -131,7 +130,7 @@ def fabricate(job: Job) -> FabricationRow:
     try:
         return build(varied(design, fields), folder, silent, choices, picture=False, command=command)
     except BadInput as error:
-        return FabricationRow("bad_input", str(error), folder)
+        return fabricated("bad_input", str(error), folder)
 
 
 def silent(fraction: float, text: str) -> None:

@@ -12,7 +12,6 @@ from geometry.bad_input import MeshError
 from geometry.design import Design
 from geometry.messages import Progress
 from studies.fabrication import casting_recipe
-from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_solids import (
     COLOURS,
     FabricatedSolids,
@@ -50,7 +49,7 @@ def build(
     *,
     picture: bool = True,
     command: str = "magtip cad",
-) -> FabricationRow:
+) -> FlatRow:
     """Build the solids of a design, check them, and write all files into a folder if every check passes.
 
     Other files in the folder stay.
@@ -59,6 +58,11 @@ def build(
     ----------
     picture : whether to draw the assembly; a second process does so, and takes about as long as all other work.
     command : command line that the recipe names as its origin.
+
+    Returns
+    -------
+    status (ok, failed or bad_input), message, folder, parts, checks, sizes (`design_summary.outer_size`), recipe
+    (`casting_recipe.recipe_of`) and warnings; a design that fails a check has no parts, and no file is written.
 
     Raises
     ------
@@ -81,25 +85,33 @@ def build(
         console.load("build123d", "trimesh")
         solids = make_solids(design, choices)
         size, recipe = design_summary.outer_size(design, solids.plan), casting_recipe.recipe_of(design, choices)
-        warned = (*design.warnings(), *warnings(design, choices, solids))
-        row = FabricationRow("ok", "", folder, size=size, recipe=recipe, warnings=warned)
+        warned = [*design.warnings(), *warnings(design, choices, solids)]
+        row = fabricated("ok", "", folder, size | {"recipe": recipe}) | {"warnings": warned}
         try:
             progress(0.2, "triangles")
             shapes = triangulated_parts(design, choices, solids)
             progress(0.4, "checks")
-            row = dataclasses.replace(row, checks=tuple(run_checks(design, choices, solids, shapes)))
-            _refuse_failed(row.checks)
-            parts = tuple(_write(design, choices, solids, shapes, stage, progress))
+            checks = run_checks(design, choices, solids, shapes)
+            row["checks"] = [dataclasses.asdict(check) for check in checks]
+            _refuse_failed(checks)
+            row["parts"] = _write(design, choices, solids, shapes, stage, progress)
         except MeshError as error:
-            return dataclasses.replace(row, status="failed", message=str(error))
+            return row | {"status": "failed", "message": str(error)}
         if draw and solids.plan:
             progress(0.8, "picture")
         missing = _draw(stage, design, solids, draw)
-        row = dataclasses.replace(row, parts=parts, warnings=(*row.warnings, *missing, *left_over(folder, stage)))
+        row["warnings"] += [*missing, *left_over(folder, stage)]
         picture_name = PICTURE if (stage / PICTURE).exists() else ""
         page = casting_recipe.text(design, choices, row, solids.plan, picture_name, command)
         atomic_files.write_text(stage / RECIPE, page)
     return row
+
+
+def fabricated(status: str, message: str, folder: Path, known: FlatRow | None = None) -> FlatRow:
+    """Return the row of a sensor without parts; `known` are its sizes and recipe, if it has solids."""
+    nothing: FlatRow = {"parts": [], "checks": []}
+    sizes = {"assembled_size_mm": None} if known is None else known
+    return {"status": status, "message": message, "folder": folder} | nothing | sizes | {"warnings": []}
 
 
 def _draw(stage: Path, design: Design, solids: FabricatedSolids, draw: Painter | None) -> list[str]:
@@ -213,28 +225,24 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
     return [*(base.warnings(design) if solids.plan else [solids.missing]), *too_fine]
 
 
-def result_of(fabricated: Sequence[FabricationRow]) -> Result:
+def result_of(rows: Sequence[FlatRow]) -> Result:
     """Return the parts and checks of one sensor, or a row for each of several."""
-    records = [each.row() for each in fabricated]
-    if len(fabricated) > 1:
-        table = Table(title="Folders", rows=[_brief(each) for each in fabricated])
-        return Result(title=table.title, records=records, shown=[table])
-    (sensor,) = fabricated
-    parts = Table(title=f"Parts in {sensor.folder}, each .step .stl .3mf", rows=records[0]["parts"])
+    if len(rows) > 1:
+        left_out = ("recipe", "beam_size_mm", "leads_below_base_mm")
+        brief = [{name: value for name, value in row.items() if name not in left_out} for row in rows]
+        brief = [row | {"parts": len(row["parts"]), "checks": len(row["checks"])} for row in brief]
+        return Result(title="Folders", records=list(rows), shown=[Table(title="Folders", rows=brief)])
+    (sensor,) = rows
+    parts = Table(title=f"Parts in {sensor['folder']}, each .step .stl .3mf", rows=sensor["parts"])
     checks = [
-        [check.name, f"{check.value:.3g}", check.bound, check.unit, "yes" if check.passed else "NO"]
-        for check in sensor.checks
+        [each["name"], f"{each['value']:.3g}", each["bound"], each["unit"], "yes" if each["passed"] else "NO"]
+        for each in sensor["checks"]
     ]
     shown: list[Block] = [
-        *([parts] if sensor.parts else []),
+        *([parts] if sensor["parts"] else []),
         Texts("Checks", ["check", "value", "bound", "unit", "passed"], checks),
-        *([casting_recipe.size_sentence(sensor.size)] if sensor.size else []),
-        *([f"Start with {sensor.folder / RECIPE}."] if sensor.parts else []),
+        *([casting_recipe.size_sentence(sensor)] if "beam_size_mm" in sensor else []),
+        *([f"Start with {sensor['folder'] / RECIPE}."] if sensor["parts"] else []),
     ]
-    return Result(title="Parts", records=records, shown=shown, warnings=sensor.warnings, failures=failure_of(records))
-
-
-def _brief(fabricated: FabricationRow) -> FlatRow:
-    left_out = ("recipe", "beam_size_mm", "leads_below_base_mm")
-    row = {name: value for name, value in fabricated.row().items() if name not in left_out}
-    return row | {"parts": len(fabricated.parts), "checks": len(fabricated.checks)}
+    said = {"warnings": sensor["warnings"], "failures": failure_of(rows)}
+    return Result(title="Parts", records=list(rows), shown=shown, **said)

@@ -11,7 +11,6 @@ from geometry.base import SHAPES, Base, Plan
 from geometry.design import BadInput, Design
 from geometry.fabrication.solid_files import check_tolerance
 from geometry.mold import Mold
-from studies.fabrication.fabrication_rows import Silicone
 from studies.inputs import user_input
 from studies.inputs.option_groups import Fabrication
 
@@ -36,6 +35,29 @@ HALL_ELEMENT_COLOUR = "darkslategray"
 
 USUAL_FACETS, FINEST_FACETS = 2000, 100000
 """D over the facet tolerance: the default, and the greatest value, beyond which a part has millions of triangles."""
+
+
+@dataclass(frozen=True, slots=True)
+class Silicone:
+    """What a recipe needs to know of a silicone.
+
+    Attributes
+    ----------
+    mixed : ratio of the parts.
+    hours, temperature : of a cure without an oven, h and °C.
+    density : kg/m³. moduli : least and largest Young's modulus, MPa.
+    source : data sheet or publication.
+    assumed : those of "mixed", "hours" and "density" whose source was not read.
+    """
+
+    name: str
+    mixed: str
+    hours: float
+    temperature: float
+    density: float
+    moduli: tuple[float, float]
+    source: str
+    assumed: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 from geometry.bad_input import nearest
 from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput
 from geometry.hall_chips import CHIPS, OWN, HallChip
-from studies.fabrication.fabrication_rows import Silicone
+from studies.fabrication.sensor_solids import Silicone
 from studies.inputs.quantity_input import quantity
 from studies.inputs.user_input import check_keys, toml_table
 from studies.sizing.requirements import CATALOGUES, Requirements
@@ -417,9 +417,11 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     files = {kind: ([ours[kind]] if kind in requirements.shipped else []) + users for kind in CATALOGUES}
     magnets = _in_use("magnets", _magnets(files["magnets"], grades), requirements)
     _check_fit(magnets, requirements)
-    chips = CHIPS if "hall_parts" in requirements.shipped else {}
-    hall_parts = {chip.name: _of_chip(chip, layout) for layout, chip in chips.items()}
-    hall_parts |= {name: part for file in files["hall_parts"] for name, part in file.hall_parts.items()}
+    hall_parts: dict[str, HallPartEntry] = {}
+    if "hall_parts" in requirements.shipped:
+        hall_parts |= ours["hall_parts"].hall_parts
+        hall_parts |= {chip.name: _of_chip(chip, layout) for layout, chip in CHIPS.items()}
+    hall_parts |= {name: part for file in users for name, part in file.hall_parts.items()}
     silicones = {name: part for file in files["silicones"] for name, part in file.silicones.items()}
     unusable = {name: part.unusable for name, part in hall_parts.items() if part.unusable}
     for name in requirements.hall_parts:

@@ -11,9 +11,9 @@ from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.output import own_files
 from studies.output.atomic_files import write_text
+from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from studies.fabrication.fabrication_rows import FabricationRow
     from studies.sizing.candidate_variables import Variant
     from studies.sizing.requirements import Requirements
 
@@ -37,7 +37,7 @@ def remove(folder: Path) -> None:
     own_files.remove_empty(folder / PARTS)
 
 
-def export(variant: Variant, requirements: Requirements, folder: Path, progress: Progress) -> FabricationRow:
+def export(variant: Variant, requirements: Requirements, folder: Path, progress: Progress) -> FlatRow:
     """Write the design file, and solids, mould and recipe if they pass their checks.
 
     Raises
@@ -60,7 +60,7 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
         command += f" --silicone {shlex.quote(mix.name)}"
     row = build(variant.design, folder / PARTS, progress, choices, command=command)
     recipe = folder / PARTS / RECIPE
-    if row.status == "ok" and recipe.exists():
+    if row["status"] == "ok" and recipe.exists():
         write_text(recipe, recipe.read_text("utf-8").rstrip("\n") + "\n\n" + parts_text(variant))
     return row
 

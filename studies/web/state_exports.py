@@ -205,9 +205,9 @@ def _mold_archive(task: tuple[Design, str]) -> bytes:
     choices = FabricationChoices(silicone=mix_named(None, design.silicone))
     with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
         row = build(design, Path(folder, "mold"), lambda share, text: None, choices, command=command)
-        if row.status != "ok":
-            raise BadInput(row.message)
-        return _zipped(row.folder)
+        if row["status"] != "ok":
+            raise BadInput(row["message"])
+        return _zipped(row["folder"])
 
 
 def _zipped(folder: Path) -> bytes:
