@@ -44,16 +44,30 @@ def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
     """
     if point[2] < 0 and math.hypot(point[0], point[1]) <= design.R:
         return np.full(len(shifts), math.inf)
-    x, y, z = shifts[:, :, None].transpose(1, 0, 2)
+    x, y, z = shifts.T
     # at the lowest pose of the workspace the magnet stands on the base: rounding must not hide its wall
     height = np.where(design.H + z < design.magnet_height / 2 - 1e-9 * design.H, np.nan, design.H + z)
+    return wall_distance(design.R, design.H, np.array(point), np.stack([x, y, height], axis=1))
+
+
+def wall_distance(R: ArrayLike, H: ArrayLike, point: Array, centre: Array) -> Array:
+    """Return the distances of points from the estimated walls of beams, mm; all arrays broadcast.
+
+    Parameters
+    ----------
+    R, H : radius of the beam, and height of the magnet's centre at rest, shape (...), mm.
+    point, centre : the point, and where the magnet's centre is, from the centre of the base, shape (..., 3), mm.
+    """
     # the wall is sampled along the axis
     t = np.linspace(0, 1, 101)
-    aside = np.hypot(point[0] - t * x, point[1] - t * y)
-    above = t * height - point[2] if point[2] > 0 else 0.0
+    x, y, height = (centre[..., k, None] for k in range(3))
+    a, b, up = (point[..., k, None] for k in range(3))
+    aside = np.hypot(a - t * x, b - t * y)
+    above = np.where(up > 0, t * height - up, 0.0)
     # beyond three times the height the estimate has no radius at mid-height
-    radius = design.R * np.sqrt(np.maximum(1 + 6 * t * (1 - t) * (design.H / height - 1), 0.0))
-    return np.asarray((np.hypot(aside, above) - radius).min(axis=1))
+    share = np.asarray(H)[..., None] / height - 1
+    radius = np.asarray(R)[..., None] * np.sqrt(np.maximum(1 + 6 * t * (1 - t) * share, 0.0))
+    return np.asarray((np.hypot(aside, above) - radius).min(axis=-1))
 
 
 def warnings(

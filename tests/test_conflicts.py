@@ -1,190 +1,93 @@
-"""Contradictory requirements: problems whose smallest conflicting sets and gives are known in closed form."""
+"""Requirements without a variant: what a bound proves at once, and advice that holds."""
 
-import itertools
-import math
+import dataclasses
 
 import numpy as np
 import pytest
 
-from studies.sizing.conflicts import (
-    SENSES,
-    Bound,
-    bounds_of,
-    find_conflict,
-    least_give,
-    rounded_up,
-    smallest_conflicts,
+from studies.sizing import conflicts
+from studies.sizing.candidate_variables import Space
+from studies.sizing.catalogues import catalogues_of
+from studies.sizing.conflicts import Advice, Conflict, conflict_of, impossible
+from studies.sizing.requirements import Requirements
+from studies.sizing.variant_search import Effort, searched, sorted_parts
+
+NEEDED = Requirements(
+    force_z=5.0,
+    force_x=1.5,
+    largest_strain=0.3,
+    D_low=8.0,
+    D_high=12.0,
+    magnets=("5x3 N45", "4x4 N45"),
+    silicones=("Smooth-Sil 940", "Dragon Skin 30"),
+    hall_parts=("DRV5055A2",),
 )
-from studies.sizing.requirements import LIMITS, Requirements
-
-LENGTH, STIFFEST = 10.0, 4.0
-RANGE, STRAIN = Bound("force_z", 20.0, "N", "at least"), Bound("largest_strain", 0.4, "1", "at most")
+PARTS = catalogues_of(NEEDED)
+BRIEF = Effort(64, 6)
 
 
-def spring_margins(stiffness, force):
-    """Margins of a spring, length 10 mm: the range is the force, the strain force/(stiffness length)."""
-    return np.stack([force - RANGE.value, STRAIN.value - force / (stiffness * LENGTH)], axis=-1)
+@pytest.mark.parametrize(("key", "bound"), [("outer_size", 9.0), ("height", 9.0), ("wall", 4.0)])
+def test_what_is_impossible_by_a_bound_is_said_at_once(key, bound):
+    needed = dataclasses.replace(NEEDED, **{key: bound})
+    (text,) = impossible(needed, PARTS)
+    assert "impossible" in text
+    assert f"{bound:g} mm" in text
 
 
-def springs(count):
-    stiffness, share = np.meshgrid(np.linspace(1, STIFFEST, count), np.linspace(0.1, 1, count))
-    return spring_margins(stiffness.ravel(), share.ravel() * RANGE.value)
+def test_no_candidate_is_beyond_a_bound():
+    """A bound is a proof: no random candidate has a smaller base or a lower sensor."""
+    needed = dataclasses.replace(NEEDED, D_low=None, D_high=None)
+    space, random = Space(needed, sorted_parts(PARTS)), np.random.default_rng(2)
+    drawn = space.candidates(random.integers([2, 2, 1], size=(4000, 3)), random.random((4000, 5)))
+    size, height, _ = (each[drawn.outside() == ""] for each in drawn.sizes())
+    for key, least in (("outer_size", size.min()), ("height", height.min())):
+        assert not impossible(dataclasses.replace(needed, **{key: float(least)}), PARTS)
 
 
-def best_spring(column, others):
-    """The stiffest spring, at the force of the full range, or at that of the full strain."""
-    force = STRAIN.value * STIFFEST * LENGTH if column == 0 and others else RANGE.value
-    return spring_margins(np.array(STIFFEST), np.array(force))
+def test_possible_requirements_have_no_bound():
+    assert impossible(dataclasses.replace(NEEDED, outer_size=30.0, height=40.0), PARTS) == ()
 
 
-def half_planes(points):
-    """Margins of x >= 1, y >= 1 and x + y <= 1.5: each two can be met, all three cannot."""
-    x, y = points.T
-    return np.stack([x - 1, y - 1, 1.5 - x - y], axis=1)
+@pytest.fixture(scope="module")
+def conflict():
+    needed = dataclasses.replace(NEEDED, largest_strain=0.02)
+    found = searched(needed, PARTS, BRIEF)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(conflicts, "LEAST_EFFORT", Effort(64, 6))
+        patch.setattr(conflicts, "ADVICES", 1)
+        points = []
+
+        def solve(chosen, wanted):
+            points.append((len(chosen), wanted))
+            return []
+
+        return needed, conflict_of(needed, PARTS, BRIEF, found, solve), points
 
 
-NAMES = [Bound(name, 1.0, "mm", "at least") for name in "abc"]
-POINTS = np.array(list(itertools.product(np.arange(0, 2.01, 0.25), repeat=2)))
+def test_advice_without_finite_elements_is_not_given(conflict):
+    """Each advice is searched again and solved: what no solve confirms is not said."""
+    needed, found, points = conflict
+    assert found.advices == ()
+    assert "no requirement was found that could give alone" in found.sentence()
+    assert found.sentence().startswith(f"none of {found.candidates} candidates meets all requirements")
+    assert points[-1][1].largest_strain > needed.largest_strain
 
 
-def test_two_requirements_conflict_and_each_gives_what_mechanics_says():
-    """At 20 N the stiffest spring has a strain of 50 %; at 40 % it carries 16 N."""
-    conflict = find_conflict([RANGE, STRAIN], springs(10))
-    assert conflict.members == (RANGE, STRAIN)
-    assert conflict.gives == pytest.approx((4.0, 0.1))
-    assert conflict.sentence() == (
-        "no variant meets force_z of at least 20 N together with largest_strain of at most 40 %: either force_z "
-        "falls by 4 N to 16 N, or largest_strain rises by 10 percentage points to 50 %"
-    )
+def test_a_looser_requirement_never_gives_a_larger_demand():
+    """Of two resolutions the looser one needs no larger strain."""
+    gives = []
+    for resolution in (0.02, 0.05):
+        needed = dataclasses.replace(NEEDED, largest_strain=0.02, resolution_z=resolution)
+        pools = searched(needed, PARTS, BRIEF, free="largest_strain")
+        gives.append(min(float(pool.F[pool.violation == 0, 0].min(initial=np.inf)) for pool in pools))
+    assert gives[1] <= 1.005 * gives[0]
 
 
-def test_a_search_makes_gives_exact():
-    coarse = springs(4)[springs(4)[:, 1] > -0.3]
-    assert find_conflict([RANGE, STRAIN], coarse).gives[0] > 4.1
-    assert find_conflict([RANGE, STRAIN], coarse, best_spring).gives == pytest.approx((4.0, 0.1))
-
-
-def test_three_requirements_of_which_any_two_can_be_met():
-    conflict = find_conflict(NAMES, half_planes(POINTS))
-    assert conflict.members == tuple(NAMES)
-    assert conflict.gives == (0.5, 0.5, 0.5)
-
-
-def test_a_requirement_that_nothing_meets_is_alone():
-    margins = np.column_stack([half_planes(POINTS), np.full(len(POINTS), -3.0)])
-    conflict = find_conflict([*NAMES, RANGE], margins)
-    assert (conflict.members, conflict.gives) == ((RANGE,), (3.0,))
-    assert "unless force_z falls by 3 N to 17 N; further requirements conflict too" in conflict.sentence()
-
-
-def test_gives_of_all_count_every_requirement():
-    """With x <= 0.25 added, x >= 1 conflicts with it; the triple remains a conflict whatever x >= 1 gives."""
-    margins = np.column_stack([half_planes(POINTS), 0.25 - POINTS[:, 0]])
-    conflict = find_conflict([*NAMES, RANGE], margins)
-    assert (conflict.members, conflict.gives) == ((NAMES[0], RANGE), (0.75, 0.75))
-    assert conflict.gives_of_all == (0.75, math.inf)
-    assert "further" not in conflict.sentence()
-
-
-def test_no_conflict():
-    assert find_conflict(NAMES, half_planes(POINTS) + 1) is None
-
-
-def test_a_search_may_dissolve_a_conflict():
-    def best(column, others):
-        return np.zeros(3)
-
-    assert find_conflict(NAMES, half_planes(POINTS), best) is None
-
-
-def test_a_search_is_repeated_for_a_new_set_only():
-    """The first search shows that a and b can be met together, so that a and c remain; nothing is searched twice."""
-    tasks = []
-
-    def best(column, others):
-        tasks.append((column, others))
-        return np.array([1.0, 1.0, -1.0])
-
-    margins = np.array([[1.0, -1.0, -1.0], [-1.0, 1.0, 1.0]])
-    assert find_conflict(NAMES, margins, best).members == (NAMES[0], NAMES[2])
-    assert len(tasks) == len(set(tasks)) == 7
-
-
-def test_a_search_without_an_answer_keeps_the_samples():
-    conflict = find_conflict([RANGE, STRAIN], springs(10), lambda column, others: None)
-    assert conflict.gives == pytest.approx((4.0, 0.1))
-
-
-def test_all_smallest_sets_are_named():
-    margins = np.array([[1.0, -1.0, -1.0], [-1.0, 1.0, 1.0]])
-    assert smallest_conflicts(margins) == [(0, 1), (0, 2)]
-    assert find_conflict(NAMES, margins).others == (("a", "c"),)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_smallest_set_is_minimal(seed):
-    margins = np.random.default_rng(seed).normal(0.3, 1, (12, 8))
-    margins[:, 0] = np.where((margins[:, 1:] >= 0).sum(axis=1) > 3, -1.0, margins[:, 0])
-    sets = smallest_conflicts(margins)
-    assert sets
-    for columns in sets:
-        assert not (margins[:, columns] >= 0).all(axis=1).any()
-        for subset in itertools.combinations(columns, len(columns) - 1):
-            assert (margins[:, subset] >= 0).all(axis=1).any()
-
-
-def test_the_unknown_is_not_met():
-    margins = np.array([[np.nan, 1.0], [1.0, -2.0]])
-    assert smallest_conflicts(margins) == [(0, 1)]
-    assert least_give(margins, 0, [1]) == math.inf
-    assert least_give(margins, 1, [0]) == 2.0
-
-
-def test_a_requirement_that_is_met_gives_nothing():
-    assert least_give(np.array([[1.0, 2.0]]), 0, [1]) == 0.0
-
-
-def test_bounds_are_the_requirements_that_are_set():
-    every = Requirements(
-        force_z=5.0, force_x=2.0, resolution_z=1e-3, resolution_x=1e-3, largest_strain=0.4, first_mode=50.0
-    )
-    names = [bound.name for bound in bounds_of(every)]
-    assert names == [name for name in SENSES if name not in ("outer_size", "height")]
-    assert set(SENSES) - set(LIMITS) == {"no_saturation", "unique_decoding"}
-
-
-def test_a_switch_is_left_out():
-    margins = np.array([[1.0, -0.2], [-4.0, 0.1]])
-    conflict = find_conflict([RANGE, Bound("no_saturation", 1.0, "1", "switch")], margins)
-    assert conflict.sentence().endswith(
-        "no_saturation: either force_z falls by 4 N to 16 N, or no_saturation is left out"
-    )
-
-
-@pytest.mark.parametrize(
-    ("bound", "give", "text"),
-    [
-        (Bound("resolution_z", 0.005, "N", "at most"), 0.00211, "resolution_z rises by 2.2 mN to 7.2 mN"),
-        (Bound("outer_size", 10.0, "mm", "at most"), 1.301, "outer_size rises by 1.4 mm to 11.4 mm"),
-        (Bound("first_mode", 100.0, "Hz", "at least"), 12.3, "first_mode falls by 13 Hz to 87 Hz"),
-        (Bound("stability_margin", 1.2, "1", "at least"), 0.1, "stability_margin falls by 0.1 to 1.1"),
-        (Bound("force_z", 5.0, "N", "at least"), math.inf, "force_z gives more than the search covers"),
-    ],
-)
-def test_text_of_a_give(bound, give, text):
-    assert bound.relaxed(give) == text
-
-
-@pytest.mark.parametrize("value", [0.1, 0.0011, 3.0000001, 99.9, 12345.0])
-def test_rounding_up_never_falls_short(value):
-    assert value <= rounded_up(value) <= 1.1 * value
-
-
-def test_too_many_requirements_are_refused(refused):
-    with refused("among at most 16 requirements; got 17"):
-        smallest_conflicts(np.ones((1, 17)))
-
-
-def test_rows_leave_out_what_is_unknown():
-    (row,) = find_conflict([RANGE], np.array([[np.nan]])).rows()
-    assert (row["requirement"], row["gives"]) == ("force_z", None)
+def test_sentence_and_rows():
+    advice = Advice("outer_size", 12.0, "mm", 13.2)
+    missed = ({"requirement": "largest_strain", "value": 0.4, "unit": "1"},)
+    found = Conflict((), 1000, None, missed, (advice,))
+    assert found.sentence().endswith("a variant was found where outer_size rises to 13.2 mm")
+    first, second = found.rows()
+    assert first["gives"] == pytest.approx(1.2)
+    assert (second["requirement"], second["gives"]) == ("largest_strain", None)

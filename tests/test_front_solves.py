@@ -12,98 +12,68 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.solve_plan import Processes, Solver
-from studies.sizing.candidate_performance import LEAST, Performance
-from studies.sizing.catalogues import catalogues_of
-from studies.sizing.front_search import Effort
-from studies.sizing.front_solves import FemBeams, FrontPoint, _point, checked, largest_differences, ranked, spread
+from studies.sizing.candidate_performance import FIGURES, LEAST
+from studies.sizing.front_solves import COMPARED, FemBeams, FrontPoint, _judged, largest_differences, ranked
 from studies.sizing.requirements import Requirements
-from studies.sizing.variant_search import islands, searched
-
-NAMES = [spec.name for spec in dataclasses.fields(Performance) if spec.name != "margins"]
 
 
 def points(rows, **solved):
-    """Points with the given ranges, resolutions and sizes, and their performance."""
-    values = {name: np.ones(len(rows)) for name in NAMES} | {"shears": np.ones((len(rows), 3))}
-    values["range_z"], values["resolution_z"], values["outer_size"] = np.array(rows, dtype=float).T
-    values["resolution_x"] = values["resolution_z"] / 2
-    performance = Performance(**(values | {"margins": {}} | solved))
+    """Points with the given ranges, resolutions and sizes."""
     made = []
-    for k in range(len(rows)):
-        one = performance.one(k)
-        made.append(FrontPoint(k + 1, None, one, one, {}, {}, "ok", ""))
-    return made, performance
-
-
-def test_ends_of_a_front_are_solved_first():
-    F = np.column_stack([np.linspace(0, 1, 11), np.linspace(1, 0, 11) ** 2])
-    assert spread(F, 2).tolist() == [0, 10]
-    assert spread(F, 11).tolist() == list(range(11))
-    chosen = spread(F, 5)
-    assert {0, 10} <= set(chosen.tolist())
-    assert np.diff(chosen).max() <= 4
+    for number, (range_z, resolution, size) in enumerate(rows, 1):
+        values = dict.fromkeys(FIGURES, 1.0) | {f"{name}_half_width": 0.0 for name in COMPARED}
+        values |= {"range_z": range_z, "resolution_z": resolution, "resolution_x": resolution / 2, "outer_size": size}
+        values |= solved
+        made.append(FrontPoint(number, None, None, values, values, {}, {}, [], "ok", ""))
+    return made
 
 
 def test_the_weights_decide_the_ranks():
-    made, solved = points([(10, 0.01, 20), (5, 0.001, 20), (5, 0.01, 10)])
+    made = points([(10, 0.01, 20), (5, 0.001, 20), (5, 0.01, 10)])
     for weights, best in (((1, 0, 0), 1), ((0, 1, 0), 2), ((0, 0, 1), 3)):
         names = dict(zip(("weight_range", "weight_resolution", "weight_size"), map(float, weights), strict=True))
-        order = ranked(made, solved, Requirements(force_z=5.0, **names))
-        assert order[0].number == best
-        assert order[0].rank == 1
+        order = ranked(made, Requirements(force_z=5.0, **names))
+        assert (order[0].number, order[0].rank) == (best, 1)
         assert order[0].score == pytest.approx(1.0)
 
 
+def test_no_rank_rests_on_less_than_the_resolution():
+    """Ranges that differ by rounding do not count, and resolution and size decide."""
+    made = points([(15 * (1 + 1e-5), 0.01, 20), (15, 0.009, 20), (15, 0.0095, 18)])
+    order = ranked(made, Requirements(force_z=5.0))
+    assert order[0].number != 1
+    assert {point.number for point in order} == {2, 3}
+
+
+def test_what_finite_elements_dominate_is_left_out():
+    made = points([(10, 0.01, 20), (9, 0.011, 21), (12, 0.02, 20)])
+    assert [point.number for point in ranked(made, Requirements(force_z=5.0))] in ([1, 3], [3, 1])
+
+
 def test_failed_points_come_last_without_a_rank():
-    made, solved = points([(10, 0.001, 10), (5, 0.01, 20)])
+    made = points([(10, 0.001, 10), (5, 0.01, 20)])
     made[0] = dataclasses.replace(made[0], status="failed", reason="largest_strain is missed by 3 %")
-    order = ranked(made, solved, Requirements(force_z=5.0))
+    order = ranked(made, Requirements(force_z=5.0))
     assert [(point.number, point.rank) for point in order] == [(2, 1), (1, 0)]
 
 
+def test_an_unknown_margin_is_missed():
+    (made,) = points([(10, 0.01, 20)])
+    failed = _judged(dataclasses.replace(made, margins={"force_x": LEAST, "height": 0.1, "outer_size": -0.02}))
+    assert (failed.status, failed.reason) == ("failed", "force_x is not known; outer_size is missed by 2 %")
+
+
 def test_differences_are_relative_to_finite_elements():
-    made, _ = points([(10, 0.01, 20), (5, 0.01, 20)])
-    predicted = dict(made[0].predicted, range_z=11.0)
-    made[0] = dataclasses.replace(made[0], predicted=predicted)
+    made = points([(10, 0.01, 20), (5, 0.01, 20)])
+    made[0] = dataclasses.replace(made[0], predicted=made[0].predicted | {"range_z": 11.0})
     row = largest_differences(made)["range_z"]
-    assert row["largest_percent"] == pytest.approx(10.0)
-    assert row["median_percent"] == pytest.approx(5.0)
-
-
-def test_front_is_checked_at_more_poses_before_it_is_solved():
-    needed = Requirements(force_z=5.0, force_x=1.0, D_low=9.0, D_high=11.0)
-    parts = catalogues_of(needed)
-    _, variants = searched(islands(needed, parts)[:1], Effort(16, 2))
-    tight = dataclasses.replace(needed, resolution_z=0.3)
-    kept, F = checked(variants, tight)
-    assert 0 < len(kept) < len(variants)
-    assert (F[:, 1] <= np.log(0.3)).all()
-    # none is confirmed: all are returned
-    assert len(checked(variants, dataclasses.replace(needed, resolution_z=1e-6))[0]) == len(variants)
-
-
-def test_a_point_whose_sideways_force_is_not_known_fails():
-    _, said = points([(10, 0.01, 20)], margins={"force_x": np.array([0.1])})
-    solved = dataclasses.replace(said, range_x=np.array([np.nan]), margins={"force_x": np.array([LEAST])})
-    point = _point(0, None, said, said, solved)
-    assert (point.status, point.rank) == ("failed", 0)
-    assert point.reason == "finite elements did not reach range_x; force_x is not known"
-
-
-def test_half_widths_are_the_differences_to_the_worse_ends():
-    _, said = points([(10, 0.01, 20)])
-    worse = dataclasses.replace(said, resolution_z=np.array([0.012]))
-    assert _point(0, None, said, worse, said).predicted["resolution_z_half_width"] == pytest.approx(0.002)
-
-
-def test_infinite_critical_depths_are_not_compared():
-    made, _ = points([(10, 0.01, 20)], critical=np.array([np.inf]))
-    assert largest_differences(made)["critical"]["points"] == 0
+    assert (row["largest_percent"], row["median_percent"]) == pytest.approx((10.0, 5.0))
 
 
 def test_a_critical_depth_that_only_one_source_finds_is_counted():
-    made, _ = points([(10, 0.01, 20)], critical=np.array([np.inf]))
-    row = largest_differences([dataclasses.replace(made[0], solved=made[0].solved | {"critical": 0.2})])["critical"]
+    (made,) = points([(10, 0.01, 20)], critical=np.inf)
+    assert largest_differences([made])["critical"]["points"] == 0
+    row = largest_differences([dataclasses.replace(made, solved=made.solved | {"critical": 0.2})])["critical"]
     assert (row["points"], row["of_one_source"], row["largest_percent"]) == (0, 1, None)
 
 

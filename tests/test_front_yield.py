@@ -8,16 +8,22 @@ import pytest
 
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
-from studies.sizing.candidate_performance import MadeReader, performance
-from studies.sizing.candidate_variables import variant
+from studies.sizing.candidate_performance import made_sensors_of, performance, sensors_of, sensors_of_variant
+from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.front_yield import check_of, drawn, ranges_of, required_load, tolerances_of, yield_of
 from studies.sizing.requirements import Requirements
-from studies.sizing.variant_search import beams_of
 
 NEEDED = Requirements(force_z=5.0, force_x=1.5, magnets=("4x4 N45",), silicones=("Mold Star 30",))
 PARTS = catalogues_of(dataclasses.replace(NEEDED, hall_parts=("DRV5055A2",)))
-MADE = variant((10.0, 1.1, 0, 0, 0, 0.1, 0.1, 0.3), NEEDED, PARTS)
+CANDIDATE = Space(NEEDED, PARTS).rounded(np.zeros((1, 3), dtype=np.int64), np.array([[10.0, 11.0, 1.0, 1.0, 1.8]]))
+MADE = CANDIDATE.variant(0)
+
+
+def reached(variant, **options):
+    """What a variant reaches as designed."""
+    sensors = sensors_of_variant(variant, NEEDED)
+    return performance(sensors, sensors.beams(), NEEDED, **options)
 
 
 def row_of(result, name):
@@ -30,10 +36,19 @@ def test_sensor_without_deviations_reads_as_designed():
         MADE.magnet, remanence_low=MADE.magnet.remanence, remanence_high=MADE.magnet.remanence
     )
     one = dataclasses.replace(MADE, silicone=silicone, magnet=magnet)
-    designed = performance([one], beams_of([one]), NEEDED)
-    made = performance([one], beams_of([one]), NEEDED, reader=MadeReader(nominal_sensor(MADE.design)))
-    for name, value in made.one(0).items():
+    sensors = sensors_of_variant(one, NEEDED)
+    designed = performance(sensors, sensors.beams(), NEEDED)
+    made = made_sensors_of(one, nominal_sensor(MADE.design), sensors)
+    found = performance(made, made.beams(), NEEDED)
+    for name, value in found.one(0).items():
         assert value == pytest.approx(designed.one(0)[name], rel=1e-6, nan_ok=True), name
+
+
+def test_a_variant_is_the_sensor_of_its_candidate():
+    whole, one = sensors_of(CANDIDATE), sensors_of_variant(MADE, NEEDED)
+    for spec in dataclasses.fields(one):
+        if getattr(one, spec.name) is not None:
+            assert getattr(one, spec.name) == pytest.approx(getattr(whole, spec.name)), spec.name
 
 
 def test_ranges_of_the_catalogue_are_the_tolerances():
@@ -101,8 +116,8 @@ def test_forces_out_of_reach_have_no_load():
 
 
 def test_a_requirement_at_its_limit_is_met_by_some_and_named():
-    typical = performance([MADE], beams_of([MADE]), NEEDED)
-    tight = dataclasses.replace(NEEDED, first_mode=1.05 * float(typical.first_mode[0]))
+    typical = reached(MADE, dense=True)
+    tight = dataclasses.replace(NEEDED, first_mode=1.05 * float(typical.values["first_mode"][0]))
     result = yield_of(MADE, tight, 60)
     assert 0 < row_of(result, "all")["within"] < 60
     assert result.rows()[1]["requirement"] == "first_mode"
@@ -115,8 +130,8 @@ def test_a_requirement_at_its_limit_is_met_by_some_and_named():
 
 def test_the_surrogates_intervals_are_the_other_part_of_the_uncertainty():
     silicone = dataclasses.replace(MADE.silicone, E_low=MADE.silicone.E, E_high=MADE.silicone.E)
-    typical = performance([dataclasses.replace(MADE, silicone=silicone)], beams_of([MADE]), NEEDED, caution=0.0)
-    result = yield_of(MADE, dataclasses.replace(NEEDED, largest_strain=float(typical.strain[0])), 100)
+    typical = reached(dataclasses.replace(MADE, silicone=silicone), caution=0.0)
+    result = yield_of(MADE, dataclasses.replace(NEEDED, largest_strain=float(typical.values["strain"][0])), 100)
     row, every = row_of(result, "largest_strain"), row_of(result, "all")
     assert row["within_percent"] == pytest.approx(50, abs=15)
     for each in (row, every):
@@ -127,8 +142,8 @@ def test_the_surrogates_intervals_are_the_other_part_of_the_uncertainty():
 
 
 def test_seed_fixes_the_yield():
-    typical = performance([MADE], beams_of([MADE]), NEEDED)
-    tight = dataclasses.replace(NEEDED, first_mode=1.05 * float(typical.first_mode[0]))
+    typical = reached(MADE, dense=True)
+    tight = dataclasses.replace(NEEDED, first_mode=1.05 * float(typical.values["first_mode"][0]))
     first, again = (yield_of(MADE, tight, 30, seed=3).record() for _ in range(2))
     assert first == again
 

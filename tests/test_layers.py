@@ -28,7 +28,6 @@ HEAVY = {
     "pytetwild",
     "lib3mf",
     "meshio",
-    "pymoo",
     "SALib",
     "jinja2",
     "markdown_it",

@@ -107,7 +107,7 @@ def test_resolution_without_bandwidth_is_warned_of():
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("", ["sensor.toml: requirements need force_z, the range of the press"]),
+        ("", ["sensor.toml: requirements need force_z, the normal force of the press"]),
         ("force_z = 5\nforce_y = 2", ["there is no key 'force_y'", "did you mean force_z"]),
         ("force_z = 5\nlargest_strian = 2", ["'largest_strian'", "did you mean largest_strain"]),
         ('force_z = "5 kg"', ["force_z: 'kg' is no unit for it: choose one of N, mN, kN"]),

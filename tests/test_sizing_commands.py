@@ -12,7 +12,7 @@ from studies.cli import commands
 from studies.inputs.user_input import read_design
 from studies.output import atomic_files
 from studies.sizing import conflicts
-from studies.sizing.front_search import Effort
+from studies.sizing.variant_search import Effort
 
 NEEDED = """
 force_z = "5 N"
@@ -30,7 +30,7 @@ silicones = ["Smooth-Sil 940"]
 hall_parts = ["DRV5055A2"]
 D = ["9 mm", "11 mm"]
 """
-SMALL = ["--population", "12", "--generations", "2", "--points", "1", "--sensors", "20", "--accuracy", "quick"]
+SMALL = ["--population", "32", "--generations", "4", "--points", "1", "--sensors", "20", "--accuracy", "quick"]
 
 
 def size(folder, needed, store, *options):
@@ -96,21 +96,74 @@ def contradiction(tmp_path_factory):
     atomic_files.write_text(parts / "README.md", "Made with `magtip cad`")
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(conflicts, "EFFORT", Effort(16, 4))
+        patch.setattr(conflicts, "LEAST_EFFORT", Effort(32, 4))
+        patch.setattr(conflicts, "ADVICES", 1)
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = commands.run(size(folder, NEEDED.replace("100 %", "3 %"), folder / "store.db", "--json"))
     return folder / "out", status, out.getvalue(), err.getvalue()
 
 
-def test_contradiction_names_a_smallest_set(contradiction):
+def test_a_contradiction_shows_the_nearest_candidate_and_advice_that_holds(contradiction, tmp_path):
     folder, status, out, err = contradiction
     assert status == 3
-    assert "no variant meets" in err
-    assert "largest_strain" in err
     record = json.loads(out)
     assert record["status"] == "failed"
-    assert any(row["requirement"] == "largest_strain" and row["gives"] > 0 for row in record["conflict"])
+    assert f"none of {record['search']['candidates']} candidates meets all requirements" in err
+    assert "largest_strain is missed by" in record["nearest"]["reason"]
+    (row,) = [row for row in record["conflict"] if row["gives"]]
+    assert (row["requirement"], row["unit"]) == ("largest_strain", "1")
+    assert f"largest_strain rises to {100 * row['to']:.4g} %" in err
     assert not (folder / "front.csv").exists()
+    # the advice is run again
+    loose = NEEDED.replace("100 %", f"{100 * row['to']:.6g} %")
+    assert commands.run(size(tmp_path, loose, folder.parent / "store.db")) == 0
+
+
+def test_what_is_impossible_is_said_before_the_search(tmp_path, capsys, monkeypatch):
+    from studies.sizing import sizing_study
+
+    monkeypatch.setattr(sizing_study, "searched", lambda *_, **__: pytest.fail("searched"))
+    assert commands.run(size(tmp_path, NEEDED.replace("30 mm", "12 mm"), tmp_path / "store.db", "--json")) == 3
+    said = capsys.readouterr()
+    assert "outer_size of 12 mm is impossible: the least is" in said.err
+    assert json.loads(said.out)["status"] == "failed"
+
+
+def test_an_example_has_all_keys_and_is_a_file_of_requirements(tmp_path, capsys):
+    from studies.sizing.requirements import _KINDS, read_requirements
+
+    assert commands.run(["size", "--example"]) == 0
+    text = capsys.readouterr().out
+    file = tmp_path / "example.toml"
+    file.write_text(text, encoding="utf-8")
+    assert read_requirements(str(file)).force_x == 2.0
+    assert all(f"{key} = " in text or f"[{key}]" in text for key in _KINDS)
+    assert commands.run(["size"]) == 2
+    assert "size --example" in capsys.readouterr().err
+
+
+def test_a_worst_load_is_what_solve_prints(sizing, capsys, monkeypatch):
+    """The line beside the strain of the best variant prints this strain, and the forces of the load."""
+    folder, _ = sizing
+    rows = json.loads((folder / "sizing.json").read_text("utf-8"))["winner"]["worst_loads"]
+    (worst,) = [row for row in rows if row["figure"] == "strain"]
+    page = (folder / "SIZING.md").read_text("utf-8")
+    assert f"largest strain {worst['value']:.3g} % at E = {worst['E_MPa']:.4g} MPa" in page
+    line = next(text.strip() for text in page.splitlines() if "magtip solve winner.toml" in text)
+    monkeypatch.chdir(folder)
+    assert commands.run([*line.split()[1:], "--json"]) == 0
+    state = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert state["largest_strain_percent"] == pytest.approx(worst["value"], rel=2e-4)
+    assert state["force_N"][2] == pytest.approx(worst["force_z_N"], rel=5e-3)
+    assert abs(state["force_N"][0]) == pytest.approx(worst["force_x_N"], rel=5e-3)
+
+
+def test_verbs_show_the_sizes_of_the_best_variant(sizing, capsys):
+    folder, _ = sizing
+    row = rows_of(folder / "front.csv")[0]
+    assert commands.run(["design", str(folder / "winner.toml"), "--json"]) == 0
+    sizes = json.loads(capsys.readouterr().out)["derived"]["assembled_size_mm"]
+    assert (sizes[0], sizes[2]) == pytest.approx((float(row["outer_size_mm"]), float(row["height_mm"])), rel=1e-5)
 
 
 def test_parts_of_earlier_requirements_are_removed(contradiction):

@@ -63,15 +63,15 @@ def sized():
     """Ten designs of the catalogue: winners of `magtip size`, and candidates drawn at random, a Hall part each."""
     requirements = Requirements(force_z=5.0)
     catalogues = catalogues_of(requirements)
-    variables = candidate_variables.variables(requirements, catalogues)
-    draw = np.random.default_rng(0)
+    space, draw = candidate_variables.Space(requirements, catalogues), np.random.default_rng(0)
     designs = [user_input.read_design(str(path)) for path in sorted(RESULTS.glob("*/winner.toml"))]
+    counts = [len(catalogues.magnets), len(catalogues.silicones), 1]
     while len(designs) < 10:
-        values = [draw.integers(v.choices) if v.choices else draw.uniform(v.low, v.high) for v in variables]
-        values[4] = len(designs) % len(catalogues.hall_parts)
-        if candidate_variables.shortage(np.array([values], dtype=float), catalogues)[0] == 0:
-            variant = candidate_variables.variant(values, requirements, catalogues)
-            designs += [] if isinstance(variant, str) else [variant.design]
+        choices = draw.integers(counts, size=(1, 3))
+        choices[0, 2] = len(designs) % len(catalogues.hall_parts)
+        drawn = space.candidates(choices, draw.uniform(0.3, 1.0, (1, 5)))
+        variant = drawn.variant(0)
+        designs += [] if drawn.outside()[0] or isinstance(variant, str) else [variant.design]
     return designs
 
 

@@ -31,7 +31,7 @@ import numpy as np
 from analytic.cylinder import compiled_functions, cylinder_series, disc_series
 from analytic.hall import Mode, plates_of, rotated
 from analytic.parts import Element, of_design
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 from geometry.compiled import compiled
 from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
@@ -170,6 +170,41 @@ def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple
     read_poses(np.array([shift], dtype=float), rotated(upright, np.array([tilt])), kernel, values, by_shift, by_turn)
     _check(values)
     return by_shift[0], by_turn[0]
+
+
+def readings_of_sensors(
+    points: Array, normals: Array, owners: Ints, size: Array, shift: Array, axis: Array, *, slopes: bool = True
+) -> tuple[Array, Array, Array]:
+    """Return the readings of n sensors in p poses each, and their slopes, over the remanence; NaN without a field.
+
+    Parameters
+    ----------
+    points, normals : where the elements sample the field, relative to the magnet's centre at rest, mm, and their
+        directions, shape (n, m, 3). owners : the element of each of the m points, ascending.
+    size : diameter and height of the magnets, shape (n, 2), mm.
+    shift, axis : displacement of the magnet, mm, and its axis, (0, 0, 1) at rest, shape (n, p, 3).
+
+    Returns
+    -------
+    values, by_shift, by_turn : shape (n, p, k), 1, and (n, p, k, 3), 1/mm and 1/rad, as `slopes_at` returns them; the
+        slopes are empty if they are not wanted.
+    """
+    half = size / 2
+    series = np.array([cylinder_series(h / r) for r, h in half.tolist()])
+    share = 1 / np.bincount(owners)
+    values = np.empty((*shift.shape[:2], len(share)))
+    by_shift, by_turn = np.empty((2, *(values.shape if slopes else (len(points), 0, len(share))), 3))
+    arrays = tuple(map(np.ascontiguousarray, (points, normals, half, series, shift, axis)))
+    _read_sensors(*arrays, owners, share, NO_TILT, disc_series(), values, by_shift, by_turn)
+    return values, by_shift, by_turn
+
+
+@compiled
+def _read_sensors(points, normals, half, series, shift, axis, owners, share, tau, disc, values, by_shift, by_turn):
+    for s in range(len(points)):
+        magnet = half[s, 0], half[s, 1], -1.0, series[s], disc
+        kernel = (points[s], normals[s], owners, share, tau, False, *magnet)
+        read_poses(shift[s], axis[s], kernel, values[s], by_shift[s], by_turn[s])
 
 
 def _check(values: Array) -> None:

@@ -202,18 +202,29 @@ FIRST = {
 """Columns that a table must show, by the kind of parts."""
 
 
-Wanted = Annotated[str, Parameter(name="REQUIREMENTS", help="TOML file of requirements.")]
+Wanted = Annotated[
+    str,
+    Parameter(
+        name="REQUIREMENTS",
+        help="TOML file of requirements. Keys: force_z (needed), force_x, friction, press_with_shear, range_cap, "
+        "resolution_z, resolution_x, bandwidth, samples, converter_noise, converter_step, largest_strain, "
+        "no_saturation, unique_decoding, stability_margin, first_mode, outer_size, outer_shape, height, process, "
+        "wall, D, catalogues, shipped, magnets, hall_parts, silicones, seed, [weights]; --example prints a file with "
+        "all of them.",
+    ),
+]
 
 MOST = 4096
 """Largest population, number of generations, and number of solved points; more are taken for a mistake."""
 
 
 def size(
-    source: Wanted,
+    source: Wanted = "",
     /,
     *,
-    out: Path,
+    out: Path | None = None,
     options: Sizing = Sizing(),
+    example: bool = False,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -221,22 +232,32 @@ def size(
 
     Magnets, Hall parts and silicones come from catalogues (see magtip catalogue). All points of the front are solved
     by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: the
-    message then names a smallest set that conflicts, and by how much each of them would have to give. After an
-    interruption the same command solves no state again.
+    message then says what is impossible, or how many candidates were tried, which one comes nearest, and which
+    requirement alone could give, after a search with it. After an interruption the same command solves no state
+    again.
 
     Parameters
     ----------
     out
-        Folder for SIZING.md, sizing.json, front.csv, yield.csv and front.png; the design file and parts of an earlier
-        sizing are removed from it.
+        Folder for SIZING.md, sizing.json, front.csv, yield.csv, front.png and winner.toml, the best variant as a
+        design file; the design file and parts of an earlier sizing are removed from it.
+    example
+        Print a file of requirements with all keys, to edit, and do nothing else.
     """
     from fem.accuracy import LEVELS
     from studies.mechanics.solve_plan import Processes
     from studies.output.provenance import versions
     from studies.sizing import sizing_export, sizing_study
-    from studies.sizing.front_search import Effort
-    from studies.sizing.requirements import read_requirements
+    from studies.sizing.requirements import EXAMPLE, read_requirements
+    from studies.sizing.variant_search import Effort
 
+    if example:
+        print(EXAMPLE, end="")
+        return 0
+    if not source or out is None:
+        raise BadInput(
+            "size needs a file of requirements and --out FOLDER; `magtip size --example` prints such a file"
+        )
     here = destination(size, locals(), sizing_study.FILES)
     for name, least in (("population", 8), ("generations", 1), ("points", 1), ("sensors", 1)):
         value, most = getattr(options, name), 100_000 if name == "sensors" else MOST
@@ -251,7 +272,7 @@ def size(
     effort = Effort(options.population, options.generations, requirements.seed)
     level, processes = LEVELS[options.accuracy], Processes(options.workers)
     settings = sizing_study.Settings(effort, level, processes, options.store, options.points, options.sensors)
-    origin = versions(("pymoo",))
+    origin = versions(())
     with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
         sizing = sizing_study.run(requirements, settings, progress)
         # parts of earlier requirements must not stand beside a new result
@@ -259,6 +280,8 @@ def size(
         result = sizing_study.result_of(sizing, origin, here.command, wide=wide)
         progress(0.97, "SIZING.md, tables and front.png")
         write(result, folder, here.command)
+        if sizing.winner is not None:
+            sizing_export.write_design(sizing.winner.variant, requirements, folder)
         if options.export and sizing.winner is not None:
             made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
             lost = [made["message"]] if made["status"] != "ok" else []

@@ -520,7 +520,7 @@ class Sizing:
     Attributes
     ----------
     export
-        Write design file, mould and casting recipe of the best variant too.
+        Write mould and casting recipe of the best variant too.
     population
         Number of candidates in a generation of the search.
     generations
@@ -539,9 +539,9 @@ class Sizing:
     """
 
     export: bool = False
-    population: Whole = 96
-    generations: Whole = 80
-    points: Whole = 16
+    population: Whole = 768
+    generations: Whole = 40
+    points: Whole = 12
     sensors: Whole = 1000
     accuracy: AccuracyName = "standard"
     store: Path | None = None

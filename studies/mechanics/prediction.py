@@ -48,7 +48,7 @@ REGIONS = 6
 CRITICAL_GRID = 49
 """Depths at which the sideways stiffness is evaluated to find its zero."""
 CRITICAL = "critical_depth"
-BLOCK = 4096
+BLOCK = 1024
 """Points whose correlations with the training points are held in memory at a time."""
 
 
@@ -101,6 +101,18 @@ class Beams:
     nu: Array
     edge: Array
     surrogate: Surrogate
+
+    def take(self, rows: NDArray[Any]) -> Beams:
+        """Return some of the beams, with what is known of them already."""
+        lengths = [each[rows] for each in (self.L, self.diameter, self.height, self.nu, self.edge)]
+        L, diameter, height, nu, edge = lengths
+        part = Beams(L, diameter, height, nu, edge, self.surrogate)
+        if "_presses" in self.__dict__:
+            part.__dict__["_presses"] = {
+                name: (logs[rows], widths[rows]) for name, (logs, widths) in self._presses.items()
+            }
+            part.__dict__["_stable_to"] = {caution: value[rows] for caution, value in self._stable_to.items()}
+        return part
 
     @functools.cached_property
     def outside(self) -> NDArray[Any]:

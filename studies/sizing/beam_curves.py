@@ -1,22 +1,24 @@
-"""Responses of n beams over their force ranges, as smooth functions of depth and shear.
+"""Responses of n beams as smooth functions of depth and shear, and the states under required loads.
 
 The same functions serve the surrogate, for thousands of beams at once, and finite elements, for the beams of a front.
 A source of responses (`Beams`) is evaluated at few depths and shears. Between them:
 
 - under a press, a response is a polynomial in the root of the depth, because the contact radius grows like it;
-- under a shear s, what reverses with the shear (sideways shift, tilt, sideways force) is s (a + b s^2), and what does
-  not (sinking, press force) is the press's value + s^2 (a + b s^2), where a and b are polynomials in that root.
+- under a shear s, what reverses with the shear (sideways shift, tilt, sideways force) is s times a polynomial in s^2,
+  what does not (sinking, press force) is the press's value plus s^2 times such a polynomial, and so is the logarithm
+  of the strain, without a press's value. Their coefficients are polynomials in that root.
 
-A beam is dimensionless: lengths over D, forces over E D^2. Its loads are F / (E D^2) for the modulus E at hand, so
-one beam answers for the whole range of E of its silicone. `softer` curves are those at one end of the source's
-intervals, at which deformations are the largest.
+A beam is dimensionless: lengths over D, forces over E D^2. Nothing is extrapolated: a load beyond the evaluated
+depths and shears has NaN. `softer` curves are those at one end of the source's intervals, at which deformations are
+the largest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -26,20 +28,17 @@ from studies.mechanics import surrogate_range
 
 PRESS_DEPTHS = 8
 """Number of depths under a press."""
-SHEARED_DEPTHS = 3
-"""Number of depths at which the shear is evaluated."""
-SHEAR_SHARES = np.array([0.5, 1.0])
-"""Shears at each of them, over the shear at the end of the range."""
-TRIAL_SHEAR = 0.08
-"""Shear over D at which the sideways stiffness is evaluated, to find the shears of the range."""
-RESERVE = 1.05
-"""Shear to which a beam is evaluated over that which the sideways force needs: other depths may need more."""
-LEAST_SHEAR = 0.01
-"""Least shear at the end of the range, over D: below it, differences between responses would be rounding errors."""
-STEPS = 6
-"""Newton steps of the inversion of the shear, in which the force is nearly linear."""
-ODD, EVEN = ("shift_x", "tilt", "force_x"), ("shift_z", "force_z")
-"""What reverses with the shear, and what does not; shift_z is down, positive."""
+SHEARED_DEPTHS, SOLVED_DEPTHS = 5, 4
+"""Number of depths at which the surrogate, and finite elements on their shorter interval, evaluate the shear."""
+STEPS = 8
+"""Newton steps to the depth and the shear of a load."""
+CLOSE = 1e-5
+"""Relative difference of the forces from the load up to which a state counts as reached."""
+PRESSED = ("force", "shift", "strain")
+SHEARED = ("shift_x", "shift_z", "tilt", "force_x", "force_z", "strain")
+"""Quantities in the order of the curves; shift_z is down, positive."""
+EVEN = {"shift_z": 1, "force_z": 0}
+"""What does not reverse with the shear, and its place in `PRESSED`."""
 
 
 class Quantity(Protocol):
@@ -62,229 +61,279 @@ class Beams(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PressCurves:
-    """Responses to presses: quantities at the depths of n beams, shape (n, PRESS_DEPTHS).
+class States:
+    """States under k loads of n beams, each array of shape (n, k); NaN where a load is not reached.
 
     Attributes
     ----------
-    deepest : largest depth of each beam, shape (n,).
-    values, half_widths : force, shift (down, positive), strain and contact radius, by name.
+    depth, shear, strain : over D, and largest principal nominal strain.
+    plane, by_depth, by_shear : shift along the shear and down, tilt, force along the shear and normal force, and
+        their slopes, shape (n, k, 5).
     """
 
-    deepest: Array
-    values: Mapping[str, Array]
-    half_widths: Mapping[str, Array]
-
-    def place(self, depth: Array) -> Array:
-        """Return the root of depths (n, k) on the interval from the least to the largest one, -1 to 1."""
-        low, high = _roots(self.deepest)
-        return np.asarray(2 * (np.sqrt(depth) - low) / (high - low) - 1)
-
-    def at(self, name: str, depth: Array) -> Array:
-        """Return a quantity at depths (n, k)."""
-        return _polynomial(self.values[name], self.place(depth))
-
-    def slope(self, name: str, depth: Array) -> Array:
-        """Return the slope of a quantity along the depth at depths (n, k)."""
-        low, high = _roots(self.deepest)
-        inner = 1 / (np.sqrt(depth) * (high - low))
-        return _polynomial(self.values[name], self.place(depth), slope=True) * inner
-
-    def softer(self, caution: float) -> PressCurves:
-        """Return the curves with less force, more shift and more strain by `caution` half widths."""
-        signs = {"force": -caution, "shift": caution, "strain": caution}
-        changed = {name: self.values[name] + sign * self.half_widths[name] for name, sign in signs.items()}
-        return replace(self, values={**self.values, **changed})
-
-    def depth_of_force(self, force: Array) -> Array:
-        """Return the depths under forces (n, k), within the range of depths."""
-        grid = np.linspace(-1, 1, 129)
-        low, high = _roots(self.deepest)
-        curve = _polynomial(self.values["force"], np.broadcast_to(grid, (len(force), len(grid))))
-        # a rising curve even where rounding or noise of the source makes it level
-        curve = np.maximum.accumulate(curve, axis=1)
-        root = np.array([np.interp(f, y, grid) for f, y in zip(force, curve, strict=True)]).reshape(force.shape)
-        return np.asarray((low + (high - low) * (root + 1) / 2) ** 2)
+    depth: Array
+    shear: Array
+    strain: Array
+    plane: Array
+    by_depth: Array
+    by_shear: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ShearCurves:
-    """Responses to shears: what they add to the press, at the depths and shears of n beams.
+class Curves:
+    """Responses of n beams.
 
     Attributes
     ----------
-    low, high : roots of the least and the largest depth, shape (n, 1).
-    depth : depths, shape (n, SHEARED_DEPTHS).
-    shear : shears, shape (n, SHEARED_DEPTHS, len(SHEAR_SHARES)).
-    values, half_widths : responses at these shears, by name, each of that shape.
-    first, third : the coefficients a and b of each quantity at these depths, shape (n, SHEARED_DEPTHS).
+    deepest : largest depth of the presses, shape (n, 1).
+    press, press_widths : `PRESSED` at `PRESS_DEPTHS` depths, and half widths, shape (n, PRESS_DEPTHS, 3).
+    low, high : least and largest depth of the shears, shape (n, 1).
+    farthest : largest shears at the depths of `sheared_depths`, shape (n, count).
+    shear : coefficients of `SHEARED`, shape (n, count, 6, m).
+    shear_widths : half widths of `SHEARED` over their values, shape (n, count, 6).
     """
 
+    deepest: Array
+    press: Array
+    press_widths: Array
     low: Array
     high: Array
-    depth: Array
+    farthest: Array
     shear: Array
-    values: Mapping[str, Array]
-    half_widths: Mapping[str, Array]
-    first: Mapping[str, Array]
-    third: Mapping[str, Array]
+    shear_widths: Array
 
-    def _coefficients(self, name: str, depth: Array, *, slope: bool = False) -> tuple[Array, Array]:
-        # above the least depth of the shears their coefficients stay what they are there
-        place = np.maximum(2 * (np.sqrt(depth) - self.low) / (self.high - self.low) - 1, -1.0)
-        parts = [_polynomial(values[name], place, slope=slope) for values in (self.first, self.third)]
-        if slope:
-            parts = [part / (np.sqrt(depth) * (self.high - self.low)) for part in parts]
-        return parts[0], parts[1]
+    def softer(self, caution: float, *, sheared: bool = True) -> Curves:
+        """Return the curves with less force, more motion and more strain by `caution` half widths.
 
-    def at(self, press: PressCurves, name: str, depth: Array, shear: Array) -> tuple[Array, Array, Array]:
-        """Return a quantity at depths and shears (n, k), its slope along the depth and its slope along the shear."""
-        a, b = self._coefficients(name, depth)
-        a_slope, b_slope = self._coefficients(name, depth, slope=True)
-        if name in ODD:
-            return (
-                shear * (a + b * shear**2),
-                shear * (a_slope + b_slope * shear**2),
-                a + 3 * b * shear**2,
-            )
-        base = {"shift_z": "shift", "force_z": "force"}[name]
-        return (
-            press.at(base, depth) + shear**2 * (a + b * shear**2),
-            press.slope(base, depth) + shear**2 * (a_slope + b_slope * shear**2),
-            2 * shear * (a + 2 * b * shear**2),
-        )
-
-    def softer(self, caution: float) -> ShearCurves:
-        """Return the curves with less sideways force, more of other motions and more strain by `caution` half widths.
-
-        What does not reverse with the shear is added to the press, whose curves say how uncertain it is.
+        sheared : whether the widths of the shears count; those of a small shear are those of the press, and say
+            nothing of its slopes.
         """
-        first, third = dict(self.first), dict(self.third)
-        for name in ODD:
-            share = (self.half_widths[name] / np.abs(self.values[name]))[..., -1]
-            factor = np.maximum(1 - caution * share, 0.0) if name == "force_x" else 1 + caution * share
-            first[name], third[name] = factor * first[name], factor * third[name]
-        strain = self.values["strain"] + caution * self.half_widths["strain"]
-        return replace(self, values={**self.values, "strain": strain}, first=first, third=third)
+        if not caution:
+            return self
+        press = self.press + caution * np.array([-1.0, 1.0, 1.0]) * self.press_widths
+        shear = self.shear
+        if sheared:
+            # what does not reverse is added to the press, whose curves say how uncertain it is
+            share = caution * self.shear_widths
+            factor = 1 + share * np.array([1.0, 0.0, 1.0, -1.0, 0.0, 0.0])
+            shear = shear * np.maximum(factor, 0.0)[..., None]
+            shear[:, :, 5, 0] += np.log(np.maximum(1 + share[:, :, 5], 1e-3))
+        return replace(self, press=press, shear=shear)
 
-    def farthest(self, depth: Array) -> Array:
-        """Return the largest shears at depths (n, k) to which the beams were evaluated."""
-        ends = self.shear[:, :, -1]
-        place = np.maximum(2 * (np.sqrt(depth) - self.low) / (self.high - self.low) - 1, -1.0)
-        return np.asarray(np.minimum(_polynomial(ends, place), ends.max(axis=1, keepdims=True)))
+    def take(self, rows: Any) -> Curves:
+        """Return the curves of some beams."""
+        return Curves(*(getattr(self, name)[rows] for name in self.__slots__))
 
-    def reached(self, depth: Array) -> Array:
-        """Return the sideways forces that are reached at depths (n, k); NaN at depths where shears are not known."""
-        a, b = self._coefficients("force_x", depth)
-        shear = self.farthest(depth)
-        known = depth >= (1 - 1e-9) * surrogate_range.SHALLOWEST_SHEAR
-        return np.asarray(np.where(known, shear * (a + b * shear**2), np.nan))
+    def depth_of_force(self, force: Array) -> Array:
+        """Return the depths of presses under forces (n, k); NaN for a force that no evaluated depth has."""
+        grid = np.linspace(-1, 1, 129)
+        curve = np.maximum.accumulate(self.press[:, :, 0] @ _basis(grid, PRESS_DEPTHS).T, axis=1)
+        right = np.clip((curve[:, None] < force[:, :, None]).sum(axis=2), 1, len(grid) - 1)
+        left_force, right_force = (np.take_along_axis(curve, right - k, axis=1) for k in (1, 0))
+        rise = right_force - left_force
+        share = np.where(rise > 0, (force - left_force) / np.where(rise > 0, rise, 1.0), 0.0)
+        place = grid[right - 1] + share * (grid[1] - grid[0])
+        low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)
+        reached = (force >= curve[:, :1] * (1 - 1e-9)) & (force <= curve[:, -1:] * (1 + 1e-9))
+        return np.where(reached, (low + (high - low) * (place + 1) / 2) ** 2, np.nan)
 
-    def strain(self, force: Array) -> Array:
-        """Return the strains at these depths under sideways forces, shape (n,), at most at the last shears."""
-        shear = self.shear_of_force(np.broadcast_to(force[:, None], self.depth.shape), self.depth)
-        near, far = (self.shear[:, :, k] for k in (0, 1))
-        share = np.clip((shear - near) / (far - near), 0.0, 1.0)
-        return np.asarray((1 - share) * self.values["strain"][..., 0] + share * self.values["strain"][..., 1])
+    def pressed(self, depth: Array) -> tuple[Array, Array]:
+        """Return `PRESSED` and their slopes at depths (n, k), shape (n, k, 3)."""
+        return _through(self.press, depth, np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest))
 
-    def shear_of_force(self, force: Array, depth: Array) -> Array:
-        """Return the shears under sideways forces (n, k) at depths (n, k)."""
-        a, b = self._coefficients("force_x", depth)
-        # a curve that does not rise has no shear for a force
+    def sheared(self, depth: Array, shear: Array) -> tuple[Array, Array, Array]:
+        """Return `SHEARED` at depths and shears (n, k), and their slopes along both, shape (n, k, 6)."""
+        n, nodes, width, m = self.shear.shape
+        low, high = np.sqrt(self.low), np.sqrt(self.high)
+        found = _through(self.shear.reshape(n, nodes, width * m), depth, low, high)
+        square = shear**2
+        sums = [_powers(part.reshape(*depth.shape, width, m), square[..., None]) for part in found]
+        (value, grow), (by_depth, _) = sums
+        press, press_slopes = self.pressed(depth)
+        s = shear[..., None]
+        values, slopes, along = s * value, s * by_depth, value + 2 * s**2 * grow
+        for name, at in EVEN.items():
+            k = SHEARED.index(name)
+            values[..., k] = press[..., at] + square * value[..., k]
+            slopes[..., k] = press_slopes[..., at] + square * by_depth[..., k]
+            along[..., k] = 2 * shear * (value[..., k] + square * grow[..., k])
+        values[..., 5] = np.exp(value[..., 5])
+        return values, slopes, along
+
+    def reach(self, depth: Array) -> tuple[Array, Array]:
+        """Return the largest shears at depths (n, k), and the sideways forces there; NaN where no shear is known."""
+        known = (depth >= self.low * (1 - 1e-9)) & (depth <= self.high * (1 + 1e-9))
+        inside = np.where(known, depth, np.nan)
+        far, _ = _through(self.farthest[:, :, None], inside, np.sqrt(self.low), np.sqrt(self.high))
+        farthest = np.minimum(far[..., 0], self.farthest.max(axis=1, keepdims=True))
+        return farthest, self.sheared(inside, farthest)[0][..., 3]
+
+    def states(self, force_z: Array, force_x: Array) -> States:
+        """Return the states under normal forces and forces along the plate, shape (n, k), over E D^2."""
+        pure = np.broadcast_to(force_x == 0, force_z.shape)
+        depth = self.depth_of_force(force_z)
+        press, _ = self.pressed(depth)
+        ends = self._shears_of(np.where(pure, np.nan, depth), force_z, force_x) if not pure.all() else None
+        if ends is None:
+            values, slopes, along = self.sheared(depth, np.zeros_like(depth))
+            shear = np.zeros_like(depth)
+        else:
+            shear = np.where(pure, 0.0, ends[1])
+            depth = np.where(pure, depth, ends[0])
+            values, slopes, along = self.sheared(depth, shear)
+        # above the least depth of the shears the slope of a small shear stays what it is there
+        strain = np.where(pure, press[..., 2], values[..., 5])
+        return States(depth, shear, strain, values[..., :5], slopes[..., :5], along[..., :5])
+
+    def shears_of(self, depth: Array, force_x: Array) -> Array:
+        """Return the shears under forces along the plate at depths (n, k), at most the largest ones."""
+        shear = np.full_like(depth, 0.05)
+        for _ in range(STEPS):
+            values, _, along = self.sheared(depth, shear)
+            shear = np.clip(
+                shear + (force_x - values[..., 3]) / along[..., 3], 0.0, self.farthest.max(axis=1)[:, None]
+            )
+        return shear
+
+    def _shears_of(self, depth: Array, force_z: Array, force_x: Array) -> tuple[Array, Array]:
+        """Return the depths and shears at which both forces are the wanted ones, by Newton's method."""
+        low, high = self.low * np.ones_like(depth), self.high * np.ones_like(depth)
+        depth, shear = np.clip(depth, low, high), np.full_like(depth, 0.1)
+        ends = np.sqrt(self.low), np.sqrt(self.high)
+        n, nodes, _, m = self.shear.shape
+        # of all quantities only the forces, and the largest shears
+        table = np.concatenate([self.shear[:, :, 3:5].reshape(n, nodes, 2 * m), self.farthest[:, :, None]], axis=2)
+        first, last = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)
         with np.errstate(divide="ignore", invalid="ignore"):
-            shear = force / a
-            for _ in range(STEPS):
-                shear = shear - (shear * (a + b * shear**2) - force) / (a + 3 * b * shear**2)
-        return np.asarray(shear)
+            for step in range(STEPS):
+                (values, far), (slopes, _) = (
+                    np.split(part, [2 * m], axis=2) for part in _through(table, depth, *ends)
+                )
+                press, press_slopes = _through(self.press[:, :, :1], depth, first, last)
+                square = shear**2
+                (x, x_grow), (z, z_grow) = (_powers(values[..., k * m : k * m + m], square) for k in (0, 1))
+                (x_deep, _), (z_deep, _) = (_powers(slopes[..., k * m : k * m + m], square) for k in (0, 1))
+                off_x, off_z = force_x - shear * x, force_z - press[..., 0] - square * z
+                a, b = x + 2 * square * x_grow, shear * x_deep
+                c, d = 2 * shear * (z + square * z_grow), press_slopes[..., 0] + square * z_deep
+                met = (abs(off_x) <= CLOSE * force_x) & (abs(off_z) <= CLOSE * force_z)
+                met &= (
+                    (shear <= far[..., 0] * (1 + 1e-9)) & (depth >= low * (1 - 1e-9)) & (depth <= high * (1 + 1e-9))
+                )
+                if step == STEPS - 1 or met.all():
+                    break
+                det = a * d - b * c
+                shear = np.clip(shear + (d * off_x - b * off_z) / det, 0.0, far[..., 0] * 1.0001)
+                depth = np.clip(depth + (a * off_z - c * off_x) / det, 0.999 * low, 1.001 * high)
+        return np.where(met, depth, np.nan), np.where(met, shear, np.nan)
 
 
 def press_depths(deepest: Array) -> Array:
     """Return the depths at which presses are evaluated, rising, shape (n, PRESS_DEPTHS)."""
-    low, high = _roots(deepest)
-    return np.asarray((low + (high - low) * (_nodes(PRESS_DEPTHS) + 1) / 2) ** 2)
+    return _depths(np.full_like(deepest, surrogate_range.SHALLOWEST), deepest, PRESS_DEPTHS)
 
 
-def press_curves(beams: Beams, deepest: Array) -> PressCurves:
-    """Return the responses to presses down to the depths `deepest`, shape (n,)."""
-    answer = beams.press(press_depths(deepest))
-    return PressCurves(
-        deepest,
-        {name: each.value for name, each in answer.items()},
-        {name: each.half_width for name, each in answer.items()},
-    )
+def sheared_depths(low: Array, high: Array, count: int) -> Array:
+    """Return the depths at which shears are evaluated, rising, shape (n, count)."""
+    return _depths(low, high, count)
 
 
-def shear_curves(
-    beams: Beams,
-    press: PressCurves,
-    low: Array,
-    high: Array,
-    force: Array,
-    farthest: Array,
-    guess: Array | None = None,
-    caution: float = 0.0,
-) -> ShearCurves:
-    """Return the responses to shears up to a sideways force, with `RESERVE`, or up to the farthest shear.
+def pressed_curves(beams: Beams, deepest: Array) -> Curves:
+    """Return the responses of beams to presses down to depths (n,); their shears are not known."""
+    pressed = beams.press(press_depths(deepest))
+    press, widths = (np.stack([getattr(pressed[name], part) for name in PRESSED], axis=2) for part in _PARTS)
+    none, depth = np.full((len(deepest), SHEARED_DEPTHS), np.nan), deepest[:, None]
+    unknown = np.full((*none.shape, len(SHEARED)), np.nan)
+    return Curves(depth, press, widths, depth, depth, none, unknown[..., None], unknown)
+
+
+def with_shears(
+    pressed: Curves, beams: Beams, low: Array, high: Array, farthest: Array, shares: Sequence[float]
+) -> Curves:
+    """Return curves with the responses to shears.
 
     Parameters
     ----------
-    low, high : least and largest depth, shape (n,).
-    force : sideways force at the end of the range, shape (n,).
-    farthest : largest shear of each beam, shape (n,).
-    guess : shears at the end of the range at each depth, (n, SHEARED_DEPTHS), where they are known already.
-    caution : the force is reached even where the beams are softer by so many half widths.
+    low, high : least and largest depth of shears, shape (n,).
+    farthest : largest shears at `sheared_depths`, shape (n, count).
+    shares : shears that are evaluated, over the largest one, rising to 1.
     """
     # equal ends would leave no interval to interpolate over
-    low = np.maximum(low, surrogate_range.SHALLOWEST_SHEAR)
     high = np.maximum(high, 1.02 * low)
-    roots = np.sqrt(low)[:, None], np.sqrt(high)[:, None]
-    depth = (roots[0] + (roots[1] - roots[0]) * (_nodes(SHEARED_DEPTHS) + 1) / 2) ** 2
-    if guess is None:
-        trial = np.full(depth.shape, TRIAL_SHEAR)
-        stiffness = beams.shear(depth, trial)["force_x"].value / TRIAL_SHEAR
-        first = _sheared(beams, press, roots, depth, force[:, None] / np.maximum(stiffness, 1e-6), farthest)
-        needed = first.softer(caution).shear_of_force(np.broadcast_to(force[:, None], depth.shape), depth)
-        # a force that the curve never reaches has no shear
-        guess = RESERVE * np.where(needed > 0, needed, np.inf)
-    return _sheared(beams, press, roots, depth, guess, farthest)
+    depth, m = sheared_depths(low, high, farthest.shape[1]), len(shares)
+    shear = farthest[:, :, None] * np.array(shares)
+    answer = beams.shear(np.repeat(depth, m, axis=1), shear.reshape(len(depth), -1))
+    values, widths = (
+        np.stack([getattr(answer[name], part).reshape(shear.shape) for name in SHEARED], axis=2) for part in _PARTS
+    )
+    base, _ = pressed.pressed(depth)
+    forms = values / shear[:, :, None]
+    for name, at in EVEN.items():
+        k = SHEARED.index(name)
+        forms[:, :, k] = (values[:, :, k] - base[:, :, [at]]) / shear**2
+    forms[:, :, 5] = np.log(values[:, :, 5])
+    # the polynomials through the shares; their squares are scaled so that one matrix serves all beams
+    scale = farthest[:, :, None, None] ** (2 * np.arange(m))
+    matrix = np.linalg.inv(np.vander(np.array(shares) ** 2, increasing=True))
+    coefficients = (forms @ matrix.T) / scale
+    ends = low[:, None], high[:, None]
+    return replace(
+        pressed,
+        low=ends[0],
+        high=ends[1],
+        farthest=farthest,
+        shear=coefficients,
+        shear_widths=widths[..., -1] / np.abs(values[..., -1]),
+    )
 
 
-def _sheared(
-    beams: Beams, press: PressCurves, roots: tuple[Array, Array], depth: Array, end: Array, farthest: Array
-) -> ShearCurves:
-    """Return the responses to shears up to `end`, shape (n, SHEARED_DEPTHS), between LEAST_SHEAR and `farthest`."""
-    end = np.clip(end, LEAST_SHEAR, farthest[:, None])
-    shear = end[:, :, None] * SHEAR_SHARES
-    flat = shear.reshape(len(depth), -1)
-    answer = beams.shear(np.repeat(depth, len(SHEAR_SHARES), axis=1), flat)
-    values = {name: each.value.reshape(shear.shape) for name, each in answer.items()}
-    widths = {name: each.half_width.reshape(shear.shape) for name, each in answer.items()}
-    base = {"shift_z": press.at("shift", depth), "force_z": press.at("force", depth)}
-    first, third = {}, {}
-    for name in (*ODD, *EVEN):
-        over = shear if name in ODD else shear**2
-        ratio = (values[name] - (0.0 if name in ODD else base[name][:, :, None])) / over
-        third[name] = (ratio[..., 1] - ratio[..., 0]) / (shear[..., 1] ** 2 - shear[..., 0] ** 2)
-        first[name] = ratio[..., 0] - third[name] * shear[..., 0] ** 2
-    return ShearCurves(*roots, depth, shear, values, widths, first, third)
+_PARTS = ("value", "half_width")
 
 
-def _roots(deepest: Array) -> tuple[float, Array]:
-    """Return the roots of the least and of the largest depths, the latter of shape (n, 1)."""
-    return float(np.sqrt(surrogate_range.SHALLOWEST)), np.sqrt(deepest)[:, None]
+def _depths(low: Array, high: Array, count: int) -> Array:
+    first, last = np.sqrt(low)[:, None], np.sqrt(high)[:, None]
+    return np.asarray((first + (last - first) * (_nodes(count) + 1) / 2) ** 2)
 
 
+@functools.cache
 def _nodes(count: int) -> Array:
     """Return Chebyshev's points with both ends, rising, -1 to 1."""
     return np.asarray(chebyshev.chebpts2(count))
 
 
-def _polynomial(values: Array, place: Array, *, slope: bool = False) -> Array:
-    """Return the polynomials through `values` (n, m) at Chebyshev's points, or their slopes, at places (n, k)."""
+@functools.cache
+def _matrices(count: int) -> tuple[Array, Array]:
+    """Return the matrices from values at the nodes to the coefficients of their powers, and of their slope's."""
+    powers: Array = np.linalg.inv(np.vander(_nodes(count), increasing=True)).astype(np.float64)
+    return powers, np.arange(1, count)[:, None] * powers[1:]
+
+
+def _basis(place: Array, count: int) -> Array:
+    """Return the polynomials that are 1 at one node each, at places (...), shape (..., count)."""
+    return np.asarray(place[..., None] ** np.arange(count) @ _matrices(count)[0])
+
+
+def _through(values: Array, depth: Array, low: Any, high: Any) -> tuple[Array, Array]:
+    """Return the polynomials in the root of the depth through values (n, nodes, q), and their slopes, (n, k, q).
+
+    Above the least depth a polynomial stays what it is there.
+    """
     count = values.shape[1]
-    inverse = np.linalg.inv(chebyshev.chebvander(_nodes(count), count - 1))
-    coefficients = inverse @ values.T
-    if slope:
-        coefficients = np.asarray(chebyshev.chebder(coefficients), dtype=np.float64)
-    terms = chebyshev.chebvander(place, coefficients.shape[0] - 1)
-    return np.asarray(np.einsum("nkm,mn->nk", terms, coefficients))
+    root = np.sqrt(depth)
+    place = np.maximum(2 * (root - low) / (high - low) - 1, -1.0)
+    powers = np.empty((*place.shape, count))
+    powers[..., 0] = 1.0
+    for k in range(1, count):
+        powers[..., k] = powers[..., k - 1] * place
+    matrix, slope = _matrices(count)
+    inner = 1 / (root * (high - low))
+    return powers @ (matrix @ values), (powers[..., :-1] @ (slope @ values)) * inner[..., None]
+
+
+def _powers(coefficients: Array, square: Array) -> tuple[Array, Array]:
+    """Return polynomials in `square` with coefficients (..., m), and their slopes along it."""
+    value, slope = coefficients[..., -1], np.zeros_like(coefficients[..., -1])
+    for k in range(coefficients.shape[-1] - 2, -1, -1):
+        slope = slope * square + value
+        value = value * square + coefficients[..., k]
+    return value, slope

@@ -1,544 +1,768 @@
-"""What n variants reach at once: forces, resolution, strain, stability, frequency and size, and the margins left.
+"""What n sensors reach at once: forces, resolution, strain, stability, frequency and size, and the margins left.
 
-The E of a silicone is a range, so each bound is held at the end where it is hardest to meet: strain, stability,
-saturation and the first mode at the least E, where a force presses deepest, and the resolution at the largest E,
-where it moves the magnet least. The remanence is a range too: saturation counts at its high end, resolution at its
-low end.
+The E of a silicone is a range, and so is the remanence of a magnet's grade. A sensor that is made has one value of
+each, so whole sensors are evaluated at the corners: with the least E on the softer side of the source's intervals,
+and with the largest E on the stiffer one. Fields are proportional to the remanence, so that its worse end is known:
+the least one for resolution and unique decoding, the largest one for saturation. Each figure is the worst over
+corners and required loads, and `Performance.worst` names where that is. Where a source has no answer a figure is NaN,
+and its requirement is missed.
 
-A source's values are uncertain too: those at the least E are of the softer end of its intervals, those at the largest
-E of the stiffer end.
-
-The poses of a force range are a grid over press force, sideways force and its direction (`PoseGrid`). They are the
-same for the surrogate and for finite elements, see `beam_curves`.
-
-Readings at these poses say how finely the force is resolved, whether they saturate and whether they decode uniquely.
-The poses are one table of rows, sensor after sensor, with equally many rows each.
+The loads are those of `Requirements.loads`, the same for the surrogate and for finite elements; forces along the
+plate act in several directions. The range is the largest common factor of all required loads up to which strain,
+stability, saturation and the source's range hold at the least E.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from analytic import force_resolution
-from analytic.clearance import wall_gaps
-from analytic.force_resolution import SINGULAR, STEP, Loaded
-from analytic.hall import batch_readings
-from analytic.parts import common_values, of_design
+from analytic.clearance import wall_distance
+from analytic.hall import plates_of, rotated
+from analytic.inverse.forward_model import readings_of_sensors
+from analytic.parts import AXES, Element, of_design
 from geometry.arrays import Array, Ints
 from geometry.base import LEAST_GAP, Base, outer_size, plan
-from geometry.cad import element_positions
-from geometry.design import BadInput
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold, sizes
-from studies.mechanics import surrogate_range
-from studies.mechanics.path_solver import frequency_unit
-from studies.sensitivity.made_sensors import MadeSensors, made_readings
-from studies.sizing.beam_curves import Beams, PressCurves, ShearCurves, press_curves, shear_curves
-from studies.sizing.candidate_variables import Variant
+from studies.mechanics import prediction, surrogate_range
+from studies.sensitivity.made_sensors import MadeSensors
+from studies.sizing.beam_curves import (
+    SHEARED_DEPTHS,
+    SOLVED_DEPTHS,
+    Curves,
+    States,
+    pressed_curves,
+    sheared_depths,
+    with_shears,
+)
+from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.requirements import Requirements
 
-
-class Reader(Protocol):
-    """What sensors read at poses; k rows for each sensor."""
-
-    def fields(self, shift: Array, tilt: Array) -> Array:
-        """Return the flux densities that the elements measure, shape (n k, 3), T."""
-
-    def slopes(self, loaded: Loaded) -> Array:
-        """Return their slopes along depth and shears, shape (n k, 3, 3), T/mm."""
-
-    def rail_margin(self, shift: Array, tilt: Array) -> Array:
-        """Return the least distance of a reading from its rail, over that in zero field, shape (n k,)."""
-
-    def noise(self) -> Array:
-        """Return the standard deviation of a reading of each sensor, shape (n,), T."""
-
-
-@dataclass(frozen=True, slots=True)
-class NominalReader:
-    """Sensors as designed: slopes with the least remanence of the magnet's grade, rails with the largest."""
-
-    variants: Sequence[Variant]
-
-    def fields(self, shift: Array, tilt: Array) -> Array:
-        """Return the flux densities with the middle of the remanence's range, shape (n k, 3), T."""
-        designs = [each.design for each in self.variants]
-        return batch_readings(designs, self._owner(len(shift)), shift, tilt).field_T
-
-    def slopes(self, loaded: Loaded) -> Array:
-        """Return the slopes, shape (n k, 3, 3), T/mm."""
-        weak = [dataclasses.replace(each.design, remanence=each.magnet.remanence_low) for each in self.variants]
-        return force_resolution.reading_slopes(weak, self._owner(len(loaded.shift)), loaded)
-
-    def rail_margin(self, shift: Array, tilt: Array) -> Array:
-        """Return the margins, shape (n k,)."""
-        strong = [dataclasses.replace(each.design, remanence=each.magnet.remanence_high) for each in self.variants]
-        owner = self._owner(len(shift))
-        field = batch_readings(strong, owner, shift, tilt).field_T
-        gain, null, low, high, *_ = np.array([common_values(design) for design in strong])[owner].T[:, :, None]
-        return _margin(null + gain * field, null, low, high)
-
-    def noise(self) -> Array:
-        """Return the noise, shape (n,), T."""
-        return np.array([of_design(each.design)[0].noise_T for each in self.variants])
-
-    def _owner(self, rows: int) -> Ints:
-        return np.repeat(np.arange(len(self.variants)), rows // len(self.variants))
-
-
-@dataclass(frozen=True, slots=True)
-class MadeReader:
-    """Sensors as they are made, with their own magnets, gains and displaced parts."""
-
-    sensors: MadeSensors
-
-    def fields(self, shift: Array, tilt: Array) -> Array:
-        """Return the flux densities, shape (n k, 3), T."""
-        n = len(self.sensors)
-        return made_readings(self.sensors, shift.reshape(n, -1, 3), tilt.reshape(n, -1, 2)).field_T.reshape(-1, 3)
-
-    def slopes(self, loaded: Loaded) -> Array:
-        """Return the slopes by central differences, as `analytic.force_resolution.reading_slopes` does."""
-        half = STEP * self.sensors.nominal.D
-        columns = []
-        for k in range(3):
-            step = half * loaded.shift_slopes[:, :, k], half * loaded.tilt_slopes[:, :, k]
-            ahead, behind = (self.fields(loaded.shift + w * step[0], loaded.tilt + w * step[1]) for w in (1, -1))
-            columns.append((ahead - behind) / (2 * half))
-        return np.stack(columns, axis=2)
-
-    def rail_margin(self, shift: Array, tilt: Array) -> Array:
-        """Return the margins, shape (n k,)."""
-        sensors, rows = self.sensors, len(shift) // len(self.sensors)
-        gain, null, low, high, *_ = common_values(sensors.nominal)
-        zero = np.repeat(null + sensors.null_shift, rows, axis=0)
-        raw = zero + gain * np.repeat(sensors.gain_factor, rows, axis=0) * self.fields(shift, tilt)
-        return _margin(raw, zero, np.full_like(raw, low), np.full_like(raw, high))
-
-    def noise(self) -> Array:
-        """Return the noise, shape (n,), T: of the element with the least gain."""
-        return np.asarray(of_design(self.sensors.nominal)[0].noise_T / self.sensors.gain_factor.min(axis=1))
-
-
-def _margin(raw: Array, null: Array, low: Array, high: Array) -> Array:
-    """Return the least distance of outputs (n, 3) from their rails, over that of the null, shape (n,)."""
-    return np.asarray(np.minimum((high - raw) / (high - null), (raw - low) / (null - low)).min(axis=1))
-
-
-def decoding(reader: Reader, loaded: Loaded, n: int) -> tuple[Array, Array, Array]:
-    """Return the worst standard deviations of the force components, shape (n, 3), N, and how far decoding is unique.
-
-    The latter are the least scaled det J, negative if its sign changes, and the least distance between the readings
-    of two poses, in standard deviations of the noise, each of shape (n,). det J is scaled by the lengths of its
-    columns.
-    """
-    noise = np.repeat(reader.noise(), len(loaded.shift) // n)[:, None] * np.ones(3)
-    slopes = reader.slopes(loaded)
-    sigma = force_resolution.force_resolution(slopes, loaded.force_slopes, noise)
-    length = np.linalg.norm(slopes, axis=1)
-    columns = slopes / np.where(length == 0, 1.0, length)[:, None, :]
-    # where a slope is not known, nor is the determinant
-    with np.errstate(invalid="ignore"):
-        scaled = np.linalg.det(columns).reshape(n, -1)
-    turned = scaled * np.sign(np.median(scaled, axis=1))[:, None]
-    values = (reader.fields(loaded.shift, loaded.tilt) / noise).reshape(n, -1, 3)
-    apart = np.linalg.norm(values[:, :, None] - values[:, None], axis=3)
-    same = np.arange(values.shape[1])
-    apart[:, same, same] = np.inf
-    return sigma.reshape(n, -1, 3).max(axis=1), turned.min(axis=1), apart.min(axis=(1, 2))
-
-
+HALF_TURN, WHOLE_TURN = np.radians(45.0 * np.arange(1, -4, -1)), np.radians(45.0 * np.arange(8))
+"""Directions of forces along the plate: of sensors that the plane x = y mirrors, and of all others."""
+SINGULAR = 1e-9
+"""Least determinant of the slopes of the readings, over the lengths of its columns, that counts as not zero."""
+NO_SHEAR = 0.05
+"""Shear over D that shows how readings change sideways where no force along the plate is required."""
 MOST, LEAST = 1.0, -1e3
 """Bounds of a margin: more than twice a bound is no better, and NaN, where the source has no answer, is the worst."""
+DEEPER = 1.04
+"""Depths and shears to which finite elements are asked, over those of the surrogate; the least depth is divided."""
+SCAN = np.array([0.4, 0.7, 1.0])
+"""Shares of the range that stability allows at which the bounds are evaluated, before the crossing is refined."""
+REFINED = 3
+"""Steps of that refinement."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReachedRange:
-    """The forces along one axis that n variants reach in each of their required poses, shape (n, k), N.
+class Sensors:
+    """n sensors as arrays; lengths in mm, moduli in MPa, remanence and noise in T.
 
-    NaN stands for a force that is not known: no range is then reached.
+    Attributes
+    ----------
+    D, L, E_low, E_high, density, magnet_density, size, height, wall : shape (n,).
+    beam : L, diameter and height of the magnet and its edge radius, over D, and nu, shape (n, 5).
+    magnet, remanence : diameter and height; least and largest value, shape (n, 2).
+    points, normals : where the elements sample the field, from the magnet's centre at rest, and their directions,
+        shape (n, m, 3). owners : the element of each point, shape (m,).
+    gain, null, low, high, noise : of the three elements, shape (n, 3).
+    beside : distance of the face of S2 from the axis and its height, shape (n, 2); NaN for a chip.
+    offset, turn : displacement and rotation vector of the magnet in the silicone, (n, 3) and (n, 2); None for 0.
     """
 
-    poses: Array
+    D: Array
+    L: Array
+    E_low: Array
+    E_high: Array
+    density: Array
+    magnet_density: Array
+    size: Array
+    height: Array
+    wall: Array
+    beam: Array
+    magnet: Array
+    remanence: Array
+    points: Array
+    normals: Array
+    owners: Ints
+    gain: Array
+    null: Array
+    low: Array
+    high: Array
+    noise: Array
+    beside: Array
+    offset: Array | None = None
+    turn: Array | None = None
 
-    def force(self, most: Array) -> Array:
-        """Return the forces that are reached in all poses, shape (n,), not followed beyond `most`; NaN if unknown.
+    def __len__(self) -> int:
+        return len(self.D)
 
-        >>> ReachedRange(np.array([[1.7, 2.0], [2.0, np.nan], [3.0, 4.0]])).force(np.array([2.0, 2.0, 2.0])).tolist()
-        [1.7, nan, 2.0]
-        """
-        return np.asarray(np.minimum(self.poses.min(axis=1), most))
+    def take(self, rows: Any) -> Sensors:
+        """Return some of the sensors."""
+        values = {name: getattr(self, name) for name in self.__slots__}
+        return Sensors(**{n: v if n == "owners" or v is None else v[rows] for n, v in values.items()})
+
+    def beams(self) -> prediction.Beams:
+        """Return the surrogate's answers for the beams."""
+        L, d, h, edge, nu = self.beam.T
+        return prediction.beams(L, d, h, nu, edge)
+
+
+def sensors_of(candidates: Candidates) -> Sensors:
+    """Return candidates as sensors."""
+    c, n = candidates, len(candidates)
+    l0, f, _ = c.places()
+    # element S1 or the chip, then S2 and S3
+    at = np.zeros((n, 3, 3))
+    at[:, :, 2] = -l0[:, None]
+    level = c.lengths[:, 4] - c.H
+    for k in (1, 2):
+        at[:, k, k - 1] = np.where(c.three, f, 0.0)
+        at[:, k, 2] = np.where(c.three, level, -l0)
+    owners, spread = np.arange(3, dtype=np.int64), np.zeros((3, 3))
+    plate = c.element("plate")[:, None, None]
+    if plate.any():
+        unit = [Element("", (0.0, 0.0, 0.0), axis, 1.0, 0.0, -1.0, 1.0, plate=1.0) for axis in AXES]
+        spread, owners = plates_of(unit)
+    points = at[:, owners] + spread * plate
+    three = np.ones((n, 3))
+    size, height, wall = c.sizes()
+    D, d, h, edge = c.D, c.magnet("diameter"), c.magnet("height"), c.magnet("edge_radius")
+    return Sensors(
+        D=D,
+        L=c.L,
+        E_low=c.silicone("E_low"),
+        E_high=c.silicone("E_high"),
+        density=c.silicone("density"),
+        magnet_density=c.magnet("density"),
+        size=size,
+        height=height,
+        wall=wall,
+        beam=np.column_stack([c.L / D, d / D, h / D, edge / D, c.silicone("nu")]),
+        magnet=np.column_stack([d, h]),
+        remanence=np.column_stack([c.magnet("remanence_low"), c.magnet("remanence_high")]),
+        points=points,
+        normals=np.broadcast_to(np.array(AXES)[owners], points.shape),
+        owners=owners,
+        **{
+            name: c.element(source)[:, None] * three
+            for name, source in (
+                ("gain", "gain"),
+                ("null", "null"),
+                ("low", "low"),
+                ("high", "high"),
+                ("noise", "noise_T"),
+            )
+        },
+        beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),
+    )
+
+
+def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
+    """Return one variant as it is designed, whatever its lengths."""
+    d, silicone, magnet = variant.design, variant.silicone, variant.magnet
+    elements = of_design(d)
+    points, owners = plates_of(elements)
+    one = {name: np.array([[getattr(each, name) for each in elements]]) for name in ("gain", "null", "low", "high")}
+    noise = np.array([[each.noise_T for each in elements]])
+    three = d.hall_layout == "three"
+    level = d.H - d.l0 + d.c
+    outline = plan(d, Base(shape=needed.outer_shape), needed.process)
+    mould, (_, _, height) = sizes(d, Mold(process=needed.process)), outer_size(d, outline)[0]
+    wall = min(2 * mould.pin_radius, mould.wall, Base().seat_wall if outline.seats.posts else np.inf)
+    names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+    values = {
+        "D": d.D,
+        "L": d.L,
+        "E_low": silicone.E_low,
+        "E_high": silicone.E_high,
+        "density": d.density,
+        "magnet_density": d.magnet_density,
+        "size": 2 * outline.half,
+        "height": height,
+        "wall": wall,
+    }
+    return Sensors(
+        **{name: np.array([value]) for name, value in values.items()},
+        **one,
+        noise=noise,
+        beam=np.array([[*(getattr(d, name) / d.D for name in names), d.nu]]),
+        magnet=np.array([[d.magnet_diameter, d.magnet_height]]),
+        remanence=np.array([[magnet.remanence_low, magnet.remanence_high]]),
+        points=points[None] - [0.0, 0.0, d.H],
+        normals=np.array([each.direction for each in elements])[owners][None],
+        owners=owners,
+        beside=np.array([[d.f - SS495A.depth, level] if three else [np.nan, np.nan]]),
+    )
+
+
+def made_sensors_of(variant: Variant, made: MadeSensors, nominal: Sensors) -> Sensors:
+    """Return made sensors of a variant: each has its own E, magnet, gains and displaced parts, and no ranges.
+
+    nominal : the variant as designed, one row.
+    """
+    n = len(made)
+    whole = nominal.take(np.zeros(n, dtype=np.int64))
+    elements = of_design(variant.design)
+    names = ("E", "nu", "remanence", "magnet_diameter", "magnet_height")
+    (E, nu, remanence, diameter, height), D = (np.asarray(made.fields[name]) for name in names), whole.D
+    beam = whole.beam.copy()
+    beam[:, 1], beam[:, 2], beam[:, 4] = diameter / D, height / D, nu
+    low, high, null = ([getattr(each, name) for each in elements] for name in ("low", "high", "null"))
+    return replace(
+        whole,
+        E_low=E,
+        E_high=E,
+        beam=beam,
+        magnet=np.column_stack([diameter, height]),
+        remanence=np.column_stack([remanence, remanence]),
+        points=whole.points + made.element_offset[:, whole.owners],
+        gain=whole.gain * made.gain_factor,
+        null=null + made.null_shift,
+        low=low + 0 * made.null_shift,
+        high=high + 0 * made.null_shift,
+        noise=whole.noise / made.gain_factor,
+        offset=made.magnet_offset,
+        turn=made.magnet_tilt,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Performance:
-    """What n variants reach, each attribute of shape (n,), at the worse ends of the source's intervals.
+    """What n sensors reach.
 
     Attributes
     ----------
-    range_z : largest press force, N, up to which strain, stability, saturation and the source's range hold, without
-        shear, at the least E.
-    reach : press force at the largest depth that the source covers, N, at the least E.
-    range_x : sideways force that is reached under every required press, at most the required one, N; NaN where one
-        of them is not known, and where no range is required.
-    depth, depth_stiff : depth under the required press range, over D, at the least and at the largest E.
-    range_depth : depth under range_z at the least E, over D.
-    shears : shear at the end of the sideways range at the depths of `beam_curves.shear_curves` and the least E, over
-        D, shape (n, SHEARED_DEPTHS).
-    resolution_z, resolution_x : worst standard deviation of the decoded forces, N.
-    strain : largest strain of the silicone at the ends of the ranges.
-    critical : critical depth over D; inf where a search to its end found none, NaN where it is not known.
-    stable_to : depth over D up to which presses are known to be stable; NaN where nothing is known.
-    first_mode : Hz, at the least E.
-    saturation : least distance of a reading from its rail, over that in zero field; negative at the rail.
-    decoding : least det J over the product of its columns' lengths, negative if its sign changes.
-    distinct : least distance of the readings of two poses, in standard deviations of their noise.
-    clearance : least gap between elements and beam or plate less what is needed, mm.
-    outer_size, height, wall : mm.
-    margins : signed margins of the requirements by name, relative to their bounds, each of shape (n,).
+    values : figures by name, each of shape (n,); NaN where unknown:
+        range_z, range_x, N; depth, depth_stiff under the required press, over D, at the least and the largest E;
+        resolution_z, resolution_x, N; strain; critical, stable_to, over D; first_mode, Hz; saturation (least distance
+        of a reading from its rail, over that in zero field); decoding (least determinant of the slopes over the
+        lengths of its columns, negative if its sign changes); distinct (least distance of the readings of two loads,
+        in standard deviations of their noise); clearance, outer_size, height, wall, mm; reach and reach_x (largest
+        press and force along the plate that the source covers, over the required ones).
+    margins : signed margins of the requirements, relative to their bounds, clipped to LEAST and MOST.
+    corner, loads : for each of the p poses the corner (0 the least E, 1 the largest) and normal force, force along
+        the plate, N, and its direction, rad, shape (n, p, 3).
+    worst : the pose of strain, resolution_z, resolution_x, saturation, decoding and distinct, shape (n,); -1 unknown.
+    depth, shear : of the poses, over D, shape (n, p).
+    ask : deepest press, least and largest depth of shears, and the shears at the depths of `sheared_depths` to which
+        finite elements must be asked, shape (n, 3 + SOLVED_DEPTHS), over D.
     """
 
-    range_z: Array
-    reach: Array
-    range_x: Array
-    depth: Array
-    depth_stiff: Array
-    range_depth: Array
-    shears: Array
-    resolution_z: Array
-    resolution_x: Array
-    strain: Array
-    critical: Array
-    stable_to: Array
-    first_mode: Array
-    saturation: Array
-    decoding: Array
-    distinct: Array
-    clearance: Array
-    outer_size: Array
-    height: Array
-    wall: Array
+    values: Mapping[str, Array]
     margins: Mapping[str, Array]
+    corner: Ints
+    loads: Array
+    worst: Mapping[str, Ints]
+    depth: Array
+    shear: Array
+    ask: Array
 
     def one(self, k: int) -> dict[str, float]:
-        """Return the values of one variant by name, without the margins."""
-        names = [spec.name for spec in dataclasses.fields(self) if spec.name not in ("margins", "shears")]
-        return {name: float(getattr(self, name)[k]) for name in names}
+        """Return the figures of one sensor."""
+        return {name: float(value[k]) for name, value in self.values.items()}
 
 
-def margins(result: Performance, requirements: Requirements) -> dict[str, Array]:
-    """Return the signed margins of the requirements, relative to their bounds; negative where one is missed."""
-    # name in the requirements, value, and +1 for a bound from below or -1 for one from above
-    compared = [
-        ("force_z", result.range_z, 1),
-        ("force_x", result.range_x, 1),
-        ("resolution_z", result.resolution_z, -1),
-        ("resolution_x", result.resolution_x, -1),
-        ("largest_strain", result.strain, -1),
-        ("stability_margin", result.stable_to / result.depth, 1),
-        ("first_mode", result.first_mode, 1),
-        ("outer_size", result.outer_size, -1),
-        ("height", result.height, -1),
-    ]
-    signed = {
-        name: way * (value / bound - 1)
-        for name, value, way in compared
-        if (bound := getattr(requirements, name)) is not None
-    }
-    signed["wall"] = result.wall / requirements.printed_wall - 1
-    if requirements.no_saturation:
-        signed["no_saturation"] = result.saturation
-    if requirements.unique_decoding:
-        signed["unique_decoding"] = np.minimum(result.decoding - SINGULAR, result.distinct - 1)
-    signed["clearance"] = result.clearance
-    # NaN is no margin, and a large one would hide the others
-    return {name: np.clip(np.nan_to_num(value, nan=LEAST), LEAST, MOST) for name, value in signed.items()}
+@dataclass(frozen=True, slots=True, eq=False)
+class _Poses:
+    """Where the loads of a pose stand in the states: its state, and the direction of its force along the plate."""
 
+    state: Ints
+    angle: Array
 
-def lengths(variants: Sequence[Variant], requirements: Requirements) -> tuple[Array, Array, Array]:
-    """Return outer size, height and thinnest printed wall, each of shape (n,), mm; NaN where no base is possible."""
-    shape, process = requirements.outer_shape, requirements.process
-    rows, choices = [], Base(shape=shape)
-    for each in variants:
-        try:
-            outline = plan(each.design, choices, process)
-            mould = sizes(each.design, Mold(process=process))
-        except BadInput:
-            rows.append((np.nan, np.nan, np.nan))
-            continue
-        (_, _, height), _ = outer_size(each.design, outline)
-        posts = choices.seat_wall if outline.seats.posts else np.inf
-        rows.append((2 * outline.half, height, min(2 * mould.pin_radius, mould.wall, posts)))
-    size, height, wall = np.array(rows).T
-    return size, height, wall
-
-
-@dataclass(frozen=True, slots=True)
-class PoseGrid:
-    """Poses of a force range: press forces and sideways forces over the ranges, and directions from x towards y."""
-
-    presses: tuple[float, ...]
-    shears: tuple[float, ...]
-    directions: int
-
-    @property
-    def sideways(self) -> list[tuple[float, float]]:
-        """Sideways forces and their directions in degrees, first none."""
-        turn = 360 / self.directions
-        return [(0.0, 0.0), *((share, turn * k) for share in self.shears for k in range(self.directions))]
-
-
-SEARCHED = PoseGrid((0.25, 1.0), (1.0,), 8)
-"""Poses at which the search rates each candidate."""
-CHECKED = PoseGrid((0.25, 0.4, 0.6, 0.8, 1.0), (0.33, 0.67, 1.0), 16)
-"""Poses at which the points of a front are checked."""
-NO_SHEAR = 0.02
-"""Sideways force over the press force that a sensor without a required sideways range is examined at: it is small,
-and fixes how the readings change sideways."""
-MOST_RANGE = 3.0
-"""Range over the required one beyond which more of it has no value, and is not looked for."""
-DEEPER = 1.05
-"""Depth to which a second source is evaluated over that which the first one says is needed."""
+    @classmethod
+    def of(cls, loads: Array, directions: Array) -> _Poses:
+        """Return the poses of loads (k, 2)."""
+        state = [k for k, load in enumerate(loads) for _ in (directions if load[1] else [0.0])]
+        angle = [angle for load in loads for angle in (directions.tolist() if load[1] else [0.0])]
+        return cls(np.array(state), np.array(angle))
 
 
 def performance(
-    variants: Sequence[Variant],
-    beams: Beams,
-    requirements: Requirements,
+    sensors: Sensors,
+    beams: Any,
+    needed: Requirements,
     *,
     caution: float = 1.0,
-    estimate: Performance | None = None,
-    scales: Array | None = None,
-    reader: Reader | None = None,
-    grid: PoseGrid = SEARCHED,
+    share: Array | None = None,
+    ask: Array | None = None,
+    dense: bool = False,
 ) -> Performance:
-    """Return what variants reach, of which `beams` gives the responses in the same order.
+    """Return what sensors reach, of which `beams` gives the responses in the same order.
 
     Parameters
     ----------
     caution : number of half widths of the source's intervals by which its values are worsened; below 0 improved.
-    estimate : what another source says of the same variants: this one is evaluated no deeper than needed to compare,
-        and at the same shears.
-    scales : factors on the ranges in z and in x of each variant, shape (n, 2), at which the other requirements are
-        held against it; default: 1.
-    grid : poses of the force range.
-    reader : readings of the variants; default: with the ranges of the remanence that the catalogue states.
+    share : shares of the required forces in z and x, shape (n, 2), at which the sensors are rated; default: 1.
+    ask : `Performance.ask` of the surrogate, for finite elements: they are evaluated no further.
+    dense : more loads, for the points of a front.
     """
-    D, L, low, high, density, ratio = _columns(variants)
-    factors = np.ones((len(D), 2)) if scales is None else scales
-    force_z = factors[:, 0] * requirements.force_z
-    force_x = NO_SHEAR * force_z if requirements.force_x is None else factors[:, 1] * requirements.force_x
-    unit = D**2
-    magnet = np.array([(each.design.magnet_diameter, each.design.magnet_height) for each in variants]) / D[:, None]
-    limit = surrogate_range.deepest(L / D, *magnet.T)
-    if estimate is not None:
-        limit = np.minimum(limit, DEEPER * np.maximum(estimate.range_depth, estimate.depth))
-    press = press_curves(beams, limit)
-    soft, stiff = press.softer(caution), press.softer(-caution)
-    depth = soft.depth_of_force((force_z / (low * unit))[:, None])[:, 0]
-    depth_stiff = stiff.depth_of_force((force_z / (high * unit))[:, None])[:, 0]
-    least = stiff.depth_of_force((grid.presses[0] * force_z / (high * unit))[:, None])[:, 0]
-    farthest = surrogate_range.farthest(L / D)
-    sheared = requirements.force_x is not None
-    # the half widths of a small shear are those of the press, and say nothing of its slopes
-    aside = caution if sheared else 0.0
-    guess = None if estimate is None else estimate.shears
-    shear = shear_curves(beams, press, least, depth, force_x / (low * unit), farthest, guess, aside)
-    soft_shear, stiff_shear = shear.softer(aside), shear.softer(-aside)
-    cases = [(soft, soft_shear, low), (stiff, stiff_shear, high)]
-    # sensors that are made have one modulus each, and not a range of it
-    cases = cases[:1] if caution == 0 and (low == high).all() else cases
-    poses = [_poses(variants, *case, force_z, force_x, grid, sheared=sheared) for case in cases]
-    reader = NominalReader(variants) if reader is None else reader
-    figures = _reading_figures(reader, poses, len(variants), worst=caution >= 0)
-    stable_to, critical, mode = beams.stable_to(caution), beams.critical_depth(), beams.first_mode(ratio)
-    deepest, range_z = _Bounds(D, reader, soft, stable_to, requirements).range(low * unit)
-    strain = soft.at("strain", depth[:, None])[:, 0]
-    range_x = np.full(len(D), np.nan)
-    if sheared:
-        strain = np.maximum(strain, soft_shear.strain(force_x / (low * unit)).max(axis=1))
-        range_x = _reached_aside(soft, soft_shear, (low * unit, high * unit), force_z, grid).force(force_x)
-    # no half width where no critical depth was found, nor where none is asked for
-    width = critical.half_width if caution else np.zeros(len(D))
-    width = np.where(np.isinf(critical.value), 0.0, width)
-    frequency = np.array([frequency_unit(*row) for row in np.stack([D, low, density], axis=1).tolist()])
-    size, total, wall = lengths(variants, requirements)
+    n = len(sensors)
+    share = np.ones((n, 2)) if share is None else share
+    loads = needed.loads(dense=dense)
+    poses = _Poses.of(loads, HALF_TURN if sensors.turn is None else WHOLE_TURN)
+    p, units = len(poses.state), np.stack([each * sensors.D**2 for each in (sensors.E_low, sensors.E_high)], axis=1)
+    deepest = surrogate_range.deepest(*sensors.beam[:, :3].T) if ask is None else ask[:, 0]
+    pressed, stable = pressed_curves(beams, deepest), beams.stable_to(caution)
+    soft = pressed.softer(caution)
+    known = np.fmin(np.nan_to_num(stable, nan=0.0), deepest)
+    values = {name: np.full(n, np.nan) for name in FIGURES}
+    top = soft.pressed(np.maximum(known, surrogate_range.SHALLOWEST)[:, None])[0][:, 0, 0] * units[:, 0]
+    values["reach"] = top / (share[:, 0] * needed.force_z)
+    values |= {"stable_to": stable, "critical": _critical(beams, caution), "outer_size": sensors.size}
+    values |= {"height": sensors.height, "wall": sensors.wall}
+    if needed.first_mode is not None or dense:
+        unit = np.sqrt(sensors.E_low / sensors.density) / sensors.D
+        mode = beams.first_mode(sensors.magnet_density / sensors.density)
+        values["first_mode"] = (mode.value - caution * mode.half_width) * unit
+    worst = {name: np.full(n, -1) for name in WORST}
+    unknown = np.full((2, n, 2 * p), np.nan)
     result = Performance(
-        range_z=range_z,
-        reach=soft.at("force", press.deepest[:, None])[:, 0] * low * unit,
-        range_x=range_x,
-        depth=depth,
-        depth_stiff=depth_stiff,
-        range_depth=deepest,
-        shears=shear.shear[:, :, -1],
-        resolution_z=figures.resolution[:, 2],
-        resolution_x=figures.resolution[:, :2].max(axis=1),
-        strain=strain,
-        critical=critical.value - caution * width,
-        stable_to=stable_to,
-        first_mode=(mode.value - caution * mode.half_width) * frequency,
-        saturation=figures.rail_margin,
-        decoding=figures.signed_det,
-        distinct=figures.distinct,
-        clearance=_clearance(variants, poses[0], depth * D),
-        outer_size=size,
-        height=total,
-        wall=wall,
-        margins={},
+        values,
+        {},
+        np.repeat([0, 1], p),
+        np.full((n, 2 * p, 3), np.nan),
+        worst,
+        unknown[0],
+        unknown[1],
+        np.full((n, 3 + SOLVED_DEPTHS), np.nan),
     )
-    return dataclasses.replace(result, margins=margins(result, requirements))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _ReadingFigures:
-    """Figures of the readings of n variants at the worst pose and modulus, see `Performance`.
-
-    Attributes
-    ----------
-    resolution : along x, y and z, N, shape (n, 3).
-    signed_det, distinct, rail_margin : `decoding`, `distinct` and `saturation`, shape (n,).
-    """
-
-    resolution: Array
-    signed_det: Array
-    distinct: Array
-    rail_margin: Array
-
-
-def _reading_figures(reader: Reader, poses: Sequence[Loaded], count: int, *, worst: bool) -> _ReadingFigures:
-    """Return the worst figures of the readings at the poses of each modulus; else those of the better modulus."""
-    resolution, signed_det, distinct = zip(*(decoding(reader, each, count) for each in poses), strict=True)
-    rails = [reader.rail_margin(each.shift, each.tilt).reshape(count, -1).min(axis=1) for each in poses]
-    most, least = (np.max, np.min) if worst else (np.min, np.max)
-    return _ReadingFigures(
-        most(resolution, axis=0), least(signed_det, axis=0), least(distinct, axis=0), least(rails, axis=0)
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Bounds:
-    """The bounds that limit the press range."""
-
-    D: Array
-    reader: Reader
-    press: PressCurves
-    stable_to: Array
-    requirements: Requirements
-
-    def range(self, unit: Array) -> tuple[Array, Array]:
-        """Return the largest depth that keeps all bounds, over D, and its force, N; unit is E D^2, shape (n,)."""
-        needed = self.requirements
-        # where nothing is known of the stability, no depth is
-        stable_to = np.nan_to_num(np.maximum(self.stable_to, 0.0), nan=0.0)
-        deepest = np.minimum(self.press.deepest, stable_to / needed.stability_margin)
-        enough = self.press.depth_of_force((MOST_RANGE * needed.force_z / unit)[:, None])[:, 0]
-        deepest = np.minimum(deepest, enough)
-        low = surrogate_range.SHALLOWEST
-        depth = low + (np.maximum(deepest, 1.01 * low) - low)[:, None] * np.linspace(0.0, 1.0, 25)[1:]
-        slack = self._slack(depth)
-        kept = slack >= 0
-        # between the last depth before the first one that breaks a bound, and that one, the slack is nearly linear
-        count = np.where(kept.all(axis=1), depth.shape[1], kept.argmin(axis=1))
-        rows, last = np.arange(len(depth)), np.maximum(count - 1, 0)
-        after = np.minimum(count, depth.shape[1] - 1)
-        fall = slack[rows, last] - slack[rows, after]
-        share = np.where(fall > 0, slack[rows, last] / np.where(fall > 0, fall, 1.0), 0.0)
-        chosen = depth[rows, last] + np.where(after > last, share, 0.0) * (depth[rows, after] - depth[rows, last])
-        chosen = np.where(count > 0, chosen, low)
-        force = self.press.at("force", chosen[:, None])[:, 0] * unit
-        return chosen, np.where(count > 0, force, 0.0)
-
-    def _slack(self, depth: Array) -> Array:
-        """Return the least margin of strain and saturation at depths (n, k), at most 1; NaN without an answer."""
-        slack = np.ones(depth.shape)
-        if self.requirements.largest_strain is not None:
-            slack = np.minimum(slack, 1 - self.press.at("strain", depth) / self.requirements.largest_strain)
-        if self.requirements.no_saturation:
-            shift = np.zeros((*depth.shape, 3))
-            shift[..., 2] = -self.press.at("shift", depth) * self.D[:, None]
-            rail = self.reader.rail_margin(shift.reshape(-1, 3), np.zeros((depth.size, 2)))
-            slack = np.minimum(slack, rail.reshape(depth.shape))
-        return slack
-
-
-def _columns(variants: Sequence[Variant]) -> tuple[Array, ...]:
-    """Return D, L, least and largest E, density and the ratio of the densities, each of shape (n,)."""
-    rows = [
-        (
-            each.design.D,
-            each.design.L,
-            each.silicone.E_low,
-            each.silicone.E_high,
-            each.design.density,
-            each.design.magnet_density / each.design.density,
+    rows = np.flatnonzero(values["reach"] >= 1)
+    if len(rows):
+        part = _Rated(
+            sensors.take(rows),
+            pressed.take(rows),
+            known[rows],
+            values["stable_to"][rows],
+            units[rows],
+            share[rows],
+            needed,
+            loads,
+            poses,
+            caution,
         )
-        for each in variants
+        part.fill(result, rows, beams if len(rows) == n else beams.take(rows), None if ask is None else ask[rows])
+    return replace(result, margins=margins(values, needed))
+
+
+def _critical(beams: Any, caution: float) -> Array:
+    critical = beams.critical_depth()
+    # no half width where no critical depth was found, nor where none is asked for
+    width = np.where(np.isinf(critical.value), 0.0, critical.half_width) if caution else 0.0
+    return np.asarray(critical.value - caution * width)
+
+
+FIGURES = (
+    *(
+        "range_z",
+        "range_x",
+        "depth",
+        "depth_stiff",
+        "resolution_z",
+        "resolution_x",
+        "strain",
+        "critical",
+        "stable_to",
+    ),
+    *(
+        "first_mode",
+        "saturation",
+        "decoding",
+        "distinct",
+        "clearance",
+        "outer_size",
+        "height",
+        "wall",
+        "reach",
+        "reach_x",
+    ),
+)
+WORST = ("strain", "resolution_z", "resolution_x", "saturation", "decoding", "distinct")
+"""Figures of single poses."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rated:
+    """Sensors that reach the required press, under all loads."""
+
+    sensors: Sensors
+    pressed: Curves
+    known: Array
+    stable: Array
+    units: Array
+    share: Array
+    needed: Requirements
+    loads: Array
+    poses: _Poses
+    caution: float
+
+    def fill(self, result: Performance, rows: Ints, beams: Any, ask: Array | None) -> None:
+        """Write the figures of these rows."""
+        sheared = self.needed.force_x is not None
+        curve = self._with_shears(beams, ask, sheared)
+        corners = [curve.softer(way * self.caution, sheared=sheared) for way in (1, -1)]
+        states = [self._states(corner, k, 1.0) for k, corner in enumerate(corners)]
+
+        def put(name: str, value: Array) -> None:
+            np.put(result.values[name], rows, value)
+
+        top = int(np.flatnonzero(self.loads[:, 1] == 0)[-1])
+        put("depth", states[0].depth[:, top])
+        put("depth_stiff", states[1].depth[:, top])
+        strain = np.concatenate([each.strain for each in states], axis=1)[:, self._both]
+        field, slopes = self._readings(states)
+        signed = self._saturation(field)
+        found = {"strain": (strain, 1), "saturation": (signed, -1)}
+        found |= self._resolutions(states, slopes, self._rails(field, 0))
+        values_at = {name: self._over_corners(table, way) for name, (table, way) in found.items()}
+        for name, (table, way) in found.items():
+            put(name, values_at[name])
+            at = np.argmax(way * np.where(np.isnan(table), -np.inf * way, table), axis=1)
+            np.put(result.worst[name], rows, np.where(np.isnan(values_at[name]), -1, at))
+        if self.needed.unique_decoding:
+            apart, at = self._distinct(field)
+            put("distinct", apart)
+            np.put(result.worst["distinct"], rows, at)
+        put("clearance", self._clearance(states[0]))
+        put("reach_x", self._reach_x(corners, states))
+        z, x = self._forces(1.0)
+        result.depth[rows], result.shear[rows] = (
+            np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
+            for name in ("depth", "shear")
+        )
+        for k, part in enumerate((z, x)):
+            result.loads[rows, :, k] = np.tile(part[:, self.poses.state], 2)
+        result.loads[rows, :, 2] = np.tile(self.poses.angle, 2)
+        factor, deep = self._range(corners[0], values_at["strain"], values_at["saturation"])
+        put("range_z", factor * self.share[:, 0] * self.needed.force_z)
+        if sheared:
+            put("range_x", factor * self.share[:, 1] * (self.needed.force_x or 0.0))
+        result.ask[rows] = self._ask(corners, states, factor, deep, sheared)
+
+    def _over_corners(self, table: Array, way: int) -> Array:
+        """Return the worst value of poses (n, p) of both corners, the largest if `way` is 1 and the least if -1.
+
+        Values that are improved are those of the better corner: a made sensor has one E, and its corners differ by
+        the source's intervals alone.
+        """
+        signed = (way * table).reshape(len(table), 2, -1).max(axis=2)
+        return np.asarray(way * (signed.max(axis=1) if self.caution >= 0 else signed.min(axis=1)))
+
+    @property
+    def _both(self) -> Ints:
+        """The states of the poses of both corners."""
+        return np.concatenate([self.poses.state, self.poses.state + len(self.loads)])
+
+    def _forces(self, factor: Array | float) -> tuple[Array, Array]:
+        """Return normal force and force along the plate of all loads times a factor (n,), shape (n, k), N."""
+        scale = np.asarray(factor)[..., None] * self.share
+        z, x, top, least = *self.loads.T, self.needed.force_z, self.needed.least_press
+        # with shares of the forces, presses with a force along the plate still lie between the least and the whole
+        along = np.where(x > 0, (z - least) / max(top - least, 1e-9), 0.0)
+        under = least * scale[:, 1:] + along * (top * scale[:, :1] - least * scale[:, 1:])
+        return np.where(x > 0, under, scale[:, :1] * z), scale[:, 1:] * x
+
+    def _states(self, curve: Curves, corner: int, factor: Array | float) -> States:
+        z, x = self._forces(factor)
+        unit = self.units[:, [corner]]
+        return curve.states(z / unit, x / unit)
+
+    def _with_shears(self, beams: Any, ask: Array | None, sheared: bool) -> Curves:
+        """Return the curves with their shears."""
+        if ask is not None:
+            far = ask[:, 3:]
+            return with_shears(self.pressed, beams, ask[:, 1], ask[:, 2], far, (0.5, 1.0))
+        stiff = self.pressed.softer(-abs(self.caution))
+        first = int(np.flatnonzero(self.loads[:, 1] > 0)[0]) if sheared else 0
+        z, _ = self._forces(1.0)
+        light = stiff.depth_of_force(z[:, [first]] / self.units[:, 1:])[:, 0]
+        low = np.fmax(light, surrogate_range.SHALLOWEST_SHEAR)
+        # the surrogate knows shears no deeper than presses are surely stable
+        high = np.fmin(self.known, np.nan_to_num(beams.stable_to(1.0), nan=0.0))
+        high = np.maximum(high, 1.02 * surrogate_range.SHALLOWEST_SHEAR)
+        far = np.repeat(surrogate_range.farthest(self.sensors.beam[:, 0])[:, None], SHEARED_DEPTHS, axis=1)
+        return with_shears(self.pressed, beams, np.minimum(low, high / 1.02), high, far, surrogate_range.SHEAR_NODES)
+
+    def _readings(self, states: Sequence[States], *, slopes: bool = True) -> tuple[Array, Array]:
+        """Return the readings of the poses over the remanence, shape (n, p, 3), and their slopes.
+
+        The slopes along the depth, the shear and across it have the shape (n, p, 3, 3), in 1/mm.
+        """
+        s, D = self.sensors, self.sensors.D[:, None]
+        angle = np.tile(self.poses.angle, len(states))
+        e = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        across = np.stack([-e[:, 1], e[:, 0], e[:, 2]], axis=1)
+        up = np.array([0.0, 0.0, 1.0])
+
+        def at(name: str) -> Array:
+            return np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
+
+        plane, by_depth, by_shear, shear = at("plane"), at("by_depth"), at("by_shear"), at("shear")
+        u, w, t = (plane[..., k, None] for k in range(3))
+        shift = D[..., None] * (u * e - w * up)
+        sin, cos = np.sin(t), np.cos(t)
+        axis = sin * e + cos * up
+        ratio = np.where(shear[..., None] > 0, plane / np.where(shear > 0, shear, 1.0)[..., None], by_shear)
+        sinc = np.sinc(t / np.pi)
+        moves = [slope[..., :1] * e - slope[..., 1:2] * up for slope in (by_depth, by_shear)] + [
+            ratio[..., :1] * across
+        ]
+        # the angular velocity of a lean towards e is along across; one across turns the lean, which is axis x d(axis)
+        turns = [slope[..., 2:3] * across for slope in (by_depth, by_shear)]
+        turns.append(ratio[..., 2:3] * sinc * np.cross(axis, across))
+        if s.turn is not None and s.offset is not None:
+            lean = t * across
+            offset = rotated(s.offset[:, None], lean[..., :2])
+            shift = shift + offset
+            axis = rotated(up, lean[..., :2] + s.turn[:, None])
+            moves = [move + np.cross(turn, offset) / D[..., None] for move, turn in zip(moves, turns, strict=True)]
+        field, by_shift, by_turn = readings_of_sensors(
+            s.points, s.normals, s.owners, s.magnet, _filled(shift), _filled(axis), slopes=slopes
+        )
+        field = np.where(np.isnan(shift[..., :1]), np.nan, field)
+        if not slopes:
+            return field, by_shift
+        J = by_shift @ np.stack(moves, axis=-1) + by_turn @ np.stack(turns, axis=-1) / D[..., None, None]
+        return field, np.where(np.isnan(shift[..., :1, None]), np.nan, J)
+
+    def _rails(self, field: Array, end: int) -> Array:
+        """Return the distances of the outputs from their rails, over those in zero field."""
+        s = self.sensors
+        out = s.gain[:, None] * field * s.remanence[:, end, None, None]
+        return np.minimum(1 - out / (s.high - s.null)[:, None], 1 + out / (s.null - s.low)[:, None])
+
+    def _saturation(self, field: Array) -> Array:
+        """Return the least distance at each pose, shape (n, p)."""
+        return np.asarray(self._rails(field, 1).min(axis=2))
+
+    def _resolutions(self, states: Sequence[States], slopes: Array, rails: Array) -> dict[str, tuple[Array, int]]:
+        """Return standard deviations of the decoded forces and scaled determinants, (n, p), and their worse end.
+
+        A saturated reading does not change: no force is decoded.
+        """
+        s = self.sensors
+        J = np.where(rails[..., None] > 0, slopes, 0.0) * s.remanence[:, 0, None, None, None]
+        rows = [J[..., k, :] for k in range(3)]
+        inverse = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=-1)
+        det = (rows[0] * inverse[..., 0]).sum(axis=-1)
+        length = np.linalg.norm(J, axis=2).prod(axis=-1)
+        scaled = np.where(length > 0, det / np.where(length > 0, length, 1.0), det * 0)
+        turned = scaled * np.sign(np.median(scaled, axis=1, keepdims=True))
+        both = [
+            np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
+            for name in ("by_depth", "by_shear", "plane", "shear")
+        ]
+        by_depth, by_shear, plane, shear = both
+        p = len(self.poses.state)
+        unit = np.repeat(self.units, p, axis=1) / s.D[:, None]
+        aside = np.where(shear > 0, plane[..., 3] / np.where(shear > 0, shear, 1.0), by_shear[..., 3])
+
+        def deviations(row: Sequence[Array]) -> Array:
+            """Return the deviations of a force with these slopes along depth, shear and across."""
+            vector = np.stack(np.broadcast_arrays(*row), axis=-1)
+            parts = (vector[..., None] * inverse).sum(axis=-2) * s.noise[:, None]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                size = unit * np.linalg.norm(parts, axis=-1) / np.abs(det)
+            return np.where(np.isnan(det), np.nan, np.where(np.abs(scaled) > SINGULAR, size, np.inf))
+
+        angle = np.tile(self.poses.angle, 2)
+        cos, sin = np.cos(angle), np.sin(angle)
+        x = deviations([cos * by_depth[..., 3], cos * by_shear[..., 3], -sin * aside])
+        y = deviations([sin * by_depth[..., 3], sin * by_shear[..., 3], cos * aside])
+        z = deviations([by_depth[..., 4], by_shear[..., 4], 0 * aside])
+        return {"resolution_z": (z, 1), "resolution_x": (np.maximum(x, y), 1), "decoding": (turned, -1)}
+
+    def _distinct(self, field: Array) -> tuple[Array, Ints]:
+        """Return the least distance of the readings of two loads of one sensor, and one of the two poses."""
+        s, p = self.sensors, len(self.poses.state)
+        values = (field * (s.remanence[:, 0, None, None] / s.noise[:, None])).reshape(len(field), 2, p, 3)
+        seen = np.arange(p)
+        if s.turn is None:
+            # the other half of the directions: x and y change places
+            off = np.flatnonzero(np.abs(np.sin(self.poses.angle - np.pi / 4)) > 1e-9)
+            off = off[self.loads[self.poses.state[off], 1] > 0]
+            values, seen = (
+                np.concatenate([values, values[:, :, off][..., [0, 2, 1]]], axis=2),
+                np.concatenate([seen, off]),
+            )
+        square = np.zeros((*values.shape[:3], values.shape[2]))
+        for k in range(3):
+            square += (values[..., :, None, k] - values[..., None, :, k]) ** 2
+        same = np.arange(values.shape[2])
+        square[..., same, same] = np.inf
+        flat = square.reshape(len(field), -1)
+        at = flat.argmin(axis=1)
+        corner, first = np.divmod(at // len(same), len(same))
+        least = np.sqrt(self._over_corners(flat, -1))
+        return least, np.where(np.isnan(least), -1, corner * p + seen[first])
+
+    def _clearance(self, state: States) -> Array:
+        """Return the least gap of S2 from bulging wall and pressed plate less what is needed, mm; inf of a chip.
+
+        S3 mirrors S2, and so do the directions.
+        """
+        s, gaps = self.sensors, np.full(len(self.sensors), np.inf)
+        rows = np.flatnonzero(~np.isnan(s.beside[:, 0]))
+        if len(rows):
+            D, H = s.D[rows, None], (s.L - s.D / 2)[rows, None]
+            near = np.cos(self.poses.angle) > 0.5
+            at = state.plane[rows][:, self.poses.state[near]]
+            u, angle = at[..., 0] * D, self.poses.angle[near]
+            centre = np.stack([u * np.cos(angle), u * np.sin(angle), H - at[..., 1] * D], axis=-1)
+            face, level = s.beside[rows].T[..., None]
+            point = np.stack([face + SS495A.depth, 0 * face, level], axis=-1)
+            gap = wall_distance(D / 2, H, point, centre).min(axis=1) - SS495A.depth
+            above = s.L[rows] - np.max(state.depth[rows], axis=1) * s.D[rows] - level[:, 0] - SS495A.height / 2
+            gaps[rows] = np.minimum(gap, above) - LEAST_GAP
+        return gaps
+
+    def _reach_x(self, corners: Sequence[Curves], states: Sequence[States]) -> Array:
+        """Return the largest force along the plate under the required presses, over the required one."""
+        aside = self.loads[:, 1] > 0
+        if not aside.any():
+            return np.full(len(self.sensors), np.nan)
+        z, x = self._forces(1.0)
+        shares = []
+        for k, (curve, state) in enumerate(zip(corners, states, strict=True)):
+            unit = self.units[:, [k]]
+            _, force = curve.reach(curve.depth_of_force(z[:, aside] / unit))
+            share = force * unit / x[:, aside]
+            # a load that Newton's method has not reached is not reached, whatever the curve under the press says
+            shares.append(np.where(np.isnan(state.depth[:, aside]), np.minimum(share, 0.999), np.maximum(share, 1.0)))
+        return self._over_corners(np.concatenate(shares, axis=1), -1)
+
+    def _range(self, soft: Curves, strain: Array, saturation: Array) -> tuple[Array, Array]:
+        """Return the largest factor on all loads that keeps the bounds, 0 if 1 does not, and the depth there."""
+        needed = self.needed
+        stable = np.minimum(self.known, self.stable / needed.stability_margin)
+        top = soft.pressed(np.maximum(stable, surrogate_range.SHALLOWEST)[:, None])[0][:, 0, 0] * self.units[:, 0]
+        most = np.minimum(top / (self.share[:, 0] * needed.force_z), needed.range_cap or np.inf)
+        factor = np.zeros(len(most))
+        bad = (
+            (strain > (needed.largest_strain or np.inf))
+            | (needed.no_saturation & (saturation < 0))
+            | np.isnan(strain)
+        )
+        rows = np.flatnonzero(~bad & (most >= 1))
+        deep = np.full(len(most), np.nan)
+        if not len(rows):
+            return factor, deep
+        # of the presses alone, the largest one comes first to a bound
+        ends = self.loads[int(np.flatnonzero(self.loads[:, 1] == 0)[-1]) :]
+        turns = HALF_TURN if self.sensors.turn is None else WHOLE_TURN
+        part = replace(
+            self,
+            sensors=self.sensors.take(rows),
+            known=self.known[rows],
+            stable=self.stable[rows],
+            units=self.units[rows],
+            share=self.share[rows],
+            loads=ends,
+            poses=_Poses.of(ends, turns),
+        )
+        curve, top_factor = soft.take(rows), most[rows]
+        low, low_slack = np.ones(len(rows)), np.full(len(rows), np.nan)
+        high, high_slack = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
+        for share in SCAN:
+            trial = 1 + share * (top_factor - 1)
+            slack, _ = part._slack(curve, trial)
+            ended = ~np.isnan(high)
+            good = ~ended & (slack >= 0)
+            low, low_slack = np.where(good, trial, low), np.where(good, slack, low_slack)
+            new = ~ended & ~(slack >= 0)
+            high, high_slack = np.where(new, trial, high), np.where(new, slack, high_slack)
+        open_ = np.flatnonzero(~np.isnan(high))
+        for _ in range(REFINED if len(open_) else 0):
+            a, b, fa, fb = low[open_], high[open_], low_slack[open_], high_slack[open_]
+            known = np.isfinite(fa) & np.isfinite(fb) & (fa > fb)
+            at = np.where(known, np.clip(fa / np.where(known, fa - fb, 1.0), 0.1, 0.9), 0.5)
+            trial = a + at * (b - a)
+            inner = replace(
+                part,
+                sensors=part.sensors.take(open_),
+                known=part.known[open_],
+                stable=part.stable[open_],
+                units=part.units[open_],
+                share=part.share[open_],
+            )
+            slack, _ = inner._slack(curve.take(open_), trial)
+            good = slack >= 0
+            low[open_], low_slack[open_] = np.where(good, trial, a), np.where(good, slack, fa)
+            high[open_], high_slack[open_] = np.where(good, b, trial), np.where(good, fb, slack)
+        # between the ends that are left the slack is nearly linear; without a slack at the upper one nothing is known
+        linear = np.isfinite(high_slack) & np.isfinite(high) & (low_slack > high_slack)
+        low = np.where(linear, low + (high - low) * low_slack / np.where(linear, low_slack - high_slack, 1.0), low)
+        factor[rows] = low
+        deep[rows] = part._slack(curve, low)[1]
+        return factor, deep
+
+    def _slack(self, curve: Curves, factor: Array) -> tuple[Array, Array]:
+        """Return the least margin of strain and saturation under all loads times a factor, and the largest depth."""
+        state = self._states(curve, 0, factor)
+        slack = 1 - state.strain / (self.needed.largest_strain or np.inf)
+        slack = slack.min(axis=1)
+        if self.needed.no_saturation:
+            field, _ = self._readings([state], slopes=False)
+            slack = np.minimum(slack, self._saturation(field).min(axis=1))
+        depth = state.depth.max(axis=1)
+        return np.where(depth * self.needed.stability_margin <= self.stable * (1 + 1e-9), slack, np.nan), depth
+
+    def _ask(
+        self, corners: Sequence[Curves], states: Sequence[States], factor: Array, deep: Array, sheared: bool
+    ) -> Array:
+        """Return `Performance.ask`."""
+        deepest = surrogate_range.deepest(*self.sensors.beam[:, :3].T)
+        end = np.fmax(deep, states[0].depth.max(axis=1))
+        press = np.minimum(DEEPER * end, deepest)
+        aside = self.loads[:, 1] > 0 if sheared else np.ones(len(self.loads), dtype=np.bool_)
+        low = np.maximum(states[1].depth[:, aside].min(axis=1) / DEEPER, surrogate_range.SHALLOWEST_SHEAR)
+        high = np.maximum(press, 1.02 * low)
+        if not sheared:
+            return np.column_stack([press, low, high, np.full((len(low), SOLVED_DEPTHS), NO_SHEAR)])
+        depth = sheared_depths(low, high, SOLVED_DEPTHS)
+        force = np.fmax(factor, 1.0) * self.share[:, 1] * (self.needed.force_x or 0.0) / self.units[:, 0]
+        soft = corners[0]
+        inside = np.clip(depth, soft.low, soft.high)
+        shear = soft.shears_of(inside, np.repeat(force[:, None], SOLVED_DEPTHS, axis=1))
+        most = surrogate_range.farthest(self.sensors.beam[:, 0])[:, None]
+        return np.column_stack([press, low, high, np.clip(DEEPER * shear, 0.01, most)])
+
+
+def _filled(values: Array) -> Array:
+    """Return values with 1 in place of NaN, for compiled loops."""
+    return np.where(np.isnan(values), 1.0, values)
+
+
+def margins(values: Mapping[str, Array], needed: Requirements) -> dict[str, Array]:
+    """Return the signed margins of the requirements, relative to their bounds; negative where one is missed."""
+    reached = np.where(values["range_z"] > 0, values["range_z"] / needed.force_z, np.nan)
+    # name in the requirements, value, and +1 for a bound from below or -1 for one from above
+    compared = [
+        ("resolution_z", values["resolution_z"], -1),
+        ("resolution_x", values["resolution_x"], -1),
+        ("largest_strain", values["strain"], -1),
+        ("stability_margin", values["stable_to"] / values["depth"], 1),
+        ("first_mode", values["first_mode"], 1),
+        ("outer_size", values["outer_size"], -1),
+        ("height", values["height"], -1),
     ]
-    return tuple(np.array(rows).T)
-
-
-def _poses(
-    variants: Sequence[Variant],
-    press: PressCurves,
-    shear: ShearCurves,
-    E: Array,
-    force_z: Array,
-    force_x: Array,
-    grid: PoseGrid,
-    *,
-    sheared: bool,
-) -> Loaded:
-    """Return the poses of n variants at moduli E, shape (n,), as one table of rows, variant after variant."""
-    D = np.array([each.design.D for each in variants])
-    sideways = grid.sideways if sheared else grid.sideways[:1]
-    presses = np.repeat(grid.presses, len(sideways))
-    shares, azimuth = np.tile(np.array(sideways), (len(grid.presses), 1)).T
-    unit = (E * D**2)[:, None]
-    depth = press.depth_of_force(presses * force_z[:, None] / unit)
-    # near the ends of what the source covers, a required force can lie beyond it: range_x says so
-    aside = np.clip(shear.shear_of_force(shares * force_x[:, None] / unit, depth), 0.0, shear.farthest(depth))
-    parts = [shear.at(press, name, depth, aside) for name in ("shift_x", "shift_z", "tilt", "force_x", "force_z")]
-    # the vertical shift of `turned` is up
-    scale = np.stack([D, -D, np.ones_like(D), E * D**2, E * D**2], axis=1)
-    plane, by_depth, by_shear = (
-        np.stack([part[i] for part in parts], axis=2) * scale[:, None, :] / (D[:, None, None] if i else 1.0)
-        for i in range(3)
-    )
-    return force_resolution.turned(
-        plane.reshape(-1, 5),
-        by_depth.reshape(-1, 5),
-        by_shear.reshape(-1, 5),
-        (aside * D[:, None]).ravel(),
-        np.tile(np.radians(azimuth), len(D)),
-    )
-
-
-def _reached_aside(
-    press: PressCurves, shear: ShearCurves, units: Sequence[Array], force_z: Array, grid: PoseGrid
-) -> ReachedRange:
-    """Return the sideways forces that are reached under each press of the range, for each E D^2, shape (n,)."""
-    parts = []
-    for unit in units:
-        depth = press.depth_of_force(np.array(grid.presses) * (force_z / unit)[:, None])
-        parts.append(shear.reached(depth) * unit[:, None])
-    return ReachedRange(np.hstack(parts))
-
-
-def _clearance(variants: Sequence[Variant], loaded: Loaded, depth: Array) -> Array:
-    """Return the least gap of S2 and S3 from the bulging wall and the pressed plate less what is needed, mm."""
-    shifts = loaded.shift.reshape(len(variants), -1, 3)
-    gaps = np.full(len(variants), np.inf)
-    for k, each in enumerate(variants):
-        design = each.design
-        if design.hall_layout != "three":
-            continue
-        _, side, other = element_positions(design)
-        beside = min(float(wall_gaps(design, place, shifts[k]).min()) for place in (side, other))
-        above = design.L - depth[k] - side[2] - SS495A.height / 2
-        gaps[k] = min(beside - SS495A.depth, above) - LEAST_GAP
-    return gaps
+    signed = {"force_z": np.fmin(np.fmax(values["reach"], reached) - 1, MOST)}
+    if needed.force_x is not None:
+        signed["force_x"] = values["reach_x"] - 1
+    signed |= {
+        name: way * (value / bound - 1)
+        for name, value, way in compared
+        if (bound := getattr(needed, name)) is not None
+    }
+    signed["wall"] = values["wall"] / needed.printed_wall - 1
+    if needed.no_saturation:
+        signed["no_saturation"] = values["saturation"]
+    if needed.unique_decoding:
+        signed["unique_decoding"] = np.minimum(values["decoding"] - SINGULAR, values["distinct"] - 1)
+    signed["clearance"] = values["clearance"]
+    # NaN is no margin, and a large one would hide the others
+    return {name: np.clip(np.nan_to_num(value, nan=LEAST), LEAST, MOST) for name, value in signed.items()}

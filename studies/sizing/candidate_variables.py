@@ -1,30 +1,40 @@
-"""Variables of the search, and the variants that they stand for: a design with its magnet, Hall part and silicone."""
+"""Candidates of the search as one table of arrays, and the variants that they stand for.
+
+A candidate is a magnet, a silicone, a Hall part and five lengths: D, L, how far S1 or the chip lies below the beam
+and S2 and S3 beside it (both beyond the least that the base needs), and the height of S2 and S3 above the base plane.
+All lengths are whole multiples of `ROUNDING`. Outer size, height and wall are those of `geometry.base` and
+`geometry.mold` with their default choices, for all candidates at once.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import dataclasses
+import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from geometry.arrays import Array
-from geometry.design import BadInput, Design
+from analytic.parts import Element, of_design
+from geometry.arrays import Array, Ints
+from geometry.base import EDGE, Base, plan
+from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
 from studies.mechanics import surrogate_range
-from studies.sizing.catalogues import FILTER, Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
-from studies.sizing.front_search import Variable
+from studies.sizing.catalogues import Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.requirements import Requirements
 
 ROUNDING = 0.1
 """Lengths of a design are whole multiples of this, mm: a finer drawing asks for more than printers hold."""
-USUAL_D = (3.0, 30.0)
+USUAL_D = (1.0, 30.0)
 """Range of the diameter where the requirements have none, mm."""
-BELOW, ASIDE, LEVEL = (0.0, 0.8), (0.0, 0.8), (-0.5, 0.8)
-"""Ranges of the elements' places: how much farther than necessary S1 or the chip lies below the beam, and S2 and S3
-beside it, over D; and the height of S2 and S3 over that of the magnet."""
+FARTHEST, LEVEL = 0.8, (-0.5, 0.8)
+"""How much farther than necessary the elements lie at most, over D; and the height of S2 and S3 over the magnet's."""
+LENGTHS = ("D", "L", "below", "aside", "level")
+"""Columns of the lengths of a candidate, mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,107 +62,259 @@ class Variant:
         }
 
 
-def variables(requirements: Requirements, catalogues: Catalogues) -> tuple[Variable, ...]:
-    """Return the variables of the search."""
-    low = USUAL_D[0] if requirements.D_low is None else requirements.D_low
-    high = USUAL_D[1] if requirements.D_high is None else requirements.D_high
-    if requirements.outer_size is not None:
-        high = min(high, requirements.outer_size)
-    low = min(low, high)
-    return (
-        Variable("D", low, high),
-        Variable("slenderness", *surrogate_range.LENGTH),
-        Variable("magnet", choices=len(catalogues.magnets), ordered=True),
-        Variable("silicone", choices=len(catalogues.silicones), ordered=True),
-        Variable("hall_part", choices=len(catalogues.hall_parts), ordered=True),
-        Variable("below", *BELOW),
-        Variable("aside", *ASIDE),
-        Variable("level", *LEVEL),
+@dataclass(frozen=True, slots=True)
+class Seat:
+    """What a Hall part asks of the base, mm: its element, the height of its roof above the plate, its reach along x
+    and y, and the height of its Hall plate above the underside of the base."""
+
+    three: bool
+    element: Element
+    roof: float
+    reach: tuple[float, float]
+    plate: float
+
+
+class Space:
+    """All candidates with some of the Hall parts: parts as columns, and the ranges of the lengths.
+
+    hall_parts : first and last but one of the Hall parts; default: all.
+    free : forces (0 along z, 1 along the plate) of which candidates may take a share, with the least share of each.
+    """
+
+    def __init__(
+        self,
+        requirements: Requirements,
+        parts: Catalogues,
+        hall_parts: tuple[int, int] | None = None,
+        free: Mapping[int, float] | None = None,
+    ) -> None:
+        self.requirements, self.parts, self.free = requirements, parts, free or {}
+        last = hall_parts or (0, len(parts.hall_parts))
+        self.choices = [(0, len(parts.magnets)), (0, len(parts.silicones)), last]
+        self.process = PROCESSES[requirements.process]
+        self.fit = self.process.fit / 2
+        self.seats = [_seat(part, requirements) for part in parts.hall_parts]
+        self.three = np.array([seat.three for seat in self.seats])
+        self.elements = {
+            name: np.array([getattr(seat.element, name) for seat in self.seats])
+            for name in ("gain", "null", "low", "high", "noise_T", "plate")
+        }
+        names = ("diameter", "height", "edge_radius", "density", "remanence_low", "remanence_high")
+        self.magnets = {name: np.array([getattr(each, name) for each in parts.magnets]) for name in names}
+        kinds = ("E_low", "E_high", "density", "nu")
+        self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones]) for name in kinds}
+        self.low = USUAL_D[0] if requirements.D_low is None else requirements.D_low
+        self.high = USUAL_D[1] if requirements.D_high is None else requirements.D_high
+        self.high = min(self.high, requirements.outer_size or np.inf)
+        self.low = min(self.low, self.high)
+
+    def diameters(self) -> tuple[Array, Array]:
+        """Return the least and the largest D that the surrogate knows with each magnet, in the required range."""
+        d, h = self.magnets["diameter"], self.magnets["height"]
+        (d0, d1), (h0, h1) = surrogate_range.DIAMETER, surrogate_range.HEIGHT
+        low = np.maximum.reduce([np.full(len(d), self.low), d / d1, h / h1, d + 2 * LEAST_WALL])
+        high = np.minimum.reduce([np.full(len(d), self.high), d / d0, h / h0])
+        return np.ceil(low / ROUNDING - 1e-6) * ROUNDING, np.floor(high / ROUNDING + 1e-6) * ROUNDING
+
+    def candidates(self, choices: Ints, shares: Array, share: Array | None = None) -> Candidates:
+        """Return the candidates at shares (n, 5) of the ranges of the lengths, 0 to 1.
+
+        Parameters
+        ----------
+        choices : magnet, silicone and Hall part, shape (n, 3).
+        share : see `Candidates`.
+        """
+        low, high = (ends[choices[:, 0]] for ends in self.diameters())
+        D = low * np.exp(shares[:, 0] * np.log(np.maximum(high / low, 1.0)))
+        h = self.magnets["height"][choices[:, 0]]
+        shortest = np.maximum(surrogate_range.LENGTH[0], 0.5 + h / D / 2 + surrogate_range.LEAST_BELOW) * D
+        longest = surrogate_range.LENGTH[1] * D
+        if self.requirements.height is not None:
+            longest = np.clip(self.requirements.height, shortest, longest)
+        L = shortest * np.exp(shares[:, 1] * np.log(longest / shortest))
+        # near the least distances the fields are largest
+        below, aside = (FARTHEST * D * shares[:, k] ** 2 for k in (2, 3))
+        level = (LEVEL[0] + shares[:, 4] * (LEVEL[1] - LEVEL[0])) * (L - D / 2)
+        return self.rounded(choices, np.column_stack([D, L, below, aside, level]), share)
+
+    def rounded(self, choices: Ints, lengths: Array, share: Array | None = None) -> Candidates:
+        """Return the candidates of the nearest printable lengths (n, 5)."""
+        grid = np.round(lengths / ROUNDING)
+        grid[:, 2:4] = np.maximum(grid[:, 2:4], 0)
+        grid[~self.three[choices[:, 2]], 3:] = 0
+        return Candidates(
+            self, choices, np.round(grid * ROUNDING, 9), np.ones((len(grid), 2)) if share is None else share
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """n candidates.
+
+    Attributes
+    ----------
+    choices : indices of magnet, silicone and Hall part, shape (n, 3).
+    lengths : `LENGTHS`, shape (n, 5), mm.
+    share : shares of the required forces in z and in x at which each candidate is rated, shape (n, 2).
+    """
+
+    space: Space
+    choices: Ints
+    lengths: Array
+    share: Array
+
+    def __len__(self) -> int:
+        return len(self.choices)
+
+    def take(self, rows: Any) -> Candidates:
+        """Return some of the candidates."""
+        return Candidates(self.space, self.choices[rows], self.lengths[rows], self.share[rows])
+
+    def magnet(self, name: str) -> Array:
+        return self.space.magnets[name][self.choices[:, 0]]
+
+    def silicone(self, name: str) -> Array:
+        return self.space.silicones[name][self.choices[:, 1]]
+
+    def element(self, name: str) -> Array:
+        return self.space.elements[name][self.choices[:, 2]]
+
+    @property
+    def three(self) -> NDArray[np.bool_]:
+        return self.space.three[self.choices[:, 2]]
+
+    def _seat(self, read: Any) -> Array:
+        return np.array([read(seat) for seat in self.space.seats], dtype=float)[self.choices[:, 2]]
+
+    @property
+    def D(self) -> Array:
+        return self.lengths[:, 0]
+
+    @property
+    def L(self) -> Array:
+        return self.lengths[:, 1]
+
+    @property
+    def H(self) -> Array:
+        return self.L - self.D / 2
+
+    def places(self) -> tuple[Array, Array, Array]:
+        """Return l0, f and c of each candidate, shape (n,), mm; f and c of a chip have no meaning."""
+        fit, part = self.space.fit, SS495A
+        roof = self._seat(lambda seat: seat.roof)
+        least = np.round(_raised(self.H + roof + WEB), 9)
+        # the base compares without a tolerance
+        least = np.where(self.H - least + roof > -WEB, least + ROUNDING, least)
+        l0 = least + self.lengths[:, 2]
+        beside = np.maximum.reduce(
+            [self.D / 2, np.full(len(self), part.width / 2 + fit), np.full(len(self), part.height / 2 + fit + WEB)]
+        )
+        least = np.round(_raised(beside + part.depth + fit), 9)
+        f = np.where(least - part.depth - fit < beside, least + ROUNDING, least) + self.lengths[:, 3]
+        return tuple(np.round(each, 9) for each in (l0, f, l0 - self.H + self.lengths[:, 4]))  # type: ignore[return-value]
+
+    def outside(self) -> NDArray[Any]:
+        """Return why each candidate is impossible, or outside the surrogate's range; "" where it is neither."""
+        m, r = self.magnet, surrogate_range
+        d, h, edge = m("diameter"), m("height"), m("edge_radius")
+        D, L = self.D, self.L
+        least = np.minimum(d, h)
+        wall = r.wall(L / D, d / D, h / D, edge / least)
+        reasons = np.full(len(self), "", dtype=object)
+        for text, value, (low, high) in (
+            ("silicone around the magnet of", wall, (np.maximum(r.LEAST_WALL, LEAST_WALL / D), np.inf)),
+            ("silicone below the magnet of", r.below(L / D, h / D), (r.LEAST_BELOW, np.inf)),
+            ("the radius of the magnet's edges over its smaller side", edge / least, r.EDGE),
+            ("nu", self.silicone("nu"), r.POISSON),
+            ("magnet_height/D", h / D, r.HEIGHT),
+            ("magnet_diameter/D", d / D, r.DIAMETER),
+            ("L/D", L / D, r.LENGTH),
+            ("D in mm", D, (self.space.low, self.space.high)),
+        ):
+            for k in np.flatnonzero(~((value >= low - 1e-9) & (value <= high + 1e-9))):
+                bound = f"within {np.max(low):g} and {high:.4g}" if np.isfinite(high) else f"at least {np.max(low):g}"
+                reasons[k] = f"the surrogate knows beams with {text} {bound}; got {value[k]:.4g}"
+        return reasons
+
+    def sizes(self) -> tuple[Array, Array, Array]:
+        """Return outer size, height and thinnest printed wall or pin, each of shape (n,), mm."""
+        needed, process, fit, part = self.space.requirements, self.space.process, self.space.fit, SS495A
+        choices = Base(shape=needed.outer_shape)
+        wall, three, (l0, f, _) = choices.seat_wall, self.three, self.places()
+        s1, level = self.H - l0, self.lengths[:, 4]
+        post = three & (level > 0)
+        half = part.width / 2 + fit + np.where(post, wall, 0.0)
+        far = f - part.depth + part.thickness + fit + np.where(post, wall, 0.0)
+        near = self._seat(lambda seat: seat.reach[0]), self._seat(lambda seat: seat.reach[1])
+        R, hole = self.D / 2, 0.0 if choices.is_round else 1.1
+        if choices.is_round:
+            reach = np.maximum(np.hypot(*near), np.where(three, np.hypot(far, half), 0.0))
+            outer = np.maximum(R + process.fit + wall, reach + wall)
+        else:
+            reach = np.maximum(np.maximum(*near), np.where(three, np.maximum(far, half), 0.0))
+            at = np.maximum((R + hole + EDGE) / np.sqrt(2), reach + wall - hole)
+            outer = np.maximum.reduce([at + hole + EDGE, R + EDGE, reach + wall])
+        one_axis = np.maximum.reduce(
+            [np.full(len(self), 3.0), part.thickness - part.depth - s1, part.height / 2 - level + WEB]
+        )
+        thickness = np.where(three, one_axis, self._seat(lambda seat: seat.plate) - s1)
+        roof = s1 + self._seat(lambda seat: seat.roof) - fit
+        top = np.maximum(roof, np.where(three, level + part.height / 2, -np.inf))
+        height = np.maximum.reduce([self.L, top, np.full(len(self), 0.4 if choices.is_round else 0.0)]) + thickness
+        printed = np.minimum(self.magnet("diameter"), process.wall)
+        return 2 * outer, height, np.where(post, np.minimum(printed, wall), printed)
+
+    def variant(self, k: int) -> Variant | str:
+        """Return the variant of one candidate, or the reason why its design is impossible."""
+        parts, needed = self.space.parts, self.space.requirements
+        m, s, h = self.choices[k].tolist()
+        magnet, silicone, part = parts.magnets[m], parts.silicones[s], parts.hall_parts[h]
+        l0, f, c = (float(each[k]) for each in self.places())
+        fields: dict[str, Any] = {**magnet.fields(), **silicone.fields(), **part_fields(part, needed)}
+        fields |= {"D": float(self.D[k]), "L": float(self.L[k]), "l0": l0}
+        fields |= {"f": f, "c": c} if part.layout == "three" else {"chip_x": 0.0}
+        try:
+            design = Design(**fields)
+            plan(design, Base(shape=needed.outer_shape), needed.process)
+        except BadInput as error:
+            return str(error)
+        return Variant(design, magnet, part, silicone)
+
+    def keys(self) -> list[bytes]:
+        """Return a key of each candidate, equal for equal ones."""
+        table = np.column_stack([self.choices, np.round(self.lengths / ROUNDING), self.share])
+        return [row.tobytes() for row in table]
+
+
+def joined(groups: list[Candidates]) -> Candidates:
+    """Return the candidates of several tables of one space."""
+    return Candidates(
+        groups[0].space,
+        *(np.concatenate([getattr(each, name) for each in groups]) for name in ("choices", "lengths", "share")),
     )
 
 
-def variant(values: Sequence[float], requirements: Requirements, catalogues: Catalogues) -> Variant | str:
-    """Return the variant of one candidate, or the reason why its design is impossible.
-
-    Parameters
-    ----------
-    values : of the variables, in their order.
-    """
-    D, slenderness, m, s, h, below, aside, level = values
-    magnet, silicone = catalogues.magnets[int(m)], catalogues.silicones[int(s)]
-    hall_part = catalogues.hall_parts[int(h)]
-    D = _rounded(D)
-    L = _rounded(slenderness * D)
-    H, gap = L - D / 2, PROCESSES[requirements.process].fit / 2
-    fields: dict[str, Any] = {
-        "D": D,
-        "L": L,
-        "hall_average": float(requirements.samples),
-        **magnet.fields(),
-        **silicone.fields(),
-        **hall_part.fields(),
-    }
-    if hall_part.layout == "three":
-        part = SS495A
-        # the roof of the seat of S1 leaves a web of base below the beam
-        l0 = _raised(H + part.depth + gap + WEB + below * D)
-        f = _raised(D / 2 + part.depth + gap + aside * D)
-        fields |= {"l0": l0, "f": f, "c": _rounded(l0 - H + level * H)}
-        fields |= noise_fields(hall_part, requirements)
-    else:
-        fields |= {
-            "l0": _raised(H + hall_part.thickness - (hall_part.plate_height or 0.0) + gap + WEB + below * D),
-            "chip_x": 0.0,
-        }
-    try:
-        return Variant(Design(**fields), magnet, hall_part, silicone)
-    except BadInput as error:
-        return str(error)
+def part_fields(part: HallPartEntry, requirements: Requirements) -> dict[str, Any]:
+    """Return the fields of a `Design` with a Hall part, its noise and the converter that reads it."""
+    fields: dict[str, Any] = {"hall_average": float(requirements.samples), **part.fields()}
+    if part.layout == "three":
+        fields |= {"hall_noise": requirements.converter_noise, "hall_step": requirements.converter_step}
+        fields |= part.noise_fields(requirements.bandwidth)
+    return fields
 
 
-def noise_fields(part: HallPartEntry, requirements: Requirements) -> dict[str, float]:
-    """Return the fields of a `Design` for the noise of a one-axis part and the converter that reads it."""
-    band = part.bandwidth or 0.0
-    if requirements.bandwidth is not None:
-        band = min(band, requirements.bandwidth)
-    return {
-        "hall_noise": requirements.converter_noise,
-        "hall_step": requirements.converter_step,
-        "hall_noise_density": part.gain * (part.noise_density or 0.0),
-        "hall_bandwidth": FILTER * band,
-    }
+@functools.cache
+def _seat(part: HallPartEntry, requirements: Requirements) -> Seat:
+    """Return the seat of a Hall part, read from the plan of a base that is deep enough for any part."""
+    design = Design(D=20.0, L=20.0, l0=40.0, f=40.0, c=20.0, **part_fields(part, requirements))
+    made = plan(design, Base(shape=requirements.outer_shape), requirements.process)
+    (body, *_), z = made.seats.bodies.values(), design.H - design.l0
+    element = of_design(dataclasses.replace(design))[0]
+    roof = body.corner[2] + body.sides[2] - z
+    reach = tuple(max(-body.corner[k], body.corner[k] + body.sides[k]) for k in (0, 1))
+    return Seat(part.layout == "three", element, roof, (reach[0], reach[1]), made.thickness + z)
 
 
-def shortage(X: Array, catalogues: Catalogues) -> Array:
-    """Return by how much candidates (n, m) miss the beams that the surrogate covers, shape (n,), over D; 0 if not.
-
-    It leads the search towards beams that are possible: how far it is to them, where a refusal would only say no.
-    """
-    magnets = np.array([(each.diameter, each.height, each.edge_radius) for each in catalogues.magnets])
-    sizes, edges = magnets[X[:, 2].astype(int), :2], magnets[X[:, 2].astype(int), 2]
-    D, slenderness = np.round(X[:, 0] / ROUNDING) * ROUNDING, X[:, 1]
-    diameter, height = (sizes / D[:, None]).T
-    wall = surrogate_range.wall(slenderness, diameter, height, edges / np.minimum(diameter, height) / D)
-    thin = surrogate_range.LEAST_BELOW - surrogate_range.below(slenderness, height)
-    missed = np.maximum(surrogate_range.LEAST_WALL - wall, 0.0) + np.maximum(thin, 0.0)
-    for value, (low, high) in ((diameter, surrogate_range.DIAMETER), (height, surrogate_range.HEIGHT)):
-        missed = missed + np.maximum(low - value, 0.0) + np.maximum(value - high, 0.0)
-    return np.asarray(missed)
-
-
-def _rounded(value: float) -> float:
-    """Return the nearest multiple of `ROUNDING`, free of rounding errors.
-
-    >>> _rounded(7.24999)
-    7.2
-    """
-    return round(round(value / ROUNDING) * ROUNDING, 9)
-
-
-def _raised(value: float) -> float:
-    """Return the next multiple of `ROUNDING` at or above a value.
-
-    >>> _raised(7.2000001), _raised(7.21)
-    (7.2, 7.3)
-    """
-    return round(math.ceil(value / ROUNDING - 1e-4) * ROUNDING, 9)
+def _raised(value: Array) -> Array:
+    """Return the next multiples of `ROUNDING` at or above values."""
+    return np.asarray(np.ceil(value / ROUNDING - 1e-4) * ROUNDING)

@@ -1,18 +1,20 @@
 """The points of a front, solved by finite elements: what they say, beside the surrogate, and which points fail.
 
 A point that misses a requirement by the numbers of the finite elements stays in the table, with its reason, but is
-not ranked. The others are ranked by the weighted mean of three scores, 0 to 1 over the points that pass: range and
-resolution on logarithmic scales, and outer size.
+not ranked; one that another one dominates by these numbers is left out. The score of a point is the weighted mean of
+three numbers, 0 for the worst and 1 for the best point that passes: of the logarithms of range, resolution and outer
+size, each in whole steps of `RESOLUTION`, so that no rank rests on less.
 
 The responses of the beams (`FemBeams`) have the form of the surrogate's. The paths of all beams are solved side by
 side by worker processes; their states land in the store, so that a command that was interrupted solves none of them
-again. NaN stands for a state that a solve did not reach.
+again. NaN stands for a state that a solve did not reach. The worst loads of the best point are solved by themselves:
+their figures are no interpolation, and `magtip solve` prints them.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -20,17 +22,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fem.scene import Scene
-from geometry.arrays import Array, Ints
+from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.solve_plan import Solver
 from studies.output.records import FlatRow
-from studies.sizing.candidate_performance import CHECKED, LEAST, Performance, performance
-from studies.sizing.variant_search import beams_of, objectives
+from studies.sizing.candidate_performance import LEAST, Performance, margins, performance, sensors_of
+from studies.sizing.candidate_variables import Candidates, Variant
+from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spread
 
 if TYPE_CHECKING:
-    from studies.sizing.candidate_variables import Variant
     from studies.sizing.requirements import Requirements
 
 RATIO_DIGITS = 6
@@ -150,10 +152,8 @@ def _table(answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, A
     return Solved(np.array(rows, dtype=float))
 
 
-MOST_POINTS = 16
-"""Points of a front that are solved: their finite elements take two to three minutes on two cores."""
-BLOCK = 32
-"""Variants that are checked at a time: distances between all their poses are held in memory."""
+MOST_POINTS = 12
+"""Points of a front that are solved: their finite elements take about two minutes on two cores."""
 COMPARED = {
     "range_z": ("range_z_N", 1.0),
     "range_x": ("range_x_N", 1.0),
@@ -168,6 +168,15 @@ COMPARED = {
 """Quantities that both sources give: column in tables, and its unit in that of `Performance`."""
 ALIKE = {"outer_size": "outer_size_mm", "height": "height_mm", "wall": "wall_mm"}
 """Lengths, which do not depend on the source."""
+NAMED = {
+    "strain": ("largest strain", 100.0, "%"),
+    "resolution_z": ("resolution in z", 1e3, "mN"),
+    "resolution_x": ("resolution in x", 1e3, "mN"),
+    "saturation": ("distance from the rail", 100.0, "%"),
+}
+"""Figures whose worst loads are named: words, factor and unit."""
+CORRECTED = 3
+"""Solves of a worst load, each with depth and shear corrected by the forces of the one before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,22 +185,26 @@ class FrontPoint:
 
     Attributes
     ----------
-    number : from 1, in the order of the range.
-    predicted, solved : values by name of the surrogate, with their half widths, and of finite elements, see
-        `Performance`.
-    predicted_margins, margins : margins of the requirements by both, of the surrogate with its half widths.
-    status : "ok", or "failed" if finite elements show that a requirement is missed.
+    number : from 1, in the order of the front.
+    predicted, solved : what it reaches by the surrogate and by finite elements, names as in `Performance`.
+    predicted_margins, margins : margins of the requirements by the surrogate, at the worse ends of its intervals, and
+        by finite elements.
+    worst : rows of the worst loads: figure, value, unit, E_MPa, remanence_T, force_z_N, force_x_N, direction_deg,
+        depth_mm, shear_mm.
+    status : "ok", or "failed" if a solve failed or a requirement is missed.
     reason : which requirements are missed, and by how much.
     rank : 1 for the best; 0 for a point that failed.
     score : 0 to 1; NaN for a point that failed.
     """
 
     number: int
+    candidate: Candidates
     variant: Variant
     predicted: dict[str, float]
     solved: dict[str, float]
     predicted_margins: dict[str, float]
     margins: dict[str, float]
+    worst: list[FlatRow]
     status: str
     reason: str
     rank: int = 0
@@ -202,21 +215,17 @@ class FrontPoint:
         row: FlatRow = {"rank": self.rank or None, "point": self.number, "status": self.status}
         row |= self.variant.row() | {column: self.solved[name] for name, column in ALIKE.items()}
         for name, (column, unit) in COMPARED.items():
+            stem, end = _stem(column)
             predicted, solved = unit * self.predicted[name], unit * self.solved[name]
-            row |= {f"surrogate_{column}": predicted, f"fem_{column}": solved, **self._difference(name, column)}
-            width = self.predicted.get(f"{name}_half_width")
-            if width is not None:
-                stem, end = _stem(column)
-                row[f"surrogate_{stem}_half_width_{end}"] = unit * width
+            known = np.isfinite(solved) and np.isfinite(predicted) and solved != 0
+            row |= {f"surrogate_{column}": predicted, f"fem_{column}": solved}
+            row[f"{stem}_difference_percent"] = 100 * (predicted / solved - 1) if known else None
+            row[f"surrogate_{stem}_half_width_{end}"] = unit * self.predicted[f"{name}_half_width"]
         row |= {f"margin_{name}_percent": 100 * value for name, value in self.margins.items()}
+        for each in self.worst:
+            load = f"{each['force_z_N']:.4g} N with {each['force_x_N']:.4g} N at E = {each['E_MPa']:.4g} MPa"
+            row[f"worst_load_of_{each['figure']}"] = load
         return row | {"score": self.score, "reason": self.reason}
-
-    def _difference(self, name: str, column: str) -> FlatRow:
-        solved = self.solved[name]
-        known = np.isfinite(solved) and np.isfinite(self.predicted[name]) and solved != 0
-        return {
-            f"{_stem(column)[0]}_difference_percent": 100 * (self.predicted[name] / solved - 1) if known else None
-        }
 
 
 def _stem(column: str) -> tuple[str, str]:
@@ -231,109 +240,193 @@ def _stem(column: str) -> tuple[str, str]:
     return column, ""
 
 
-def spread(F: Array, count: int) -> Ints:
-    """Return the indices of `count` points of a front, shape (n, k), that lie far apart, in rising order.
-
-    The ends of each objective come first; then, one by one, the point that is farthest from all chosen ones, in
-    widths of the front.
-    """
-    if len(F) <= count:
-        return np.arange(len(F))
-    width = np.ptp(F, axis=0)
-    place = F / np.where(width > 0, width, 1.0)
-    chosen = list(dict.fromkeys(place.argmin(axis=0).tolist()))[:count]
-    apart = np.linalg.norm(place[:, None] - place[chosen], axis=2).min(axis=1)
-    while len(chosen) < count:
-        chosen.append(int(apart.argmax()))
-        apart = np.minimum(apart, np.linalg.norm(place - place[chosen[-1]], axis=1))
-    return np.sort(np.array(chosen))
-
-
 def solved_front(
-    variants: Sequence[Variant], requirements: Requirements, solver: Solver, *, most: int = MOST_POINTS
+    candidates: Candidates, needed: Requirements, solver: Solver, *, most: int = MOST_POINTS
 ) -> list[FrontPoint]:
     """Solve a front by finite elements, and return its points, those that pass first, in the order of their ranks.
 
     Parameters
     ----------
-    most : number of points that are solved; of a longer front, `spread` chooses them.
+    most : number of points that are solved; `spread` chooses them, after the one with the best score.
     """
-    if not variants:
+    possible = [k for k in range(len(candidates)) if not isinstance(candidates.variant(k), str)]
+    candidates = candidates.take(possible)
+    if not possible:
         return []
-    variants, F = checked(variants, requirements)
-    variants = [variants[k] for k in spread(F, most)]
-    beams = beams_of(variants)
-    predicted, cautious = (
-        performance(variants, beams, requirements, caution=caution, grid=CHECKED) for caution in (0.0, 1.0)
+    sensors = sensors_of(candidates)
+    cautious = performance(sensors, sensors.beams(), needed, dense=True)
+    passed = np.flatnonzero(np.all([margin >= 0 for margin in cautious.margins.values()], axis=0))
+    # if the surrogate confirms none at these loads, finite elements say why
+    kept = passed if len(passed) else np.arange(len(candidates))
+    F = objectives(dict(cautious.values), needed)[kept]
+    best = int(scores(F, needed).argmax())
+    chosen = (
+        np.unique([best, *spread(F, max(most - 1, 1)).tolist()])[: max(most, 1)] if most > 1 else np.array([best])
     )
-    fem = FemBeams([each.design for each in variants], solver)
-    solved = performance(variants, fem, requirements, caution=0.0, estimate=cautious, grid=CHECKED)
-    points = [_point(k, variants[k], predicted, cautious, solved) for k in range(len(variants))]
-    return ranked(points, solved, requirements)
+    points = solved_points(candidates.take(kept[chosen]), needed, solver)
+    return ranked(points, needed, solver)
 
 
-def checked(variants: Sequence[Variant], requirements: Requirements) -> tuple[list[Variant], Array]:
-    """Return the variants that the surrogate still confirms at all poses of `CHECKED`, and their objectives.
+def solved_points(candidates: Candidates, needed: Requirements, solver: Solver) -> list[FrontPoint]:
+    """Solve candidates by finite elements, and return them without ranks."""
+    sensors = sensors_of(candidates)
+    beams, designs = sensors.beams(), [_design(candidates, k) for k in range(len(candidates))]
+    predicted, cautious = (performance(sensors, beams, needed, caution=ca, dense=True) for ca in (0.0, 1.0))
+    ask = np.fmax(cautious.ask, predicted.ask)
+    ask[:, 1] = np.fmin(cautious.ask[:, 1], predicted.ask[:, 1])
+    solved = performance(sensors, FemBeams(designs, solver), needed, caution=0.0, ask=ask, dense=True)
+    return [_point(k, candidates, predicted, cautious, solved) for k in range(len(candidates))]
 
-    If it confirms none, all are returned: finite elements then say why.
-    """
-    tables, passed = [], []
-    for start in range(0, len(variants), BLOCK):
-        part = variants[start : start + BLOCK]
-        result = performance(part, beams_of(part), requirements, grid=CHECKED)
-        tables.append(objectives(result))
-        passed.append(np.all([margin >= 0 for margin in result.margins.values()], axis=0))
-    kept = np.flatnonzero(np.concatenate(passed))
-    kept = kept if len(kept) else np.arange(len(variants))
-    return [variants[k] for k in kept.tolist()], np.concatenate(tables)[kept]
+
+def _design(candidates: Candidates, k: int) -> Design:
+    variant = candidates.variant(k)
+    assert isinstance(variant, Variant), variant
+    return variant.design
 
 
 def _point(
-    k: int, variant: Variant, predicted: Performance, cautious: Performance, solved: Performance
+    k: int, candidates: Candidates, predicted: Performance, cautious: Performance, solved: Performance
 ) -> FrontPoint:
     """Return a point without a rank."""
-    margins = {name: float(value[k]) for name, value in solved.margins.items()}
-    missed = {name: value for name, value in margins.items() if not value >= 0}
     values, said, worse = solved.one(k), predicted.one(k), cautious.one(k)
     widths = {f"{name}_half_width": abs(worse[name] - said[name]) for name in COMPARED}
     # how far a press is stable is in the margin, also where the search for the critical depth has stopped
-    unsolved = [
-        name for name in COMPARED if np.isnan(values[name]) and name != "critical" and not np.isnan(said[name])
-    ]
-    reasons = [
-        f"{name} is not known" if value == LEAST else f"{name} is missed by {-100 * value:.2g} %"
-        for name, value in missed.items()
-    ]
-    if unsolved:
-        reasons.insert(0, f"finite elements did not reach {', '.join(unsolved)}")
-    return FrontPoint(
-        number=k + 1,
-        variant=variant,
-        predicted=said | widths,
-        solved=values,
-        predicted_margins={name: float(value[k]) for name, value in cautious.margins.items()},
-        margins=margins,
-        status="failed" if reasons else "ok",
-        reason="; ".join(reasons),
+    lost = [name for name in COMPARED if np.isnan(values[name]) and name != "critical" and not np.isnan(said[name])]
+    variant = candidates.variant(k)
+    assert isinstance(variant, Variant), variant
+    margin = {name: float(value[k]) for name, value in solved.margins.items()}
+    return _judged(
+        FrontPoint(
+            number=k + 1,
+            candidate=candidates.take([k]),
+            variant=variant,
+            predicted=said | widths,
+            solved=values,
+            predicted_margins={name: float(value[k]) for name, value in cautious.margins.items()},
+            margins=margin,
+            worst=_worst(solved, k, variant),
+            status="",
+            reason=f"finite elements did not reach {', '.join(lost)}" if lost else "",
+        )
     )
 
 
-def ranked(points: Sequence[FrontPoint], solved: Performance, requirements: Requirements) -> list[FrontPoint]:
-    """Return points with their ranks and scores, the best first, and then those that failed."""
-    passed = [k for k, point in enumerate(points) if point.status == "ok"]
+def _judged(point: FrontPoint) -> FrontPoint:
+    """Return a point with its status: which requirements it misses."""
+    missed = {name: value for name, value in point.margins.items() if not value >= 0}
+    reasons = [f"{n} is not known" if v == LEAST else f"{n} is missed by {-100 * v:.2g} %" for n, v in missed.items()]
+    reason = "; ".join(filter(None, [point.reason, *reasons]))
+    return replace(point, status="failed" if reason else "ok", reason=reason)
+
+
+def _worst(solved: Performance, k: int, variant: Variant) -> list[FlatRow]:
+    """Return the worst loads of a point."""
+    rows: list[FlatRow] = []
+    D, silicone, magnet = variant.design.D, variant.silicone, variant.magnet
+    for name, (_, factor, unit) in NAMED.items():
+        at = int(solved.worst[name][k])
+        if at < 0 or not np.isfinite(solved.values[name][k]):
+            continue
+        z, x, angle = solved.loads[k, at].tolist()
+        rows.append(
+            {
+                "figure": name,
+                "value": factor * float(solved.values[name][k]),
+                "unit": unit,
+                "E_MPa": (silicone.E_low, silicone.E_high)[solved.corner[at]],
+                "remanence_T": magnet.remanence_high if name == "saturation" else magnet.remanence_low,
+                "force_z_N": z,
+                "force_x_N": x,
+                # a strain is the same in all directions
+                "direction_deg": 0.0 if name == "strain" else math.degrees(angle),
+                "depth_mm": D * float(solved.depth[k, at]),
+                "shear_mm": D * float(solved.shear[k, at]),
+            }
+        )
+    return rows
+
+
+def solve_line(row: FlatRow, accuracy: str, file: str = "winner.toml") -> str:
+    """Return the command that solves a worst load."""
+    words = [f"magtip solve {file} --set E={row['E_MPa']:g} --set remanence={row['remanence_T']:g}"]
+    words.append(f"--depth {row['depth_mm']:.6g}")
+    if row["shear_mm"]:
+        angle = math.radians(row["direction_deg"])
+        x, y = (round(row["shear_mm"] * part, 6) + 0.0 for part in (math.cos(angle), math.sin(angle)))
+        words += [f"--shear {x:.6g}"] + ([f"--shear-y {y:.6g}"] if y else [])
+    return " ".join([*words, f"--accuracy {accuracy}"])
+
+
+def with_solved_loads(point: FrontPoint, needed: Requirements, solver: Solver) -> FrontPoint:
+    """Return a point whose worst loads are solved by themselves, and its strain with its margin by these."""
+    rows = [dict(row) for row in point.worst]
+    design = point.variant.design
+    for _ in range(CORRECTED):
+        scenes = []
+        for row in rows:
+            made = replace(design, E=float(row["E_MPa"]))
+            depth, shear = float(row["depth_mm"]), float(row["shear_mm"])
+            if shear:
+                load = Load(depth=depth, shear_x=shear, friction="stick")
+                scenes.append(Scene(made, (load,), solver.accuracy, model="harmonic"))
+            else:
+                scenes.append(Scene(made, (Load(depth=depth),), solver.accuracy))
+        found = [answer for (answer,) in solver.answers(scenes)]
+        for row, answer in zip(rows, found, strict=True):
+            if answer.response is None:
+                return point
+            row["strain_percent"] = 100 * answer.values["largest_strain"]
+            row["solved_force_z_N"], row["solved_force_x_N"] = answer.response.force[2], answer.response.force[0]
+            row["solved_depth_mm"], row["solved_shear_mm"] = row["depth_mm"], row["shear_mm"]
+            row["message"] = answer.message
+            # a press grows like the power 1.5 of its depth, a shear in proportion
+            row["depth_mm"] *= (row["force_z_N"] / row["solved_force_z_N"]) ** (2 / 3)
+            if row["shear_mm"]:
+                row["shear_mm"] *= row["force_x_N"] / row["solved_force_x_N"]
+    for row in rows:
+        row["depth_mm"], row["shear_mm"] = row.pop("solved_depth_mm"), row.pop("solved_shear_mm")
+        if row["figure"] == "strain":
+            row["value"] = row["strain_percent"]
+    strain = max(float(row["strain_percent"]) for row in rows) / 100
+    values = point.solved | {"strain": strain}
+    signed = margins({name: np.array([value]) for name, value in values.items()}, needed)
+    return _judged(replace(point, solved=values, worst=rows, margins={n: float(v[0]) for n, v in signed.items()}))
+
+
+def scores(F: Array, needed: Requirements) -> Array:
+    """Return the scores of points with objectives F, shape (n, 3)."""
+    steps = np.floor(F / RESOLUTION + 1e-9)
+    width = np.ptp(steps, axis=0)
+    share = np.where(width > 0, (steps.max(axis=0) - steps) / np.where(width > 0, width, 1.0), 1.0)
+    weights = np.array([needed.weight_range, needed.weight_resolution, needed.weight_size])
+    return np.asarray(share @ weights / weights.sum())
+
+
+def ranked(points: Sequence[FrontPoint], needed: Requirements, solver: Solver | None = None) -> list[FrontPoint]:
+    """Return points with their ranks and scores, the best first, and then those that failed.
+
+    Parameters
+    ----------
+    solver : solves the worst loads of the best point; if it fails by them, those of the next one.
+    """
+    passed = [point for point in points if point.status == "ok"]
     failed = [point for point in points if point.status != "ok"]
-    if not passed:
-        return failed
-    F = objectives(solved)[passed]
-    width = np.ptp(F, axis=0)
-    share = np.where(width > 0, (F.max(axis=0) - F) / np.where(width > 0, width, 1.0), 1.0)
-    weights = np.array([requirements.weight_range, requirements.weight_resolution, requirements.weight_size])
-    scores = share @ weights / weights.sum()
-    order = np.argsort(-scores, kind="stable")
-    best = [
-        dataclasses.replace(points[passed[k]], rank=rank, score=float(scores[k])) for rank, k in enumerate(order, 1)
-    ]
-    return [*best, *failed]
+    while passed:
+        values = {n: np.array([point.solved[n] for point in passed]) for n in passed[0].solved}
+        F = objectives(values, needed)
+        passed = [passed[k] for k in np.flatnonzero(~dominated(np.floor(F / RESOLUTION + 1e-9))).tolist()]
+        F = objectives({n: np.array([point.solved[n] for point in passed]) for n in passed[0].solved}, needed)
+        score = scores(F, needed)
+        order = np.lexsort((F.sum(axis=1), -score.round(9))).tolist()
+        first = passed[order[0]]
+        checked = first if solver is None else with_solved_loads(first, needed, solver)
+        if checked.status == "ok":
+            best = [checked, *(passed[k] for k in order[1:])]
+            scored = zip(best, score[order].tolist(), strict=True)
+            return [*(replace(p, rank=r, score=s) for r, (p, s) in enumerate(scored, 1)), *failed]
+        passed.remove(first)
+        failed.append(checked)
+    return failed
 
 
 def largest_differences(points: Sequence[FrontPoint]) -> dict[str, dict[str, Any]]:
@@ -344,8 +437,7 @@ def largest_differences(points: Sequence[FrontPoint]) -> dict[str, dict[str, Any
     """
     table: dict[str, dict[str, Any]] = {}
     for name, (column, _) in COMPARED.items():
-        pairs = np.array([(point.predicted[name], point.solved[name]) for point in points])
-        pairs = pairs.reshape(-1, 2)
+        pairs = np.array([(point.predicted[name], point.solved[name]) for point in points]).reshape(-1, 2)
         known = np.isfinite(pairs)
         alone = int((known[:, 0] != known[:, 1]).sum())
         pairs = pairs[known.all(axis=1) & (pairs[:, 1] != 0)]

@@ -14,7 +14,6 @@ is finite.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,8 +30,7 @@ from studies.output.records import FlatRow
 from studies.sensitivity.beam_motions import SURROGATE, Press, motions
 from studies.sensitivity.calibration import spread_of
 from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error, tolerances
-from studies.sizing.candidate_performance import MadeReader, performance
-from studies.sizing.variant_search import beams_of
+from studies.sizing.candidate_performance import made_sensors_of, performance, sensors_of_variant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -250,19 +248,10 @@ def _row(name: str, met: pd.Series[bool], worse: pd.Series[bool], better: pd.Ser
 
 def _margins(variant: Variant, sensors: MadeSensors, requirements: Requirements, caution: float) -> dict[str, Array]:
     """Return the margins of made sensors, each of shape (n,); those of an impossible sensor are -1."""
-    made = [design or sensors.nominal for design in sensors.designs]
-    variants = [
-        dataclasses.replace(
-            variant,
-            design=design,
-            silicone=dataclasses.replace(variant.silicone, E_low=design.E, E_high=design.E),
-        )
-        for design in made
-    ]
-    beams = beams_of(variants)
+    made = made_sensors_of(variant, sensors, sensors_of_variant(variant, requirements))
+    beams = made.beams()
     possible = np.array([each is not None for each in sensors.designs]) & (beams.outside == "")
-    # an impossible sensor has no readings: the nominal one takes its place, and its margins are replaced
-    result = performance(variants, beams, requirements, caution=caution, reader=MadeReader(sensors))
+    result = performance(made, beams, requirements, caution=caution)
     margins = {name: np.where(possible, values, -1.0) for name, values in result.margins.items()}
     # base and mould are those of the nominal design
     for name in ("outer_size", "height", "wall", "clearance"):

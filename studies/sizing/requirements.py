@@ -2,38 +2,7 @@
 
 Input that cannot be used raises a `BadInput` here, whose message is one sentence with the remedy.
 
-All keys but `force_z` are optional; a number may be a text with its unit, such as "5 mN" or "40 %":
-
-    version = 1                        # of this format
-    force_z = "5 N"                    # range of the press
-    force_x = "2 N"                    # range of the shear, in x and y alike
-    resolution_z = "5 mN"              # standard deviation of the decoded force at the worst pose of the range
-    resolution_x = "5 mN"
-    bandwidth = "100 Hz"               # of the readings, which sets their noise
-    samples = 1                        # readings that are averaged
-    converter_noise = "0.05 mV"        # rms, of the converter that reads one-axis parts; default: NI 9205, 0.244 mV
-    converter_step = "0.076 mV"        # default: NI 9205, 0.305 mV
-    largest_strain = "60 %"            # of the silicone, at the ends of the ranges
-    no_saturation = true               # no reading reaches a rail; default: true
-    unique_decoding = true             # no two poses of the range have the same readings; default: true
-    stability_margin = 1.2             # critical depth over the depth of the whole range; default: 1
-    first_mode = "100 Hz"              # lowest natural frequency of the unloaded sensor
-    outer_size = "10 mm"               # diameter or side of the base
-    outer_shape = "round"              # or square; default: round
-    height = "20 mm"                   # from the underside of the base to the tip
-    process = "sla"                    # that prints mould and base, sla or fdm; default: fdm
-    wall = "0.5 mm"                    # thinnest printed wall or pin; default: that of the process
-    D = ["6 mm", "10 mm"]              # range of the diameter, or one value
-    catalogues = ["my_parts.toml"]     # catalogues of the user, see `studies.sizing.catalogues`
-    shipped = ["magnets"]              # shipped catalogues in use; default: all three
-    magnets = ["4x2 N35"]              # names of the parts in use; default: all of the catalogues
-    hall_parts = ["SS495A"]
-    silicones = ["Dragon Skin 30"]
-    seed = 0                           # of the search
-    [weights]                          # of the ranking; default: 1 each
-    range = 1
-    resolution = 1
-    size = 1
+`EXAMPLE` has all keys.
 """
 
 from __future__ import annotations
@@ -44,12 +13,52 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from analytic.parts import CONVERTER_NOISE, CONVERTER_STEP
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
 from studies.inputs.quantity_input import quantity
 from studies.inputs.user_input import check_keys, toml_table, validated
 
+EXAMPLE = """\
+# Requirements for `magtip size`. All keys but force_z are optional; a number may be a text with its unit.
+version = 1                        # of this format
+force_z = "5 N"                    # normal force of the press
+force_x = "2 N"                    # force along the plate, in any direction
+friction = 0.8                     # of the plate; default: 0.8
+press_with_shear = "2.5 N"         # least press under which force_x is needed; default: force_x / friction
+resolution_z = "50 mN"             # standard deviation of the decoded force at the worst load
+resolution_x = "50 mN"
+bandwidth = "100 Hz"               # of the readings, which sets their noise
+samples = 16                       # readings that are averaged
+converter_noise = "0.244 mV"       # rms, of the converter that reads one-axis parts; default: NI 9205
+converter_step = "0.305 mV"        # default: NI 9205
+largest_strain = "100 %"           # of the silicone, under any load
+no_saturation = true               # no reading reaches a rail; default: true
+unique_decoding = true             # no two loads have the same readings; default: true
+stability_margin = 1.2             # critical depth over the depth of the press; default: 1
+first_mode = "50 Hz"               # lowest natural frequency of the unloaded sensor
+outer_size = "20 mm"               # diameter or side of the base
+outer_shape = "round"              # or square; default: round
+height = "30 mm"                   # from the underside of the base to the tip
+process = "sla"                    # that prints mould and base, sla or fdm; default: fdm
+# wall = "0.5 mm"                  # thinnest printed wall or pin; default: that of the process
+# D = ["6 mm", "10 mm"]            # range of the diameter, or one value
+# range_cap = 3                    # loads beyond so many times the required ones have no value; default: none
+# catalogues = ["my_parts.toml"]   # catalogues of the user, see `magtip catalogue`
+# shipped = ["magnets"]            # shipped catalogues in use; default: all three
+# magnets = ["4x2 N35"]            # names of the parts in use; default: all of the catalogues
+# hall_parts = ["SS495A"]
+# silicones = ["Dragon Skin 30"]
+seed = 0                           # of the search
+[weights]                          # of the ranking; default: 1 each
+range = 1
+resolution = 1
+size = 1
+"""
+"""A file of requirements with all keys."""
 VERSION = 1
 """Newest version of the format of requirements."""
 CATALOGUES = ("magnets", "hall_parts", "silicones")
@@ -58,6 +67,8 @@ OBJECTIVES = ("range", "resolution", "size")
 """What the search improves, and the ranking weighs."""
 MOST_SAMPLES = int(next(spec for spec in dataclasses.fields(Design) if spec.name == "hall_average").metadata["high"])
 """Largest number of averaged readings of a design."""
+LIGHTEST = 0.25
+"""Lightest press that counts, over the required one."""
 LEAST_SLENDERNESS = 0.75
 """Least L/D of the beams that the search considers."""
 
@@ -76,8 +87,14 @@ def _default(default: float | None, unit: str, low: float, high: float, text: st
 class Requirements:
     """What a sensor must reach; None where a requirement is not set. Units: N, mm, Hz, V; strains are fractions.
 
+    The required loads are presses up to `force_z`, from a quarter of it on or from `least_press`, whichever is less,
+    and under each press from `least_press` on all forces along the plate up to `force_x`, in any direction. A load
+    outside, such as one that needs more friction, never counts.
+
     Attributes
     ----------
+    press_with_shear : least press under which the whole `force_x` is needed; default: force_x / friction.
+    range_cap : loads beyond so many times the required ones have no value; default: none.
     resolution_z, resolution_x : largest standard deviation of the decoded force at the worst pose of the range.
     bandwidth, samples : -3 dB bandwidth of the readings and number of readings averaged, which set the noise.
     converter_noise, converter_step : of the analog-to-digital converter of one-axis parts, V.
@@ -99,8 +116,11 @@ class Requirements:
     geometry.bad_input.BadInput: resolution_z must be below the range force_z = 5 N; got 6 N
     """
 
-    force_z: float = field(metadata={"unit": "N", "low": 1e-3, "high": 1e4, "text": "range of the press"})
-    force_x: float | None = _limit("N", 1e-3, 1e4, "range of the shear, in x and y alike")
+    force_z: float = field(metadata={"unit": "N", "low": 1e-3, "high": 1e4, "text": "normal force of the press"})
+    force_x: float | None = _limit("N", 1e-3, 1e4, "force along the plate, in any direction")
+    friction: float = _default(0.8, "1", 0.01, 10, "friction of the plate")
+    press_with_shear: float | None = _limit("N", 1e-3, 1e4, "least press under which force_x is needed")
+    range_cap: float | None = _limit("1", 1, 1000, "largest useful load over the required one")
     resolution_z: float | None = _limit("N", 1e-9, 1e4, "resolution in z at the worst pose")
     resolution_x: float | None = _limit("N", 1e-9, 1e4, "resolution in x and y at the worst pose")
     largest_strain: float | None = _limit("1", 0.01, 5.0, "largest strain of the silicone")
@@ -160,6 +180,19 @@ class Requirements:
                 raise BadInput(
                     f"resolution_{axis} must be below the range force_{axis} = {force:g} N; got {resolution:g} N"
                 )
+        least, named = self.least_press, self.press_with_shear
+        if named is not None and self.force_x is None:
+            raise BadInput("press_with_shear needs force_x, the force along the plate: add it, or leave it out")
+        if named is not None and self.force_x is not None and not named * self.friction >= self.force_x * (1 - 1e-9):
+            raise BadInput(
+                f"press_with_shear must be at least force_x / friction = {self.force_x / self.friction:g} N, or the "
+                f"plate slips; got {named:g} N"
+            )
+        if not least <= self.force_z:
+            raise BadInput(
+                f"force_x needs a press of {least:g} N, above force_z = {self.force_z:g} N: lower force_x, or raise "
+                "friction or force_z"
+            )
         low, high = self.D_low, self.D_high
         if low is not None and high is not None and not low <= high:
             raise BadInput(f"D: the range must be [low, high] with low <= high; got {low:g} and {high:g} mm")
@@ -171,6 +204,29 @@ class Requirements:
                 f"height must exceed {LEAST_SLENDERNESS:g} D = {LEAST_SLENDERNESS * least:g} mm, the length of the "
                 f"shortest beam; got {self.height:g} mm"
             )
+
+    @property
+    def least_press(self) -> float:
+        """Least press under which the whole force along the plate is needed, N; 0 where none is required."""
+        return self.press_with_shear or (self.force_x or 0.0) / self.friction
+
+    def loads(self, *, dense: bool = False) -> Array:
+        """Return the loads at which candidates are rated, normal force and force along the plate, shape (k, 2), N.
+
+        They are the corners and the middle, first those without a force along the plate.
+
+        >>> Requirements(force_z=10.0, force_x=4.0).loads().tolist()
+        [[2.5, 0.0], [5.0, 0.0], [10.0, 0.0], [5.0, 4.0], [7.5, 4.0], [10.0, 4.0]]
+        """
+        top, least, force_x = self.force_z, self.least_press, self.force_x
+        light = LIGHTEST * top if force_x is None else min(LIGHTEST * top, least)
+        presses = np.linspace(light, top, 5) if dense else np.array([light, max(top / 2, light), top])
+        pure = [(press, 0.0) for press in presses.tolist()]
+        if force_x is None:
+            return np.array(pure)
+        shares = (1 / 3, 2 / 3, 1.0) if dense else (1.0,)
+        sheared = [(press, share * force_x) for press in np.linspace(least, top, 3).tolist() for share in shares]
+        return np.array([*pure, *sheared])
 
     @property
     def printed_wall(self) -> float:
@@ -187,6 +243,8 @@ class Requirements:
         for spec in (*LIMITS.values(), *SWITCHES):
             value = getattr(self, spec.name)
             state = "unset" if value is None else "default" if value == spec.default else "set"
+            if spec.name == "press_with_shear" and value is None and self.force_x is not None:
+                value, state = self.least_press, "default"
             unit, text = spec.metadata.get("unit", "1"), spec.metadata.get("text", spec.name.replace("_", " "))
             rows.append({"requirement": spec.name, "value": value, "unit": unit, "state": state, "meaning": text})
         return rows
@@ -228,7 +286,7 @@ def read_requirements(path: str) -> Requirements:
             f"{path}: the requirements have version {version}, and this version of magtip reads version {VERSION}"
         )
     if "force_z" not in values:
-        raise BadInput(f'{path}: requirements need force_z, the range of the press, such as force_z = "5 N"')
+        raise BadInput(f'{path}: requirements need force_z, the normal force of the press, such as force_z = "5 N"')
     try:
         return Requirements(**_fields(path, values))
     except BadInput as error:

@@ -51,11 +51,10 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     from studies.fabrication.sensor_solids import FabricationChoices
     from studies.sizing.catalogues import mix_named, mix_of
 
-    write_text(folder / DESIGN, design_text(variant, requirements))
     process, shape = requirements.process, requirements.outer_shape
     mix = mix_of(variant.silicone)
     choices = FabricationChoices(Mold(process=process), Base(shape=shape), silicone=mix)
-    command = f"magtip cad {DESIGN} --out {PARTS} --process {process} --base shape={shape}"
+    command = f"magtip cad {DESIGN} --out {PARTS}"
     if mix_named(None, mix.name) == mix:
         command += f" --silicone {shlex.quote(mix.name)}"
     row = build(variant.design, folder / PARTS, progress, choices, command=command)
@@ -63,6 +62,11 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     if row["status"] == "ok" and recipe.exists():
         write_text(recipe, recipe.read_text("utf-8").rstrip("\n") + "\n\n" + parts_text(variant))
     return row
+
+
+def write_design(variant: Variant, requirements: Requirements, folder: Path) -> None:
+    """Write the design file of the best variant."""
+    write_text(folder / DESIGN, design_text(variant, requirements))
 
 
 def design_text(variant: Variant, requirements: Requirements) -> str:

@@ -1,7 +1,7 @@
 """The study of `magtip size`: from requirements to a ranked front that finite elements confirm, its yield, its files.
 
-Solved states are in the store, and the seed fixes the search: the same command gives the same result after any
-interruption, and solves no state again.
+Bounds that no variant of the parts can keep end it at once. Solved states are in the store, and the seed fixes the
+search: the same command gives the same result after any interruption, and solves no state again.
 """
 
 from __future__ import annotations
@@ -24,11 +24,17 @@ from studies.output.result import Block, Result, Table, Writer
 from studies.sizing import conflicts, front_yield, sizing_figures
 from studies.sizing.catalogues import Catalogues, catalogues_of
 from studies.sizing.conflicts import Conflict
-from studies.sizing.front_search import Effort
-from studies.sizing.front_solves import FrontPoint, largest_differences, solved_front
+from studies.sizing.front_solves import (
+    NAMED,
+    FrontPoint,
+    largest_differences,
+    solve_line,
+    solved_front,
+    solved_points,
+)
 from studies.sizing.front_yield import Yield
 from studies.sizing.requirements import Requirements
-from studies.sizing.variant_search import check_rated, islands, searched
+from studies.sizing.variant_search import Effort, searched, whole_front
 
 FILES = ("sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json", "winner.toml")
 """Files that a sizing writes into its folder."""
@@ -41,6 +47,15 @@ FRONT = (
 """Columns of front.csv that the page shows."""
 SEARCHED, SOLVED = 0.35, 0.9
 """Shares of the progress at which the search, and the finite elements, end."""
+ALTERNATIVES = 3
+"""Number of other variants that are shown beside the best one."""
+OBJECTIVES = {
+    "range": ("fem_range_z_N", "N", max),
+    "resolution in z": ("fem_resolution_z_mN", "mN", min),
+    "resolution in x": ("fem_resolution_x_mN", "mN", min),
+    "outer size": ("outer_size_mm", "mm", min),
+}
+"""What a variant is compared by: column of front.csv, unit, and which is better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +83,7 @@ class Sizing:
     Attributes
     ----------
     front : points of the front, the ranked ones first; empty if no candidate meets all requirements.
+    candidates : number of candidates that the search tried.
     front_size : number of variants on the front of the search.
     winner_yield : yield of the best point; None if there is none.
     conflict : why there is no candidate; None if there is one, or if the search has only missed it.
@@ -75,7 +91,8 @@ class Sizing:
 
     requirements: Requirements
     catalogues: Catalogues
-    effort: Effort
+    settings: Settings
+    candidates: int
     front_size: int
     front: list[FrontPoint]
     winner_yield: Yield | None
@@ -97,12 +114,27 @@ class Sizing:
                 f"all {len(self.front)} points of the front fail by finite elements, the first because {reasons}: "
                 "leave more room in that requirement"
             )
-        if self.conflict is not None:
-            return self.conflict.sentence()
-        return (
-            "the search found no variant that meets all requirements, and no set of them that conflicts: search "
-            "longer with --generations, or loosen one"
-        )
+        assert self.conflict is not None
+        return self.conflict.sentence()
+
+    def alternatives(self) -> list[FrontPoint]:
+        """Return other points that meet all requirements and differ most in kind from those before: first by the kind
+        of Hall part, then by silicone and magnet; of equals the better ones."""
+        rest = [point for point in self.front if point.rank > 1]
+        chosen = self.front[:1]
+        for _ in range(min(ALTERNATIVES, len(rest))):
+            best = max(rest, key=lambda point: (min(_unlike(point, other) for other in chosen), point.score))
+            rest.remove(best)
+            chosen = [*chosen, best]
+        return chosen[1:]
+
+
+def _unlike(one: FrontPoint, other: FrontPoint) -> int:
+    """Return how far two points differ in kind."""
+    a, b = one.variant, other.variant
+    kinds = (a.hall_part.layout == "three") != (b.hall_part.layout == "three")
+    names = [getattr(a, part).name != getattr(b, part).name for part in ("silicone", "hall_part")]
+    return int(8 * kinds + 2 * sum(names) + (a.magnet.name.split()[0] != b.magnet.name.split()[0]))
 
 
 def run(requirements: Requirements, settings: Settings, progress: Progress) -> Sizing:
@@ -114,19 +146,29 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
         A catalogue or the store cannot be used, or a limit of the program rejects every candidate.
     """
     catalogues = catalogues_of(requirements)
-    groups = islands(requirements, catalogues)
-    first = partial(_part, progress, 0.0, SEARCHED)
+    sizing = partial(Sizing, requirements, catalogues, settings)
+    if bounds := conflicts.impossible(requirements, catalogues):
+        return sizing(0, 0, [], None, Conflict(bounds))
     # a store that cannot be used is refused before the search
     with stores.opened(settings.store or stores.default()) as store:
-        lasts, variants = searched(groups, settings.effort, first)
-        if not variants:
-            check_rated(groups)
-            conflict = conflicts.conflict_of(groups, lasts, partial(_part, progress, SEARCHED, 1.0))
-            return Sizing(requirements, catalogues, settings.effort, 0, [], None, conflict)
-        solver = Solver(store, settings.processes, partial(_part, progress, SEARCHED, SOLVED), settings.accuracy)
+        found = searched(requirements, catalogues, settings.effort, _part(progress, 0.0, SEARCHED))
+        candidates = sum(pool.rated for pool in found)
+        solver = Solver(store, settings.processes, _calls(progress, SEARCHED, SOLVED), settings.accuracy)
+        if not any((pool.violation == 0).any() for pool in found):
+            quiet = Solver(store, settings.processes, None, settings.accuracy)
+            conflict = conflicts.conflict_of(
+                requirements,
+                catalogues,
+                settings.effort,
+                found,
+                lambda chosen, needed: solved_points(chosen, needed, quiet),
+                _part(progress, SEARCHED, 1.0),
+            )
+            return sizing(candidates, 0, [], None, conflict)
+        variants, _ = whole_front(found)
         front = solved_front(variants, requirements, solver, most=settings.points)
     made = None
-    if front[0].status == "ok":
+    if front and front[0].status == "ok":
         progress(SOLVED, f"{settings.sensors} made sensors")
         solves = {
             "model": f"fem:{settings.accuracy.name}",
@@ -135,17 +177,31 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
         }
         variant, seed = front[0].variant, requirements.seed
         made = front_yield.yield_of(variant, requirements, settings.sensors, seed, solves=solves)
-    return Sizing(requirements, catalogues, settings.effort, len(variants), front, made, None)
+    return sizing(candidates, len(variants), front, made, None)
 
 
-def _part(progress: Progress, low: float, high: float, share: float, text: str) -> None:
-    """Report the progress of a part of the study."""
-    progress(low + (high - low) * share, text)
+def _part(progress: Progress, low: float, high: float) -> Progress:
+    """Return the progress of a part of the study."""
+    return lambda share, text: progress(low + (high - low) * share, text)
+
+
+def _calls(progress: Progress, low: float, high: float) -> Progress:
+    """Return the progress of a part of unknown many calls, each from 0 to 1: each takes a quarter of what is left."""
+    done, last = 0.0, 0.0
+
+    def report(share: float, text: str) -> None:
+        nonlocal done, last
+        if share < last:
+            done += (1 - done) / 4
+        last = share
+        progress(low + (high - low) * (done + (1 - done) / 4 * share), text)
+
+    return report
 
 
 def record(sizing: Sizing, origin: str, command: str) -> FlatRow:
     """Return the object of sizing.json, which `--json` prints too."""
-    winner = sizing.winner
+    winner, nearest = sizing.winner, sizing.conflict.nearest if sizing.conflict else None
     return {
         "version": VERSION,
         "status": "ok" if winner else "failed",
@@ -154,12 +210,14 @@ def record(sizing: Sizing, origin: str, command: str) -> FlatRow:
         "catalogues": {
             spec.name: len(getattr(sizing.catalogues, spec.name)) for spec in dataclasses.fields(sizing.catalogues)
         },
-        "search": dataclasses.asdict(sizing.effort) | {"front": sizing.front_size},
+        "search": dataclasses.asdict(sizing.settings.effort)
+        | {"candidates": sizing.candidates, "front": sizing.front_size},
         "winner": None if winner is None else winner_record(winner),
         "front": [point.row() for point in sizing.front],
         "differences": list(largest_differences(sizing.front).values()),
         **({"yield": []} if sizing.winner_yield is None else sizing.winner_yield.record()),
         "conflict": [] if sizing.conflict is None else sizing.conflict.rows(),
+        "nearest": None if nearest is None else winner_record(nearest) | {"reason": nearest.reason},
         "command": command,
         "made": origin,
     }
@@ -174,6 +232,7 @@ def winner_record(point: FrontPoint) -> FlatRow:
         "silicone": dataclasses.asdict(variant.silicone),
         "hall_part": dataclasses.asdict(variant.hall_part),
         "margins": point.margins,
+        "worst_loads": point.worst,
     }
 
 
@@ -204,7 +263,6 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
         tables={name: each for name, each in tables.items() if each},
         files=files,
         pages={"SIZING.md": page(sizing)},
-        packages=("pymoo",),
         failures=[] if sizing.winner else [sizing.message],
         design={} if sizing.winner is None else dataclasses.asdict(sizing.winner.variant.design),
     )
@@ -224,13 +282,64 @@ def page(sizing: Sizing) -> str:
         for row in sizing.requirements.rows()
     ]
     failed = [point for point in sizing.front if point.status != "ok"]
+    rows = [point.row() for point in sizing.front if point.status == "ok"]
+    level = sizing.settings.accuracy.name
+    worst = [] if sizing.winner is None else [_worst_load(row, level) for row in sizing.winner.worst]
+    nearest = sizing.conflict.nearest if sizing.conflict else None
     return page_templates.rendered(
         Path(__file__).with_name("SIZING.md.j2"),
         sizing=sizing,
         requirements=requirements,
         made=sizing.winner_yield,
-        ranked=[point.row() for point in sizing.front if point.status == "ok"],
+        ranked=rows,
         front_heads={name: name for name in FRONT},
         failed=[{"point": each.number, **each.variant.row(), "reason": each.reason} for each in failed],
         differences=list(largest_differences(sizing.front).values()),
+        worst=worst,
+        costs=_costs(rows),
+        alternatives=[point.row() for point in sizing.alternatives()],
+        nearest=[]
+        if nearest is None
+        else [{"quantity": k, "value": v} for k, v in nearest.row().items() if v is not None and v == v],
+        nearest_worst=[] if nearest is None else [_worst_load(row, level) for row in nearest.worst],
+        misses=_misses(sizing),
     )
+
+
+def _worst_load(row: FlatRow, level: str) -> FlatRow:
+    """Return a worst load in words, and the command that solves it."""
+    words, _, unit = NAMED[row["figure"]]
+    aside = f" with {row['force_x_N']:.4g} N at {row['direction_deg']:.0f} degrees" if row["force_x_N"] else ""
+    corner = f"E = {row['E_MPa']:.4g} MPa and a remanence of {row['remanence_T']:.4g} T"
+    text = f"{words} {row['value']:.3g} {unit} at {corner}, {row['force_z_N']:.4g} N{aside}"
+    return {"text": text, "line": solve_line(row, level)}
+
+
+def _costs(rows: list[FlatRow]) -> list[FlatRow]:
+    """Return what the best point has in each objective beside the best of the front in it."""
+    table = []
+    for name, (column, unit, better) in OBJECTIVES.items():
+        values = [row[column] for row in rows]
+        if not values or any(value is None or value != value for value in values):
+            continue
+        best = better(values)
+        table.append(
+            {
+                "objective": name,
+                "unit": unit,
+                "this variant": values[0],
+                "best of the front": best,
+                "rank of that one": rows[values.index(best)]["rank"],
+                "difference, %": 100 * (values[0] / best - 1) if best else math.nan,
+            }
+        )
+    return table
+
+
+def _misses(sizing: Sizing) -> list[FlatRow]:
+    """Return the requirements that decide: of the best point those with the least margins, in rising order."""
+    point = sizing.winner
+    if point is None:
+        return []
+    order = sorted(point.margins, key=lambda name: point.margins[name])
+    return [{"requirement": name, "margin, %": 100 * point.margins[name]} for name in order[:3]]

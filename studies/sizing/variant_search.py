@@ -1,138 +1,425 @@
-"""The search for variants: objectives and constraints of the candidates, and the front as variants."""
+"""The search for variants: every combination of parts is tried, and the best are varied.
+
+The first candidates spread evenly over the lengths (a Sobol sequence) and over all combinations of magnet, silicone
+and Hall part. Each generation varies its pool: candidates that meet all requirements and that no other dominates, and
+the nearest of the others, a few of each combination. At the end the neighbours of the front on the grid of the
+lengths, and with other parts one by one, are tried until none is better. Objectives are compared with a resolution:
+one is better if its logarithm is less by `RESOLUTION` at least. The seed fixes the result.
+
+Laumanns, Thiele, Deb, Zitzler, Evolutionary Computation 10 (2002) 263, for the boxes of a front; Storn and Price,
+J. Global Optim. 11 (1997) 341, for the differences between candidates as steps.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
+import math
 from collections import Counter
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.mechanics import prediction
-from studies.sizing.candidate_performance import Performance, performance
-from studies.sizing.candidate_variables import Variant, shortage, variables, variant
-from studies.sizing.front_search import Effort, Generation, search
+from studies.sizing.candidate_performance import Performance, performance, sensors_of
+from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
+from studies.sizing.catalogues import Catalogues
+from studies.sizing.requirements import Requirements
 
-if TYPE_CHECKING:
-    from studies.sizing.catalogues import Catalogues
-    from studies.sizing.requirements import Requirements
+RESOLUTION = 0.005
+"""Relative difference of two values of an objective from which on they differ."""
+MOST_FRONT = 1000
+"""Largest number of candidates of a front: of a longer one, the resolution of the boxes is doubled."""
+ALIKE = 3
+"""Largest number of candidates of one combination of parts among those that do not meet all requirements."""
+BATCH = 2048
+"""Candidates that are rated at a time."""
+ENDS = 6
+"""Candidates at each end of the front from which nearly a third of the children come."""
+POLISHED, ROUNDS = 60, 6
+"""Candidates of the front whose neighbours are tried at the end, and how often at most."""
+IMPOSSIBLE, FAR = 100.0, 0.25
+"""Violation of an impossible candidate, and relative miss of a length from which on nothing else is computed."""
+FORCES = ("force_z", "force_x")
+"""Required forces, in the order of the shares of a candidate."""
+UNMET = 0.6
+"""Share of the generations after which a search without a candidate that meets all requirements ends."""
 
-IMPOSSIBLE = 100.0
-"""Violation of an impossible candidate: above that of any possible one, to which each requirement adds at most 7."""
+Rate = Callable[[Candidates], tuple[Array, Array]]
+"""Returns objectives (n, m), all to be made small, and violations (n,), 0 where all requirements are met."""
 
 
-def objectives(result: Performance) -> Array:
-    """Return what the search makes small, shape (n, 3): range (negative) and resolution as logarithms, and size, mm.
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How long to search: candidates of a generation, number of generations, and seed."""
 
-    Logarithms let a step from 5 to 6 N count as one from 50 to 60 N in the distances of the front.
+    population: int = 768
+    generations: int = 40
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """The pool of a search at its end: candidates, objectives and violations; and how many candidates were rated."""
+
+    candidates: Candidates
+    F: Array
+    violation: Array
+    rated: int
+
+    @property
+    def front(self) -> Ints:
+        """Indices of the candidates that meet all requirements, and that no other dominates."""
+        met = np.flatnonzero(self.violation == 0)
+        return met[front_of(self.F[met])] if len(met) else met
+
+
+def objectives(values: dict[str, Array], needed: Requirements) -> Array:
+    """Return what the search makes small, shape (n, 3), as logarithms: one over the range, resolution and size."""
+    resolution = np.fmax(values["resolution_z"], values["resolution_x"])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns = [-np.log(values["range_z"] / needed.force_z), np.log(resolution), np.log(values["outer_size"])]
+    return np.asarray(np.nan_to_num(np.column_stack(columns), nan=1e6, posinf=1e6, neginf=-1e6))
+
+
+def front_of(F: Array, resolution: float = RESOLUTION) -> Ints:
+    """Return the indices of the points (n, m) that no other dominates by more than a resolution, one of each box.
+
+    The points with the least value of each objective belong to it.
+
+    >>> front_of(np.array([[0.0, 1.0], [1.0, 0.0], [0.001, 1.001], [1.0, 1.0]])).tolist()
+    [0, 1]
     """
-    resolution = np.maximum(result.resolution_z, result.resolution_x)
-    columns = [-np.log(np.maximum(result.range_z, 1e-9)), np.log(np.clip(resolution, 1e-12, 1e12)), result.outer_size]
-    return np.asarray(np.nan_to_num(np.column_stack(columns), nan=1e6, posinf=1e6))
+    if not len(F):
+        return np.zeros(0, dtype=np.int64)
+    ends = [int(np.lexsort((F.sum(axis=1), F[:, k]))[0]) for k in range(F.shape[1])]
+    while True:
+        box = np.floor(F / resolution + 1e-9)
+        order = np.argsort(F.sum(axis=1), kind="stable")
+        _, first = np.unique(box[order], axis=0, return_index=True)
+        kept = order[first]
+        kept = kept[~dominated(box[kept])]
+        if len(kept) <= MOST_FRONT:
+            return np.unique([*kept.tolist(), *ends])
+        resolution *= 2
 
 
-class Candidates:
-    """Evaluates candidates for the search, and counts those that were rated, and the reasons why others were not."""
+def dominated(F: Array) -> NDArray[np.bool_]:
+    """Return which points (n, m) another one dominates: nowhere worse and somewhere better."""
+    result = np.zeros(len(F), dtype=np.bool_)
+    for start in range(0, len(F), 256):
+        part = F[start : start + 256]
+        no_worse = np.ones((len(part), len(F)), dtype=np.bool_)
+        better = np.zeros_like(no_worse)
+        for k in range(F.shape[1]):
+            no_worse &= F[:, k] <= part[:, [k]]
+            better |= F[:, k] < part[:, [k]]
+        result[start : start + 256] = (no_worse & better).any(axis=1)
+    return result
 
-    def __init__(self, requirements: Requirements, catalogues: Catalogues) -> None:
-        self.requirements, self.catalogues = requirements, catalogues
-        self.variables = variables(requirements, catalogues)
+
+class Rating:
+    """Rates candidates by the surrogate, and counts them and the reasons why others are impossible.
+
+    Parameters
+    ----------
+    free : a requirement that is not held; the search then makes its miss small, in place of the objectives.
+    """
+
+    def __init__(self, needed: Requirements, free: str = "") -> None:
+        self.needed, self.free = needed, free
         self.rated = 0
         self.refusals: Counter[str] = Counter()
 
-    def possible(self, X: Array) -> tuple[Ints, list[Variant]]:
-        """Return the indices of the candidates (n, m) whose designs are possible and in range, and their variants."""
-        kept, variants = [], []
-        for k in np.flatnonzero(shortage(X, self.catalogues) == 0).tolist():
-            answer = variant(X[k].tolist(), self.requirements, self.catalogues)
-            if isinstance(answer, str):
-                self.refusals[answer] += 1
-            else:
-                kept.append(k)
-                variants.append(answer)
-        if not variants:
-            return np.zeros(0, dtype=np.int64), []
-        outside = beams_of(variants).outside
+    def performance(self, candidates: Candidates) -> Performance:
+        """Return what possible candidates reach."""
+        sensors = sensors_of(candidates)
+        return performance(sensors, sensors.beams(), self.needed, share=candidates.share)
+
+    def __call__(self, candidates: Candidates) -> tuple[Array, Array]:
+        """Return objectives and violations."""
+        n = len(candidates)
+        F, violation = np.full((n, 1 if self.free else 3), 1e6), np.full(n, IMPOSSIBLE)
+        outside = candidates.outside()
         self.refusals.update(reason for reason in outside.tolist() if reason)
-        inside = np.flatnonzero(outside == "")
-        self.rated += len(inside)
-        return np.array(kept)[inside], [variants[k] for k in inside.tolist()]
-
-    def evaluate(self, X: Array) -> tuple[Array, Array]:
-        """Return objectives (n, 3) and the sums of all violations (n, 1), 0 where all requirements are met."""
-        F, violation = np.full((len(X), 3), 1e6), IMPOSSIBLE + shortage(X, self.catalogues)
-        kept, variants = self.possible(X)
-        if len(kept):
-            result = performance(variants, beams_of(variants), self.requirements)
-            signed = np.column_stack(list(result.margins.values()))
-            F[kept] = objectives(result)
+        rows = np.flatnonzero(outside == "")
+        self.rated += len(rows)
+        short = self._short(candidates.take(rows))
+        violation[rows] = IMPOSSIBLE / 2 + short
+        rows = rows[short <= FAR]
+        for start in range(0, len(rows), BATCH):
+            at = rows[start : start + BATCH]
+            part = candidates.take(at)
+            result = self.performance(part)
+            F[at] = self.goals(result, part)
             # logarithms: a requirement that is missed by far must not hide the others
-            violation[kept] = np.log1p(np.maximum(-signed, 0.0)).sum(axis=1)
-        return F, violation[:, None]
+            # a share of a force must be reached like the whole
+            held = {n: v for n, v in result.margins.items() if n != self.free or n in FORCES}
+            missed = [np.log1p(np.maximum(-each, 0.0)) for each in held.values()]
+            violation[at] = np.sum(missed, axis=0)
+        return F, violation
+
+    def goals(self, result: Performance, candidates: Candidates) -> Array:
+        """Return the objectives, shape (n, m)."""
+        if not self.free:
+            return objectives(dict(result.values), self.needed)
+        if self.free in FORCES:
+            return np.asarray(1 - candidates.share[:, [FORCES.index(self.free)]])
+        return np.asarray(np.maximum(-result.margins[self.free], 0.0)[:, None])
+
+    def _short(self, candidates: Candidates) -> Array:
+        """Return by how much lengths miss their bounds, relative to these, but for the free one."""
+        size, height, wall = candidates.sizes()
+        needed, missed = self.needed, np.zeros(len(candidates))
+        for name, value, bound in (
+            ("outer_size", size, needed.outer_size),
+            ("height", height, needed.height),
+            ("wall", needed.printed_wall / wall, 1.0),
+        ):
+            if bound is not None and name != self.free:
+                missed = np.maximum(missed, value / bound - 1)
+        return missed
 
 
-def check_rated(groups: Sequence[Candidates]) -> None:
-    """Raise BadInput with the most frequent reason if a limit of the program has rejected every candidate."""
-    if any(group.rated for group in groups):
-        return
-    reasons = sum((group.refusals for group in groups), Counter[str]())
-    reason = reasons.most_common(1)[0][0] if reasons else "no magnet in use fits into a beam that the surrogate knows"
-    raise BadInput(f"no candidate could be rated, so that nothing is known of the requirements: {reason}")
+def search(
+    space: Space, rate: Rate, effort: Effort, progress: Progress | None = None, *, first_met: bool = False
+) -> Found:
+    """Return the pool at the end of a search, or where the first candidate meets all requirements."""
+    random = np.random.default_rng(effort.seed)
+    seen: set[bytes] = set()
+    first = first_candidates(
+        space, max(4 * effort.population, math.prod(b - a for a, b in space.choices)), effort.seed
+    )
+    pool = _rated(_new(first, seen), rate)
+    pool = _survivors(pool, effort.population)
+    for number in range(effort.generations):
+        met = int((pool.violation == 0).sum())
+        if (first_met and met) or (not met and number >= UNMET * effort.generations):
+            return dataclasses.replace(pool, rated=len(seen))
+        if progress is not None:
+            progress(number / effort.generations, f"{len(seen)} candidates, {met} of the best meet all requirements")
+        children = _new(_varied(pool, effort.population, random), seen)
+        pool = _survivors(_together(pool, _rated(children, rate)), effort.population)
+    for _ in range(ROUNDS):
+        near = _new(_neighbours(pool), seen)
+        if not len(near):
+            break
+        pool = _survivors(_together(pool, _rated(near, rate)), effort.population)
+    return dataclasses.replace(pool, rated=len(seen))
 
 
-def beams_of(variants: Sequence[Variant]) -> prediction.Beams:
-    """Return the surrogate's answers for the beams of variants."""
-    designs = [each.design for each in variants]
-    rows = [
-        (d.L / d.D, d.magnet_diameter / d.D, d.magnet_height / d.D, d.nu, d.magnet_edge_radius / d.D) for d in designs
-    ]
-    return prediction.beams(*np.array(rows).reshape(-1, 5).T)
+def first_candidates(space: Space, count: int, seed: int) -> Candidates:
+    """Return candidates whose lengths spread evenly, and that have all combinations of parts in turn."""
+    from scipy.stats import qmc
+
+    shares = qmc.Sobol(5, seed=seed).random_base2(max(math.ceil(math.log2(count)), 1))[:count]
+    low, high = space.diameters()
+    fits = np.flatnonzero(low <= high + 1e-9)
+    if not len(fits):
+        raise BadInput(
+            "no candidate could be rated, so that nothing is known of the requirements: no magnet in use fits into a "
+            f"beam of {space.low:g} to {space.high:g} mm that the surrogate knows"
+        )
+    counts = [len(fits), *(last - start for start, last in space.choices[1:])]
+    combination = np.random.default_rng(seed).permutation(math.prod(counts))
+    choices = np.column_stack(np.unravel_index(combination[np.arange(count) % len(combination)], counts))
+    choices[:, 0] = fits[choices[:, 0]]
+    choices[:, 2] += space.choices[2][0]
+    return space.candidates(choices, shares, _shares(space, count, seed))
 
 
-def islands(requirements: Requirements, catalogues: Catalogues) -> list[Candidates]:
-    """Return the candidates with one-axis parts and those with 3-axis chips, which are searched apart.
+def _shares(space: Space, count: int, seed: int) -> Array:
+    """Return shares of the forces, spread where one of them is free."""
+    share = np.ones((count, 2))
+    for k, low in space.free.items():
+        share[:, k] = np.random.default_rng(seed + 1).uniform(low, 1.0, count)
+    return share
 
-    A good beam for one is none for the other: in a common population whichever becomes feasible first would displace
-    the other one before it is good. Parts are sorted, so that neighbours in the search are alike.
+
+def _new(candidates: Candidates, seen: set[bytes]) -> Candidates:
+    """Return the candidates that were not seen before, each once."""
+    kept = []
+    for k, key in enumerate(candidates.keys()):
+        if key not in seen:
+            seen.add(key)
+            kept.append(k)
+    return candidates.take(np.array(kept, dtype=np.int64))
+
+
+def _rated(candidates: Candidates, rate: Rate) -> Found:
+    return Found(candidates, *rate(candidates), len(candidates))
+
+
+def _together(one: Found, other: Found) -> Found:
+    F, violation = (np.concatenate([getattr(each, name) for each in (one, other)]) for name in ("F", "violation"))
+    return Found(joined([one.candidates, other.candidates]), F, violation, one.rated + other.rated)
+
+
+def _survivors(pool: Found, count: int) -> Found:
+    """Return the front, and the nearest of the others until the pool has `count` candidates."""
+    front = pool.front
+    rest = np.setdiff1d(np.arange(len(pool.violation)), front)
+    rest = rest[np.lexsort((pool.F[rest].sum(axis=1), pool.violation[rest]))]
+    combination = np.unique(pool.candidates.choices, axis=0, return_inverse=True)[1].ravel()
+    alike: Counter[int] = Counter()
+    filled: list[int] = []
+    for k in rest.tolist():
+        if len(front) + len(filled) >= count:
+            break
+        alike[combination[k]] += 1
+        if alike[combination[k]] <= ALIKE:
+            filled.append(k)
+    at = np.array([*front.tolist(), *filled], dtype=np.int64)
+    return Found(pool.candidates.take(at), pool.F[at], pool.violation[at], pool.rated)
+
+
+def _varied(found: Found, count: int, random: np.random.Generator) -> Candidates:
+    """Return children: lengths with steps of all sizes and differences of others, parts of others or near ones."""
+    pool = found.candidates
+    space, n = pool.space, len(pool)
+    first, second, third = random.integers(n, size=(3, count))
+    # the ends of a front have neighbours on one side only
+    ends = np.argsort(found.F + found.violation[:, None], axis=0, kind="stable")[:ENDS].ravel()
+    first = np.where(random.random(count) < 0.3, random.choice(ends, count), first)
+    lengths, choices = pool.lengths[first].copy(), pool.choices[first].copy()
+    mixed = (random.random(count) < 0.4)[:, None] & (random.random((count, 5)) < 0.7)
+    lengths += np.where(mixed, random.random((count, 1)) * (pool.lengths[second] - pool.lengths[third]), 0.0)
+    size = 10 ** random.uniform(-2.5, -0.5, (count, 1)) * random.standard_normal((count, 5))
+    moved = random.random((count, 5)) < 0.5
+    scale = lengths[:, [0, 1, 0, 0, 0]]
+    lengths += np.where(moved & (random.random(count) < 0.8)[:, None], size * scale, 0.0)
+    for k, (start, last) in enumerate(space.choices):
+        taken, near, other = random.random((3, count))
+        choices[:, k] = np.where(taken < 0.15, pool.choices[second, k], choices[:, k])
+        step = random.integers(-3, 4, count)
+        choices[:, k] = np.where(near < 0.15, np.clip(choices[:, k] + step, start, last - 1), choices[:, k])
+        choices[:, k] = np.where(other < 0.07, random.integers(start, last, count), choices[:, k])
+    share = pool.share[first].copy()
+    for k, low in space.free.items():
+        share[:, k] = np.clip(
+            share[:, k] + 10 ** random.uniform(-3, -0.5, count) * random.standard_normal(count), low, 1.0
+        )
+    return space.rounded(choices, _within(space, choices, lengths), share)
+
+
+def _within(space: Space, choices: Ints, lengths: Array) -> Array:
+    """Return lengths in the ranges of the surrogate and of the requirements."""
+    from studies.mechanics import surrogate_range
+
+    low, high = (ends[choices[:, 0]] for ends in space.diameters())
+    lengths[:, 0] = np.clip(lengths[:, 0], np.minimum(low, high), high)
+    least = np.maximum(surrogate_range.LENGTH[0], 0.5 + surrogate_range.LEAST_BELOW)
+    lengths[:, 1] = np.clip(lengths[:, 1], least * lengths[:, 0], surrogate_range.LENGTH[1] * lengths[:, 0])
+    return lengths
+
+
+def _neighbours(pool: Found) -> Candidates:
+    """Return the neighbours of the front: one step of the grid along each length, and each other part."""
+    chosen = pool.front
+    if not len(chosen):
+        chosen = np.lexsort((pool.F.sum(axis=1), pool.violation))[: POLISHED // 4]
+    if len(chosen) > POLISHED:
+        chosen = chosen[spread(pool.F[chosen], POLISHED)]
+    at, space = pool.candidates.take(chosen), pool.candidates.space
+    groups = []
+    for k in range(5):
+        for step in (-ROUNDING, ROUNDING):
+            moved = at.lengths.copy()
+            moved[:, k] += step
+            groups.append(space.rounded(at.choices, moved, at.share))
+    for k, (start, last) in enumerate(space.choices):
+        for step in (*range(-min(4, last - start - 1), 0), *range(1, min(5, last - start))):
+            choices = at.choices.copy()
+            choices[:, k] = start + (choices[:, k] - start + step) % (last - start)
+            groups.append(space.rounded(choices, at.lengths.copy(), at.share))
+    return joined(groups)
+
+
+def spread(F: Array, count: int) -> Ints:
+    """Return the indices of `count` points of a front, shape (n, m), that lie far apart, in rising order.
+
+    The ends of each objective come first; then, one by one, the point that is farthest from all chosen ones, in
+    widths of the front.
     """
-    sorted_parts = dataclasses.replace(
+    if len(F) <= count:
+        return np.arange(len(F))
+    width = np.ptp(F, axis=0)
+    place = F / np.where(width > 0, width, 1.0)
+    chosen = list(dict.fromkeys(place.argmin(axis=0).tolist()))[:count]
+    apart = np.linalg.norm(place[:, None] - place[chosen], axis=2).min(axis=1)
+    while len(chosen) < count:
+        chosen.append(int(apart.argmax()))
+        apart = np.minimum(apart, np.linalg.norm(place - place[chosen[-1]], axis=1))
+    return np.sort(np.array(chosen))
+
+
+def sorted_parts(catalogues: Catalogues) -> Catalogues:
+    """Return the parts so that neighbours in the search are alike, one-axis parts before 3-axis chips."""
+    return dataclasses.replace(
         catalogues,
         magnets=tuple(sorted(catalogues.magnets, key=lambda one: one.diameter**2 * one.height * one.remanence)),
+        hall_parts=tuple(sorted(catalogues.hall_parts, key=lambda one: (one.layout != "three", one.gain))),
         silicones=tuple(sorted(catalogues.silicones, key=lambda one: one.E)),
     )
-    parts = sorted(catalogues.hall_parts, key=lambda one: one.gain)
-    kinds = [tuple(part for part in parts if (part.layout == "three") == three) for three in (True, False)]
-    return [Candidates(requirements, dataclasses.replace(sorted_parts, hall_parts=kind)) for kind in kinds if kind]
+
+
+def spaces(needed: Requirements, catalogues: Catalogues, free: dict[int, float] | None = None) -> list[Space]:
+    """Return the candidates with one-axis parts and those with 3-axis chips, which are searched apart.
+
+    A good beam for one is none for the other: in a common pool whichever meets the requirements first would displace
+    the other one before it is good.
+    """
+    parts = sorted_parts(catalogues)
+    axes, count = sum(part.layout == "three" for part in parts.hall_parts), len(parts.hall_parts)
+    return [Space(needed, parts, ends, free) for ends in ((0, axes), (axes, count)) if ends[0] < ends[1]]
 
 
 def searched(
-    groups: Sequence[Candidates], effort: Effort, progress: Progress | None = None
-) -> tuple[list[Generation], list[Variant]]:
-    """Return the last generation of each group, and the distinct variants that none of any group dominates."""
-    lasts, variants, rows = [], [], []
-    for number, group in enumerate(groups):
-        kind = "one-axis parts" if group.catalogues.hall_parts[0].layout == "three" else "3-axis chips"
-        part = None if progress is None else functools.partial(_part, progress, number, len(groups), kind)
-        last = search(group.variables, group.evaluate, effort, progress=part)
-        lasts.append(last)
-        _, feasible = group.possible(last.X[last.front])
-        variants += feasible
-        rows.append(last.F[last.front])
-    F = np.concatenate(rows)
-    # one is dominated if another one is nowhere worse and somewhere better
-    no_worse = (F[:, None] <= F).all(axis=2)
-    dominated = (no_worse & (F[:, None] < F).any(axis=2)).any(axis=0)
-    front: dict[tuple[object, ...], Variant] = {}
-    for k in np.flatnonzero(~dominated).tolist():
-        front.setdefault(tuple(variants[k].row().values()), variants[k])
-    return lasts, list(front.values())
+    needed: Requirements,
+    catalogues: Catalogues,
+    effort: Effort,
+    progress: Progress | None = None,
+    *,
+    free: str = "",
+    first_met: bool = False,
+) -> list[Found]:
+    """Return the pools of both kinds of Hall parts.
+
+    Parameters
+    ----------
+    free : a requirement that is not held, see `Rating`; of a force, candidates take a share.
+    first_met : end with the first candidate that meets all requirements.
+    """
+    least = {"force_z": max(needed.least_press / needed.force_z, 0.05), "force_x": 0.02}
+    kinds = spaces(needed, catalogues, {FORCES.index(free): least[free]} if free in FORCES else None)
+    found: list[Found] = []
+    ratings = [Rating(needed, free) for _ in kinds]
+    for number, space in enumerate(kinds):
+        kind = "one-axis parts" if space.three[space.choices[2][0]] else "3-axis chips"
+        part = None if progress is None else _part(progress, number, len(kinds), kind)
+        found.append(search(space, ratings[number], effort, part, first_met=first_met))
+        if first_met and found[-1].violation.min() == 0:
+            return found
+    if not any(rating.rated for rating in ratings):
+        reasons = sum((rating.refusals for rating in ratings), Counter[str]())
+        reason = (
+            reasons.most_common(1)[0][0] if reasons else "no magnet in use fits into a beam that the surrogate knows"
+        )
+        raise BadInput(f"no candidate could be rated, so that nothing is known of the requirements: {reason}")
+    return found
 
 
-def _part(progress: Progress, done: int, count: int, kind: str, share: float, text: str) -> None:
-    """Report the progress of one of several searches."""
-    progress((done + share) / count, f"{kind}: {text}")
+def _part(progress: Progress, done: int, count: int, kind: str) -> Progress:
+    """Return the progress of one of several searches."""
+    return lambda share, text: progress((done + share) / count, f"{kind}: {text}")
+
+
+def whole_front(found: Sequence[Found]) -> tuple[Candidates, Array]:
+    """Return the common front of all pools, and its objectives."""
+    chosen = joined([pool.candidates.take(pool.front) for pool in found])
+    F = np.concatenate([pool.F[pool.front] for pool in found])
+    kept = front_of(F)
+    return chosen.take(kept), F[kept]
