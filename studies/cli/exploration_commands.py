@@ -275,7 +275,9 @@ def explore(
 ) -> int:
     """Open a page on which a sensor and its load are changed by hand, solved by finite elements meanwhile.
 
-    The page is served to this computer only, until Ctrl-C, and works without a network.
+    The page is served to this computer only, until Ctrl-C, and works without a network. With a file of requirements
+    (see magtip size) it opens a variant that meets them, or nearly, under the largest required load, and shows what
+    each requirement leaves; with a design file that states its requirements, such as winner.toml, it opens that one.
 
     Parameters
     ----------
@@ -290,11 +292,19 @@ def explore(
     if export is not None and (port or no_browser):
         option = "--port" if port else "--no-browser"
         raise BadInput(f"--export writes a file without a server, for which {option} has no meaning: leave it out")
-    design = design_of(source, sets)
+    from studies.web import required_margins, state_exports
+
+    with console.progress(as_json=False) as progress:
+        design, needed = required_margins.sensor_of(source, sets or [], progress)
+    warn_of_values(design)
     if export is not None:
         _export(design, export)
         return GOOD
-    from studies.web import explorer_server, state_exports
+    from studies.web import explorer_server
+
+    changed = state_exports.address_fields(design)
+    if needed is not None:
+        changed |= {name: f"{value:g}" for name, value in required_margins.opening_load(design, needed).items()}
 
     with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
 
@@ -304,7 +314,7 @@ def explore(
             if not no_browser:
                 _open(address, Path(folder, "explorer.html"))
 
-        explorer_server.serve(state_exports.address_fields(design), port, ready)
+        explorer_server.serve(changed, port, needed, ready)
     return GOOD
 
 

@@ -66,9 +66,14 @@ class Answers:
     def all_of(self, request: Request, level: str) -> Iterator[Answer | None]:
         """Yield the parts of a request at a level; None stands before what can wait for a hand that rests."""
         state, parts = request.state, request.parts
+        has_margins = "margins" in parts and level == state.level
+        if has_margins and level == "standard":
+            yield "margins", level, self._margins(request)
         if not {"state", "sensor3d", "field_lines"}.isdisjoint(parts):
             yield from self._solved(state, level, parts)
         yield None
+        if has_margins and level == "quick":
+            yield "margins", level, self._margins(request)
         # what depends on the design alone is not sent in a coarse form again while only the load changes
         shown = mechanics(state.design), state.magnet, state.formula_level
         if level == state.level or self._design.get(request.side) != shown:
@@ -132,6 +137,13 @@ class Answers:
         if level == state.level:
             compute = state_answers.by_finite_elements
             yield "stability", level, self._kept.get(key, lambda: compute(design, magnet, level))
+
+    def _margins(self, request: Request) -> Data:
+        from studies.web import required_margins
+
+        design, needed = request.state.design, request.needed
+        data: Data = self._kept.get(("margins", design, needed), lambda: required_margins.margins(design, needed))
+        return data
 
     def _vibration(self, state: ExplorerState, level: str) -> Data:
         """Return the vibration about a state; its systems stay for other frequencies, those of one state only."""

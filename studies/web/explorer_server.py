@@ -14,9 +14,9 @@ import json
 import secrets
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 import tornado.httpserver
@@ -30,6 +30,9 @@ from studies.inputs import user_input
 from studies.web import explorer_workers, state_exports
 from studies.web.explorer_state import Request, explorer_fields, request_of, wrong_field
 from studies.web.explorer_workers import encoded, fault
+
+if TYPE_CHECKING:
+    from studies.sizing.requirements import Requirements
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""
@@ -68,6 +71,7 @@ class Shared:
     hosts : values of the Host header that name this server.
     pages : connections of the pages that are open.
     molding : held by the one export of a mould that runs.
+    needed : requirements whose margins the pages show.
     """
 
     token: str
@@ -75,6 +79,7 @@ class Shared:
     workers: explorer_workers.Workers
     pages: set[Live]
     molding: asyncio.Lock
+    needed: Requirements | None = None
 
 
 class Ours(tornado.web.RequestHandler):
@@ -150,7 +155,8 @@ class Files(Guarded):
         if name != CONTROLS and name not in FILES:
             raise tornado.web.HTTPError(404)
         self.set_header("Content-Type", TYPES[Path(name).suffix])
-        self.finish(json.dumps(explorer_fields(paper())) if name == CONTROLS else FILES[name].read_bytes())
+        content = FILES[name].read_bytes() if name != CONTROLS else None
+        self.finish(json.dumps(explorer_fields(paper(), self.shared.needed)) if content is None else content)
 
 
 class Live(Ours, tornado.websocket.WebSocketHandler):
@@ -174,7 +180,7 @@ class Live(Ours, tornado.websocket.WebSocketHandler):
         content: object = None
         try:
             content = parsed(message)
-            request = request_of(content)
+            request = replace(request_of(content), needed=self.shared.needed)
             if "commands" in request.parts:
                 data = state_exports.commands(request.state)
                 self.send(encoded(request.number, request.side, part="commands", level="formula", data=data))
@@ -298,13 +304,14 @@ class Running:
         await asyncio.sleep(0)
 
 
-def start(changed: dict[str, str], port: int = 0) -> Running:
+def start(changed: dict[str, str], port: int = 0, needed: Requirements | None = None) -> Running:
     """Begin to listen; an event loop must run.
 
     Parameters
     ----------
     changed : fields of the address of the first state, see `explorer_state`.
     port : port to listen on; 0 for any free one.
+    needed : requirements whose margins the pages show.
 
     Raises
     ------
@@ -322,25 +329,28 @@ def start(changed: dict[str, str], port: int = 0) -> Running:
     hosts = frozenset({f"127.0.0.1:{number}", f"localhost:{number}"})
     token = secrets.token_urlsafe(24)
     workers = explorer_workers.Workers(asyncio.get_running_loop())
-    shared = Shared(token, hosts, workers, set(), asyncio.Lock())
+    shared = Shared(token, hosts, workers, set(), asyncio.Lock(), needed)
     server = tornado.httpserver.HTTPServer(application(shared), max_body_size=MOST_BYTES)
     server.add_sockets(sockets)
     fragment = f"#{urlencode(changed)}" if changed else ""
     return Running(f"http://127.0.0.1:{number}/?token={token}{fragment}", shared, server)
 
 
-def serve(changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
+def serve(changed: dict[str, str], port: int, needed: Requirements | None, ready: Callable[[str], None]) -> None:
     """Serve the page until Ctrl-C.
 
     Parameters
     ----------
+    changed, port, needed : as of `start`.
     ready : called with the address when the server listens.
     """
-    asyncio.run(_serve(changed, port, ready))
+    asyncio.run(_serve(changed, port, needed, ready))
 
 
-async def _serve(changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
-    running = start(changed, port)
+async def _serve(
+    changed: dict[str, str], port: int, needed: Requirements | None, ready: Callable[[str], None]
+) -> None:
+    running = start(changed, port, needed)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Side = Literal["a", "b"]
 Level = Literal["quick", "standard"]
-Part = Literal["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "commands"]
+Part = Literal["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "margins", "commands"]
 
 SIDES, LEVELS, PARTS = get_args(Side), get_args(Level), get_args(Part)
 RATES = {"frequency": "Hz", "speed": "mm/s"}
@@ -81,12 +81,16 @@ class ExplorerState:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One request of the page: its number, the side of the comparison, the state, and the parts to compute."""
+    """One request of the page: its number, the side of the comparison, the state, and the parts to compute.
+
+    `needed` are the requirements with which the explorer was started.
+    """
 
     number: int
     side: Side
     state: ExplorerState
     parts: tuple[Part, ...]
+    needed: Requirements | None = None
 
 
 def request_of(message: object) -> Request:
@@ -229,7 +233,7 @@ def _number(name: str, value: object) -> float:
     return number
 
 
-def explorer_fields(design: Design) -> list[Field]:
+def explorer_fields(design: Design, needed: Requirements | None = None) -> list[Field]:
     """Return the controls of load and design, in the order of the page; `value` is that of the design.
 
     Places, labels, sliders and steps are in `controls.csv`, with units, ranges and help of what is no field of a
@@ -246,7 +250,7 @@ def explorer_fields(design: Design) -> list[Field]:
         "depth": {"low": 0.0, "high": room, "slider": [0, far], "value": OPENING_DEPTH},
         "shear": {"low": -2 * design.L, "high": 2 * design.L, "slider": [-far, far]},
     }
-    fields, parts = [], part_fields()
+    fields, parts = [], part_fields(needed)
     with CONTROLS.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             name = row["name"]
@@ -297,17 +301,12 @@ def _needs(name: str) -> Field:
     return needs
 
 
-def part_fields(requirements: Requirements | None = None) -> dict[str, dict[str, Field]]:
-    """Return the parts of the catalogue as fields of a design that each sets, by control and name.
-
-    Parameters
-    ----------
-    requirements : whose parts are offered; default: all that are shipped.
-    """
+def part_fields(needed: Requirements | None) -> dict[str, dict[str, Field]]:
+    """Return the parts in use, else all that are shipped, by control and name, as the fields that each sets."""
     from studies.sizing.catalogues import catalogues_of
     from studies.sizing.requirements import Requirements
 
-    needed = requirements or Requirements(force_z=1.0)
+    needed = needed or Requirements(force_z=1.0)
     found = catalogues_of(needed)
     parts: dict[str, dict[str, Field]] = {
         "silicone_part": {part.name: part.fields() for part in found.silicones},

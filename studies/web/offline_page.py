@@ -44,8 +44,8 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 """Nothing is loaded from, or sent to, any address."""
 STYLE = "#about-model { padding: 6px 16px; font-size: 13px } #about-model p { margin: 4px 0 0 }"
 HIDDEN = (
-    'label:has(#view-level), [data-export="mold.zip"], [data-export="fields.vtu"], #vibration-panel, #loop-panel '
-    "{ display: none }"
+    'label:has(#view-level), [data-export="mold.zip"], [data-export="fields.vtu"], #vibration-panel, #loop-panel, '
+    "#margins-panel { display: none }"
 )
 """Controls and panels that need a server."""
 MOVED = ("depth", "shear", "direction")

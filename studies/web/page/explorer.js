@@ -388,7 +388,7 @@ const Explorer = (() => {
     const empty = !data.some((one) => one?.rows?.length);
     views[part].show(list, data.map(Numbers.listed), {
       none: (empty && notes) || " ",
-      first: linear ? "linear spring" : engine.model,
+      ...(part === "margins" ? {} : { first: linear ? "linear spring" : engine.model }),
     });
     Format.put($(`#${part}-note`), [empty ? "" : notes, ...rates].filter(Boolean).join(" "));
   }

@@ -65,7 +65,7 @@ const LiveEngine = () => {
       "Solving the first state. " +
       "The first start after an installation compiles functions, which takes a minute or more.",
     // parts that an engine without finite elements does not have
-    parts: ["vibration", "loop"],
+    parts: ["margins", "vibration", "loop"],
     start: connect,
     ask(request) {
       if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));

@@ -82,7 +82,8 @@ const Numbers = (() => {
   }
 
   // Rows that the server has named.
-  const listed = (data) => (data?.rows || []).map((row) => [row.name, row.unit, row.value, row.half_width]);
+  const listed = (data) =>
+    (data?.rows || []).map((row) => [row.name, row.unit, row.value, row.margin ?? row.half_width, row.worst]);
 
   // One table; `first` and `last` name the columns of the values and beside them, null for none. Only texts change.
   function table(box, first, last) {
@@ -132,7 +133,9 @@ const Numbers = (() => {
         rows.forEach((_, r) => {
           data.forEach((own, k) => {
             Format.put(cells[r].values[2 * k], number(own[r]?.[2]));
-            Format.put(cells[r].values[2 * k + 1], own[r] && isFinite(own[r][2] ?? NaN) ? width(own[r][3]) : "");
+            const [value, half] = own[r]?.slice(2) || [];
+            const beside = typeof half === "string" ? half : isFinite(value ?? NaN) ? width(half) : "";
+            Format.put(cells[r].values[2 * k + 1], beside);
           });
           if (!cells[r].extra) return;
           const [a, b] = data;

@@ -56,6 +56,7 @@
     stability: [engine.model, null],
     vibration: ["finite elements", null],
     loop: ["finite elements", null],
+    margins: ["reached, margin", "worst at"],
   };
   for (const [name, titles] of Object.entries(columns)) {
     views[name] = Numbers.table($(`[data-table=${name}]`), ...titles);

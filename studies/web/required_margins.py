@@ -1,0 +1,212 @@
+"""What a design leaves of its requirements: the part `margins` of the live page, and the state at which it opens.
+
+The figures are those of a sizing (`studies.sizing.candidate_performance`): whole sensors at the least and the largest
+E of the silicone and the worse end of the remanence, by the surrogate, under all required loads. A magnet or silicone
+whose values are those of no part of the catalogue has no ranges.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from geometry.design import PRESETS, BadInput, Design
+from geometry.loads import Load
+from geometry.messages import Progress
+from studies.inputs import user_input
+from studies.mechanics import surrogate_range, surrogate_response
+from studies.sizing import candidate_performance, variant_search
+from studies.sizing.candidate_performance import Performance
+from studies.sizing.candidate_variables import Variant
+from studies.sizing.catalogues import catalogues_of
+from studies.sizing.requirements import Requirements, read_requirements
+
+Data = dict[str, Any]
+EFFORT = variant_search.Effort(population=256, generations=10)
+"""Search for a variant to begin with, which ends with the first one that meets all requirements."""
+NO_REQUIREMENTS = (
+    "magtip explore REQUIREMENTS.toml, or a design file with a table [requirements] such as the winner.toml of "
+    "magtip size, shows what this sensor leaves of its requirements."
+)
+ROWS = {
+    "force_z": ("press force", 1, "N", "reach"),
+    "force_x": ("force along the plate", 1, "N", "reach_x"),
+    "resolution_z": ("resolution in z", -1, "mN", "resolution_z"),
+    "resolution_x": ("resolution in x and y", -1, "mN", "resolution_x"),
+    "largest_strain": ("largest strain", -1, "%", "strain"),
+    "stability_margin": ("critical depth over depth", 1, "", "stable_to"),
+    "first_mode": ("first mode", 1, "Hz", "first_mode"),
+    "outer_size": ("outer size", -1, "mm", "outer_size"),
+    "height": ("height", -1, "mm", "height"),
+    "wall": ("thinnest wall", 1, "mm", "wall"),
+    "no_saturation": ("distance from the rail", 1, "%", "saturation"),
+    "unique_decoding": ("readings apart, over noise", 1, "", "distinct"),
+    "clearance": ("gap beside the beam", 1, "mm", "clearance"),
+}
+"""Words, +1 for a bound from below or -1 for one from above, unit and figure of each requirement."""
+SCALE = {"mN": 1e3, "%": 100.0}
+BOUNDS = {"no_saturation": 0.0, "unique_decoding": 1.0, "clearance": 0.0}
+"""Bounds that are no numbers of a file of requirements."""
+OF_SOFTEST = ("force_z", "stability_margin", "first_mode")
+"""Requirements that are hardest to meet at the least E, whatever the load."""
+
+
+def sensor_of(
+    source: str, sets: Sequence[str] = (), progress: Progress | None = None
+) -> tuple[Design, Requirements | None]:
+    """Return the sensor of a preset or design file with the requirements that it states, None if it states none.
+
+    For a file of requirements it is a variant that meets them by the surrogate, or the nearest of a short search.
+    """
+    table = {} if source in PRESETS else user_input.toml_table(source, "preset or file")
+    if "force_z" in table:
+        needed = read_requirements(source)
+        fields = dataclasses.asdict(_variant_for(needed, progress)) | user_input.overrides(sets)
+        return user_input.design_from("paper", fields, "rigid"), needed
+    design, stated = user_input.read_design(source, sets), table.get("requirements", {})
+    if not stated:
+        return design, None
+    user_input.check_keys(f"{source}: requirements", stated, [spec.name for spec in dataclasses.fields(Requirements)])
+    made, base = user_input.fabrication_of(source), {}
+    if isinstance(made.get("base"), dict):
+        base = {"outer_shape": made["base"].get("shape", "round")}
+    return design, Requirements(**{**base, **{k: v for k, v in made.items() if k == "process"}, **stated})
+
+
+def _variant_for(needed: Requirements, progress: Progress | None) -> Design:
+    pools = variant_search.searched(needed, catalogues_of(needed), EFFORT, progress, first_met=True)
+    pool = min(pools, key=lambda each: float(each.violation.min()))
+    found = pool.candidates.variant(int(pool.violation.argmin()))
+    if isinstance(found, str):
+        raise BadInput(f"no variant was found to begin with: {found}")
+    return found.design
+
+
+def opening_load(design: Design, needed: Requirements) -> dict[str, float]:
+    """Return depth and shear, mm, of the largest required load of a sensor with this E; nothing where unknown."""
+    try:
+        result = performance_of(design, needed, nominal=True)
+    except BadInput:
+        return {}
+    z, x, angle = result.loads[0].T
+    known = np.flatnonzero(np.isfinite(result.depth[0] + result.shear[0]) & (np.nan_to_num(angle, nan=1.0) == 0))
+    if not len(known):
+        return {}
+    at = known[np.lexsort((x[known], z[known]))[-1]]
+    load = {"depth": float(result.depth[0, at]), "shear": float(result.shear[0, at]) if x[at] else 0.0}
+    return {name: round(value * design.D, 3) for name, value in load.items() if value}
+
+
+def performance_of(design: Design, needed: Requirements, *, nominal: bool = False) -> Performance:
+    """Return what a design reaches, one row; `nominal`: of a sensor with its E and remanence, and no ranges.
+
+    Raises
+    ------
+    BadInput
+        There is no base for it, or the surrogate does not know such a beam.
+    """
+    reason = surrogate_response.refusal(design, Load(depth=surrogate_range.SHALLOWEST * design.D), "rigid")
+    if reason:
+        raise BadInput(f"margins are known by the surrogate only: {reason}")
+    sensors = candidate_performance.sensors_of_variant(variant_of(design, needed, nominal=nominal), needed)
+    # without a noise two loads are infinitely far apart
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return candidate_performance.performance(sensors, sensors.beams(), needed, caution=0.0 if nominal else 1.0)
+
+
+def variant_of(design: Design, needed: Requirements, *, nominal: bool = False) -> Variant:
+    """Return a design with the parts of the catalogue whose values it has; else with parts without ranges."""
+    parts = catalogues_of(needed)
+
+    def like(entries: tuple[Any, ...]) -> Any:
+        for entry in [] if nominal else entries:
+            fields = entry.fields().items()
+            if all(
+                getattr(design, name) == value
+                if isinstance(value, str)
+                else math.isclose(getattr(design, name), value, rel_tol=1e-6)
+                for name, value in fields
+            ):
+                return entry
+        return None
+
+    magnet = like(parts.magnets) or dataclasses.replace(
+        parts.magnets[0], remanence_low=design.remanence, remanence_high=design.remanence
+    )
+    silicone = like(parts.silicones) or dataclasses.replace(parts.silicones[0], E_low=design.E, E_high=design.E)
+    return Variant(design, magnet, like(parts.hall_parts) or parts.hall_parts[0], silicone)
+
+
+def margins(design: Design, needed: Requirements | None) -> Data:
+    """Return the part `margins`: rows of name, unit, value, margin and where it is worst, and a message."""
+    if needed is None:
+        return {"rows": [], "message": NO_REQUIREMENTS}
+    if not design.shape.has_magnet:
+        return {"rows": [], "message": "A sensor without a magnet reads nothing."}
+    try:
+        result = performance_of(design, needed)
+    except BadInput as error:
+        sentence = str(error)
+        return {"rows": [], "message": f"{sentence[:1].upper()}{sentence[1:]}."}
+    variant = variant_of(design, needed)
+    rows = [_row(name, float(margin[0]), result, variant, needed) for name, margin in result.margins.items()]
+    missed = sum(float(margin[0]) < 0 for margin in result.margins.values())
+    verdict = f"{missed} of {len(rows)} requirements missed" if missed else "All requirements are met"
+    E, magnet, range_z = variant.silicone, variant.magnet, float(result.values["range_z"][0])
+    kept = f" Strain, stability and saturation hold up to {range_z:.3g} N." if range_z > 0 else ""
+    return {
+        "rows": rows,
+        "message": f"{verdict}, by the surrogate's pessimistic ends, for E from {E.E_low:.4g} to {E.E_high:.4g} MPa "
+        f"and remanences from {magnet.remanence_low:.4g} to {magnet.remanence_high:.4g} T.{kept} Margins are "
+        "relative to the bound, and end at 100 %.",
+    }
+
+
+def _row(name: str, margin: float, result: Performance, variant: Variant, needed: Requirements) -> Data:
+    words, way, unit, figure = ROWS[name]
+    scale = SCALE.get(unit, 1.0)
+    bound = needed.printed_wall if name == "wall" else BOUNDS.get(name)
+    bound = float(getattr(needed, name)) if bound is None else bound
+    value = float(result.values[figure][0])
+    if name == "stability_margin":
+        value /= float(result.values["depth"][0])
+    elif name in ("force_z", "force_x"):
+        value *= bound
+    share = f"{abs(100 * margin):.3g} %"
+    text = f"{share} left" if margin >= 0 else f"missed by {share}"
+    if math.isnan(value):
+        text = "not known"
+    elif name.startswith("resolution") and not value:
+        text = "no noise is given"
+    elif name in ("no_saturation", "clearance"):
+        text = "met" if margin >= 0 else "missed"
+    return {
+        "name": f"{words}, at {'least' if way > 0 else 'most'} {scale * bound:.4g}",
+        "unit": unit,
+        "value": scale * value if math.isfinite(value) else None,
+        "half_width": None,
+        "margin": text,
+        "worst": _corner(name, figure, result, variant),
+    }
+
+
+def _corner(name: str, figure: str, result: Performance, variant: Variant) -> str:
+    """Return the sensor and the load at which a figure is worst; "" where it is the same for all."""
+    silicone, magnet = variant.silicone, variant.magnet
+    if name in OF_SOFTEST:
+        return f"E = {silicone.E_low:.3g} MPa"
+    at = int(result.worst[figure][0]) if figure in result.worst else -1
+    if at < 0:
+        return ""
+    z, x, angle = result.loads[0, at].tolist()
+    remanence = magnet.remanence_high if figure == "saturation" else magnet.remanence_low
+    E = (silicone.E_low, silicone.E_high)[result.corner[at]]
+    # a strain is the same for all magnets and in all directions
+    of_field = figure != "strain"
+    aside = f" with {x:.3g} N{f' at {math.degrees(angle):.0f}°' if of_field else ''}" if x else ""
+    of_magnet = f", {remanence:.3g} T" if of_field else ""
+    return f"E = {E:.3g} MPa{of_magnet}, {z:.3g} N{aside}"

@@ -1,0 +1,105 @@
+"""Margins of requirements on the live page: what a design leaves, where it is worst, and the load it opens at."""
+
+import dataclasses
+
+import pytest
+from browser import opened, said, wait
+from explorer_session import move, server
+
+from fem.accuracy import QUICK
+from fem.equilibrium import solve
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load
+from studies.sizing import sizing_export
+from studies.sizing.requirements import Requirements
+from studies.web import required_margins
+
+NEEDED = Requirements(force_z=3.0, force_x=0.6, outer_size=18.0, largest_strain=0.8, bandwidth=100.0)
+MOLD_STAR = Design(silicone="Mold Star 30", E=0.867, density=1120.0, hall_noise=1e-3)
+
+
+def rows_of(design, needed=NEEDED):
+    """The rows by the words of their requirement, without the bound."""
+    return {row["name"].partition(", at ")[0]: row for row in required_margins.margins(design, needed)["rows"]}
+
+
+def test_value_bound_and_margin_agree():
+    rows = rows_of(MOLD_STAR)
+    for row in rows.values():
+        words = row["name"].rpartition(" ")[0]
+        if not row["margin"].endswith("%") and not row["margin"].endswith("% left"):
+            continue
+        bound, way = float(row["name"].rpartition(" ")[2]), 1 if words.endswith("at least") else -1
+        share = way * (row["value"] / bound - 1)
+        assert ("missed" in row["margin"]) == (share < 0), row
+        if abs(share) < 1:
+            told = float(row["margin"].removeprefix("missed by ").partition(" ")[0])
+            assert told == pytest.approx(100 * abs(share), rel=0.01), row
+
+
+def test_corners_are_those_of_the_silicone_and_the_load_is_required():
+    rows = rows_of(MOLD_STAR)
+    assert rows["press force"]["worst"] == "E = 0.662 MPa"
+    assert rows["largest strain"]["worst"].startswith("E = 0.662 MPa, 3 N with 0.6 N")
+    # an E of one's own has no range
+    assert rows_of(paper())["largest strain"]["worst"].startswith("E = 1 MPa, 3 N")
+
+
+def test_a_harder_requirement_leaves_less():
+    for name, low, high in (("largest strain", 0.3, 0.5), ("outer size", 16.0, 20.0)):
+        field = name.replace(" ", "_")
+        values = [rows_of(MOLD_STAR, dataclasses.replace(NEEDED, **{field: bound}))[name] for bound in (low, high)]
+        assert values[0]["value"] == values[1]["value"]
+        assert values[0]["margin"] != values[1]["margin"]
+
+
+def test_what_is_not_known_is_said():
+    assert "no noise is given" in {
+        row["margin"] for row in rows_of(paper(), dataclasses.replace(NEEDED, resolution_z=0.1)).values()
+    }
+    assert "requirements" in required_margins.margins(paper(), None)["message"]
+    outside = required_margins.margins(dataclasses.replace(paper(), law="yeoh", yeoh_2=0.1), NEEDED)
+    assert not outside["rows"]
+    assert outside["message"].endswith(".")
+
+
+def test_the_page_opens_at_the_required_load():
+    depth, shear = required_margins.opening_load(paper(), NEEDED).values()
+    force = solve(paper(), Load(depth, shear, friction="stick"), QUICK).response.force
+    assert (force[2], force[0]) == pytest.approx((NEEDED.force_z, NEEDED.force_x), rel=0.03)
+
+
+def test_requirements_of_a_design_file(tmp_path):
+    file = tmp_path / "winner.toml"
+    file.write_text(sizing_export.design_text(required_margins.variant_of(MOLD_STAR, NEEDED), NEEDED))
+    assert required_margins.sensor_of(str(file)) == (MOLD_STAR, NEEDED)
+    made = '[fabrication]\nprocess = "sla"\nbase = { shape = "square" }\n'
+    file.write_text(f"D = 9.0\nL = 10.0\n{made}[requirements]\nforce_z = 5.0  # N\nouter_size = 20.0\n")
+    design, needed = required_margins.sensor_of(str(file), ["E=2"])
+    assert (design.D, design.E) == (9.0, 2.0)
+    assert (needed.force_z, needed.outer_size, needed.process, needed.outer_shape) == (5.0, 20.0, "sla", "square")
+    file.write_text("D = 9.0\n[requirements]\nforce_w = 5.0\n")
+    with pytest.raises(BadInput, match="force_w"):
+        required_margins.sensor_of(str(file))
+    assert required_margins.sensor_of("paper") == (paper(), None)
+
+
+def test_the_page_shows_margins_of_a_file_of_requirements(chromium, tmp_path):
+    file = tmp_path / "requirements.toml"
+    file.write_text('force_z = "2 N"\nforce_x = "0.4 N"\nouter_size = "20 mm"\nhall_parts = ["TMAG5273A1"]\n')
+    with server(design=file) as (_, address):
+        page = opened(chromium, f"{address}&level=quick", 1400, 900)
+        table = "document.querySelector('[data-table=margins]').innerText"
+        note = "document.querySelector('#margins-note').innerText"
+        wait(page, "Explorer.complete()")
+        assert "All requirements are met" in page.evaluate(note)
+        force = page.evaluate("Explorer.answers.a.state.data.response.force")
+        assert (force[2], force[0]) == pytest.approx((2.0, 0.4), rel=0.03)
+        assert page.evaluate("[...document.getElementById('field-hall_part').options].map((one) => one.text)") == [
+            "own values",
+            "TMAG5273A1",
+        ]
+        move(page, "silicone_part", "Ecoflex 00-30")
+        wait(page, f"Explorer.complete() && {note}.includes('missed')")
+        assert "missed by" in page.evaluate(table)
+        assert said(page) == []
