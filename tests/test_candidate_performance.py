@@ -234,6 +234,8 @@ def test_strong_field_saturates():
     result = reached(made(magnet="6x6 N52", L=12.0, part="DRV5055A1", places=(0, 0, 1.8)))
     assert result.margins["no_saturation"][0] < 0
     assert result.values["range_z"][0] == 0
+    # a reading at its rail determines nothing
+    assert np.isinf(result.values["resolution_x"][0])
 
 
 def test_element_at_the_magnets_height_folds():

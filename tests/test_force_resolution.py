@@ -7,11 +7,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import beam, decode
-from analytic.force_resolution import Loaded, at_shifts, force_resolution, reading_slopes, turned
-from analytic.hall import batch_readings
+from analytic.force_resolution import at_shifts, force_resolution
 from analytic.inverse import forward_model, response_surface
 from geometry.design import BadInput, Design, paper
-from geometry.loads import Load
 
 NOISE = np.array([0.01, 0.02, 0.03])
 
@@ -93,55 +91,6 @@ def test_bad_input_is_a_sentence(J, K, noise, words):
         force_resolution(J, K, noise)
 
 
-def plane_response(design, depth, shear):
-    """Response of level finite to a shear along x: u, w, tilt, F_t and F_n."""
-    answer = beam.solve(design, Load(depth=depth, shear_x=shear, friction="stick"), "finite")
-    return np.array([answer.shift[0], answer.shift[2], answer.tilt, answer.force[0], answer.force[2]])
-
-
-def loaded(design, depth, shear, azimuth, step=1e-4):
-    """Pose and slopes of level finite under one load, by differences in the plane."""
-    by_depth = (plane_response(design, depth + step, shear) - plane_response(design, depth - step, shear)) / (
-        2 * step
-    )
-    more, less = (plane_response(design, depth, shear + d) for d in (step, -step))
-    values = plane_response(design, depth, shear)
-    return turned(
-        values[None], by_depth[None], ((more - less) / (2 * step))[None], np.array([shear]), np.array([azimuth])
-    )
-
-
-@pytest.mark.parametrize(("shear", "azimuth"), [(0.0, 0.3), (0.8, 0.0), (0.8, 2.2)])
-def test_turned_slopes_are_those_of_loads_in_space(shear, azimuth):
-    """Differences of the response to (depth, shear_x, shear_y) itself, which need no symmetry."""
-    design, h = paper(), 1e-4
-    here = loaded(design, 1.0, shear, azimuth)
-    at = np.array([1.0, shear * math.cos(azimuth), shear * math.sin(azimuth)])
-
-    def values(q):
-        answer = beam.solve(design, Load(depth=q[0], shear_x=q[1], shear_y=q[2], friction="stick"), "finite")
-        return np.array([*answer.shift, *answer.rotation, *answer.force])
-
-    difference = np.stack([(values(at + h * e) - values(at - h * e)) / (2 * h) for e in np.eye(3)], axis=1)
-    turned_slopes = np.concatenate([here.shift_slopes[0], here.tilt_slopes[0], here.force_slopes[0]])
-    assert_allclose(turned_slopes, difference, atol=2e-6)
-    assert_allclose([*here.shift[0], *here.tilt[0], *here.force[0]], values(at), atol=1e-12)
-
-
-def test_force_resolution_is_the_noise_that_the_decoder_states():
-    """Slopes along the load of the formula itself, against slopes along the shift of polynomials fitted to it."""
-    design = Design(hall_noise=1e-3, hall_step=1e-4)
-    law = response_surface.of_formula(lambda load: beam.solve(design, load, "finite"), 2.0, 2.0)
-    coder = decode.decoder(design, law)
-    here = loaded(design, 1.2, 0.6, 0.4)
-    sigma = force_resolution(reading_slopes([design], np.array([0]), here), here.force_slopes, coder.sigma)
-    read = batch_readings([design], np.array([0]), here.shift, here.tilt)
-    decoded = decode.decode(coder, read.field_T)
-    assert_allclose(decoded.shift, here.shift, atol=3e-3)
-    # the polynomials' slopes of the force differ by some percent from those of the formula
-    assert_allclose(sigma, decoded.noise_N, rtol=0.05)
-
-
 def test_resolution_at_shifts_is_the_noise_that_the_decoder_states():
     design = Design(hall_noise=1e-3)
     law = response_surface.of_formula(lambda load: beam.solve(design, load, "finite"), 2.0, 2.0)
@@ -154,30 +103,3 @@ def test_resolution_at_shifts_is_the_noise_that_the_decoder_states():
     assert np.isnan(at_shifts(quiet, law, shift)).all()
     limited = forward_model.model(Design(hall_noise=1e-3, hall_high=2.6), law.tau)
     assert np.isinf(at_shifts(limited, law, shift)).any()
-
-
-def test_reading_slopes_are_differences_of_the_readings_along_the_load():
-    designs = [paper(), Design(hall_layout="tmag5273a1", D=10.0, L=11.0, l0=8.0)]
-    poses = [loaded(design, 1.0, 0.5, 1.0) for design in designs]
-    both = Loaded(*(np.concatenate([getattr(p, name) for p in poses]) for name in Loaded.__slots__))
-    owner = np.arange(2)
-    slopes = reading_slopes(designs, owner, both)
-    for j in range(3):
-        h = 2e-3
-        fields = [
-            batch_readings(
-                designs, owner, both.shift + d * both.shift_slopes[:, :, j], both.tilt + d * both.tilt_slopes[:, :, j]
-            ).field_T
-            for d in (h, -h)
-        ]
-        assert_allclose(slopes[:, :, j], (fields[0] - fields[1]) / (2 * h), atol=1e-8)
-
-
-def test_a_saturated_reading_determines_nothing():
-    """S1 at the rail: three readings become two, so that no component of the force is known."""
-    design = Design(hall_high=2.85)
-    here = loaded(design, 1.0, 0.5, 1.0)
-    slopes = reading_slopes([design], np.array([0]), here)
-    assert_array_equal(slopes[0, 0], 0)
-    assert slopes[0, 1].all()
-    assert np.isinf(force_resolution(slopes, here.force_slopes, np.full(3, 1e-5))).all()
