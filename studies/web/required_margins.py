@@ -24,13 +24,14 @@ from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements, read_requirements
+from studies.web.time_answers import refusal
 
 Data = dict[str, Any]
 EFFORT = variant_search.Effort(population=256, generations=10)
 """Search for a variant to begin with, which ends with the first one that meets all requirements."""
 NO_REQUIREMENTS = (
-    "magtip explore REQUIREMENTS.toml, or a design file with a table [requirements] such as the winner.toml of "
-    "magtip size, shows what this sensor leaves of its requirements."
+    "started with a file of requirements, or with a design file that has a table [requirements], such as the "
+    "winner.toml of magtip size, magtip explore shows here what the sensor leaves of each"
 )
 ROWS = {
     "force_z": ("press force", 1, "N", "reach"),
@@ -144,14 +145,13 @@ def variant_of(design: Design, needed: Requirements, *, nominal: bool = False) -
 def margins(design: Design, needed: Requirements | None) -> Data:
     """Return the part `margins`: rows of name, unit, value, margin and where it is worst, and a message."""
     if needed is None:
-        return {"rows": [], "message": NO_REQUIREMENTS}
+        return refusal(NO_REQUIREMENTS)
     if not design.shape.has_magnet:
-        return {"rows": [], "message": "A sensor without a magnet reads nothing."}
+        return refusal("a sensor without a magnet reads nothing")
     try:
         result = performance_of(design, needed)
     except BadInput as error:
-        sentence = str(error)
-        return {"rows": [], "message": f"{sentence[:1].upper()}{sentence[1:]}."}
+        return refusal(str(error))
     variant = variant_of(design, needed)
     rows = [_row(name, float(margin[0]), result, variant, needed) for name, margin in result.margins.items()]
     missed = sum(float(margin[0]) < 0 for margin in result.margins.values())

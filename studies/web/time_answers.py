@@ -161,7 +161,9 @@ def _message(vibrating: Vibrating, motion: str, rows: Rows) -> str:
 
 def refusal(sentence: str) -> Data:
     """Return a part without numbers, and why there are none."""
-    return {"rows": [], "message": f"{sentence[:1].upper()}{sentence[1:]}."}
+    # the name of a field such as l0 stays as it is
+    is_word = sentence.partition(" ")[0].isalpha()
+    return {"rows": [], "message": f"{sentence[:1].upper() if is_word else sentence[:1]}{sentence[1:]}."}
 
 
 def motion_of(state: ExplorerState) -> Motion:
