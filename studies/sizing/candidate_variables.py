@@ -8,7 +8,6 @@ All lengths are whole multiples of `ROUNDING`. Outer size, height and wall are t
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -309,7 +308,7 @@ def _seat(part: HallPartEntry, requirements: Requirements) -> Seat:
     design = Design(D=20.0, L=20.0, l0=40.0, f=40.0, c=20.0, **part_fields(part, requirements))
     made = plan(design, Base(shape=requirements.outer_shape), requirements.process)
     (body, *_), z = made.seats.bodies.values(), design.H - design.l0
-    element = of_design(dataclasses.replace(design))[0]
+    element = of_design(design)[0]
     roof = body.corner[2] + body.sides[2] - z
     reach = tuple(max(-body.corner[k], body.corner[k] + body.sides[k]) for k in (0, 1))
     return Seat(part.layout == "three", element, roof, (reach[0], reach[1]), made.thickness + z)

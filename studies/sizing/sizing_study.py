@@ -312,7 +312,8 @@ def _worst_load(row: FlatRow, level: str) -> FlatRow:
     aside = f" with {row['force_x_N']:.4g} N at {row['direction_deg']:.0f} degrees" if row["force_x_N"] else ""
     corner = f"E = {row['E_MPa']:.4g} MPa and a remanence of {row['remanence_T']:.4g} T"
     text = f"{words} {row['value']:.3g} {unit} at {corner}, {row['force_z_N']:.4g} N{aside}"
-    return {"text": text, "line": solve_line(row, level)}
+    said = f" ({row['message']})" if row.get("message") else ""
+    return {"text": text + said, "line": solve_line(row, level)}
 
 
 def _costs(rows: list[FlatRow]) -> list[FlatRow]:
