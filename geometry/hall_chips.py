@@ -13,13 +13,7 @@ OWN = "chip"
 
 @dataclass(frozen=True, slots=True)
 class Pads:
-    """Two rows of pads on a board, mm.
-
-    Attributes
-    ----------
-    pins : pads of a row. pitch : distance of neighbours, along x. rows : distance of the rows' centres, along y.
-    length, width : size of a pad along y and along x.
-    """
+    """Two rows of `pins` pads each, mm: `pitch` along x, `rows` apart along y, `length` of a pad along y."""
 
     pins: int
     pitch: float

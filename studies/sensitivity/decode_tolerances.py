@@ -16,14 +16,17 @@ than three readings leave a residual, which the decoder tests (`deviation` of `a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from analytic.decode import Status, decode
 from analytic.parts import common_values
+from studies.output import page_templates
 from studies.sensing.decode_readings import WHY
 from studies.sensitivity.made_sensors import (
     MadeSensors,
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder
     from geometry.arrays import Array
 
+_SENTENCES = Path(__file__).with_name("sentences.j2")
 SENSORS = 400
 """Number of made sensors: a standard deviation is then known to 4 %."""
 DOUBTFUL = 0.05
@@ -66,20 +70,9 @@ class ToleranceCheck:
 
     def warnings(self, force: Array) -> list[str]:
         """Return a sentence on decoded forces, shape (n, 3), N, if a sensor at rest may have given the readings."""
-        alike, count = int((self.rest_probability >= DOUBTFUL).sum()), len(self.rest_probability)
-        if not alike:
-            return []
-        rows = "these readings" if count == 1 else f"{alike} of {count} rows"
-        text = f"{rows} may be those of a sensor at rest whose parts lie within tolerances"
-        if self.row is not None:
-            size, sigma = float(np.linalg.norm(force[self.row])), ", ".join(f"{v:.2g}" for v in self.tolerance_N)
-            place = "" if count == 1 else f" in row {self.row + 1}"
-            lost = f"; {self.lost} of {SENSORS} such sensors have no force there" if self.lost else ""
-            text += (
-                f", which change the force of {size:.3g} N{place} by {sigma} N along x, y and z (standard deviations"
-                f"{lost})"
-            )
-        return [f"{text}: calibrate the sensor"]
+        alike = int((self.rest_probability >= DOUBTFUL).sum())
+        size = math.nan if self.row is None else float(np.linalg.norm(force[self.row]))
+        return page_templates.sentences(_SENTENCES, "at_rest", check=self, alike=alike, size=size, sensors=SENSORS)
 
     def of_one(self, row: Mapping[str, Any], force: Array) -> dict[str, Any]:
         """Return the row of one decoded set of readings with this check added; `force` has shape (1, 3), N."""
