@@ -45,6 +45,14 @@ def test_no_rank_rests_on_less_than_the_resolution():
     assert {point.number for point in order} == {2, 3}
 
 
+def test_no_rank_rests_on_less_than_the_error_of_the_finite_elements():
+    """3 % more range dominates, but not where finite elements know a range within 10 %: then both share a rank."""
+    rows = [(10.3, 0.01, 20), (10, 0.01, 20), (20, 0.02, 20)]
+    sure, doubtful = (ranked(points(rows, range_z_half_width=w), Requirements(force_z=5.0)) for w in (0.0, 1.0))
+    assert {point.number for point in sure} == {1, 3}
+    assert [point.rank for point in sorted(doubtful, key=lambda point: point.number)][0:2] in ([1, 1], [2, 2])
+
+
 def test_what_finite_elements_dominate_is_left_out():
     made = points([(10, 0.01, 20), (9, 0.011, 21), (12, 0.02, 20)])
     assert [point.number for point in ranked(made, Requirements(force_z=5.0))] in ([1, 3], [3, 1])

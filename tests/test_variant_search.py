@@ -93,10 +93,10 @@ def random_front(needed, parts, count, seed=5):
 
 def gains(found, F, needed):
     """How far random points are beyond the front, and beyond its best point without a loss, relative."""
-    from studies.sizing.front_solves import scores
+    from studies.sizing.front_solves import scores, steps
 
     _, front = whole_front(found)
-    best = front[scores(front, needed).argmax()]
+    best = front[scores(steps(front), needed).argmax()]
     no_worse = (best + 0.005 >= F).all(axis=1)
     beyond = float((best - F[no_worse]).max(initial=0.0))
     return beyond, (front.min(axis=0) - F.min(axis=0)).max()

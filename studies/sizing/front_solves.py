@@ -3,7 +3,8 @@
 A point that misses a requirement by the numbers of the finite elements stays in the table, with its reason, but is
 not ranked; one that another one dominates by these numbers is left out. The score of a point is the weighted mean of
 three numbers, 0 for the worst and 1 for the best point that passes: of the logarithms of range, resolution and outer
-size, each in whole steps of `RESOLUTION`, so that no rank rests on less.
+size, each in whole steps of `RESOLUTION`, or of the largest half width of the finite elements (what their error
+estimates change) where that is larger. Equal scores share a rank, so that no rank rests on less.
 
 The responses of the beams (`FemBeams`) have the form of the surrogate's. The paths of all beams are solved side by
 side by worker processes; their states land in the store, so that a command that was interrupted solves none of them
@@ -41,13 +42,10 @@ RATIO_DIGITS = 6
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """Values of solved states, and half widths of 0: what finite elements say is taken as right."""
+    """Values of solved states, and half widths from their error estimates; 0 of what has none."""
 
     value: Array
-
-    @property
-    def half_width(self) -> Array:
-        return np.zeros_like(self.value)
+    half_width: Array
 
 
 class FemBeams:
@@ -63,13 +61,10 @@ class FemBeams:
             for design, row in zip(self.designs, depth, strict=True)
         ]
         answers = self.solver.answers(scenes)
-        ratio = _table(answers, lambda a, r: a.values["sideways_stiffness_ratio"])
         return {
-            "force": _table(answers, lambda a, r: r.force[2] / (a.E * a.D**2)),
-            "shift": _table(answers, lambda a, r: -r.shift[2] / a.D),
-            "contact_radius": _table(answers, lambda a, r: r.contact_radius / a.D),
+            "force": _table(answers, lambda a, r: r.force[2] / (a.E * a.D**2), "force"),
+            "shift": _table(answers, lambda a, r: -r.shift[2] / a.D, "shift"),
             "strain": _table(answers, lambda a, r: a.values["largest_strain"]),
-            "sideways_ratio": ratio,
         }
 
     def shear(self, depth: Array, shear: Array) -> dict[str, Solved]:
@@ -97,12 +92,11 @@ class FemBeams:
             for column, answer in zip(columns, answers, strict=True):
                 rows[k][column] = answer
         return {
-            "force_x": _table(rows, lambda a, r: r.force[0] / (a.E * a.D**2)),
-            "force_z": _table(rows, lambda a, r: r.force[2] / (a.E * a.D**2)),
-            "shift_x": _table(rows, lambda a, r: r.shift[0] / a.D),
-            "shift_z": _table(rows, lambda a, r: -r.shift[2] / a.D),
-            "tilt": _table(rows, lambda a, r: r.tilt),
-            "contact_radius": _table(rows, lambda a, r: r.contact_radius / a.D),
+            "force_x": _table(rows, lambda a, r: r.force[0] / (a.E * a.D**2), "sideways"),
+            "force_z": _table(rows, lambda a, r: r.force[2] / (a.E * a.D**2), "force"),
+            "shift_x": _table(rows, lambda a, r: r.shift[0] / a.D, "shift"),
+            "shift_z": _table(rows, lambda a, r: -r.shift[2] / a.D, "shift"),
+            "tilt": _table(rows, lambda a, r: r.tilt, "tilt"),
             "strain": _table(rows, lambda a, r: a.values["largest_strain"]),
         }
 
@@ -116,7 +110,8 @@ class FemBeams:
 
         inf where the search found none up to its end; NaN where it stopped before, or failed.
         """
-        return Solved(np.array([_critical(answer) for answer in self._stability]))
+        depth = np.array([_critical(answer) for answer in self._stability])
+        return Solved(depth, np.zeros(len(depth)))
 
     def stable_to(self, caution: float) -> Array:
         """Return the depths over D up to which presses are known to be stable, shape (n,); NaN where nothing is."""
@@ -132,7 +127,7 @@ class FemBeams:
         lowest = [
             (answer.values.get("frequency") or [np.nan])[0] for (answer,) in self.solver.answers(scenes, "modes")
         ]
-        return Solved(np.array(lowest, dtype=float))
+        return Solved(np.array(lowest, dtype=float), np.zeros(len(lowest)))
 
 
 def _critical(answer: Answer) -> float:
@@ -144,12 +139,20 @@ def _critical(answer: Answer) -> float:
     return np.inf if answer.status == "ok" and not answer.message else np.nan
 
 
-def _table(answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any]) -> Solved:
-    """Return what `read` reads from answers and their responses, shape (n, k); NaN where there is none."""
-    rows = [
-        [np.nan if one is None or one.response is None else read(one, one.response) for one in row] for row in answers
-    ]
-    return Solved(np.array(rows, dtype=float))
+def _table(
+    answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any], estimate: str = ""
+) -> Solved:
+    """Return what `read` reads from answers and their responses, shape (n, k), NaN where there is none; and half
+    widths by the estimated errors of this name."""
+
+    def pair(one: Answer | None) -> tuple[float, float]:
+        if one is None or one.response is None:
+            return np.nan, np.nan
+        value, errors = read(one, one.response), {"force": one.error_estimate, **one.estimates}
+        return value, abs(value) * float(np.nan_to_num(errors.get(estimate) or 0.0))
+
+    value, half_width = np.moveaxis(np.array([[pair(one) for one in row] for row in answers], dtype=float), -1, 0)
+    return Solved(value, half_width)
 
 
 MOST_POINTS = 12
@@ -193,7 +196,7 @@ class FrontPoint:
         depth_mm, shear_mm.
     status : "ok", or "failed" if a solve failed or a requirement is missed.
     reason : which requirements are missed, and by how much.
-    rank : 1 for the best; 0 for a point that failed.
+    rank : 1 for the best, equal for equal scores; 0 for a point that failed.
     score : 0 to 1; NaN for a point that failed.
     """
 
@@ -259,7 +262,7 @@ def solved_front(
     # if the surrogate confirms none at these loads, finite elements say why
     kept = passed if len(passed) else np.arange(len(candidates))
     F = objectives(dict(cautious.values), needed)[kept]
-    best = int(scores(F, needed).argmax())
+    best = int(scores(steps(F), needed).argmax())
     chosen = (
         np.unique([best, *spread(F, max(most - 1, 1)).tolist()])[: max(most, 1)] if most > 1 else np.array([best])
     )
@@ -274,8 +277,9 @@ def solved_points(candidates: Candidates, needed: Requirements, solver: Solver) 
     predicted, cautious = (performance(sensors, beams, needed, caution=ca, dense=True) for ca in (0.0, 1.0))
     ask = np.fmax(cautious.ask, predicted.ask)
     ask[:, 1] = np.fmin(cautious.ask[:, 1], predicted.ask[:, 1])
-    solved = performance(sensors, FemBeams(designs, solver), needed, caution=0.0, ask=ask, dense=True)
-    return [_point(k, candidates, predicted, cautious, solved) for k in range(len(candidates))]
+    fem = FemBeams(designs, solver)
+    solved, worse = (performance(sensors, fem, needed, caution=ca, ask=ask, dense=True) for ca in (0.0, 1.0))
+    return [_point(k, candidates, predicted, cautious, solved, worse) for k in range(len(candidates))]
 
 
 def _design(candidates: Candidates, k: int) -> Design:
@@ -285,11 +289,19 @@ def _design(candidates: Candidates, k: int) -> Design:
 
 
 def _point(
-    k: int, candidates: Candidates, predicted: Performance, cautious: Performance, solved: Performance
+    k: int,
+    candidates: Candidates,
+    predicted: Performance,
+    cautious: Performance,
+    solved: Performance,
+    worse: Performance,
 ) -> FrontPoint:
     """Return a point without a rank."""
-    values, said, worse = solved.one(k), predicted.one(k), cautious.one(k)
-    widths = {f"{name}_half_width": abs(worse[name] - said[name]) for name in COMPARED}
+    values, said = solved.one(k), predicted.one(k)
+    by_surrogate, by_fem = (
+        {f"{name}_half_width": abs(end.one(k)[name] - middle[name]) for name in COMPARED}
+        for end, middle in ((cautious, said), (worse, values))
+    )
     # how far a press is stable is in the margin, also where the search for the critical depth has stopped
     lost = [name for name in COMPARED if np.isnan(values[name]) and name != "critical" and not np.isnan(said[name])]
     variant = candidates.variant(k)
@@ -300,8 +312,8 @@ def _point(
             number=k + 1,
             candidate=candidates.take([k]),
             variant=variant,
-            predicted=said | widths,
-            solved=values,
+            predicted=said | by_surrogate,
+            solved=values | by_fem,
             predicted_margins={name: float(value[k]) for name, value in cautious.margins.items()},
             margins=margin,
             worst=_worst(solved, k, variant),
@@ -394,12 +406,28 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, solver: Solver) -
 
 
 def scores(F: Array, needed: Requirements) -> Array:
-    """Return the scores of points with objectives F, shape (n, 3)."""
-    steps = np.floor(F / RESOLUTION + 1e-9)
-    width = np.ptp(steps, axis=0)
-    share = np.where(width > 0, (steps.max(axis=0) - steps) / np.where(width > 0, width, 1.0), 1.0)
+    """Return the scores of points with objectives F in whole steps, shape (n, 3)."""
+    width = np.ptp(F, axis=0)
+    share = np.where(width > 0, (F.max(axis=0) - F) / np.where(width > 0, width, 1.0), 1.0)
     weights = np.array([needed.weight_range, needed.weight_resolution, needed.weight_size])
     return np.asarray(share @ weights / weights.sum())
+
+
+def steps(F: Array, resolution: Array | float = RESOLUTION) -> Array:
+    """Return objectives, shape (n, 3), in whole steps of a resolution."""
+    return np.asarray(np.floor(F / resolution + 1e-9))
+
+
+def solved_objectives(points: Sequence[FrontPoint], needed: Requirements) -> tuple[Array, Array]:
+    """Return the objectives of points by finite elements, shape (n, 3), and the resolution of each of them.
+
+    A half width as large as its value is that of a bound that is missed with it, and says nothing of the value.
+    """
+    values = {n: np.array([point.solved[n] for point in points]) for n in points[0].solved}
+    F = objectives(values, needed)
+    widths = {n: np.nan_to_num(values.get(f"{n}_half_width", 0 * v)) for n, v in values.items()}
+    moved = {n: v + np.where(widths[n] < v, widths[n], 0.0) for n, v in values.items()}
+    return F, np.fmax(RESOLUTION, np.abs(objectives(moved, needed) - F).max(axis=0))
 
 
 def ranked(points: Sequence[FrontPoint], needed: Requirements, solver: Solver | None = None) -> list[FrontPoint]:
@@ -412,18 +440,18 @@ def ranked(points: Sequence[FrontPoint], needed: Requirements, solver: Solver | 
     passed = [point for point in points if point.status == "ok"]
     failed = [point for point in points if point.status != "ok"]
     while passed:
-        values = {n: np.array([point.solved[n] for point in passed]) for n in passed[0].solved}
-        F = objectives(values, needed)
-        passed = [passed[k] for k in np.flatnonzero(~dominated(np.floor(F / RESOLUTION + 1e-9))).tolist()]
-        F = objectives({n: np.array([point.solved[n] for point in passed]) for n in passed[0].solved}, needed)
-        score = scores(F, needed)
-        order = np.lexsort((F.sum(axis=1), -score.round(9))).tolist()
+        F, resolution = solved_objectives(passed, needed)
+        kept = np.flatnonzero(~dominated(steps(F, resolution)))
+        passed, F = [passed[k] for k in kept.tolist()], F[kept]
+        score = scores(steps(F, resolution), needed).round(9)
+        order = np.lexsort((F.sum(axis=1), -score)).tolist()
         first = passed[order[0]]
         checked = first if solver is None else with_solved_loads(first, needed, solver)
         if checked.status == "ok":
             best = [checked, *(passed[k] for k in order[1:])]
-            scored = zip(best, score[order].tolist(), strict=True)
-            return [*(replace(p, rank=r, score=s) for r, (p, s) in enumerate(scored, 1)), *failed]
+            rank = [1 + int((score > score[k]).sum()) for k in order]
+            scored = zip(best, rank, score[order].tolist(), strict=True)
+            return [*(replace(p, rank=r, score=s) for p, r, s in scored), *failed]
         passed.remove(first)
         failed.append(checked)
     return failed

@@ -120,7 +120,7 @@ class Sizing:
     def alternatives(self) -> list[FrontPoint]:
         """Return other points that meet all requirements and differ most in kind from those before: first by the kind
         of Hall part, then by silicone and magnet; of equals the better ones."""
-        rest = [point for point in self.front if point.rank > 1]
+        rest = [point for point in self.front[1:] if point.status == "ok"]
         chosen = self.front[:1]
         for _ in range(min(ALTERNATIVES, len(rest))):
             best = max(rest, key=lambda point: (min(_unlike(point, other) for other in chosen), point.score))
