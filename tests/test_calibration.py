@@ -27,18 +27,19 @@ def bench_table(seed, count):
     """Presses and shears of a made sensor, by finite elements, with noise; a stand with compliance and a zero."""
     rng, made = np.random.default_rng(seed), made_sensors(paper(), tolerances(), 1, seed)
     rows = []
-    for k in range(count):
-        depth, angle = 0.4 + 1.7 * (k + 0.5) / count, 2.4 * k
-        load = Load(depth=depth, shear_x=0.9 * depth * (k % 3) / 2, friction="stick")
-        (state,) = trace(made.designs[0], [load], QUICK, estimate=False)
-        c, s = math.cos(angle), math.sin(angle)
-        x, _, z = state.response.force
-        u, _, w = state.response.shift
-        lean = state.response.tilt
-        read = made_readings(made, np.array([[[c * u, s * u, w]]]), np.array([[[-s * lean, c * lean]]])).output[0, 0]
-        force = np.array([c * x, s * x, z])
-        rows.append([*read + READING_NOISE * rng.normal(size=3), *force + FORCE_NOISE * rng.normal(size=3)])
-        rows[-1] += [depth + 0.004 * z + 0.1, *force]
+    for k in range(count // 3):
+        depth = 0.4 + 1.7 * (3 * k + 1.5) / count
+        loads = [Load(depth=depth, shear_x=share * depth, friction="stick") for share in (0.1, 0.5, 0.9)]
+        for j, state in enumerate(trace(made.designs[0], loads, QUICK, estimate=False)):
+            angle = 2.4 * (3 * k + j)
+            c, s = math.cos(angle), math.sin(angle)
+            x, _, z = state.response.force
+            u, _, w = state.response.shift
+            lean = state.response.tilt
+            shift, turn = np.array([[[c * u, s * u, w]]]), np.array([[[-s * lean, c * lean]]])
+            read, force = made_readings(made, shift, turn).output[0, 0], np.array([c * x, s * x, z])
+            noise = np.array([READING_NOISE] * 3 + [FORCE_NOISE] * 3) * rng.normal(size=6)
+            rows.append([*np.append(read, force) + noise, depth + 0.004 * z + 0.1, *force])
     heads = ["S1_V", "S2_V", "S3_V", "Fx_N", "Fy_N", "F_z [N]", "depth_mm", "true x", "true y", "true z"]
     return pd.DataFrame(rows, columns=heads)
 
@@ -184,6 +185,8 @@ def test_a_lag_of_the_forces_is_found():
 def test_intervals_of_simulated_sensors_are_judged_by_their_truth(tmp_path, monkeypatch):
     monkeypatch.setattr(calibration_check, "QUICK_SENSORS", 2)
     monkeypatch.setattr(calibration_check, "QUICK_VARIANTS", 1)
+    monkeypatch.setattr(calibration_check, "MANY", 300)
+    monkeypatch.setattr(calibration_check, "DEPTHS", calibration_check.DEPTHS[::2])
     found = calibration_check.run(lambda *_: None, quick=True, store=tmp_path / "states.sqlite")
     table = found.frame("calibrations")
     assert (table.rmse_N < 0.6 * table.quadratic_rmse_N).all()
