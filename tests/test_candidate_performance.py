@@ -65,7 +65,7 @@ def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the
     """Depth and shear of each pose give the required forces, and slopes by differences give the resolution."""
     one = made(part=part)
     design, sensors = one.variant(0).design, sensors_of(one)
-    beams, result = sensors.beams(), reached(one, caution=0.0)
+    beams = sensors.beams()
     ends = (sensors.E_low[0], sensors.E_high[0])
     noise = np.array([element.noise_T for element in of_design(design)])
     weak = dataclasses.replace(design, remanence=float(sensors.remanence[0, 0]))
@@ -81,20 +81,24 @@ def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the
         reading = batch_readings([weak], np.zeros(1, dtype=np.int64), shift[None], tilt[None]).field_T[0]
         return force, reading, s["strain"]
 
-    worst = dict.fromkeys(("resolution_z", "resolution_x", "strain"), 0.0)
+    result = performance(dataclasses.replace(sensors, drift=np.array([9e-4])), beams, NEEDED, caution=0.0)
+    worst = dict.fromkeys(("resolution_z", "resolution_x", "strain", "drift"), 0.0)
     for k in range(result.loads.shape[1]):
         z, x, angle = result.loads[0, k]
         if x == 0:
             continue
         q = np.array([result.depth[0, k], *(result.shear[0, k] * np.array([np.cos(angle), np.sin(angle)]))])
         E = ends[result.corner[k]]
-        force, _, strain = state(E, q)
+        force, reading, strain = state(E, q)
         assert np.hypot(*force[:2]) == pytest.approx(x, rel=0.03)
         assert force[2] == pytest.approx(z, rel=0.03)
         steps = [[state(E, q + way * 1e-3 * np.eye(3)[j])[:2] for way in (1, -1)] for j in range(3)]
         K, J = (np.stack([(a[i] - b[i]) / (2e-3 * design.D) for a, b in steps], axis=1) for i in (0, 1))
         sigma = force_resolution(J[None], K[None], noise)[0]
-        for name, value in (("resolution_z", sigma[2]), ("resolution_x", max(sigma[:2])), ("strain", strain)):
+        # the readings of a warmer sensor are 0.2 % per K smaller, and so is what they are decoded to
+        change = np.abs(K @ np.linalg.solve(J, 2e-3 * reading)) / [1.5, 1.5, 5.0]
+        figures = {"resolution_z": sigma[2], "resolution_x": max(sigma[:2]), "strain": strain, "drift": max(change)}
+        for name, value in figures.items():
             worst[name] = max(worst[name], value)
     for name, value in worst.items():
         assert result.values[name][0] == pytest.approx(value, rel=0.04), name
@@ -204,6 +208,23 @@ def test_the_range_ends_where_the_strain_reaches_its_bound_and_its_cap_is_an_opt
     assert reached(one, more, caution=0.0).values["strain"][0] == pytest.approx(0.6, rel=5e-3)
     capped = reached(one, dataclasses.replace(free, range_cap=1.2), caution=0.0).values
     assert capped["range_z"][0] == pytest.approx(min(1.2, factor) * 5.0, rel=2e-3)
+
+
+def test_drift_is_the_change_of_decoded_forces_that_a_gain_causes():
+    """The drift of the gain adds to that of the magnet; unknown drifts, and motions beyond the loss factor, miss."""
+    sensors = sensors_of(made(part="TMAG5170A1"))
+    strict = dataclasses.replace(NEEDED, drift_per_K=0.02, hysteresis=0.09, speed=1.0)
+    known, more, unknown = (
+        performance(one, one.beams(), strict)
+        for one in (sensors, *(dataclasses.replace(sensors, drift=np.array([d])) for d in (4.4e-4, np.nan)))
+    )
+    assert more.values["drift"] == pytest.approx(known.values["drift"] * (11 + 4.4) / (11 + 2.2))
+    assert unknown.margins["drift_per_K"] == LEAST
+    # the linear spring of the assumed loss factor has 7.2 %
+    assert known.values["hysteresis"] == pytest.approx(1.15 * 0.0722, rel=0.03)
+    assert known.margins["hysteresis"] > 0
+    fast = dataclasses.replace(strict, speed=1e5)
+    assert performance(sensors, sensors.beams(), fast).margins["hysteresis"] == LEAST
 
 
 class Changed:

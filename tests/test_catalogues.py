@@ -176,7 +176,9 @@ def test_a_file_with_all_kinds(toml):
 
 def test_what_is_left_out_counts_as_assumed(toml):
     text = SILICONE + "nu = [0.48, 0.49, 0.499]\ndensity = 1100\nassumed = ['density']\n"
-    assert read_catalogue(toml(text)).silicones["S"].assumed == ("density", "cure_temperature", "cure_hours", "mixed")
+    assert read_catalogue(toml(text)).silicones["S"].assumed == (
+        *("density", "loss_factor", "cure_temperature", "cure_hours", "mixed"),
+    )
 
 
 def test_a_chip_has_the_values_of_its_data_sheet(toml):

@@ -10,6 +10,12 @@ and its requirement is missed.
 The loads are those of `Requirements.loads`, the same for the surrogate and for finite elements; forces along the
 plate act in several directions. The range is the largest common factor of all required loads up to which strain,
 stability, saturation and the source's range hold at the least E.
+
+Drift is what a change of the remanence B_r and of the gain does to the decoded forces, over full scale:
+|dF/dB . B| (|dB_r/dT| / B_r + |dgain/dT| / gain) per K, where B are the readings; the magnitudes add, because data
+sheets give bounds of both signs. Drifts of the null and of the modulus are not in it. Hysteresis is the gap of steady
+triangular presses at mid-stroke over the largest force: that of a linear viscoelastic spring with a small constant
+tan(delta), 8/pi^2 times Catalan's constant times tan(delta), times `PRESS_GAP`.
 """
 
 from __future__ import annotations
@@ -52,6 +58,13 @@ MOST, LEAST = 1.0, -1e3
 """Bounds of a margin: more than twice a bound is no better, and NaN, where the source has no answer, is the worst."""
 DEEPER = 1.04
 """Depths and shears to which finite elements are asked, over those of the surrogate; the least depth is divided."""
+NEODYMIUM_DRIFT = 1.1e-3
+"""Loss of remanence of NdFeB per K, relative; assumed of all magnets: usual in tables of grades."""
+SPRING_GAP, PRESS_GAP = 8 / np.pi**2 * 0.915965594177219, 1.15
+"""Gap of a linear spring over tan(delta), see `analytic.relaxation_loops`; and that of a press over it, assumed: 1.11
+and 1.14 in the second cycle of the paper's sensor by finite elements, 1 and 2.4 mm deep."""
+LOSS_BAND = (0.01, 1000.0)
+"""Frequencies at which the loss factor of a silicone holds, Hz."""
 SCAN = np.array([0.4, 0.7, 1.0])
 """Shares of the range that stability allows at which the bounds are evaluated, before the crossing is refined."""
 REFINED = 3
@@ -70,6 +83,7 @@ class Sensors:
     points, normals : where the elements sample the field, from the magnet's centre at rest, and their directions,
         shape (n, m, 3). owners : the element of each point, shape (m,).
     gain, null, low, high, noise : of the three elements, shape (n, 3).
+    drift, loss : of the gain per K, relative, NaN where unknown; loss factor of the silicone, shape (n,).
     beside : distance of the face of S2 from the axis and its height, shape (n, 2); NaN for a chip.
     offset, turn : displacement and rotation vector of the magnet in the silicone, (n, 3) and (n, 2); None for 0.
     """
@@ -94,6 +108,8 @@ class Sensors:
     low: Array
     high: Array
     noise: Array
+    drift: Array
+    loss: Array
     beside: Array
     offset: Array | None = None
     turn: Array | None = None
@@ -158,6 +174,8 @@ def sensors_of(candidates: Candidates) -> Sensors:
                 ("noise", "noise_T"),
             )
         },
+        drift=c.element("gain_drift"),
+        loss=c.silicone("loss_factor"),
         beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),
     )
 
@@ -196,6 +214,8 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
         points=points[None] - [0.0, 0.0, d.H],
         normals=np.array([each.direction for each in elements])[owners][None],
         owners=owners,
+        drift=np.array([variant.hall_part.gain_drift], dtype=float),
+        loss=np.array([np.nan if d.prony else d.loss_factor]),
         beside=np.array([[d.f - SS495A.depth, level] if three else [np.nan, np.nan]]),
     )
 
@@ -241,13 +261,14 @@ class Performance:
         range_z, range_x, N; depth, depth_stiff under the required press, over D, at the least and the largest E;
         resolution_z, resolution_x, N; strain; critical, stable_to, over D; first_mode, Hz; saturation (least distance
         of a reading from its rail, over that in zero field); decoding (least determinant of the slopes over the
-        lengths of its columns, negative if its sign changes); distinct (least distance of the readings of two loads,
+        lengths of its columns, negative if its sign changes); drift per K and
+        hysteresis, over full scale; distinct (least distance of the readings of two loads,
         in standard deviations of their noise); clearance, outer_size, height, wall, mm; reach and reach_x (largest
         press and force along the plate that the source covers, over the required ones).
     margins : signed margins of the requirements, relative to their bounds, clipped to LEAST and MOST.
     corner, loads : for each of the p poses the corner (0 the least E, 1 the largest) and normal force, force along
         the plate, N, and its direction, rad, shape (n, p, 3).
-    worst : the pose of strain, resolution_z, resolution_x, saturation, decoding and distinct, shape (n,); -1 unknown.
+    worst : the pose of each of `WORST`, shape (n,); -1 unknown.
     depth, shear : of the poses, over D, shape (n, p).
     ask : deepest press, least and largest depth of shears, and the shears at the depths of `sheared_depths` to which
         finite elements must be asked, shape (n, 3 + SOLVED_DEPTHS), over D.
@@ -372,6 +393,8 @@ FIGURES = (
         "first_mode",
         "saturation",
         "decoding",
+        "drift",
+        "hysteresis",
         "distinct",
         "clearance",
         "outer_size",
@@ -381,7 +404,7 @@ FIGURES = (
         "reach_x",
     ),
 )
-WORST = ("strain", "resolution_z", "resolution_x", "saturation", "decoding", "distinct")
+WORST = ("strain", "resolution_z", "resolution_x", "saturation", "decoding", "drift", "distinct")
 """Figures of single poses."""
 
 
@@ -413,11 +436,12 @@ class _Rated:
         top = int(np.flatnonzero(self.loads[:, 1] == 0)[-1])
         put("depth", states[0].depth[:, top])
         put("depth_stiff", states[1].depth[:, top])
+        put("hysteresis", self._hysteresis(states[0].depth[:, top]))
         strain = np.concatenate([each.strain for each in states], axis=1)[:, self._both]
         field, slopes = self._readings(states)
         signed = self._saturation(field)
         found = {"strain": (strain, 1), "saturation": (signed, -1)}
-        found |= self._resolutions(states, slopes, self._rails(field, 0))
+        found |= self._resolutions(states, slopes, field)
         values_at = {name: self._over_corners(table, way) for name, (table, way) in found.items()}
         for name, (table, way) in found.items():
             put(name, values_at[name])
@@ -539,13 +563,20 @@ class _Rated:
         """Return the least distance at each pose, shape (n, p)."""
         return np.asarray(self._rails(field, 1).min(axis=2))
 
-    def _resolutions(self, states: Sequence[States], slopes: Array, rails: Array) -> dict[str, tuple[Array, int]]:
-        """Return standard deviations of the decoded forces and scaled determinants, (n, p), and their worse end.
+    def _hysteresis(self, depth: Array) -> Array:
+        """Return the hysteresis of presses to depths over D, shape (n,); NaN beyond `LOSS_BAND`."""
+        frequency = (self.needed.speed or np.nan) / (2 * depth * self.sensors.D)
+        known = (frequency >= LOSS_BAND[0]) & (frequency <= LOSS_BAND[1])
+        return np.where(known, PRESS_GAP * SPRING_GAP * self.sensors.loss, np.nan)
+
+    def _resolutions(self, states: Sequence[States], slopes: Array, field: Array) -> dict[str, tuple[Array, int]]:
+        """Return standard deviations and drifts of the decoded forces, and scaled determinants, (n, p), and their
+        worse end.
 
         A saturated reading does not change: no force is decoded.
         """
         s = self.sensors
-        J = np.where(rails[..., None] > 0, slopes, 0.0) * s.remanence[:, 0, None, None, None]
+        J = np.where(self._rails(field, 0)[..., None] > 0, slopes, 0.0) * s.remanence[:, 0, None, None, None]
         rows = [J[..., k, :] for k in range(3)]
         inverse = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=-1)
         det = (rows[0] * inverse[..., 0]).sum(axis=-1)
@@ -561,20 +592,32 @@ class _Rated:
         unit = np.repeat(self.units, p, axis=1) / s.D[:, None]
         aside = np.where(shear > 0, plane[..., 3] / np.where(shear > 0, shear, 1.0), by_shear[..., 3])
 
-        def deviations(row: Sequence[Array]) -> Array:
-            """Return the deviations of a force with these slopes along depth, shear and across."""
+        B = field * s.remanence[:, 0, None, None]
+        of_drift = (NEODYMIUM_DRIFT + np.abs(s.drift))[:, None]
+        unknown, known = np.isnan(det), np.abs(scaled) > SINGULAR
+
+        def deviations(row: Sequence[Array], full_scale: Array) -> tuple[Array, Array]:
+            """Return the deviations of a force with these slopes along depth, shear and across, and its drifts."""
             vector = np.stack(np.broadcast_arrays(*row), axis=-1)
-            parts = (vector[..., None] * inverse).sum(axis=-2) * s.noise[:, None]
+            parts = (vector[..., None] * inverse).sum(axis=-2)
+            sizes = np.linalg.norm(parts * s.noise[:, None], axis=-1), np.abs((parts * B).sum(axis=-1))
             with np.errstate(divide="ignore", invalid="ignore"):
-                size = unit * np.linalg.norm(parts, axis=-1) / np.abs(det)
-            return np.where(np.isnan(det), np.nan, np.where(np.abs(scaled) > SINGULAR, size, np.inf))
+                noise, change = (
+                    np.where(unknown, np.nan, np.where(known, unit * size / np.abs(det), np.inf)) for size in sizes
+                )
+            return noise, change * of_drift / full_scale
 
         angle = np.tile(self.poses.angle, 2)
         cos, sin = np.cos(angle), np.sin(angle)
-        x = deviations([cos * by_depth[..., 3], cos * by_shear[..., 3], -sin * aside])
-        y = deviations([sin * by_depth[..., 3], sin * by_shear[..., 3], cos * aside])
-        z = deviations([by_depth[..., 4], by_shear[..., 4], 0 * aside])
-        return {"resolution_z": (z, 1), "resolution_x": (np.maximum(x, y), 1), "decoding": (turned, -1)}
+        force_x = np.nan if self.needed.force_x is None else self.needed.force_x
+        full_z, full_x = (self.share * [self.needed.force_z, force_x]).T[..., None]
+        x, x_drift = deviations([cos * by_depth[..., 3], cos * by_shear[..., 3], -sin * aside], full_x)
+        y, y_drift = deviations([sin * by_depth[..., 3], sin * by_shear[..., 3], cos * aside], full_x)
+        z, drift = deviations([by_depth[..., 4], by_shear[..., 4], 0 * aside], full_z)
+        if self.needed.force_x is not None:
+            drift = np.maximum.reduce([x_drift, y_drift, drift])
+        found = {"resolution_z": (z, 1), "resolution_x": (np.maximum(x, y), 1), "decoding": (turned, -1)}
+        return {**found, "drift": (drift, 1)}
 
     def _distinct(self, field: Array) -> tuple[Array, Ints]:
         """Return the least distance of the readings of two loads of one sensor, and one of the two poses."""
@@ -745,6 +788,8 @@ def margins(values: Mapping[str, Array], needed: Requirements) -> dict[str, Arra
         ("resolution_z", values["resolution_z"], -1),
         ("resolution_x", values["resolution_x"], -1),
         ("largest_strain", values["strain"], -1),
+        ("drift_per_K", values["drift"], -1),
+        ("hysteresis", values["hysteresis"], -1),
         ("stability_margin", values["stable_to"] / values["depth"], 1),
         ("first_mode", values["first_mode"], 1),
         ("outer_size", values["outer_size"], -1),

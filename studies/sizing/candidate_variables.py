@@ -98,9 +98,11 @@ class Space:
             name: np.array([getattr(seat.element, name) for seat in self.seats])
             for name in ("gain", "null", "low", "high", "noise_T", "plate")
         }
+        drifts = [np.nan if part.gain_drift is None else part.gain_drift for part in parts.hall_parts]
+        self.elements["gain_drift"] = np.array(drifts)
         names = ("diameter", "height", "edge_radius", "density", "remanence_low", "remanence_high")
         self.magnets = {name: np.array([getattr(each, name) for each in parts.magnets]) for name in names}
-        kinds = ("E_low", "E_high", "density", "nu")
+        kinds = ("E_low", "E_high", "density", "nu", "loss_factor")
         self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones]) for name in kinds}
         self.low = USUAL_D[0] if requirements.D_low is None else requirements.D_low
         self.high = USUAL_D[1] if requirements.D_high is None else requirements.D_high
@@ -270,7 +272,7 @@ class Candidates:
         magnet, silicone, part = parts.magnets[m], parts.silicones[s], parts.hall_parts[h]
         l0, f, c = (float(each[k]) for each in self.places())
         fields: dict[str, Any] = {**magnet.fields(), **silicone.fields(), **part_fields(part, needed)}
-        fields |= {"D": float(self.D[k]), "L": float(self.L[k]), "l0": l0}
+        fields |= {"D": float(self.D[k]), "L": float(self.L[k]), "l0": l0, "loss_factor": silicone.loss_factor}
         fields |= {"f": f, "c": c} if part.layout == "three" else {"chip_x": 0.0}
         try:
             design = Design(**fields)

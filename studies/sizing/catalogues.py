@@ -146,6 +146,7 @@ class SiliconeEntry:
     nu: float
     nu_high: float
     density: float
+    loss_factor: float
     cure_temperature: float
     cure_hours: float
     mixed: str

@@ -25,7 +25,7 @@ from studies.sizing.front_solves import FrontPoint
 from studies.sizing.requirements import LIMITS, Requirements
 from studies.sizing.variant_search import Effort, Found, Rating, searched, sorted_parts
 
-AT_MOST = ("resolution_z", "resolution_x", "largest_strain", "outer_size", "height")
+AT_MOST = ("resolution_z", "resolution_x", "largest_strain", "drift_per_K", "hysteresis", "outer_size", "height")
 AT_LEAST = ("force_z", "force_x", "stability_margin", "first_mode", "wall")
 """Requirements that bound a variant from above and from below, and can give."""
 LEAST_EFFORT = Effort(256, 12)
@@ -106,7 +106,7 @@ def amount(name: str, value: float) -> str:
     ('49 %', '20 mN', '5 N')
     """
     unit = LIMITS[name].metadata["unit"]
-    if name == "largest_strain":
+    if name in ("largest_strain", "drift_per_K", "hysteresis"):
         return f"{100 * value:.4g} %"
     if unit == "N" and abs(value) < 0.1:
         return f"{1000 * value:.4g} mN"

@@ -39,6 +39,9 @@ largest_strain = "100 %"           # of the silicone, under any load
 no_saturation = true               # no reading reaches a rail; default: true
 unique_decoding = true             # no two loads have the same readings; default: true
 stability_margin = 1.2             # critical depth over the depth of the press; default: 1
+drift_per_K = "2 %"                # of the decoded forces by temperature, of full scale
+hysteresis = "10 %"                # gap of loading and unloading at mid-stroke, of full scale
+speed = "1 mm/s"                   # of the plate, for hysteresis
 first_mode = "50 Hz"               # lowest natural frequency of the unloaded sensor
 outer_size = "20 mm"               # diameter or side of the base
 outer_shape = "round"              # or square; default: round
@@ -99,6 +102,7 @@ class Requirements:
     bandwidth, samples : -3 dB bandwidth of the readings and number of readings averaged, which set the noise.
     converter_noise, converter_step : of the analog-to-digital converter of one-axis parts, V.
     largest_strain : bound of the largest principal nominal strain of the silicone (stretch - 1).
+    drift_per_K, hysteresis : over full scale, see `candidate_performance`.
     stability_margin : least critical depth over the depth at the end of the press range; always a hard bound.
     D_low, D_high : range of the diameter.
     wall : thinnest wall or pin of mould and base.
@@ -126,6 +130,9 @@ class Requirements:
     largest_strain: float | None = _limit("1", 0.01, 5.0, "largest strain of the silicone")
     stability_margin: float = _default(1.0, "1", 1, 100, "critical depth over depth of the whole range")
     first_mode: float | None = _limit("Hz", 0.1, 1e5, "first mode above")
+    drift_per_K: float | None = _limit("1", 1e-7, 1.0, "change of the decoded forces per K, over full scale")
+    hysteresis: float | None = _limit("1", 1e-4, 1.0, "gap of a press at mid-stroke, over full scale")
+    speed: float | None = _limit("mm/s", 1e-6, 1e6, "speed of the plate")
     outer_size: float | None = _limit("mm", 0.1, 1000, "outer size of the base")
     height: float | None = _limit("mm", 0.1, 5000, "total height")
     D_low: float | None = _limit("mm", 0.1, 200, "least diameter")
@@ -180,6 +187,8 @@ class Requirements:
                 raise BadInput(
                     f"resolution_{axis} must be below the range force_{axis} = {force:g} N; got {resolution:g} N"
                 )
+        if self.hysteresis is not None and self.speed is None:
+            raise BadInput('hysteresis needs the speed of the plate: add it, such as speed = "1 mm/s"')
         least, named = self.least_press, self.press_with_shear
         if named is not None and self.force_x is None:
             raise BadInput("press_with_shear needs force_x, the force along the plate: add it, or leave it out")

@@ -39,6 +39,8 @@ ROWS = {
     "resolution_z": ("resolution in z", -1, "mN", "resolution_z"),
     "resolution_x": ("resolution in x and y", -1, "mN", "resolution_x"),
     "largest_strain": ("largest strain", -1, "%", "strain"),
+    "drift_per_K": ("drift of the forces per K, of full scale", -1, "%", "drift"),
+    "hysteresis": ("hysteresis of a press, of full scale", -1, "%", "hysteresis"),
     "stability_margin": ("critical depth over depth", 1, "", "stable_to"),
     "first_mode": ("first mode", 1, "Hz", "first_mode"),
     "outer_size": ("outer size", -1, "mm", "outer_size"),
@@ -139,7 +141,8 @@ def variant_of(design: Design, needed: Requirements, *, nominal: bool = False) -
         parts.magnets[0], remanence_low=design.remanence, remanence_high=design.remanence
     )
     silicone = like(parts.silicones) or dataclasses.replace(parts.silicones[0], E_low=design.E, E_high=design.E)
-    return Variant(design, magnet, like(parts.hall_parts) or parts.hall_parts[0], silicone)
+    part = like(parts.hall_parts) or dataclasses.replace(parts.hall_parts[0], gain_drift=None)
+    return Variant(design, magnet, part, silicone)
 
 
 def margins(design: Design, needed: Requirements | None) -> Data:
