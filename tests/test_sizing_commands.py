@@ -11,7 +11,7 @@ import pytest
 from studies.cli import commands
 from studies.inputs.user_input import read_design
 from studies.output import atomic_files
-from studies.sizing import conflicts
+from studies.sizing import conflicts, front_yield
 from studies.sizing.variant_search import Effort
 
 NEEDED = """
@@ -43,7 +43,8 @@ def size(folder, needed, store, *options):
 def sizing(tmp_path_factory):
     """The folder of a small sizing with the parts of its best variant, and what it says on standard error."""
     folder, err = tmp_path_factory.mktemp("size"), io.StringIO()
-    with contextlib.redirect_stderr(err):
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stderr(err):
+        patch.setattr(front_yield, "CHECKED", 4)
         assert commands.run(size(folder, NEEDED, folder / "store.db", "--export")) == 0
     return folder / "out", err.getvalue()
 
