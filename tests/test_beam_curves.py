@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from studies.sizing.beam_curves import pressed_curves, sheared_depths, with_shears
+from studies.sizing.beam_curves import depths_between, pressed_curves, with_shears
 
 DEEPEST = np.array([0.3, 0.2])
 STIFFNESS = np.array([1.0, 3.0])
@@ -115,6 +115,6 @@ def test_missing_states_leave_no_answer():
 
 
 def test_depths_of_the_shears_rise_between_their_ends():
-    depth = sheared_depths(LOW, HIGH, 4)
+    depth = depths_between(LOW, HIGH, 4)
     assert (np.diff(depth, axis=1) > 0).all()
     assert depth[:, [0, -1]] == pytest.approx(np.stack([LOW, HIGH], axis=1))

@@ -71,7 +71,7 @@ def test_the_page_opens_at_the_required_load():
 
 def test_requirements_of_a_design_file(tmp_path):
     file = tmp_path / "winner.toml"
-    file.write_text(sizing_export.design_text(required_margins.variant_of(MOLD_STAR, NEEDED), NEEDED))
+    sizing_export.write_design(required_margins.variant_of(MOLD_STAR, NEEDED), NEEDED, tmp_path)
     assert required_margins.sensor_of(str(file)) == (MOLD_STAR, NEEDED)
     made = '[fabrication]\nprocess = "sla"\nbase = { shape = "square" }\n'
     file.write_text(f"D = 9.0\nL = 10.0\n{made}[requirements]\nforce_z = 5.0  # N\nouter_size = 20.0\n")

@@ -88,7 +88,7 @@ class Curves:
     deepest : largest depth of the presses, shape (n, 1).
     press, press_widths : `PRESSED` at `PRESS_DEPTHS` depths, and half widths, shape (n, PRESS_DEPTHS, 3).
     low, high : least and largest depth of the shears, shape (n, 1).
-    farthest : largest shears at the depths of `sheared_depths`, shape (n, count).
+    farthest : largest shears at the depths of `depths_between`, shape (n, count).
     shear : coefficients of `SHEARED`, shape (n, count, 6, m).
     shear_widths : half widths of `SHEARED` over their values, shape (n, count, 6).
     """
@@ -173,14 +173,11 @@ class Curves:
         pure = np.broadcast_to(force_x == 0, force_z.shape)
         depth = self.depth_of_force(force_z)
         press, _ = self.pressed(depth)
-        ends = self._shears_of(np.where(pure, np.nan, depth), force_z, force_x) if not pure.all() else None
-        if ends is None:
-            values, slopes, along = self.sheared(depth, np.zeros_like(depth))
-            shear = np.zeros_like(depth)
-        else:
-            shear = np.where(pure, 0.0, ends[1])
-            depth = np.where(pure, depth, ends[0])
-            values, slopes, along = self.sheared(depth, shear)
+        shear = np.zeros_like(depth)
+        if not pure.all():
+            ends = self._shears_of(np.where(pure, np.nan, depth), force_z, force_x)
+            depth, shear = np.where(pure, depth, ends[0]), np.where(pure, 0.0, ends[1])
+        values, slopes, along = self.sheared(depth, shear)
         # above the least depth of the shears the slope of a small shear stays what it is there
         strain = np.where(pure, press[..., 2], values[..., 5])
         return States(depth, shear, strain, values[..., :5], slopes[..., :5], along[..., :5])
@@ -228,19 +225,15 @@ class Curves:
         return np.where(met, depth, np.nan), np.where(met, shear, np.nan)
 
 
-def press_depths(deepest: Array) -> Array:
-    """Return the depths at which presses are evaluated, rising, shape (n, PRESS_DEPTHS)."""
-    return _depths(np.full_like(deepest, surrogate_range.SHALLOWEST), deepest, PRESS_DEPTHS)
-
-
-def sheared_depths(low: Array, high: Array, count: int) -> Array:
-    """Return the depths at which shears are evaluated, rising, shape (n, count)."""
-    return _depths(low, high, count)
+def depths_between(low: Array, high: Array, count: int) -> Array:
+    """Return the depths at which presses or shears are evaluated, rising, shape (n, count)."""
+    first, last = np.sqrt(low)[:, None], np.sqrt(high)[:, None]
+    return np.asarray((first + (last - first) * (_nodes(count) + 1) / 2) ** 2)
 
 
 def pressed_curves(beams: Beams, deepest: Array) -> Curves:
     """Return the responses of beams to presses down to depths (n,); their shears are not known."""
-    pressed = beams.press(press_depths(deepest))
+    pressed = beams.press(depths_between(np.full_like(deepest, surrogate_range.SHALLOWEST), deepest, PRESS_DEPTHS))
     press, widths = (np.stack([getattr(pressed[name], part) for name in PRESSED], axis=2) for part in _PARTS)
     none, depth = np.full((len(deepest), SHEARED_DEPTHS), np.nan), deepest[:, None]
     unknown = np.full((*none.shape, len(SHEARED)), np.nan)
@@ -255,12 +248,12 @@ def with_shears(
     Parameters
     ----------
     low, high : least and largest depth of shears, shape (n,).
-    farthest : largest shears at `sheared_depths`, shape (n, count).
+    farthest : largest shears at `depths_between`, shape (n, count).
     shares : shears that are evaluated, over the largest one, rising to 1.
     """
     # equal ends would leave no interval to interpolate over
     high = np.maximum(high, 1.02 * low)
-    depth, m = sheared_depths(low, high, farthest.shape[1]), len(shares)
+    depth, m = depths_between(low, high, farthest.shape[1]), len(shares)
     shear = farthest[:, :, None] * np.array(shares)
     answer = beams.shear(np.repeat(depth, m, axis=1), shear.reshape(len(depth), -1))
     values, widths = (
@@ -288,11 +281,6 @@ def with_shears(
 
 
 _PARTS = ("value", "half_width")
-
-
-def _depths(low: Array, high: Array, count: int) -> Array:
-    first, last = np.sqrt(low)[:, None], np.sqrt(high)[:, None]
-    return np.asarray((first + (last - first) * (_nodes(count) + 1) / 2) ** 2)
 
 
 @functools.cache

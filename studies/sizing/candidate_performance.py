@@ -41,8 +41,8 @@ from studies.sizing.beam_curves import (
     SOLVED_DEPTHS,
     Curves,
     States,
+    depths_between,
     pressed_curves,
-    sheared_depths,
     with_shears,
 )
 from studies.sizing.candidate_variables import Candidates, Variant
@@ -164,16 +164,8 @@ def sensors_of(candidates: Candidates) -> Sensors:
         points=points,
         normals=np.broadcast_to(np.array(AXES)[owners], points.shape),
         owners=owners,
-        **{
-            name: c.element(source)[:, None] * three
-            for name, source in (
-                ("gain", "gain"),
-                ("null", "null"),
-                ("low", "low"),
-                ("high", "high"),
-                ("noise", "noise_T"),
-            )
-        },
+        **{name: c.element(name)[:, None] * three for name in ("gain", "null", "low", "high")},
+        noise=c.element("noise_T")[:, None] * three,
         drift=c.element("gain_drift"),
         loss=c.silicone("loss_factor"),
         beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),
@@ -193,17 +185,9 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
     mould, (_, _, height) = sizes(d, Mold(process=needed.process)), outer_size(d, outline)[0]
     wall = min(2 * mould.pin_radius, mould.wall, Base().seat_wall if outline.seats.posts else np.inf)
     names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-    values = {
-        "D": d.D,
-        "L": d.L,
-        "E_low": silicone.E_low,
-        "E_high": silicone.E_high,
-        "density": d.density,
-        "magnet_density": d.magnet_density,
-        "size": 2 * outline.half,
-        "height": height,
-        "wall": wall,
-    }
+    values = {name: getattr(d, name) for name in ("D", "L", "density", "magnet_density")}
+    values |= {"E_low": silicone.E_low, "E_high": silicone.E_high}
+    values |= {"size": 2 * outline.half, "height": height, "wall": wall}
     return Sensors(
         **{name: np.array([value]) for name, value in values.items()},
         **one,
@@ -270,7 +254,7 @@ class Performance:
         the plate, N, and its direction, rad, shape (n, p, 3).
     worst : the pose of each of `WORST`, shape (n,); -1 unknown.
     depth, shear : of the poses, over D, shape (n, p).
-    ask : deepest press, least and largest depth of shears, and the shears at the depths of `sheared_depths` to which
+    ask : deepest press, least and largest depth of shears, and the shears at the depths of `depths_between` to which
         finite elements must be asked, shape (n, 3 + SOLVED_DEPTHS), over D.
     """
 
@@ -378,31 +362,9 @@ def _critical(beams: Any, caution: float) -> Array:
 
 
 FIGURES = (
-    *(
-        "range_z",
-        "range_x",
-        "depth",
-        "depth_stiff",
-        "resolution_z",
-        "resolution_x",
-        "strain",
-        "critical",
-        "stable_to",
-    ),
-    *(
-        "first_mode",
-        "saturation",
-        "decoding",
-        "drift",
-        "hysteresis",
-        "distinct",
-        "clearance",
-        "outer_size",
-        "height",
-        "wall",
-        "reach",
-        "reach_x",
-    ),
+    *("range_z", "range_x", "depth", "depth_stiff", "resolution_z", "resolution_x", "strain", "critical"),
+    *("stable_to", "first_mode", "saturation", "decoding", "drift", "hysteresis", "distinct", "clearance"),
+    *("outer_size", "height", "wall", "reach", "reach_x"),
 )
 WORST = ("strain", "resolution_z", "resolution_x", "saturation", "decoding", "drift", "distinct")
 """Figures of single poses."""
@@ -422,6 +384,11 @@ class _Rated:
     loads: Array
     poses: _Poses
     caution: float
+
+    def take(self, rows: Ints) -> _Rated:
+        """Return some of the sensors; their curves under a press stay those of all."""
+        parts = {name: getattr(self, name)[rows] for name in ("known", "stable", "units", "share")}
+        return replace(self, sensors=self.sensors.take(rows), **parts)
 
     def fill(self, result: Performance, rows: Ints, beams: Any, ask: Array | None) -> None:
         """Write the figures of these rows."""
@@ -697,16 +664,7 @@ class _Rated:
         # of the presses alone, the largest one comes first to a bound
         ends = self.loads[int(np.flatnonzero(self.loads[:, 1] == 0)[-1]) :]
         turns = HALF_TURN if self.sensors.turn is None else WHOLE_TURN
-        part = replace(
-            self,
-            sensors=self.sensors.take(rows),
-            known=self.known[rows],
-            stable=self.stable[rows],
-            units=self.units[rows],
-            share=self.share[rows],
-            loads=ends,
-            poses=_Poses.of(ends, turns),
-        )
+        part = replace(self.take(rows), loads=ends, poses=_Poses.of(ends, turns))
         curve, top_factor = soft.take(rows), most[rows]
         low, low_slack = np.ones(len(rows)), np.full(len(rows), np.nan)
         high, high_slack = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
@@ -724,15 +682,7 @@ class _Rated:
             known = np.isfinite(fa) & np.isfinite(fb) & (fa > fb)
             at = np.where(known, np.clip(fa / np.where(known, fa - fb, 1.0), 0.1, 0.9), 0.5)
             trial = a + at * (b - a)
-            inner = replace(
-                part,
-                sensors=part.sensors.take(open_),
-                known=part.known[open_],
-                stable=part.stable[open_],
-                units=part.units[open_],
-                share=part.share[open_],
-            )
-            slack, _ = inner._slack(curve.take(open_), trial)
+            slack, _ = part.take(open_)._slack(curve.take(open_), trial)
             good = slack >= 0
             low[open_], low_slack[open_] = np.where(good, trial, a), np.where(good, slack, fa)
             high[open_], high_slack[open_] = np.where(good, b, trial), np.where(good, fb, slack)
@@ -766,7 +716,7 @@ class _Rated:
         high = np.maximum(press, 1.02 * low)
         if not sheared:
             return np.column_stack([press, low, high, np.full((len(low), SOLVED_DEPTHS), NO_SHEAR)])
-        depth = sheared_depths(low, high, SOLVED_DEPTHS)
+        depth = depths_between(low, high, SOLVED_DEPTHS)
         force = np.fmax(factor, 1.0) * self.share[:, 1] * (self.needed.force_x or 0.0) / self.units[:, 0]
         soft = corners[0]
         inside = np.clip(depth, soft.low, soft.high)

@@ -171,9 +171,6 @@ class Catalogues:
     left_out: tuple[HallPartEntry, ...] = ()
 
 
-Entry = MagnetEntry | HallPartEntry | SiliconeEntry
-
-
 @dataclass(frozen=True, slots=True)
 class Key:
     """A key of a table: unit (of `studies.inputs.quantity_input.UNITS`, text, or names) and range of its numbers, how

@@ -190,8 +190,7 @@ class FrontPoint:
     ----------
     number : from 1, in the order of the front.
     predicted, solved : what it reaches by the surrogate and by finite elements, names as in `Performance`.
-    predicted_margins, margins : margins of the requirements by the surrogate, at the worse ends of its intervals, and
-        by finite elements.
+    margins : margins of the requirements by finite elements.
     worst : rows of the worst loads: figure, value, unit, E_MPa, remanence_T, force_z_N, force_x_N, direction_deg,
         depth_mm, shear_mm.
     status : "ok", or "failed" if a solve failed or a requirement is missed.
@@ -205,7 +204,6 @@ class FrontPoint:
     variant: Variant
     predicted: dict[str, float]
     solved: dict[str, float]
-    predicted_margins: dict[str, float]
     margins: dict[str, float]
     worst: list[FlatRow]
     status: str
@@ -306,7 +304,6 @@ def _point(
     lost = [name for name in COMPARED if np.isnan(values[name]) and name != "critical" and not np.isnan(said[name])]
     variant = candidates.variant(k)
     assert isinstance(variant, Variant), variant
-    margin = {name: float(value[k]) for name, value in solved.margins.items()}
     return _judged(
         FrontPoint(
             number=k + 1,
@@ -314,8 +311,7 @@ def _point(
             variant=variant,
             predicted=said | by_surrogate,
             solved=values | by_fem,
-            predicted_margins={name: float(value[k]) for name, value in cautious.margins.items()},
-            margins=margin,
+            margins={name: float(value[k]) for name, value in solved.margins.items()},
             worst=_worst(solved, k, variant),
             status="",
             reason=f"finite elements did not reach {', '.join(lost)}" if lost else "",

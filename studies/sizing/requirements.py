@@ -76,13 +76,8 @@ LEAST_SLENDERNESS = 0.75
 """Least L/D of the beams that the search considers."""
 
 
-def _limit(unit: str, low: float, high: float, text: str) -> Any:
-    """Return an optional field with a number: its unit, range and meaning."""
-    return _default(None, unit, low, high, text)
-
-
-def _default(default: float | None, unit: str, low: float, high: float, text: str) -> Any:
-    """Return a field with a number that has a default: its unit, range and meaning."""
+def _number(unit: str, low: float, high: float, text: str, default: float | None = None) -> Any:
+    """Return a field with a number: its unit, range and meaning; unset by default."""
     return field(default=default, metadata={"unit": unit, "low": low, "high": high, "text": text})
 
 
@@ -121,28 +116,28 @@ class Requirements:
     """
 
     force_z: float = field(metadata={"unit": "N", "low": 1e-3, "high": 1e4, "text": "normal force of the press"})
-    force_x: float | None = _limit("N", 1e-3, 1e4, "force along the plate, in any direction")
-    friction: float = _default(0.8, "1", 0.01, 10, "friction of the plate")
-    press_with_shear: float | None = _limit("N", 1e-3, 1e4, "least press under which force_x is needed")
-    range_cap: float | None = _limit("1", 1, 1000, "largest useful load over the required one")
-    resolution_z: float | None = _limit("N", 1e-9, 1e4, "resolution in z at the worst pose")
-    resolution_x: float | None = _limit("N", 1e-9, 1e4, "resolution in x and y at the worst pose")
-    largest_strain: float | None = _limit("1", 0.01, 5.0, "largest strain of the silicone")
-    stability_margin: float = _default(1.0, "1", 1, 100, "critical depth over depth of the whole range")
-    first_mode: float | None = _limit("Hz", 0.1, 1e5, "first mode above")
-    drift_per_K: float | None = _limit("1", 1e-7, 1.0, "change of the decoded forces per K, over full scale")
-    hysteresis: float | None = _limit("1", 1e-4, 1.0, "gap of a press at mid-stroke, over full scale")
-    speed: float | None = _limit("mm/s", 1e-6, 1e6, "speed of the plate")
-    outer_size: float | None = _limit("mm", 0.1, 1000, "outer size of the base")
-    height: float | None = _limit("mm", 0.1, 5000, "total height")
-    D_low: float | None = _limit("mm", 0.1, 200, "least diameter")
-    D_high: float | None = _limit("mm", 0.1, 200, "largest diameter")
-    wall: float | None = _limit("mm", 0.05, 10, "thinnest printed wall")
+    force_x: float | None = _number("N", 1e-3, 1e4, "force along the plate, in any direction")
+    friction: float = _number("1", 0.01, 10, "friction of the plate", 0.8)
+    press_with_shear: float | None = _number("N", 1e-3, 1e4, "least press under which force_x is needed")
+    range_cap: float | None = _number("1", 1, 1000, "largest useful load over the required one")
+    resolution_z: float | None = _number("N", 1e-9, 1e4, "resolution in z at the worst pose")
+    resolution_x: float | None = _number("N", 1e-9, 1e4, "resolution in x and y at the worst pose")
+    largest_strain: float | None = _number("1", 0.01, 5.0, "largest strain of the silicone")
+    stability_margin: float = _number("1", 1, 100, "critical depth over depth of the whole range", 1.0)
+    first_mode: float | None = _number("Hz", 0.1, 1e5, "first mode above")
+    drift_per_K: float | None = _number("1", 1e-7, 1.0, "change of the decoded forces per K, over full scale")
+    hysteresis: float | None = _number("1", 1e-4, 1.0, "gap of a press at mid-stroke, over full scale")
+    speed: float | None = _number("mm/s", 1e-6, 1e6, "speed of the plate")
+    outer_size: float | None = _number("mm", 0.1, 1000, "outer size of the base")
+    height: float | None = _number("mm", 0.1, 5000, "total height")
+    D_low: float | None = _number("mm", 0.1, 200, "least diameter")
+    D_high: float | None = _number("mm", 0.1, 200, "largest diameter")
+    wall: float | None = _number("mm", 0.05, 10, "thinnest printed wall")
     no_saturation: bool = True
     unique_decoding: bool = True
-    bandwidth: float | None = _limit("Hz", 1e-3, 1e6, "bandwidth of the readings")
-    converter_noise: float = _default(CONVERTER_NOISE, "V", 0, 1, "noise of the converter (rms)")
-    converter_step: float = _default(CONVERTER_STEP, "V", 0, 1, "step of the converter")
+    bandwidth: float | None = _number("Hz", 1e-3, 1e6, "bandwidth of the readings")
+    converter_noise: float = _number("V", 0, 1, "noise of the converter (rms)", CONVERTER_NOISE)
+    converter_step: float = _number("V", 0, 1, "step of the converter", CONVERTER_STEP)
     samples: int = 1
     outer_shape: Literal["round", "square"] = "round"
     process: Literal["fdm", "sla"] = "fdm"

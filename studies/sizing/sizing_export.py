@@ -65,12 +65,7 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
 
 
 def write_design(variant: Variant, requirements: Requirements, folder: Path) -> None:
-    """Write the design file of the best variant."""
-    write_text(folder / DESIGN, design_text(variant, requirements))
-
-
-def design_text(variant: Variant, requirements: Requirements) -> str:
-    """Return the design file: all fields that are no defaults, how the sensor is made, and what was required."""
+    """Write the design file: all fields that are no defaults, how the sensor is made, and what was required."""
     lines = [
         f"# magnet: {variant.magnet.name}",
         f"# silicone: {variant.silicone.name}, E = {variant.silicone.E_low:g} to {variant.silicone.E_high:g} MPa",
@@ -83,7 +78,7 @@ def design_text(variant: Variant, requirements: Requirements) -> str:
     lines += [f"base = {{ {_line('shape', requirements.outer_shape)} }}", "", "[requirements]"]
     rows = [row for row in requirements.rows() if row["state"] == "set"]
     lines += [f"{_line(row['requirement'], row['value'])}  # {row['unit']}" for row in rows]
-    return "\n".join(lines) + "\n"
+    write_text(folder / DESIGN, "\n".join(lines) + "\n")
 
 
 def _line(name: str, value: object) -> str:

@@ -34,7 +34,7 @@ from studies.sizing.front_solves import (
 )
 from studies.sizing.front_yield import Yield
 from studies.sizing.requirements import Requirements
-from studies.sizing.variant_search import Effort, searched, whole_front
+from studies.sizing.variant_search import Effort, part_of, searched, whole_front
 
 FILES = ("sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json", "winner.toml")
 """Files that a sizing writes into its folder."""
@@ -151,7 +151,7 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
         return sizing(0, 0, [], None, Conflict(bounds))
     # a store that cannot be used is refused before the search
     with stores.opened(settings.store or stores.default()) as store:
-        found = searched(requirements, catalogues, settings.effort, _part(progress, 0.0, SEARCHED))
+        found = searched(requirements, catalogues, settings.effort, part_of(progress, 0.0, SEARCHED))
         candidates = sum(pool.rated for pool in found)
         solver = Solver(store, settings.processes, _calls(progress, SEARCHED, SOLVED), settings.accuracy)
         if not any((pool.violation == 0).any() for pool in found):
@@ -162,7 +162,7 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
                 settings.effort,
                 found,
                 lambda chosen, needed: solved_points(chosen, needed, quiet),
-                _part(progress, SEARCHED, 1.0),
+                part_of(progress, SEARCHED, 1.0),
             )
             return sizing(candidates, 0, [], None, conflict)
         variants, _ = whole_front(found)
@@ -170,19 +170,11 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
     made = None
     if front and front[0].status == "ok":
         progress(SOLVED, f"{settings.sensors} made sensors")
-        solves = {
-            "model": f"fem:{settings.accuracy.name}",
-            "store": settings.store,
-            "workers": settings.processes.workers,
-        }
+        model, workers = f"fem:{settings.accuracy.name}", settings.processes.workers
+        solves = {"model": model, "store": settings.store, "workers": workers}
         variant, seed = front[0].variant, requirements.seed
         made = front_yield.yield_of(variant, requirements, settings.sensors, seed, solves=solves)
     return sizing(candidates, len(variants), front, made, None)
-
-
-def _part(progress: Progress, low: float, high: float) -> Progress:
-    """Return the progress of a part of the study."""
-    return lambda share, text: progress(low + (high - low) * share, text)
 
 
 def _calls(progress: Progress, low: float, high: float) -> Progress:

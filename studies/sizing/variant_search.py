@@ -399,7 +399,11 @@ def searched(
     ratings = [Rating(needed, free) for _ in kinds]
     for number, space in enumerate(kinds):
         kind = "one-axis parts" if space.three[space.choices[2][0]] else "3-axis chips"
-        part = None if progress is None else _part(progress, number, len(kinds), kind)
+        part = (
+            None
+            if progress is None
+            else part_of(progress, number / len(kinds), (number + 1) / len(kinds), f"{kind}: ")
+        )
         found.append(search(space, ratings[number], effort, part, first_met=first_met))
         if first_met and found[-1].violation.min() == 0:
             return found
@@ -412,9 +416,9 @@ def searched(
     return found
 
 
-def _part(progress: Progress, done: int, count: int, kind: str) -> Progress:
-    """Return the progress of one of several searches."""
-    return lambda share, text: progress((done + share) / count, f"{kind}: {text}")
+def part_of(progress: Progress, low: float, high: float, prefix: str = "") -> Progress:
+    """Return the progress of a part of a study."""
+    return lambda share, text: progress(low + (high - low) * share, prefix + text)
 
 
 def whole_front(found: Sequence[Found]) -> tuple[Candidates, Array]:
