@@ -153,6 +153,22 @@ def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
     assert run("solve", out / "design.toml", "--depth", "0.5", "--accuracy", "quick")[0] == 0
 
 
+def test_swapped_elements_and_wrong_rows_are_told(bench, run, tmp_path):
+    table = bench[0].iloc[:12, :7]
+    table.rename(columns={"S2_V": "S3_V", "S3_V": "S2_V"}).to_csv(tmp_path / "swapped.csv", index=False)
+    assert (
+        "do not use it; check which column is which element" in run("calibrate", "paper", tmp_path / "swapped.csv")[2]
+    )
+    wrong = table.assign(**{"F_z [N]": table["F_z [N]"].where(table.index != 6, 50.0)})
+    wrong.to_csv(tmp_path / "wrong.csv", index=False)
+    assert "row 7 of wrong fits" in run("calibrate", "paper", tmp_path / "wrong.csv")[2]
+
+
+def test_four_rows_are_enough(bench, run, tmp_path):
+    bench[0].iloc[:4, :7].to_csv(tmp_path / "four.csv", index=False)
+    assert run("calibrate", "paper", tmp_path / "four.csv", "--json")[0] == 0
+
+
 def test_unknowns_that_no_row_tells_apart_are_named(simulated):
     sensor, shift, rng = simulated
     rows = rows_of(sensor, sensor.unknowns.mean, shift, rng)
@@ -237,6 +253,10 @@ def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor(degree):
         (lambda t: t.assign(load_g=1.0), [], "both mean Fz_N"),
         (lambda t: t.assign(Fx_N="much"), [], "is no number: 'much'"),
         (lambda t: t, ["--fix", "foo=1"], "there is no unknown 'foo'"),
+        (lambda t: t, ["--fix", "remanence=1e9"], "is far from what a made sensor has"),
+        (lambda t: t, ["--fix", "modulus=1", "--free", "modulus"], "both in --free and in --fix"),
+        (lambda t: t, ["--force-noise", "-1"], "--force-noise must be a number of N above 0"),
+        (lambda t: t.assign(S1_V=t.S1_V.where(t.index != 3, 1e30)), [], "readings of S1 such as 1e+30 V cannot be"),
         (lambda t: t, ["--scan"], "a scan is read by a 3-axis chip"),
     ],
 )  # fmt: skip

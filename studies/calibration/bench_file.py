@@ -35,6 +35,8 @@ NAMES = {
     r"t|time|t_wall": "time_s", r"temp|temperature": "temperature_C",
 }  # fmt: skip
 """Heads without their unit, in small letters, and the columns that they mean."""
+IMPOSSIBLE = 100.0
+"""Reading over the rail of its element beyond which a single cell is refused."""
 FEWEST = 4
 """Least number of rows with all readings and a force: three readings alone tell no more than a pose."""
 
@@ -137,6 +139,9 @@ def _read_file(
     given = {head: name for name, head in columns.items()}
     if lost := [head for head in given if head not in raw]:
         raise BadInput(f"{file.name} has no column {lost[0]!r}: --column names one of {', '.join(raw.columns)}")
+    for head in raw.columns:
+        if head.removesuffix(".1") in raw.columns and head.endswith(".1"):  # so pandas names a second one
+            raise BadInput(f"{file.name} has the column {head.removesuffix('.1')!r} twice: rename or delete one")
     found: dict[str, str] = {}
     table, heads = {}, []
     for head in raw.columns:
@@ -214,7 +219,7 @@ def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: par
         # a voltage is positive, a flux density is not
         least = element.low / 2 if element.unit == "V" else 1.5 * element.low
         beyond = (values < least) | (values > 1.5 * element.high)
-        if len(values) and beyond.mean() > 0.5:
+        if beyond.mean() > 0.5 or (values.abs() > IMPOSSIBLE * element.high).any():
             raise BadInput(
                 f"readings of {name} such as {values[beyond].iloc[0]:.4g} {element.unit} cannot be: this element "
                 f"reads from {element.low:g} to {element.high:g} {element.unit}: check the unit of its column"

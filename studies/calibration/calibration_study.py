@@ -58,6 +58,9 @@ SAME = 0.9
 """Posterior over prior standard deviation from which the rows say nothing about an unknown."""
 PATTERN = 4.0
 """Standard errors of the mean or of the correlation of neighbours beyond which residuals are no noise."""
+OUTLIER, UNUSABLE = 6.0, 1.5
+"""Misfit of a row over the median from which it is named; RMSE over that of the better regression from which a
+calibration is called unusable."""
 METHODS = ("calibration", "linear ridge", "quadratic ridge")
 LAGS = np.linspace(-0.2, 0.2, 41)
 """Lags of the force behind the readings that are tried, s."""
@@ -180,8 +183,9 @@ def folds(bench: Bench, rows: Ints) -> Iterator[tuple[str, Ints, Ints]]:
             if (run == name).any():
                 yield name, rows[run != name], rows[run == name]
     else:
-        for k, part in enumerate(np.array_split(rows, FOLDS), 1):
-            yield f"part {k} of {FOLDS}", np.setdiff1d(rows, part), part
+        count = min(FOLDS, len(rows))
+        for k, part in enumerate(np.array_split(rows, count), 1):
+            yield f"part {k} of {count}", np.setdiff1d(rows, part), part
 
 
 def _score(force: Array, truth: Array, full_scale: float) -> FlatRow:
@@ -302,6 +306,19 @@ def residual_rows(found: Fit, bench: Bench, rows: Ints) -> list[FlatRow]:
     return rows_of
 
 
+def _outliers(found: Fit, bench: Bench, rows: Ints) -> list[str]:
+    """Return a sentence on the row that fits worst, if it is far from all others."""
+    size = np.sqrt(np.nanmean(np.square(found.residual), axis=1))
+    worst = int(np.argmax(size))
+    if len(size) < 3 or not size[worst] > OUTLIER * np.median(size):
+        return []
+    run = bench.table["run"].to_numpy()
+    at = 1 + int(np.count_nonzero(run[: rows[worst]] == run[rows[worst]]))
+    times = size[worst] / np.median(size)
+    text = f"row {at} of {run[rows[worst]]} fits {times:.2g} times worse than the others: was it measured wrongly?"
+    return [text]
+
+
 def advice(found: Fit) -> str:
     """Return which next press would help most, in words."""
     low, high = workspace(found.sensor.design, found.sensor.mechanics)
@@ -315,7 +332,7 @@ def advice(found: Fit) -> str:
     x, y, z = at[:3]
     return (
         f"the next press that helps most: {z:.3g} N with ({x:.2g}, {y:.2g}) N along (x, y); it lowers the standard "
-        f"deviation of decoded forces from {1e3 * now:.2g} to {1e3 * after:.2g} mN"
+        f"deviation of decoded forces from {1e3 * now:.3g} to {1e3 * after:.3g} mN"
     )
 
 
@@ -348,6 +365,8 @@ def run(
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there is nothing to calibrate")
+    if force_noise is not None and not 0 < force_noise < math.inf:
+        raise BadInput(f"--force-noise must be a number of N above 0; got {force_noise:g}")
     progress(0.0, "mechanics")
     law, source, error = mechanics_of(design, responses)
     un = sensor_fit.unknowns_of(design, bench, tolerances, freed=freed, fixed=fixed, model_error=error)
@@ -373,11 +392,18 @@ def run(
     warnings = []
     if found.growth > 2 or wrong:
         where = f" (channels {', '.join(wrong)})" if wrong else ""
+        wider = f", and all intervals are {math.sqrt(found.growth):.3g} times as wide" if found.growth > 1.1 else ""
         warnings.append(
-            f"residuals are larger than the stated errors, or no noise{where}: the model lacks something, and all "
-            f"intervals are {math.sqrt(found.growth):.3g} times as wide as stated errors alone would make them"
+            f"residuals are larger than the stated errors, or no noise{where}: the model lacks something{wider}"
         )
+    warnings += _outliers(found, bench, rows)
     summary = _summary(table)
+    if summary[0]["rmse_N"] > UNUSABLE * min(row["rmse_N"] for row in summary[1:]):
+        warnings.append(
+            f"a regression decodes these rows {summary[0]['rmse_N'] / min(row['rmse_N'] for row in summary[1:]):.2g} "
+            "times better than the calibration: do not use it; check which column is which element, the signs of the "
+            "forces, and the rows named as outliers"
+        )
     record: FlatRow = {
         "rows": len(rows), "runs": len(bench.runs), "mechanics": source, "lag_s": lag, "chi2": found.chi2,
         "freedom": found.freedom, "growth": found.growth, "unknowns": unknown_rows(found), "held_out": table,

@@ -60,6 +60,8 @@ QUANTILE = 1.6449
 """Half width of a 90 % interval of a normal distribution over its standard deviation."""
 AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
 """Standard deviations of priors: ambient field (T, as the earth's), zero (mm) and compliance (mm/N) of the stand."""
+FARTHEST = 30.0
+"""Largest distance of a fixed value from its prior, in standard deviations."""
 MECHANICS = 0.03
 """The same of what is unknown of the mechanics beside the modulus: stiffening, and factors of lateral force and lean.
 Made sensors of another law, nu and magnet differ by some percent (`magtip validate calibration`)."""
@@ -135,6 +137,15 @@ def unknowns_of(
     for name in (*freed, *fixed):
         if name not in names:
             raise BadInput(f"there is no unknown {name!r}: choose one of {', '.join(names)}")
+    if both := sorted({*freed} & {*fixed}):
+        raise BadInput(f"{both[0]} is both in --free and in --fix: choose one")
+    for name, value in fixed.items():
+        k = names.index(name)
+        if not abs(value - mean[k]) <= FARTHEST * (deviation[k] or 1.0):
+            raise BadInput(
+                f"--fix {name}={value:g} is far from what a made sensor has, {mean[k]:g} +- {deviation[k]:.2g} "
+                f"{units[k]}: check its value"
+            )
     means, wide = np.array(mean), np.array(deviation)
     for k, name in enumerate(names):
         wide[k] *= 0.0 if name in fixed else 10.0 if name in freed else 1.0

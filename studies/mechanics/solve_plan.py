@@ -283,7 +283,10 @@ class Solver:
         self.store, self.processes, self.progress, self.accuracy = store, processes, progress, accuracy
 
     def answers(self, scenes: Sequence[Scene], kind: Kind = "states") -> list[list[Answer]]:
-        """Return for each scene the answers to its loads, which lie on one path."""
+        """Return for each scene the answers to its loads, which lie on one path, for its own design.
+
+        Similar scenes share a path, whatever their D and E.
+        """
         paths: dict[str, NeededPath] = {}
         where: list[tuple[str, list[Position]]] = []
         for scene in scenes:
@@ -294,10 +297,10 @@ class Solver:
             where.append((key, [one.at for one in places]))
         with contextlib.closing(Solves(paths, self.store, self.processes, self.progress)) as solves:
             found = []
-            for key, positions in where:
+            for scene, (key, positions) in zip(scenes, where, strict=True):
                 solves.wait(key)
                 stored = solves.answers(key)
-                found.append([stored[at] for at in positions])
+                found.append([stored[at].of(scene.design.D, scene.design.E) for at in positions])
         return found
 
     def coarser(self) -> Solver:
