@@ -372,8 +372,7 @@ def run(
     un = sensor_fit.unknowns_of(design, bench, tolerances, freed=freed, fixed=fixed, model_error=error)
     elements, noise_source = parts.with_noise(parts.of_design(design))
     noise = np.array([element.noise_T * element.gain for element in elements])
-    measured = sensor_fit.measured_of(bench)
-    k, lag = len(noise), estimate_lag(bench)
+    measured, k, lag = sensor_fit.measured_of(bench), len(noise), estimate_lag(bench)
     if lag:
         measured[:, k : k + 3] = _delayed(bench, measured[:, k : k + 3], lag)
     full_scale = float(np.nanmax(np.abs(measured[:, k : k + 3])))
@@ -381,79 +380,97 @@ def run(
     complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(measured[:, k : k + 3]).any(axis=1)
     rows, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
-    estimate = sensor_fit.fit if force_noise else sensor_fit.fit_with_noise
-    found = estimate(sensor, measured[rows], warmer[rows])
-    sensor = found.sensor
-    table, curve, force, half = held_out(sensor, measured, warmer, bench, rows, progress)
+    found = (sensor_fit.fit if force_noise else sensor_fit.fit_with_noise)(sensor, measured[rows], warmer[rows])
+    table, curve, force, half = held_out(found.sensor, measured, warmer, bench, rows, progress)
     progress(0.95, "pictures")
-    residuals = residual_rows(found, bench, rows)
-    said = [*sentences(found), advice(found)]
+    residuals, summary = residual_rows(found, bench, rows), _summary(table)
+    origin = {"mechanics": source, "lag_s": lag, "full_scale": full_scale, "noise_source": noise_source}
+    result = _result(
+        found, bench, (table, curve, summary, residuals), origin, _warnings(found, bench, rows, residuals, summary)
+    )
+    points = [
+        {"component": name, "measured": t, "decoded": f, "half": h}
+        for j, name in enumerate(FORCES)
+        for t, f, h in zip(*(each[rows, j].tolist() for each in (measured[:, k : k + 3], force, half)), strict=True)
+        if math.isfinite(t)
+    ]
+    drawn = {"calibration.png": partial(picture, rows=points, draw=partial(figures, curve=curve))}
+    return dataclasses.replace(result, files={**result.files, **drawn})
+
+
+def _warnings(
+    found: Fit, bench: Bench, rows: Ints, residuals: Sequence[FlatRow], summary: Sequence[FlatRow]
+) -> list[str]:
+    """Return what speaks against a calibration: residuals that are no noise, wrong rows, a better regression."""
     wrong = sorted({row["channel"] for row in residuals if not row["noise"]})
-    warnings = []
+    said = []
     if found.growth > 2 or wrong:
         where = f" (channels {', '.join(wrong)})" if wrong else ""
         wider = f", and all intervals are {math.sqrt(found.growth):.3g} times as wide" if found.growth > 1.1 else ""
-        warnings.append(
+        said.append(
             f"residuals are larger than the stated errors, or no noise{where}: the model lacks something{wider}"
         )
-    warnings += _outliers(found, bench, rows)
-    summary = _summary(table)
-    if summary[0]["rmse_N"] > UNUSABLE * min(row["rmse_N"] for row in summary[1:]):
-        warnings.append(
-            f"a regression decodes these rows {summary[0]['rmse_N'] / min(row['rmse_N'] for row in summary[1:]):.2g} "
-            "times better than the calibration: do not use it; check which column is which element, the signs of the "
-            "forces, and the rows named as outliers"
+    said += _outliers(found, bench, rows)
+    ratio = summary[0]["rmse_N"] / min(row["rmse_N"] for row in summary[1:])
+    if ratio > UNUSABLE:
+        said.append(
+            f"a regression decodes these rows {ratio:.2g} times better than the calibration: do not use it; check "
+            "which column is which element, the signs of the forces, and the rows named as outliers"
         )
+    return said
+
+
+def _result(
+    found: Fit,
+    bench: Bench,
+    tables: tuple[Sequence[FlatRow], Sequence[FlatRow], Sequence[FlatRow], Sequence[FlatRow]],
+    origin: FlatRow,
+    warnings: Sequence[str],
+) -> Result:
+    """Return the result of a fit; `tables` are those of held-out rows, learning curve, summary and residuals."""
+    (table, curve, summary, residuals), sensor = tables, found.sensor
+    said, unknowns, design = [*sentences(found), advice(found)], unknown_rows(found), sensor.design
     record: FlatRow = {
-        "rows": len(rows), "runs": len(bench.runs), "mechanics": source, "lag_s": lag, "chi2": found.chi2,
-        "freedom": found.freedom, "growth": found.growth, "unknowns": unknown_rows(found), "held_out": table,
-        "sentences": said,
+        "rows": len(found.shift), "runs": len(bench.runs), "mechanics": origin["mechanics"],
+        "lag_s": origin["lag_s"], "chi2": found.chi2, "freedom": found.freedom, "growth": found.growth,
+        "unknowns": unknowns, "held_out": table, "sentences": said,
     }  # fmt: skip
-    truth = measured[rows][:, k : k + 3]
     page = page_templates.rendered(
         Path(__file__).with_name("CALIBRATION.md.j2"),
+        **origin,
         record=record,
         understood=bench.understood,
-        unknowns=record["unknowns"],
+        unknowns=unknowns,
         table=table,
         summary=summary,
         residuals=residuals,
         said=said,
         warnings=warnings,
         force_noise=sensor.force_noise,
-        noise=dict(zip(bench.readings, noise.tolist(), strict=True)),
-        noise_source=noise_source,
-        full_scale=full_scale,
+        noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
         learning=_curve(curve),
     )
+    factors = {name: sensor.value(found.theta, name) for name in ("modulus", "remanence")}
     calibrated = dataclasses.replace(
-        design,
-        E=design.E * sensor.value(found.theta, "modulus"),
-        remanence=design.remanence * sensor.value(found.theta, "remanence"),
+        design, E=design.E * factors["modulus"], remanence=design.remanence * factors["remanence"]
     )
-    points = [
-        {"component": name, "measured": t, "decoded": f, "half": h}
-        for j, name in enumerate(FORCES)
-        for t, f, h in zip(truth[:, j].tolist(), force[rows][:, j].tolist(), half[rows][:, j].tolist(), strict=True)
-        if math.isfinite(t)
-    ]
+    text = as_text(found, origin["mechanics"], origin["lag_s"])
     return Result(
         title="Calibration",
         records=[record],
         shown=[
             Table(title="Columns", rows=bench.understood),
-            Table(title="Unknowns", rows=record["unknowns"]),
+            Table(title="Unknowns", rows=unknowns),
             Table(title="Held-out rows", rows=summary),
             *(f"{each[0].upper()}{each[1:]}." for each in said),
         ],
         tables={
-            "unknowns": record["unknowns"], "held_out": table, "learning": curve, "residuals": residuals,
+            "unknowns": unknowns, "held_out": table, "learning": curve, "residuals": residuals,
             "columns": list(bench.understood),
         },
         files={
-            "calibration.json": partial(write_text, text=as_text(found, source, lag)),
+            "calibration.json": partial(write_text, text=text),
             "design.toml": partial(write_text, text=design_text(calibrated)),
-            "calibration.png": partial(picture, rows=points, draw=partial(figures, curve=curve)),
         },
         pages={"CALIBRATION.md": page},
         warnings=warnings,

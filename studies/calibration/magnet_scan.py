@@ -73,22 +73,10 @@ def read(file: Path) -> tuple[Array, Array]:
     return position[known], field[known]
 
 
-def run(design: Design, file: Path, progress: Progress) -> Result:
-    """Fit a magnet to a scan.
-
-    Raises
-    ------
-    BadInput
-        The file is no scan, or the design has no chip or no magnet.
-    """
+def fit(design: Design, position: Array, measured: Array) -> tuple[Array, Array, Array]:
+    """Return the unknowns (J relative to the design's), their covariance, and the fitted field (n, 3), T."""
     from scipy.optimize import least_squares
 
-    if design.hall_layout == "three" or not design.shape.has_magnet:
-        raise BadInput(
-            "a scan is read by a 3-axis chip: set hall_layout to one, magnet_diameter, magnet_height and l0, the "
-            "height of the magnet's centre over the chip"
-        )
-    position, measured = read(file)
     chip = np.array(parts.of_design(design)[0].position)
     deviation = np.array([each for _, each in UNKNOWNS.values()])
     known = np.isfinite(measured)
@@ -101,7 +89,6 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
         # the chip's axes lean, so that it sees the field turned the other way
         return np.asarray((1 + J) * rotated(B, -theta[7:9]) + zero)
 
-    progress(0.1, f"{len(position)} positions")
     unit, noise = np.zeros(len(deviation)), 1e-4
     for _ in range(3):  # the noise follows from the residuals
 
@@ -109,10 +96,29 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
             return np.append(((measured - field(unit * deviation)) / noise)[known], unit)
 
         found = least_squares(errors, unit, method="lm")
-        unit, theta = found.x, found.x * deviation
-        left = (measured - field(theta))[known]
-        noise = float(np.sqrt(np.square(left).sum() / (known.sum() - len(theta))))
+        unit = found.x
+        left = (measured - field(unit * deviation))[known]
+        noise = float(np.sqrt(np.square(left).sum() / (known.sum() - len(unit))))
     covariance = np.linalg.inv(found.jac.T @ found.jac) * np.outer(deviation, deviation)
+    return unit * deviation, covariance, field(unit * deviation)
+
+
+def run(design: Design, file: Path, progress: Progress) -> Result:
+    """Fit a magnet to a scan.
+
+    Raises
+    ------
+    BadInput
+        The file is no scan, or the design has no chip or no magnet.
+    """
+    if design.hall_layout == "three" or not design.shape.has_magnet:
+        raise BadInput(
+            "a scan is read by a 3-axis chip: set hall_layout to one, magnet_diameter, magnet_height and l0, the "
+            "height of the magnet's centre over the chip"
+        )
+    position, measured = read(file)
+    progress(0.1, f"{len(position)} positions")
+    theta, covariance, fitted = fit(design, position, measured)
     size = np.sqrt(np.diag(covariance))
     value, wide = theta.copy(), size.copy()
     value[0], wide[0] = design.remanence * (1 + theta[0]), design.remanence * size[0]
@@ -128,8 +134,7 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
     ]
     if told:
         told.append("a scan at two heights, and along x and y, tells them apart")
-    rms = float(np.sqrt(np.square(left).mean()))
-    fitted = field(theta)
+    rms = float(np.sqrt(np.nanmean(np.square(measured - fitted))))
     table = [
         {"x_mm": x, "y_mm": y, "z_mm": z, "axis": axis, "measured_mT": 1e3 * m, "fitted_mT": 1e3 * f}
         for (x, y, z), ms, fs in zip(position.tolist(), measured.tolist(), fitted.tolist(), strict=True)
@@ -139,6 +144,8 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
         "positions": len(position), "rms_mT": 1e3 * rms, "J_T": float(value[0]), "J_deviation_T": float(wide[0]),
         "unknowns": rows, "sentences": told,
     }  # fmt: skip
+    if value[0] < 0:
+        told.append("J is negative: the magnet's north pole points the other way, set magnet_north")
     note = "J is the polarisation at the working point, below the remanence of the data sheet for a flat magnet"
     return Result(
         title="Scan",
