@@ -421,7 +421,7 @@ def solved_objectives(points: Sequence[FrontPoint], needed: Requirements) -> tup
     """
     values = {n: np.array([point.solved[n] for point in points]) for n in points[0].solved}
     F = objectives(values, needed)
-    widths = {n: np.nan_to_num(values.get(f"{n}_half_width", 0 * v)) for n, v in values.items()}
+    widths = {n: np.nan_to_num(values.get(f"{n}_half_width", np.zeros(len(v)))) for n, v in values.items()}
     moved = {n: v + np.where(widths[n] < v, widths[n], 0.0) for n, v in values.items()}
     return F, np.fmax(RESOLUTION, np.abs(objectives(moved, needed) - F).max(axis=0))
 
