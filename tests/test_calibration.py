@@ -150,18 +150,32 @@ def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
     status, text, err = run("decode", "paper", "--calibration", out / "calibration.json", "--file", files[0])
     assert status == 0, err
     assert text.splitlines()[0].endswith(",".join(calibration_study.DECODED))
+    table.iloc[:4, :3].mul(1000).set_axis(["S1 [mV]", "S2 [mV]", "S3_mV"], axis=1).to_csv(
+        tmp_path / "mV.csv", index=False
+    )
+    status, other, err = run(
+        "decode", "paper", "--calibration", out / "calibration.json", "--file", tmp_path / "mV.csv"
+    )
+    assert status == 0, err
+    assert float(other.splitlines()[1].split(",")[4]) == pytest.approx(float(text.splitlines()[1].split(",")[8]))
     assert run("solve", out / "design.toml", "--depth", "0.5", "--accuracy", "quick")[0] == 0
 
 
 def test_swapped_elements_and_wrong_rows_are_told(bench, run, tmp_path):
     table = bench[0].iloc[:12, :7]
     table.rename(columns={"S2_V": "S3_V", "S3_V": "S2_V"}).to_csv(tmp_path / "swapped.csv", index=False)
-    assert (
-        "do not use it; check which column is which element" in run("calibrate", "paper", tmp_path / "swapped.csv")[2]
-    )
+    status, _, err = run("calibrate", "paper", tmp_path / "swapped.csv")
+    assert status == 3
+    assert "do not use this calibration; check which column is which element" in err
     wrong = table.assign(**{"F_z [N]": table["F_z [N]"].where(table.index != 6, 50.0)})
     wrong.to_csv(tmp_path / "wrong.csv", index=False)
     assert "row 7 of wrong fits" in run("calibrate", "paper", tmp_path / "wrong.csv")[2]
+
+
+def test_a_sensor_that_decodes_nothing_is_no_calibration():
+    rows = [{"method": name, "rows": 10, "lost": lost, "rmse_N": rmse} for name, lost, rmse in (
+        ("calibration", 10, math.nan), ("linear ridge", 0, 0.1), ("quadratic ridge", 0, 0.1))]  # fmt: skip
+    assert "10 of 10 held-out rows have no force" in calibration_study._failures(rows)[0]
 
 
 def test_four_rows_are_enough(bench, run, tmp_path):
@@ -256,6 +270,9 @@ def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor(degree):
         (lambda t: t, ["--fix", "remanence=1e9"], "is far from what a made sensor has"),
         (lambda t: t, ["--fix", "modulus=1", "--free", "modulus"], "both in --free and in --fix"),
         (lambda t: t, ["--force-noise", "-1"], "--force-noise must be a number of N above 0"),
+        (lambda t: t.assign(depth_mm=np.inf), [], "is infinite: leave it empty"),
+        (lambda t: t.assign(time_s=np.arange(12)[::-1]), [], "the times of 'time_s' fall"),
+        (lambda t: t, ["--set", "hall_layout=chip"], "has no reading chip_-z"),
         (lambda t: t.assign(S1_V=t.S1_V.where(t.index != 3, 1e30)), [], "readings of S1 such as 1e+30 V cannot be"),
         (lambda t: t, ["--scan"], "a scan is read by a 3-axis chip"),
     ],

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval2d
 
 from analytic.cylinder import compiled_functions, cylinder_series, disc_series
 from analytic.hall import Mode, plates_of, rotated
@@ -218,7 +219,7 @@ def _check(values: Array) -> None:
 def rotation(tau: Array, shift: Array) -> Array:
     """Return the tilt at shifts (3, n), mm, as rotation vectors (rx, ry) of `analytic.hall.field_at`, (2, n), rad."""
     x, y, z = shift
-    t = np.array([polynomial(tau, u, w)[0] for u, w in zip((x * x + y * y).tolist(), z.tolist(), strict=True)])
+    t = polyval2d(x * x + y * y, z, tau)
     return np.array(rotation_of(t * x, t * y))
 
 

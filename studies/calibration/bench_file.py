@@ -87,7 +87,7 @@ def read(
     names = tuple(parts.columns(elements))
     tables, understood = [], []
     for file in files:
-        table, heads = _read_file(file, names, elements[0].unit, columns or {})
+        _, table, heads = _read_file(file, names, elements[0].unit, columns or {})
         label = file.name.removesuffix(".gz").removesuffix(".csv")
         table["run"] = f"{label}:" + table["run"].astype(str) if "run" in table else label
         tables.append(table)
@@ -97,6 +97,14 @@ def read(
     table[present] = force_sign * table[present]
     _check(table, names, present, elements[0])
     return Bench(table, names, understood)
+
+
+def read_readings(file: Path, design: Design) -> tuple[Any, Array]:
+    """Return the cells of a table as texts, and its readings (n, k) in the elements' own unit, NaN where empty."""
+    elements = parts.of_design(design)
+    names = parts.columns(elements)
+    raw, table, _ = _read_file(file, names, elements[0].unit, {})
+    return raw, np.asarray(table[names].to_numpy(dtype=float))
 
 
 def read_texts(file: Path) -> Any:
@@ -132,7 +140,7 @@ def split_head(head: str) -> tuple[str, str]:
 
 def _read_file(
     file: Path, names: Sequence[str], unit: str, columns: Mapping[str, str]
-) -> tuple[Any, list[dict[str, Any]]]:
+) -> tuple[Any, Any, list[dict[str, Any]]]:
     import pandas as pd
 
     raw = read_texts(file)
@@ -163,7 +171,12 @@ def _read_file(
             f"{file.name} has no reading {missing[0]}: this design has the elements {', '.join(names)}; name its "
             f"column {missing[0]}_{unit}, or give --column {missing[0]}=HEAD"
         )
-    return pd.DataFrame(table), heads
+    times = table.get("time_s")
+    if times is not None and (times.dropna().diff() < 0).any():
+        raise BadInput(
+            f"{file.name}: the times of {found['time_s']!r} fall: sort the rows, or give each run its file"
+        )
+    return raw, pd.DataFrame(table), heads
 
 
 def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> tuple[str, str]:
@@ -201,7 +214,11 @@ def numbers_of(file: Path, head: str, cells: Any) -> Any:
     wrong = cells[values.isna() & cells.notna() & ~cells.fillna("").str.strip().str.lower().isin(["", "nan"])]
     if len(wrong):
         raise BadInput(f"{file.name}, row {wrong.index[0] + 1} of {head!r} is no number: {wrong.iloc[0]!r}")
-    return values.where(np.isfinite(values))
+    if np.isinf(values).any():
+        raise BadInput(
+            f"{file.name}, row {int(np.isinf(values).argmax()) + 1} of {head!r} is infinite: leave it empty"
+        )
+    return values
 
 
 def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: parts.Element) -> None:

@@ -22,7 +22,7 @@ from analytic.inverse.response_surface import Mechanics, of_formula, workspace
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.calibration import sensor_fit
+from studies.calibration import bench_file, sensor_fit
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
 from studies.inputs import table_input
@@ -34,7 +34,6 @@ from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, Guide, Look, picture, plot, table_of
 from studies.output.result import Result, Table
 from studies.sensing.decode_readings import of_file
-from studies.sensing.field_readings import read_rows
 from studies.sensitivity.made_sensors import Tolerances
 
 if TYPE_CHECKING:
@@ -54,6 +53,8 @@ FOLDS = 5
 """Parts in which a single run is held out, each of consecutive rows."""
 TOGETHER, IRRELEVANT = 0.9, 0.05
 """Correlation of two unknowns that is told; share of the force's variance below which it does not depend on them."""
+SOLVED_ERROR = 0.01
+"""Relative standard deviation of the forces of solved states: level standard is within 1 % (results/accuracy)."""
 SAME = 0.9
 """Posterior over prior standard deviation from which the rows say nothing about an unknown."""
 PATTERN = 4.0
@@ -78,7 +79,7 @@ def mechanics_of(design: Design, responses: Path | None) -> tuple[Mechanics, str
         The surrogate does not know the design, and no states of finite elements are given.
     """
     if responses is not None:
-        return of_file(responses, design), f"finite elements ({responses.name})", 0.01
+        return of_file(responses, design), f"finite elements ({responses.name})", SOLVED_ERROR
     try:
         beams = surrogate_response.beams_of([design])
         deepest = 0.999 * design.D * float(min(beams.deepest[0], beams.stable_to()[0]))
@@ -99,17 +100,18 @@ def _press(depth: float) -> Any:
     return Load(depth=depth)
 
 
-def estimate_lag(bench: Bench) -> float:
+def estimate_lag(bench: Bench) -> float | None:
     """Return by how much the forces lag behind the readings, s: where a quadratic regression explains them best.
 
-    0 without times, and where rows are too far apart to tell.
+    0 where another lag explains the forces hardly better; None without times, where rows are too few or too far
+    apart to tell, and where the best lag lies at an end of `LAGS`.
     """
     time, force = bench.values(["time_s"])[:, 0], bench.values(FORCES)
     readings = bench.values(bench.readings)
     step = np.nanmedian(np.abs(np.diff(time))) if np.isfinite(time).sum() > 1 else math.inf
     known = np.isfinite(readings).all(axis=1) & np.isfinite(time)
     if not step < LAGS[-1] / 2 or known.sum() < 100:
-        return 0.0
+        return None
     X = _features(readings, 2, readings[known])
     scores = []
     for lag in LAGS:
@@ -118,8 +120,10 @@ def estimate_lag(bench: Bench) -> float:
         y = moved[rows][:, np.isfinite(moved[rows]).all(axis=0)]
         scores.append(np.square(y - X[rows] @ np.linalg.lstsq(X[rows], y, rcond=None)[0]).mean())
     best = int(np.argmin(scores))
-    if best in (0, len(LAGS) - 1) or scores[best] > 0.98 * scores[len(LAGS) // 2]:
+    if scores[best] > 0.98 * scores[len(LAGS) // 2]:
         return 0.0
+    if best in (0, len(LAGS) - 1):
+        return None
     a, b, c = scores[best - 1 : best + 2]
     return float(LAGS[best] + (LAGS[1] - LAGS[0]) * (a - c) / (2 * (a - 2 * b + c)))
 
@@ -372,6 +376,11 @@ def run(
     un = sensor_fit.unknowns_of(design, bench, tolerances, freed=freed, fixed=fixed, model_error=error)
     elements, noise_source = parts.with_noise(parts.of_design(design))
     noise = np.array([element.noise_T * element.gain for element in elements])
+    if not noise.all():
+        raise BadInput(
+            "the readings have neither noise nor a step in this design, so nothing weighs them: set "
+            f"{'hall_noise' if elements[0].unit == 'V' else 'chip_noise'}"
+        )
     measured, k, lag = sensor_fit.measured_of(bench), len(noise), estimate_lag(bench)
     if lag:
         measured[:, k : k + 3] = _delayed(bench, measured[:, k : k + 3], lag)
@@ -384,7 +393,13 @@ def run(
     table, curve, force, half = held_out(found.sensor, measured, warmer, bench, rows, progress)
     progress(0.95, "pictures")
     residuals, summary = residual_rows(found, bench, rows), _summary(table)
-    origin = {"mechanics": source, "lag_s": lag, "full_scale": full_scale, "noise_source": noise_source}
+    origin = {
+        "mechanics": source,
+        "lag_s": lag,
+        "full_scale": full_scale,
+        "noise_source": noise_source,
+        "estimated": force_noise is None,
+    }
     result = _result(
         found, bench, (table, curve, summary, residuals), origin, _warnings(found, bench, rows, residuals, summary)
     )
@@ -411,13 +426,23 @@ def _warnings(
             f"residuals are larger than the stated errors, or no noise{where}: the model lacks something{wider}"
         )
     said += _outliers(found, bench, rows)
-    ratio = summary[0]["rmse_N"] / min(row["rmse_N"] for row in summary[1:])
-    if ratio > UNUSABLE:
+    if lost := summary[0]["lost"]:
         said.append(
-            f"a regression decodes these rows {ratio:.2g} times better than the calibration: do not use it; check "
-            "which column is which element, the signs of the forces, and the rows named as outliers"
+            f"{lost} of {summary[0]['rows']} held-out rows have no force by the calibration, and count in no error"
         )
     return said
+
+
+def _failures(summary: Sequence[FlatRow]) -> list[str]:
+    """Return why a calibration is of no use: most rows have no force, or a regression is much better."""
+    own, others = summary[0], [row["rmse_N"] for row in summary[1:] if math.isfinite(row["rmse_N"])]
+    check = "check which column is which element, the signs of the forces, and wrong rows"
+    if not own["rows"] > 2 * own["lost"]:
+        return [f"{own['lost']} of {own['rows']} held-out rows have no force: do not use this calibration; {check}"]
+    if others and not own["rmse_N"] <= UNUSABLE * min(others):
+        ratio = own["rmse_N"] / min(others)
+        return [f"a regression decodes these rows {ratio:.2g} times better: do not use this calibration; {check}"]
+    return []
 
 
 def _result(
@@ -474,6 +499,7 @@ def _result(
         },
         pages={"CALIBRATION.md": page},
         warnings=warnings,
+        failures=_failures(summary),
         design=dataclasses.asdict(design),
     )  # fmt: skip
 
@@ -533,7 +559,7 @@ def figures(points: pd.DataFrame, curve: Sequence[FlatRow]) -> list[Figure]:
             shown,
             "measured force (N)",
             "error of the decoded force (N)",
-            Look(line=False, guides=(Guide("y", 0.0, ""),)),
+            Look(line=False, guides=(Guide("y", 0.0, ""),), shared=False),
         ),
         plot(
             "Learning curve",
@@ -549,7 +575,7 @@ def figures(points: pd.DataFrame, curve: Sequence[FlatRow]) -> list[Figure]:
 # The file of a calibration
 
 
-def as_text(found: Fit, source: str, lag: float) -> str:
+def as_text(found: Fit, source: str, lag: float | None) -> str:
     """Return the text of calibration.json."""
     sensor = found.sensor
     law = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(sensor.mechanics).items()}
@@ -654,7 +680,6 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     found = read(path)
     if dataclasses.asdict(found.sensor.design) != dataclasses.asdict(design):
         raise BadInput(f"{path} is the calibration of another design: decode with the design that was calibrated")
-    element = parts.of_design(design)[0]
     names = parts.columns(parts.of_design(design))
     if decoding.readings is not None:
         values = parse_numbers("--readings", decoding.readings)
@@ -669,12 +694,10 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         )
     assert decoding.file is not None
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
-    head, texts, numbers = read_rows(
-        decoding.file, [f"{name}_{element.unit}" for name in names], list(DECODED), holes=True
-    )
+    raw, numbers = bench_file.read_readings(decoding.file, design)
     rows = [
-        dict(zip(head, text, strict=True)) | row
-        for text, row in zip(texts, decoded_rows(found, numbers), strict=True)
+        {**texts, **row}
+        for texts, row in zip(raw.fillna("").to_dict("records"), decoded_rows(found, numbers), strict=True)
     ]
     table = table_of(rows).to_csv(index=False)
     if target is not None:

@@ -36,17 +36,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval2d
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from analytic import parts
-from analytic.hall import batch_readings, rotated
-from analytic.inverse.response_surface import Mechanics, forces, workspace
+from analytic.inverse.forward_model import rotation
+from analytic.inverse.response_surface import Mechanics, force_and_load, workspace
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
-from studies.sensitivity.made_sensors import CUT, SPECS, Tolerances
+from studies.sensitivity.made_sensors import CUT, SPECS, MadeSensors, Tolerances, made_readings
 
 STEPS, LARGEST_STEP, SETTLED = 40, 0.05, 1e-7
 """Most Gauss-Newton steps; longest change of a shift in one, over D; relative fall of the sum at which they end."""
@@ -184,38 +183,40 @@ class Sensor:
         """Return readings, forces and motions (n, k + 6) at shifts (n, 3), for dT (n,)."""
         elements = parts.of_design(self.design)
         names = parts.columns(elements)
-        x, y, w = shift.T
-        U, r = x * x + y * y, np.cbrt(np.maximum(-w, 0.0))
-        lean = self.value(theta, "lean") * polyval2d(U, w, self.mechanics.tau)
-        # a positive rotation about x carries z towards -y
-        tilt = np.stack([-lean * y, lean * x], axis=1)
-        moved = shift + rotated(self.vector(theta, "magnet", "xyz"), tilt)
-        turned = tilt + self.vector(theta, "tilt", "xy")
-        place = np.array([self.vector(theta, f"place_{name}", "xyz") for name in names])
-        # row j of a state has the place of element j: only the reading of this element is right
-        relative = (moved[:, None] - place).reshape(-1, 3)
-        poses = np.repeat(turned, len(names), axis=0)
-        size = {
-            f"magnet_{name}": getattr(self.design, f"magnet_{name}") + self.value(theta, f"wider_{name}")
-            for name in ("diameter", "height")
-        }
-        # only the field is that of another magnet
-        magnet = dataclasses.replace(self.design, **size)
-        rows = batch_readings([magnet], np.zeros(len(relative), dtype=np.int64), relative, poses).field_T
-        B = np.diagonal(rows.reshape(len(shift), len(names), -1), axis1=1, axis2=2)
+        force, load, _ = force_and_load(self.mechanics, shift.T, contact=False)
+        tilt = self.value(theta, "lean") * rotation(self.mechanics.tau, shift.T).T
+        B = made_readings(self.made(theta, names), shift[None], tilt[None]).field_T[0]
         B = B * (self.value(theta, "remanence") * (1 + self.value(theta, "remanence_per_K") * warmer))[:, None]
         B = B + self.vector(theta, "ambient", "xyz") @ np.array([element.direction for element in elements]).T
         gain = self.vector(theta, "gain", names) * np.array([element.gain for element in elements])
         null = self.vector(theta, "null", names) + np.array([element.null for element in elements])
         reading = null + gain * B * (1 + self.value(theta, "gain_per_K") * warmer)[:, None]
-        share = -w / self.mechanics.sink - 0.5
-        force = forces(self.mechanics, shift.T)[0].T * self.value(theta, "modulus")
-        force = force * (1 + self.value(theta, "stiffening") * share)[:, None]
-        force = force * [self.value(theta, "sideways"), self.value(theta, "sideways"), 1.0]
-        depth = polyval2d(U, r, self.mechanics.depth) + self.value(theta, "stand_zero")
-        depth = depth + self.value(theta, "stand_compliance") * force[:, 2]
-        g = polyval2d(U, r, self.mechanics.shear)
-        return np.column_stack([reading, force, depth, x * g, y * g])
+        share = -shift[:, 2] / self.mechanics.sink - 0.5
+        scale = self.value(theta, "modulus") * (1 + self.value(theta, "stiffening") * share)
+        sideways = self.value(theta, "sideways")
+        force = scale[:, None] * force.T * [sideways, sideways, 1.0]
+        depth = load[0] + self.value(theta, "stand_zero") + self.value(theta, "stand_compliance") * force[:, 2]
+        return np.column_stack([reading, force, depth, load[1], load[2]])
+
+    def made(self, theta: Array, names: Sequence[str]) -> MadeSensors:
+        """Return the sensor with its displaced parts and its magnet; gains and nulls stay nominal."""
+        size = {
+            name: getattr(self.design, f"magnet_{name}") + self.value(theta, f"wider_{name}")
+            for name in ("diameter", "height")
+        }
+        # only the field is that of another magnet
+        design = dataclasses.replace(self.design, magnet_diameter=size["diameter"], magnet_height=size["height"])
+        return MadeSensors(
+            nominal=self.design,
+            designs=(design,),
+            refusals=("",),
+            fields={},
+            magnet_offset=self.vector(theta, "magnet", "xyz")[None],
+            magnet_tilt=self.vector(theta, "tilt", "xy")[None],
+            element_offset=np.array([[self.vector(theta, f"place_{name}", "xyz") for name in names]]),
+            gain_factor=np.ones((1, len(names))),
+            null_shift=np.zeros((1, len(names))),
+        )
 
     def weights(self, measured: Array) -> Array:
         """Return one over the standard deviation of what was measured (n, k + 6), 0 where nothing was."""

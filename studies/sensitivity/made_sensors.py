@@ -119,6 +119,12 @@ class MadeSensors:
     def __len__(self) -> int:
         return len(self.designs)
 
+    def one(self, k: int) -> MadeSensors:
+        """Return one of the sensors."""
+        rows = slice(k, k + 1)
+        parts = {name: getattr(self, name)[rows] for name in self.__slots__ if name not in ("nominal", "fields")}
+        return MadeSensors(self.nominal, fields={name: v[rows] for name, v in self.fields.items()}, **parts)
+
 
 def made_sensors(
     design: Design,

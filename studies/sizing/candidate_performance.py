@@ -759,5 +759,5 @@ def margins(values: Mapping[str, Array], needed: Requirements) -> dict[str, Arra
     if needed.unique_decoding:
         signed["unique_decoding"] = np.minimum(values["decoding"] - SINGULAR, values["distinct"] - 1)
     signed["clearance"] = values["clearance"]
-    # NaN is no margin, and a large one would hide the others
-    return {name: np.clip(np.nan_to_num(value, nan=LEAST), LEAST, MOST) for name, value in signed.items()}
+    # a large one would hide the others; what is known is not as bad as what is not
+    return {n: np.where(np.isnan(v), LEAST, np.clip(v, 0.999 * LEAST, MOST)) for n, v in signed.items()}

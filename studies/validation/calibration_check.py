@@ -19,9 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from analytic.hall import batch_readings, rotated
+from analytic.inverse.forward_model import rotation
 from analytic.inverse.response_surface import Mechanics, force_and_load, forces, of_samples
-from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load, Response
@@ -32,7 +31,7 @@ from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Sensor
 from studies.output.goals import Goal, failures, verdict
 from studies.output.result import Result, Table
-from studies.sensitivity.made_sensors import MadeSensors, made_sensors, tolerances
+from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, tolerances
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -77,37 +76,17 @@ def _response(load: Load, row: Row) -> Response:
     return Response(force, shift, row["fem_tilt_rad"], 0.0)
 
 
-def bench_rows(
-    made: MadeSensors, k: int, law: Mechanics, shift: Array, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def bench_rows(made: MadeSensors, law: Mechanics, shift: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return what a stand measures (n, 9) of a made sensor at shifts (n, 3), and its true forces (n, 3)."""
-    design = made.designs[k]
-    assert design is not None
     force, load, _ = force_and_load(law, shift.T, contact=False)
     force = force.T
-    # all that the estimator has as unknowns, from the draw itself and not by its code
-    lean = _lean(law, shift)
-    moved = shift + rotated(made.magnet_offset[k], lean)
-    relative = (moved[:, None] - made.element_offset[k]).reshape(-1, 3)
-    turned = np.repeat(lean + made.magnet_tilt[k], 3, axis=0)
-    field = batch_readings([design], np.zeros(len(relative), dtype=np.int64), relative, turned).field_T
-    B = np.diagonal(field.reshape(len(shift), 3, 3), axis1=1, axis2=2)
-    gain, null, *_ = common_values(design)
-    reading = null + made.null_shift[k] + gain * made.gain_factor[k] * B
+    # by the code of draws, which knows nothing of the estimator's unknowns
+    reading = made_readings(made, shift[None], rotation(law.tau, shift.T).T[None]).output[0]
     reading = reading + READING_NOISE * rng.normal(size=reading.shape)
     loop = 1 + HYSTERESIS * rng.choice([-1.0, 1.0], size=(len(shift), 1))
     measured = force * loop + FORCE_NOISE * rng.normal(size=force.shape)
     depth = load[0] + STAND_ZERO + STAND_COMPLIANCE * force[:, 2] + 0.005 * rng.normal(size=len(shift))
-    shears = np.full((len(shift), 2), np.nan)
-    return np.column_stack([reading, measured, depth, shears]), force
-
-
-def _lean(law: Mechanics, shift: Array) -> Array:
-    from numpy.polynomial.polynomial import polyval2d
-
-    x, y, w = shift.T
-    t = polyval2d(x * x + y * y, w, law.tau)
-    return np.stack([-t * y, t * x], axis=1)
+    return np.column_stack([reading, measured, depth, np.full((len(shift), 2), np.nan)]), force
 
 
 def random_shifts(law: Mechanics, count: int, rng: np.random.Generator) -> Array:
@@ -123,9 +102,9 @@ def random_shifts(law: Mechanics, count: int, rng: np.random.Generator) -> Array
     return found[:count]
 
 
-def truth_of(made: MadeSensors, k: int, un: sensor_fit.Unknowns, base: Design) -> dict[str, float]:
+def truth_of(made: MadeSensors, un: sensor_fit.Unknowns, base: Design) -> dict[str, float]:
     """Return the true values of a made sensor's unknowns; the ambient field is 0."""
-    design = made.designs[k]
+    (design,) = made.designs
     assert design is not None
     values = {
         "modulus": design.E / base.E,
@@ -135,11 +114,11 @@ def truth_of(made: MadeSensors, k: int, un: sensor_fit.Unknowns, base: Design) -
         "stand_zero": STAND_ZERO,
         "stand_compliance": STAND_COMPLIANCE,
     }
-    values |= {f"magnet_{axis}": v for axis, v in zip("xyz", made.magnet_offset[k].tolist(), strict=True)}
-    values |= {f"tilt_{axis}": v for axis, v in zip("xy", made.magnet_tilt[k].tolist(), strict=True)}
+    values |= {f"magnet_{axis}": v for axis, v in zip("xyz", made.magnet_offset[0].tolist(), strict=True)}
+    values |= {f"tilt_{axis}": v for axis, v in zip("xy", made.magnet_tilt[0].tolist(), strict=True)}
     for i, name in enumerate(("S1", "S2", "S3")):
-        values |= {f"gain_{name}": float(made.gain_factor[k, i]), f"null_{name}": float(made.null_shift[k, i])}
-        values |= {f"place_{name}_{a}": float(v) for a, v in zip("xyz", made.element_offset[k, i], strict=True)}
+        values |= {f"gain_{name}": float(made.gain_factor[0, i]), f"null_{name}": float(made.null_shift[0, i])}
+        values |= {f"place_{name}_{a}": float(v) for a, v in zip("xyz", made.element_offset[0, i], strict=True)}
     return {name: values[name] for name in un.names if name in values}
 
 
@@ -159,15 +138,15 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
         unit, E = laws[k % variants], float(made.fields["E"][k])
         law = dataclasses.replace(unit, lateral=unit.lateral * E, normal=unit.normal * E)
         shift = random_shifts(law, MANY + UNSEEN, rng)
-        rows, force = bench_rows(made, k, law, shift, rng)
-        one, found = _judge(made, k, base, (nominal, error), rows, force)
+        rows, force = bench_rows(made.one(k), law, shift, rng)
+        one, found = _judge(made.one(k), base, (nominal, error), rows, force)
         judged.append({"sensor": k} | one)
         unknowns += [{"sensor": k} | row for row in found]
     return result(judged, unknowns, source)
 
 
 def _judge(
-    made: MadeSensors, k: int, base: Design, model: tuple[Mechanics, float], rows: Array, force: Array
+    made: MadeSensors, base: Design, model: tuple[Mechanics, float], rows: Array, force: Array
 ) -> tuple[Row, list[Row]]:
     """Return errors and shares within intervals of one sensor, and its unknowns."""
     import pandas as pd
@@ -195,7 +174,7 @@ def _judge(
         "force_noise_N": found.sensor.force_noise,
         "largest_N": float(np.abs(true).max()),
     }
-    truth = truth_of(made, k, un, base)
+    truth = truth_of(made, un, base)
     unknowns = [
         {"name": name, "true": truth[name], "value": v, "deviation": d, "inside": abs(v - truth[name]) <= 1.6449 * d}
         for name, v, d in zip(un.names, found.theta.tolist(), found.deviation.tolist(), strict=True)
