@@ -10,10 +10,11 @@ from analytic.hall import batch_readings
 from analytic.parts import of_design
 from geometry.base import Base, outer_size, plan
 from geometry.mold import Mold, sizes
-from studies.sizing.candidate_performance import LEAST, performance, sensors_of
+from studies.sizing.candidate_performance import LEAST, performance
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements
+from studies.sizing.sensor_arrays import sensors_of
 
 NEEDED = Requirements(
     force_z=5.0, force_x=1.5, resolution_z=0.05, largest_strain=1.0, first_mode=50.0, outer_size=25.0

@@ -8,11 +8,12 @@ import pytest
 
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
-from studies.sizing.candidate_performance import made_sensors_of, performance, sensors_of, sensors_of_variant
+from studies.sizing.candidate_performance import performance
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.front_yield import check_of, drawn, ranges_of, required_load, tolerances_of, yield_of
 from studies.sizing.requirements import Requirements
+from studies.sizing.sensor_arrays import made_sensors_of, sensors_of, sensors_of_variant
 
 NEEDED = Requirements(force_z=5.0, force_x=1.5, magnets=("4x4 N45",), silicones=("Mold Star 30",))
 PARTS = catalogues_of(dataclasses.replace(NEEDED, hall_parts=("DRV5055A2",)))

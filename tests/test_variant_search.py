@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from studies.sizing.candidate_performance import performance, sensors_of
+from studies.sizing.candidate_performance import performance
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements
+from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import (
     Effort,
     dominated,

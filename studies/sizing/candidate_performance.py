@@ -27,15 +27,12 @@ from typing import Any
 import numpy as np
 
 from analytic.clearance import wall_distance
-from analytic.hall import plates_of, rotated
+from analytic.hall import rotated
 from analytic.inverse.forward_model import readings_of_sensors
-from analytic.parts import AXES, Element, of_design
 from geometry.arrays import Array, Ints
-from geometry.base import LEAST_GAP, Base, outer_size, plan
+from geometry.base import LEAST_GAP
 from geometry.fabrication.hall_elements import SS495A
-from geometry.mold import Mold, sizes
-from studies.mechanics import prediction, surrogate_range
-from studies.sensitivity.made_sensors import MadeSensors
+from studies.mechanics import surrogate_range
 from studies.sizing.beam_curves import (
     SHEARED_DEPTHS,
     SOLVED_DEPTHS,
@@ -45,8 +42,8 @@ from studies.sizing.beam_curves import (
     pressed_curves,
     with_shears,
 )
-from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.requirements import Requirements
+from studies.sizing.sensor_arrays import Sensors
 
 HALF_TURN, WHOLE_TURN = np.radians(45.0 * np.arange(1, -4, -1)), np.radians(45.0 * np.arange(8))
 """Directions of forces along the plate: of sensors that the plane x = y mirrors, and of all others."""
@@ -69,170 +66,6 @@ SCAN = np.array([0.4, 0.7, 1.0])
 """Shares of the range that stability allows at which the bounds are evaluated, before the crossing is refined."""
 REFINED = 3
 """Steps of that refinement."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sensors:
-    """n sensors as arrays; lengths in mm, moduli in MPa, remanence and noise in T.
-
-    Attributes
-    ----------
-    D, L, E_low, E_high, density, magnet_density, size, height, wall : shape (n,).
-    beam : L, diameter and height of the magnet and its edge radius, over D, and nu, shape (n, 5).
-    magnet, remanence : diameter and height; least and largest value, shape (n, 2).
-    points, normals : where the elements sample the field, from the magnet's centre at rest, and their directions,
-        shape (n, m, 3). owners : the element of each point, shape (m,).
-    gain, null, low, high, noise : of the three elements, shape (n, 3).
-    drift, loss : of the gain per K, relative, NaN where unknown; loss factor of the silicone, shape (n,).
-    beside : distance of the face of S2 from the axis and its height, shape (n, 2); NaN for a chip.
-    offset, turn : displacement and rotation vector of the magnet in the silicone, (n, 3) and (n, 2); None for 0.
-    """
-
-    D: Array
-    L: Array
-    E_low: Array
-    E_high: Array
-    density: Array
-    magnet_density: Array
-    size: Array
-    height: Array
-    wall: Array
-    beam: Array
-    magnet: Array
-    remanence: Array
-    points: Array
-    normals: Array
-    owners: Ints
-    gain: Array
-    null: Array
-    low: Array
-    high: Array
-    noise: Array
-    drift: Array
-    loss: Array
-    beside: Array
-    offset: Array | None = None
-    turn: Array | None = None
-
-    def __len__(self) -> int:
-        return len(self.D)
-
-    def take(self, rows: Any) -> Sensors:
-        """Return some of the sensors."""
-        values = {name: getattr(self, name) for name in self.__slots__}
-        return Sensors(**{n: v if n == "owners" or v is None else v[rows] for n, v in values.items()})
-
-    def beams(self) -> prediction.Beams:
-        """Return the surrogate's answers for the beams."""
-        L, d, h, edge, nu = self.beam.T
-        return prediction.beams(L, d, h, nu, edge)
-
-
-def sensors_of(candidates: Candidates) -> Sensors:
-    """Return candidates as sensors."""
-    c, n = candidates, len(candidates)
-    l0, f, _ = c.places()
-    # element S1 or the chip, then S2 and S3
-    at = np.zeros((n, 3, 3))
-    at[:, :, 2] = -l0[:, None]
-    level = c.lengths[:, 4] - c.H
-    for k in (1, 2):
-        at[:, k, k - 1] = np.where(c.three, f, 0.0)
-        at[:, k, 2] = np.where(c.three, level, -l0)
-    owners, spread = np.arange(3, dtype=np.int64), np.zeros((3, 3))
-    plate = c.element("plate")[:, None, None]
-    if plate.any():
-        unit = [Element("", (0.0, 0.0, 0.0), axis, 1.0, 0.0, -1.0, 1.0, plate=1.0) for axis in AXES]
-        spread, owners = plates_of(unit)
-    points = at[:, owners] + spread * plate
-    three = np.ones((n, 3))
-    size, height, wall = c.sizes()
-    D, d, h, edge = c.D, c.magnet("diameter"), c.magnet("height"), c.magnet("edge_radius")
-    return Sensors(
-        D=D,
-        L=c.L,
-        E_low=c.silicone("E_low"),
-        E_high=c.silicone("E_high"),
-        density=c.silicone("density"),
-        magnet_density=c.magnet("density"),
-        size=size,
-        height=height,
-        wall=wall,
-        beam=np.column_stack([c.L / D, d / D, h / D, edge / D, c.silicone("nu")]),
-        magnet=np.column_stack([d, h]),
-        remanence=np.column_stack([c.magnet("remanence_low"), c.magnet("remanence_high")]),
-        points=points,
-        normals=np.broadcast_to(np.array(AXES)[owners], points.shape),
-        owners=owners,
-        **{name: c.element(name)[:, None] * three for name in ("gain", "null", "low", "high")},
-        noise=c.element("noise_T")[:, None] * three,
-        drift=c.element("gain_drift"),
-        loss=c.silicone("loss_factor"),
-        beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),
-    )
-
-
-def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
-    """Return one variant as it is designed, whatever its lengths."""
-    d, silicone, magnet = variant.design, variant.silicone, variant.magnet
-    elements = of_design(d)
-    points, owners = plates_of(elements)
-    one = {name: np.array([[getattr(each, name) for each in elements]]) for name in ("gain", "null", "low", "high")}
-    noise = np.array([[each.noise_T for each in elements]])
-    three = d.hall_layout == "three"
-    level = d.H - d.l0 + d.c
-    outline = plan(d, Base(shape=needed.outer_shape), needed.process)
-    mould, (_, _, height) = sizes(d, Mold(process=needed.process)), outer_size(d, outline)[0]
-    wall = min(2 * mould.pin_radius, mould.wall, Base().seat_wall if outline.seats.posts else np.inf)
-    names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-    values = {name: getattr(d, name) for name in ("D", "L", "density", "magnet_density")}
-    values |= {"E_low": silicone.E_low, "E_high": silicone.E_high}
-    values |= {"size": 2 * outline.half, "height": height, "wall": wall}
-    return Sensors(
-        **{name: np.array([value]) for name, value in values.items()},
-        **one,
-        noise=noise,
-        beam=np.array([[*(getattr(d, name) / d.D for name in names), d.nu]]),
-        magnet=np.array([[d.magnet_diameter, d.magnet_height]]),
-        remanence=np.array([[magnet.remanence_low, magnet.remanence_high]]),
-        points=points[None] - [0.0, 0.0, d.H],
-        normals=np.array([each.direction for each in elements])[owners][None],
-        owners=owners,
-        drift=np.array([variant.hall_part.gain_drift], dtype=float),
-        loss=np.array([np.nan if d.prony else d.loss_factor]),
-        beside=np.array([[d.f - SS495A.depth, level] if three else [np.nan, np.nan]]),
-    )
-
-
-def made_sensors_of(variant: Variant, made: MadeSensors, nominal: Sensors) -> Sensors:
-    """Return made sensors of a variant: each has its own E, magnet, gains and displaced parts, and no ranges.
-
-    nominal : the variant as designed, one row.
-    """
-    n = len(made)
-    whole = nominal.take(np.zeros(n, dtype=np.int64))
-    elements = of_design(variant.design)
-    names = ("E", "nu", "remanence", "magnet_diameter", "magnet_height")
-    (E, nu, remanence, diameter, height), D = (np.asarray(made.fields[name]) for name in names), whole.D
-    beam = whole.beam.copy()
-    beam[:, 1], beam[:, 2], beam[:, 4] = diameter / D, height / D, nu
-    low, high, null = ([getattr(each, name) for each in elements] for name in ("low", "high", "null"))
-    return replace(
-        whole,
-        E_low=E,
-        E_high=E,
-        beam=beam,
-        magnet=np.column_stack([diameter, height]),
-        remanence=np.column_stack([remanence, remanence]),
-        points=whole.points + made.element_offset[:, whole.owners],
-        gain=whole.gain * made.gain_factor,
-        null=null + made.null_shift,
-        low=low + 0 * made.null_shift,
-        high=high + 0 * made.null_shift,
-        noise=whole.noise / made.gain_factor,
-        offset=made.magnet_offset,
-        turn=made.magnet_tilt,
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

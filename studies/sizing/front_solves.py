@@ -29,8 +29,9 @@ from geometry.loads import Load
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.solve_plan import Solver
 from studies.output.records import FlatRow
-from studies.sizing.candidate_performance import LEAST, Performance, margins, performance, sensors_of
+from studies.sizing.candidate_performance import LEAST, Performance, margins, performance
 from studies.sizing.candidate_variables import Candidates, Variant
+from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spread
 
 if TYPE_CHECKING:

@@ -30,7 +30,8 @@ from studies.output.records import FlatRow
 from studies.sensitivity.beam_motions import SURROGATE, Press, motions
 from studies.sensitivity.calibration import spread_of
 from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error, tolerances
-from studies.sizing.candidate_performance import made_sensors_of, performance, sensors_of_variant
+from studies.sizing.candidate_performance import performance
+from studies.sizing.sensor_arrays import made_sensors_of, sensors_of_variant
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.sizing.candidate_performance import Performance, performance, sensors_of
+from studies.sizing.candidate_performance import Performance, performance
 from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
 from studies.sizing.catalogues import Catalogues
 from studies.sizing.requirements import Requirements
+from studies.sizing.sensor_arrays import sensors_of
 
 RESOLUTION = 0.005
 """Relative difference of two values of an objective from which on they differ."""

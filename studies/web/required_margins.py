@@ -19,7 +19,7 @@ from geometry.loads import Load
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.mechanics import surrogate_range, surrogate_response
-from studies.sizing import candidate_performance, variant_search
+from studies.sizing import candidate_performance, sensor_arrays, variant_search
 from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.catalogues import catalogues_of
@@ -115,7 +115,7 @@ def performance_of(design: Design, needed: Requirements, *, nominal: bool = Fals
     reason = surrogate_response.refusal(design, Load(depth=surrogate_range.SHALLOWEST * design.D), "rigid")
     if reason:
         raise BadInput(f"margins are known by the surrogate only: {reason}")
-    sensors = candidate_performance.sensors_of_variant(variant_of(design, needed, nominal=nominal), needed)
+    sensors = sensor_arrays.sensors_of_variant(variant_of(design, needed, nominal=nominal), needed)
     # without a noise two loads are infinitely far apart
     with np.errstate(divide="ignore", invalid="ignore"):
         return candidate_performance.performance(sensors, sensors.beams(), needed, caution=0.0 if nominal else 1.0)
