@@ -27,7 +27,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval2d
 
 from analytic.cylinder import compiled_functions, cylinder_series, disc_series
 from analytic.hall import Mode, plates_of, rotated
@@ -218,9 +217,15 @@ def _check(values: Array) -> None:
 
 def rotation(tau: Array, shift: Array) -> Array:
     """Return the tilt at shifts (3, n), mm, as rotation vectors (rx, ry) of `analytic.hall.field_at`, (2, n), rad."""
-    x, y, z = shift
-    t = polyval2d(x * x + y * y, z, tau)
-    return np.array(rotation_of(t * x, t * y))
+    t = np.empty(shift.shape[1])
+    _leans(tau, shift, t)
+    return np.array(rotation_of(t * shift[0], t * shift[1]))
+
+
+@compiled
+def _leans(tau, shift, t):
+    for p in range(len(t)):
+        t[p] = polynomial(tau, shift[0, p] * shift[0, p] + shift[1, p] * shift[1, p], shift[2, p])[0]
 
 
 @compiled
