@@ -1,7 +1,8 @@
 """A random search against which the search of `magtip size` is held, over the same parts and by the same surrogate.
 
 `python -m studies.validation.random_sizing REQUIREMENTS.toml` draws ten times as many candidates as the search rated,
-parts and lengths evenly, and says how far the best of them are beyond the front: exit status 3 if by more than 2 %.
+parts and lengths evenly, and says how far the best of them are beyond the front: exit status 3 if by more than 2 %,
+or if none of them meets the requirements, which shows nothing.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import sys
 import numpy as np
 
 from geometry.arrays import Array
+from geometry.bad_input import BadInput
+from studies.output.result import BAD, FAILED, GOOD
 from studies.sizing.catalogues import Catalogues, catalogues_of
 from studies.sizing.front_solves import scores, steps
 from studies.sizing.requirements import Requirements, read_requirements
@@ -53,6 +56,11 @@ def held(needed: Requirements, effort: Effort, times: int = 10) -> tuple[bool, s
     F = random_objectives(needed, parts, times * rated)
     if not any((pool.violation == 0).any() for pool in found):
         return not len(F), f"none of {rated} candidates, and {len(F)} of {times} times as many random ones, meet all"
+    if not len(F):
+        return (
+            False,
+            f"none of {times * rated} random candidates of each kind meets all requirements: nothing is shown",
+        )
     beyond, longer = gains(whole_front(found)[1], F, needed)
     said = f"{len(F)} of {times * rated} random candidates of each kind meet all requirements; the best of them is "
     said += f"{100 * beyond:.2g} % beyond the best variant, and {100 * longer:.2g} % beyond an end of the front"
@@ -60,6 +68,12 @@ def held(needed: Requirements, effort: Effort, times: int = 10) -> tuple[bool, s
 
 
 if __name__ == "__main__":
-    holds, text = held(read_requirements(sys.argv[1]), Effort())
+    try:
+        if len(sys.argv) != 2:
+            raise BadInput("random_sizing takes one file of requirements")
+        holds, text = held(read_requirements(sys.argv[1]), Effort())
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        sys.exit(BAD)
     print(text)
-    sys.exit(0 if holds else 3)
+    sys.exit(GOOD if holds else FAILED)

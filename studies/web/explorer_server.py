@@ -155,8 +155,8 @@ class Files(Guarded):
         if name != CONTROLS and name not in FILES:
             raise tornado.web.HTTPError(404)
         self.set_header("Content-Type", TYPES[Path(name).suffix])
-        content = FILES[name].read_bytes() if name != CONTROLS else None
-        self.finish(json.dumps(explorer_fields(paper(), self.shared.needed)) if content is None else content)
+        made = name == CONTROLS
+        self.finish(json.dumps(explorer_fields(paper(), self.shared.needed)) if made else FILES[name].read_bytes())
 
 
 class Live(Ours, tornado.websocket.WebSocketHandler):
