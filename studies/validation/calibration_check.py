@@ -128,12 +128,13 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
     base = paper()
     made = made_sensors(base, tolerances(), count, SEED)
     # a variant has the nu and the magnet of a made sensor, and another law; its E is that of each sensor
-    few = [dataclasses.replace(made.designs[k] or base, E=base.E, **LAW) for k in range(variants)]
+    possible = [design for design in made.designs if design is not None]
+    few = [dataclasses.replace(design, E=base.E, **LAW) for design in possible[:variants]]
     laws = mechanics_of(few, store, lambda share, text: progress(0.5 * share, text))
     nominal, source, error = calibration_study.mechanics_of(base, None)
     rng = np.random.default_rng(SEED)
     judged, unknowns = list[Row](), list[Row]()
-    for k in range(count):
+    for k in (k for k, design in enumerate(made.designs) if design is not None):
         progress(0.5 + 0.5 * k / count, f"sensor {k + 1} of {count}")
         unit, E = laws[k % variants], float(made.fields["E"][k])
         law = dataclasses.replace(unit, lateral=unit.lateral * E, normal=unit.normal * E)
