@@ -54,9 +54,13 @@ def test_a_harder_requirement_leaves_less():
 
 
 def test_what_is_not_known_is_said():
-    assert "no noise is given" in {
-        row["margin"] for row in rows_of(paper(), dataclasses.replace(NEEDED, resolution_z=0.1)).values()
-    }
+    needed = dataclasses.replace(NEEDED, resolution_z=0.1)
+    # neither elements without noise nor a chip of unknown noise meet a resolution
+    for design in (paper(), dataclasses.replace(paper(), hall_layout="mlx90393")):
+        found = required_margins.margins(design, needed)
+        (row,) = [row for row in found["rows"] if row["name"].startswith("resolution in z")]
+        assert (row["value"], row["margin"]) == (None, "not known: no noise is given")
+        assert "missed" in found["message"]
     assert "requirements" in required_margins.margins(paper(), None)["message"]
     outside = required_margins.margins(dataclasses.replace(paper(), law="yeoh", yeoh_2=0.1), NEEDED)
     assert not outside["rows"]

@@ -126,8 +126,10 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
     elements = of_design(d)
     points, owners = plates_of(elements)
     one = {name: np.array([[getattr(each, name) for each in elements]]) for name in ("gain", "null", "low", "high")}
-    noise = np.array([[each.noise_T for each in elements]])
     three = d.hall_layout == "three"
+    # a chip of unknown noise, and elements without any, have no resolution that is known
+    known = three or d.chip.noise is not None
+    noise = np.array([[each.noise_T if known and each.noise_T else np.nan for each in elements]])
     level = d.H - d.l0 + d.c
     outline = plan(d, Base(shape=needed.outer_shape), needed.process)
     mould, (_, _, height) = sizes(d, Mold(process=needed.process)), outer_size(d, outline)[0]

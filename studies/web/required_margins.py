@@ -182,9 +182,7 @@ def _row(name: str, margin: float, result: Performance, variant: Variant, needed
     share = f"{abs(100 * margin):.3g} %"
     text = f"{share} left" if margin >= 0 else f"missed by {share}"
     if math.isnan(value):
-        text = "not known"
-    elif name.startswith("resolution") and not value:
-        text = "no noise is given"
+        text = "not known: no noise is given" if name.startswith("resolution") else "not known"
     elif name in ("no_saturation", "clearance"):
         text = "met" if margin >= 0 else "missed"
     return {
