@@ -6,12 +6,12 @@ solid by at most 1e-3.
 
 from __future__ import annotations
 
+import copy
 import math
 import os
 import tempfile
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from html import escape
 from io import BytesIO
 from pathlib import Path
@@ -23,20 +23,11 @@ from geometry.design import BadInput
 if TYPE_CHECKING:
     from build123d import Solid
 
-LARGEST_ERROR = 1e-3
-"""Largest relative volume error of an exported mesh."""
-
 TOLERANCE = 0.004
 """Default of the largest distance of a facet from the surface, mm: far below the 0.05 mm that printers resolve."""
 
-TOLERANCES = (1e-5, 1.0)
-"""Least and greatest allowed tolerance, mm."""
-
 ANGLE = 0.3
 """Largest angle between neighbouring facets in the first triangulation, rad."""
-
-FACET = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
-"""Layout of one triangle in a binary STL file; before the triangles are 80 bytes of header and a count of 4 bytes."""
 
 FORMATS = ("step", "stl", "3mf")
 
@@ -70,23 +61,7 @@ MODEL = f"""<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Facets:
-    """The closed surface of a solid as triangles, mm.
-
-    Attributes
-    ----------
-    text : the bytes of a binary STL file.
-    mesh : the same triangles as a trimesh, in single precision.
-    error : relative error of the enclosed volume.
-    """
-
-    text: bytes
-    mesh: Any
-    error: float
-
-
-def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
+def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Any:
     """Triangulate the surface of a part, finer than requested if the volume would be wrong by more than 1e-3.
 
     Parameters
@@ -94,29 +69,32 @@ def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
     name : name of the part in messages.
     tolerance : largest distance of a facet from the surface, mm.
 
+    Returns
+    -------
+    A closed trimesh, mm, in the single precision of STL.
+
     Raises
     ------
     BadInput
-        The tolerance lies outside `TOLERANCES`.
+        See `check_tolerance`.
     MeshError
         The triangles are not watertight, or their volume is wrong by more than 1e-3.
     """
     check_tolerance(tolerance)
-    exact = float(solid.volume)
+    exact, largest = float(solid.volume), 1e-3
     finer, error = 1.0, 1.0
     # each finer than the one before, until the volume is accurate enough
     for _ in range(4):
-        text = stl(solid, tolerance / finer, ANGLE / math.sqrt(finer))
-        mesh = _read(text)
+        mesh = triangulated(solid, tolerance / finer, ANGLE / math.sqrt(finer))
         if not mesh.is_volume:
             raise MeshError(f"{name}: the {len(mesh.faces)} triangles are not watertight: try another tolerance")
-        error = mesh.volume / exact - 1
-        if abs(error) <= LARGEST_ERROR:
-            return Facets(text, mesh, float(error))
+        error = float(mesh.volume) / exact - 1
+        if abs(error) <= largest:
+            return mesh
         # the error is proportional to the distance and to the square of the angle; 1.2 is a margin
-        finer *= 1.2 * abs(error) / LARGEST_ERROR
+        finer *= 1.2 * abs(error) / largest
     raise MeshError(
-        f"{name}: the volume of the triangles is off by {error:.2g}, more than {LARGEST_ERROR:g}: "
+        f"{name}: the volume of the triangles is off by {error:.2g}, more than {largest:g}: "
         f"make tolerance finer than {tolerance:g} mm"
     )
 
@@ -124,21 +102,16 @@ def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
 def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGLE) -> Any:
     """Return a trimesh of the solid's surface, mm, in the single precision of STL; its volume is not checked.
 
+    The CAD kernel stores the triangles with the faces. A face that already has finer triangles keeps them, also if it
+    got them as part of another solid.
+
     Parameters
     ----------
     tolerance : largest distance from the surface, mm.
     angle : largest angle between neighbouring facets, rad.
     """
-    return _read(stl(solid, tolerance, angle))
-
-
-def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
-    """Return the solid's triangles as the bytes of a binary STL file.
-
-    The CAD kernel stores the triangles with the faces. A face that already has finer triangles keeps them, also if it
-    got them as part of another solid.
-    """
     import numpy as np
+    import trimesh
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.StlAPI import StlAPI_Writer
 
@@ -149,24 +122,14 @@ def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
         writer.ASCIIMode = False
         if not writer.Write(solid.wrapped, file.name):
             raise OSError(None, "the CAD kernel could not write triangles", file.name)
-        text = file.read()
-    facets = np.frombuffer(text, dtype=FACET, offset=84)
+        mesh = trimesh.load_mesh(file, file_type="stl")
     # at the pole of a sphere two corners of a triangle coincide: such triangles would leave the mesh open
-    a, b, c = np.moveaxis(facets["corners"], 1, 0)
-    proper = facets[(a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)]
-    return bytes(text[:80] + np.uint32(len(proper)).tobytes() + proper.tobytes())
-
-
-def _read(text: bytes) -> Any:
-    import numpy as np
-    import trimesh
-
-    corners = np.frombuffer(text, dtype=FACET, offset=84)["corners"].reshape(-1, 3)
-    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3))
+    mesh.update_faces((np.diff(np.sort(mesh.faces)) > 0).all(axis=1))
+    return mesh
 
 
 def export(
-    parts: Mapping[str, tuple[Solid, Facets]], folder: str | Path, *, colours: Mapping[str, str] | None = None
+    parts: Mapping[str, tuple[Solid, Any]], folder: str | Path, *, colours: Mapping[str, str] | None = None
 ) -> list[dict[str, Any]]:
     """Write NAME.step, NAME.stl and NAME.3mf of every part into an existing folder; lengths in mm.
 
@@ -175,7 +138,7 @@ def export(
 
     Parameters
     ----------
-    parts : solids by name, each with its facets.
+    parts : solids by name, each with its `facets`.
     colours : CSS colour names for the STEP files, by the name of the part.
 
     Returns
@@ -190,17 +153,17 @@ def export(
     """
     with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
         written = []
-        for name, (solid, surface) in parts.items():
-            mesh = surface.mesh
+        for name, (solid, mesh) in parts.items():
             contents = {
                 "step": step(named(solid, name, (colours or {}).get(name, ""))),
-                "stl": surface.text,
+                "stl": mesh.export(file_type="stl"),
                 "3mf": _packed(name, mesh),
             }
             for suffix, content in contents.items():
                 Path(temporary, f"{name}.{suffix}").write_bytes(content)
-            record = {"name": name, "file": f"{name}.stl", "volume_mm3": float(solid.volume)}
-            record |= {"stl_volume_mm3": float(mesh.volume), "relative_error": surface.error}
+            exact, enclosed = float(solid.volume), float(mesh.volume)
+            record = {"name": name, "file": f"{name}.stl", "volume_mm3": exact}
+            record |= {"stl_volume_mm3": enclosed, "relative_error": enclosed / exact - 1}
             written.append(record | {"watertight": bool(mesh.is_volume), "triangles": len(mesh.faces)})
         for name in parts:
             for suffix in FORMATS:
@@ -209,8 +172,8 @@ def export(
 
 
 def check_tolerance(tolerance: float) -> None:
-    """Raise BadInput for a tolerance outside `TOLERANCES`; mm."""
-    low, high = TOLERANCES
+    """Raise BadInput for a tolerance that is not from 1e-5 to 1 mm."""
+    low, high = 1e-5, 1.0
     if not low <= tolerance <= high:
         raise BadInput(f"tolerance must lie between {low:g} and {high:g} mm; got {tolerance:g} mm")
 
@@ -230,8 +193,6 @@ def step(shape: Any) -> bytes:
 
 def named(solid: Solid, label: str, colour: str) -> Solid:
     """Return a copy of a solid with a label and a colour for a STEP file; `colour` is a CSS name, or "" for none."""
-    import copy
-
     import build123d as bd
 
     # a copy, since the same solid may belong to another assembly under another label

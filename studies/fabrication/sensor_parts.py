@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from geometry.bad_input import MeshError
 from geometry.design import Design
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from build123d import Solid
 
     from geometry.fabrication.printability import Check
-    from geometry.fabrication.solid_files import Facets
     from studies.fabrication.assembly_picture import Painter
 
 PICTURE = "assembly.png"
@@ -149,7 +148,7 @@ def left_over(folder: Path, stage: Path) -> list[str]:
 
 
 def run_checks(
-    design: Design, choices: FabricationChoices, solids: FabricatedSolids, shapes: Mapping[str, tuple[Solid, Facets]]
+    design: Design, choices: FabricationChoices, solids: FabricatedSolids, shapes: Mapping[str, tuple[Solid, Any]]
 ) -> list[Check]:
     """Return all checks of mould, base and printing."""
     from geometry import base
@@ -161,7 +160,7 @@ def run_checks(
         checks += base.checks(design, solids.sensor["base"], solids.bodies)
     for name in ("base", *solids.mold):
         if name in shapes:
-            checks += mold_solids.printable(name, shapes[name][1].mesh, choices.mold.printing)
+            checks += mold_solids.printable(name, shapes[name][1], choices.mold.printing)
     return checks
 
 
@@ -169,7 +168,7 @@ def _write(
     design: Design,
     choices: FabricationChoices,
     solids: FabricatedSolids,
-    shapes: Mapping[str, tuple[Solid, Facets]],
+    shapes: Mapping[str, tuple[Solid, Any]],
     stage: Path,
     progress: Progress,
 ) -> list[FlatRow]:

@@ -17,8 +17,6 @@ from studies.inputs.option_groups import Fabrication
 if TYPE_CHECKING:
     from build123d import Solid
 
-    from geometry.fabrication.solid_files import Facets
-
 COLOURS = {
     "beam": "wheat",
     "silicone": "wheat",
@@ -171,7 +169,7 @@ def printed_parts(solids: FabricatedSolids) -> dict[str, Solid]:
 
 def triangulated_parts(
     design: Design, choices: FabricationChoices, solids: FabricatedSolids
-) -> dict[str, tuple[Solid, Facets]]:
+) -> dict[str, tuple[Solid, Any]]:
     """Return each part that is exported, with its triangles.
 
     Printed parts stand as they are printed; the others are in the sensor's frame.
