@@ -37,20 +37,6 @@ from geometry.relaxation import Relaxation
 
 
 @dataclass(frozen=True, slots=True)
-class Indentation:
-    """A rigid sphere pressed into a viscoelastic half space.
-
-    Attributes
-    ----------
-    force : on the sphere, N, shape (n,).
-    contact_radius : mm, shape (n,).
-    """
-
-    force: Array
-    contact_radius: Array
-
-
-@dataclass(frozen=True, slots=True)
 class _Path:
     """Depth of the sphere over time, linear in between, and its material; times and depths have shape (n,)."""
 
@@ -79,10 +65,6 @@ class _Path:
             total += float(relaxed @ (shares * np.exp(-np.append(0.0, 1 / tau) * (t - t1))))
         return total
 
-    def step(self, depth: float, t: float) -> float:
-        """Return the force of a step to a depth at the first time, as `integral` with a power of 1.5 does."""
-        return float(depth**1.5 * self.relaxation.modulus(t - self.times[0]))
-
 
 def _half_power(x: Array) -> Array:
     """Return F(x) = sqrt(x) - D(sqrt(x)) of the module's text."""
@@ -96,8 +78,8 @@ def _half_power(x: Array) -> Array:
 
 def indentation(
     relaxation: Relaxation, shear_modulus: float, radius: float, times: Array, depths: Array
-) -> Indentation:
-    """Return the force on a rigid sphere and the radius of its contact at the given times.
+) -> tuple[Array, Array]:
+    """Return the force on a rigid sphere, N, and the radius of its contact, mm, at the given times, both (n,).
 
     Parameters
     ----------
@@ -120,15 +102,13 @@ def indentation(
         raise BadInput("the depths of an indentation must be 0 or more, grow to one maximum, and then fall")
     path = _Path(relaxation, times, depths)
     contacts = [_contact(path, top, k) for k in range(len(times))]
-    begin, first = float(times[0]), float(depths[0])
-    force = [
-        path.step(first if t1 > begin else depth, float(t)) + path.integral(begin, t1, float(t), 1.5)
-        for (t1, depth), t in zip(contacts, times, strict=True)
-    ]
-    return Indentation(
-        16 / 3 * np.sqrt(radius) * shear_modulus * np.array(force),
-        np.sqrt(radius * np.array([depth for _, depth in contacts])),
+    begin, reached = float(times[0]), np.array([depth for _, depth in contacts])
+    # the step to the first depth, of which a release within the step takes back a part, and what follows it
+    stepped = np.where([t1 > begin for t1, _ in contacts], depths[0], reached) ** 1.5 * relaxation.modulus(
+        times - begin
     )
+    after = [path.integral(begin, t1, float(t), 1.5) for (t1, _), t in zip(contacts, times, strict=True)]
+    return 16 / 3 * np.sqrt(radius) * shear_modulus * (stepped + after), np.sqrt(radius * reached)
 
 
 def _contact(path: _Path, top: int, k: int) -> tuple[float, float]:

@@ -149,7 +149,9 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         corner, foot = (screw_at - screw / 2, screw_at - screw / 2, 0.0), recess_radius if recess else design.R
         screws = [Block(corner, (screw, screw, 0.0))] if screw else []
         hollows = [block for group in (seats.bodies, seats.passages, seats.posts) for block in group.values()]
-        marks = engraved_marks.base_marks(half, base.is_round, recess, foot, [*hollows, *screws], process)
+        marks = engraved_marks.base_marks(
+            half, base.is_round, recess, foot, [*hollows, *screws], PROCESSES[process].stroke
+        )
     return Plan(
         is_round=base.is_round,
         half=half,
@@ -224,13 +226,7 @@ def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
 
 
 def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
-    """Return the solid of the base in the sensor's frame, mm.
-
-    Raises
-    ------
-    BadInput
-        See `plan`.
-    """
+    """Return the solid of the base in the sensor's frame, mm; `plan` refuses what does not fit."""
     import build123d as bd
 
     p = plan(design, choices, process)

@@ -224,12 +224,11 @@ class Response:
         Response(force=(0.0, 0.0, 8.0), shift=(0.0, 0.0, -2.0), tilt=0.1, contact_radius=6.0, tilt_y=0.0)
         """
         (fx, fy, fz), (x, y, z) = self.force, self.shift
-        return Response(
+        return dataclasses.replace(
+            self,
             force=(force * fx, force * fy, force * fz),
             shift=(length * x, length * y, length * z),
-            tilt=self.tilt,
             contact_radius=length * self.contact_radius,
-            tilt_y=self.tilt_y,
         )
 
 

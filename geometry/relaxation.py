@@ -333,8 +333,6 @@ def check_range(
 ) -> list[str]:
     """Check that the branches of a design speak for times, s, and frequencies, Hz; return a warning if they do not.
 
-    Parameters
-    ----------
     beyond : whether values outside the range are allowed, and only marked by the warning.
 
     Raises

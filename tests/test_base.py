@@ -9,7 +9,7 @@ from geometry import cad
 from geometry.base import Base, base, checks, outer_size, plan, warnings
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
-from geometry.fabrication.engraved_marks import DEPTH, STROKES
+from geometry.fabrication.engraved_marks import DEPTH
 from geometry.fabrication.hall_elements import SS495A, bodies, places
 from geometry.fabrication.mold_solids import printable
 from geometry.fabrication.printability import PROCESSES, standing
@@ -248,7 +248,7 @@ def test_grooves_mark_x_and_y(design, shape, process):
 
     p = plan(design, Base(shape=shape, marks=1), process)
     plain, marked = (base(design, Base(shape=shape, marks=marks), process) for marks in (0, 1))
-    removed, width = plain.cut(marked).solids(), STROKES[process]
+    removed, width = plain.cut(marked).solids(), PROCESSES[process].stroke
     assert marked.is_valid
     assert len(removed) == 3
     lengths = [solid.volume / (width * DEPTH) for solid in removed]

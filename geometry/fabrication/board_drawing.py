@@ -35,12 +35,7 @@ NOTE = "Seen from above, mm. Pads are common values: check against your data she
 
 
 def board(design: Design, plan: Plan) -> str:
-    """Return the text of the DXF file.
-
-    Parameters
-    ----------
-    plan : plan of the base of this design.
-    """
+    """Return the text of the DXF file, for the plan of the base of this design."""
     import ezdxf
     from ezdxf import units
 

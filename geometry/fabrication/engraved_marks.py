@@ -34,9 +34,6 @@ LETTERS = {
 }
 """Strokes of each letter as lines through points x,y; the height is 1 and the width 0.66."""
 
-STROKES = {"fdm": 0.6, "sla": 0.4}
-"""Width of a stroke, mm: one and a half lines of a 0.4 mm nozzle, and wide enough to wash resin out."""
-
 DEPTH = 0.4
 """Depth of the letters, mm: two common layers of filament printing."""
 
@@ -61,17 +58,14 @@ def strokes(letter: str, centre: Point, height: float, width: float, top: float)
         points = [(corner[0] + size * x, corner[1] + size * y) for x, y in line]
         for (x, y), (u, v) in itertools.pairwise(points):
             along = math.hypot(u - x, v - y)
-            plane = bd.Plane((x, y, top - DEPTH), x_dir=(u - x, v - y, 0), z_dir=(0, 0, 1))
-            box = bd.Solid.make_box(along + width, width, DEPTH, plane)
-            back = ((x - u) * width / 2 / along, (y - v) * width / 2 / along)
-            aside = ((v - y) * width / 2 / along, (x - u) * width / 2 / along)
-            solids.append(box.moved(bd.Location((back[0] + aside[0], back[1] + aside[1], 0))))
+            middle = bd.Plane(((x + u) / 2, (y + v) / 2, top - DEPTH / 2), x_dir=(u - x, v - y, 0))
+            solids.append(bd.Box(along + width, width, DEPTH).solid().moved(middle.location))
     return solids
 
 
 def mold_marks(design: Design, mold: Mold, s: Sizes) -> tuple[list[Solid], list[Solid], str]:
     """Return the strokes to cut from A, those to cut from B, and a warning if a letter has no room (else "")."""
-    width = STROKES[mold.process]
+    width = mold.printing.stroke
     far_x, far_y = (max(centre[k] for centre in s.centres) for k in (0, 1))
     # the letter keeps the lid's thickness as its distance from the cavity: the checks ask for no less
     start = s.R + math.sqrt(max(s.lid**2 - (s.lid - DEPTH) ** 2, 0.0)) + MARGIN
@@ -93,7 +87,7 @@ def mold_marks(design: Design, mold: Mold, s: Sizes) -> tuple[list[Solid], list[
 
 
 def base_marks(
-    half: float, is_round: bool, top: float, foot: float, hollows: Sequence[Block], process: str
+    half: float, is_round: bool, top: float, foot: float, hollows: Sequence[Block], width: float
 ) -> tuple[Block, ...]:
     """Return the grooves to cut from the base, one at +x and two at +y; none if one of them has no room.
 
@@ -103,8 +97,8 @@ def base_marks(
     top : height of the upper face of the plate, mm.
     foot : radius of the recess, or of the beam without one, mm.
     hollows : all that a groove must not meet: seats, passages, posts, and boxes around the screw holes.
+    width : of a groove, mm.
     """
-    width = STROKES[process]
     along_x = _groove(0.0, half, is_round, top, foot, hollows, width)
     # along y the base is its image about the plane x = y
     mirrored = [swapped(hollow) for hollow in hollows]

@@ -46,15 +46,8 @@ Direction = tuple[float, float, float]
 def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid, Solid]:
     """Return parts A (lid, skirt, pins, vents) and B (cup and foot) of the closed mould, mm; B is not split.
 
-    Parameters
-    ----------
     beam : the solid of the design's beam, if it exists already. Without shrinkage the cavity is made from it, so that
         beam and cavity share faces and their triangles.
-
-    Raises
-    ------
-    BadInput
-        See `sizes`.
     """
     import build123d as bd
 
@@ -152,20 +145,11 @@ def slab(s: Sizes, radius: float, low: float, high: float) -> Solid:
     if x == y == 0:
         # one cavity: faces of revolution about one axis
         return turned([(0, low, 0), (radius, low, 0), (radius, high, 0), (0, high, 0)])
-    points: list[tuple[float, float, float]] = []
-    edges: list[Any] = []
-    for k, (cx, cy) in enumerate(((x, y), (-x, y), (-x, -y), (x, -y))):
-        first, middle, last = (
-            (cx + radius * math.cos(turn), cy + radius * math.sin(turn), low)
-            for turn in (math.pi / 2 * (k + part) for part in (0.0, 0.5, 1.0))
-        )
-        if points and math.dist(points[-1], first) > 1e-9:
-            edges.append(bd.Edge.make_line(points[-1], first))
-        edges.append(bd.Edge.make_three_point_arc(first, middle, last))
-        points += [first, last]
-    if math.dist(points[-1], points[0]) > 1e-9:
-        edges.append(bd.Edge.make_line(points[-1], points[0]))
-    return bd.Solid.extrude(bd.Face(bd.Wire(edges)), bd.Vector(0, 0, high - low))
+    if x and y:
+        plane: Any = bd.RectangleRounded(2 * (x + radius), 2 * (y + radius), radius)
+    else:
+        plane = bd.SlotCenterToCenter(2 * max(x, y), 2 * radius, rotation=90 if y else 0)
+    return moved(bd.Solid.extrude(plane.face(), bd.Vector(0, 0, high - low)), (0.0, 0.0, low))
 
 
 # Checks
@@ -325,13 +309,15 @@ def _contacts(moving: Solid, still: Solid, direction: Direction) -> set[float]:
 
 def _may_face(face: Face, axis: int, sense: float) -> bool:
     """Return True if the face's normal may point along `sense` times the axis at some point of the face."""
+    from OCP.BRepTools import BRepTools
+
     kind, surface = face.geom_type.name, face.geom_adaptor()
     if kind == "PLANE":
         places = [0.5]
     elif kind in TURNED and abs(surface.Axis().Direction().Coord()[axis]) > 1 - 1e-12:
         # the normal's component along the axis of revolution is constant around it, and its extremes are at the ends
         # of the meridian or, on a torus, at its top and bottom
-        _, _, low, high = face._uv_bounds()
+        _, _, low, high = BRepTools.UVBounds_s(face.wrapped)
         turns = [k * math.pi / 2 for k in range(-8, 9)] if kind == "TORUS" else []
         places = [CLOSE, 1 - CLOSE, *((v - low) / (high - low) for v in turns if low < v < high)]
     else:

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from html import escape
 from io import BytesIO
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 from geometry.bad_input import MeshError
@@ -31,34 +32,12 @@ ANGLE = 0.3
 
 FORMATS = ("step", "stl", "3mf")
 
-_OPC, _3MF = "http://schemas.openxmlformats.org/package/2006", "http://schemas.microsoft.com/3dmanufacturing"
-
 PACKAGE = {
-    "[Content_Types].xml": f"""<?xml version="1.0" encoding="UTF-8"?>
-<Types xmlns="{_OPC}/content-types">
-<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
-<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
-</Types>
-""",
-    "_rels/.rels": f"""<?xml version="1.0" encoding="UTF-8"?>
-<Relationships xmlns="{_OPC}/relationships">
-<Relationship Id="rel0" Target="/3D/3dmodel.model" Type="{_3MF}/2013/01/3dmodel"/>
-</Relationships>
-""",
+    "content_types.xml": "[Content_Types].xml",
+    "relationships.xml": "_rels/.rels",
+    "model.xml": "3D/3dmodel.model",
 }
-"""Contents of the package parts that a 3MF file needs besides its model, by path."""
-
-MODEL = f"""<?xml version="1.0" encoding="UTF-8"?>
-<model unit="millimeter" xmlns="{_3MF}/core/2015/02">
-<resources><object id="1" name="{{name}}" type="model"><mesh>
-<vertices>
-{{vertices}}</vertices>
-<triangles>
-{{triangles}}</triangles>
-</mesh></object></resources>
-<build><item objectid="1"/></build>
-</model>
-"""
+"""Parts of a 3MF file: the file in the folder `package_3mf` here, and its path in the package."""
 
 
 def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Any:
@@ -216,10 +195,11 @@ def _packed(name: str, mesh: Any) -> bytes:
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces)
     corners = '<vertex x="%.9g" y="%.9g" z="%.9g"/>\n' * len(vertices) % tuple(vertices.ravel().tolist())
     sides = '<triangle v1="%d" v2="%d" v3="%d"/>\n' * len(faces) % tuple(faces.ravel().tolist())
-    model = MODEL.format(name=escape(name), vertices=corners, triangles=sides)
-    text = BytesIO()
+    values = {"name": escape(name), "vertices": corners, "triangles": sides}
+    text, folder = BytesIO(), Path(__file__).with_name("package_3mf")
     with zipfile.ZipFile(text, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
-        for path, content in {**PACKAGE, "3D/3dmodel.model": model}.items():
+        for source, path in PACKAGE.items():
+            content = Template((folder / source).read_text("utf-8")).substitute(values)
             # a ZipInfo with its default date, not the current time: equal parts then give equal files
             file.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)
     return text.getvalue()

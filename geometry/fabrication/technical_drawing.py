@@ -12,6 +12,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any, Literal
 
 from geometry.cad import intersection
@@ -32,29 +34,6 @@ SCALES = [f * 10.0**e for e in range(3, -5, -1) for f in (5, 2, 1)]
 TEXT, TITLE, NEAR, NEXT, ARROW = 3.2, 5.0, 8.0, 6.5, 2.4
 """Lengths on paper, mm: height of text, height for a view's title, distance of the first dimension line from the
 view, distance of each further one, and length of an arrow."""
-
-HALO = "halo"
-STYLE = """
-.outline{fill:none;stroke:#111;stroke-width:.45;stroke-linejoin:round}
-.thin,.dim{fill:none;stroke:#111;stroke-width:.18}
-.axis{fill:none;stroke:#555;stroke-width:.18;stroke-dasharray:6 1.2 1 1.2}
-.rigid{fill:url(#rigid);stroke:#111;stroke-width:.45;stroke-linejoin:round}
-.lid{fill:url(#lid);stroke:#111;stroke-width:.45;stroke-linejoin:round}
-.soft{fill:#f5eccb;stroke:#111;stroke-width:.45;stroke-linejoin:round}
-.magnet{fill:#b9bec4;stroke:#111;stroke-width:.45}
-.part{fill:#4b5563;stroke:#111;stroke-width:.3}
-.arrow{fill:#111;stroke:none}
-text{font-family:Arial,Helvetica,sans-serif;font-size:3.2px;fill:#111}
-.halo{fill:#fff;stroke:#fff;stroke-width:.9px;stroke-linejoin:round}
-.title{font-size:5px;font-weight:bold}.small{font-size:2.7px}
-"""
-
-PATTERNS = """<defs>
-<pattern id="rigid" width="2" height="2" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
-<rect width="2" height="2" fill="#fff"/><path d="M0 0V2" stroke="#777" stroke-width=".25"/></pattern>
-<pattern id="lid" width="2" height="2" patternUnits="userSpaceOnUse" patternTransform="rotate(-45)">
-<rect width="2" height="2" fill="#fff"/><path d="M0 0V2" stroke="#777" stroke-width=".25"/></pattern></defs>
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,14 +132,10 @@ def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str]) -
     out.append(_text(MARGIN + 2, y + 13, f"scale {ratio} on A4; all lengths in mm"))
     for k, note in enumerate(notes):
         out.append(_text(MARGIN + 92, y + 4.2 + 4 * k, note, "small"))
-    frame = (
-        f'<rect class="thin" x="{MARGIN}" y="{MARGIN}" width="{WIDTH - 2 * MARGIN}" height="{HEIGHT - 2 * MARGIN}"/>'
-    )
-    size = f'width="{WIDTH:g}mm" height="{HEIGHT:g}mm" viewBox="0 0 {WIDTH:g} {HEIGHT:g}"'
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
-    paper = f'<rect width="{WIDTH:g}" height="{HEIGHT:g}" fill="#fff"/>'
-    name = f"<title>{escape(title)}</title>"
-    return "\n".join([head, name, f"<style>{STYLE}</style>", PATTERNS + paper, frame, *out, "</svg>\n"])
+    text = Path(__file__).with_name("sheet.svg").read_text("utf-8")
+    lengths = {"width": WIDTH, "height": HEIGHT, "margin": MARGIN, "inside": space_x, "high": HEIGHT - 2 * MARGIN}
+    views = {"title": escape(title), "views": "\n".join(out)}
+    return Template(text).substitute(views, **{name: f"{length:g}" for name, length in lengths.items()})
 
 
 def _sides(column: Sequence[View], scale: float) -> tuple[float, float]:
@@ -248,7 +223,7 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
         out.append(_text(x + dx + math.copysign(0.8, dx), y + dy + 1.1, text, anchor=end))
     out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 1.5, view.title, anchor="middle"))
     # SVG draws in order: first the lines, then the halos that cover lines behind text, then the text
-    return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: (line[:5] == "<text", HALO not in line)))
+    return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: (line[:5] == "<text", "halo" not in line)))
 
 
 def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
@@ -317,4 +292,4 @@ def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start", 
     One element with SVG 2's paint-order would suffice, but few programs support paint-order.
     """
     where = f'x="{x:.3f}" y="{y:.3f}" text-anchor="{anchor}"{more}>{escape(text)}</text>'
-    return f'<text class="{HALO} {kind}" aria-hidden="true" {where}\n<text class="{kind}" {where}'
+    return f'<text class="halo {kind}" aria-hidden="true" {where}\n<text class="{kind}" {where}'

@@ -46,7 +46,7 @@ LEVEL = 0.7
 """Least vertical component of a facet's unit normal on base and lids; a facet of a wall has less."""
 SIDES = ("base", "skin", "symmetry", "magnet")
 REGIONS = ("silicone", "magnet")
-KINDS = {"tetra": 4, "tetra10": 10}
+KINDS = ("tetra", "tetra10")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +101,6 @@ def read(
 def by_pytetwild(shape: Shape, size: float, *, half: bool = True) -> MeshTet2:
     """Mesh the beam with its magnet by pytetwild, in the unit of `shape`; see `geometry.mesh.tetrahedra`.
 
-    Parameters
-    ----------
     size : edge length; pytetwild takes shorter edges where the surfaces need them.
 
     Raises
@@ -284,10 +282,10 @@ def _straight(source: _Cells, region: Ints) -> tuple[MeshTet1, Ints]:
     corner[used] = np.arange(len(used))
     parts = {name: np.flatnonzero(region == k) for k, name in enumerate(REGIONS) if (region == k).any()}
     p, t = np.ascontiguousarray(source.points[used].T), np.ascontiguousarray(t.reshape(-1, 4).T)
-    facets = np.sort(t[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]].transpose(0, 2, 1).reshape(-1, 3), axis=1)
-    if np.unique(facets, axis=0, return_counts=True)[1].max() > 2:
+    mesh = MeshTet1(p, t, _subdomains=parts, sort_t=False)
+    if np.bincount(mesh.t2f.ravel()).max() > 2:
         raise BadInput(f"the cells of the mesh {source.text} overlap: more than two share a facet")
-    return MeshTet1(p, t, _subdomains=parts, sort_t=False), corner
+    return mesh, corner
 
 
 def _with_boundaries(mesh: MeshTet1, source: _Cells, corner: Ints, shape: Shape) -> MeshTet1:

@@ -201,7 +201,7 @@ def indented_half_space(n: int) -> tuple[float, ...]:
         follow(design, loads, LEVELS[LEVEL[n - 1]], magnet="ignored", steps=TimeControl(largest_step=0.01))
     )
     G0 = design.E / 3
-    exact = indentation(relaxation_of(design), G0, design.R, times, depths).force
+    exact, _ = indentation(relaxation_of(design), G0, design.R, times, depths)
     elastic = solve_load(design, Load(top), LEVELS[LEVEL[n - 1]], magnet="ignored").response.force[2]
     mesh = elastic / (16 / 3 * math.sqrt(design.R) * G0 * top**1.5)
     return tuple(float(one.response.force[2] / force / mesh) for one, force in zip(states, exact[1:], strict=True))
