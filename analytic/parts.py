@@ -94,9 +94,6 @@ class Element:
 CONVERTER, CONVERTER_NOISE, CONVERTER_STEP = "NI 9205, +-10 V", 2.44e-4, 20 / 2**16
 """Converter that the paper names: name, noise and step, V. The noise does not include that of the elements."""
 
-UNDITHERED = 0.5
-"""Share of the noise of an averaged reading from which steps that are left are worth a warning: 13 % of it."""
-
 AXES: tuple[Vector, Vector, Vector] = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """Directions n of S1, S2 and S3, or of the three axes of a chip; `analytic.hall.elements` explains their signs."""
 
@@ -153,7 +150,8 @@ def average_warnings(design: Design) -> list[str]:
     if element.average == 1 or not element.step:
         return []
     left = reading_noise.rounding_bias(element.noise, element.step)
-    if left < UNDITHERED * element.noise_T * element.gain:
+    # steps of half the noise of an averaged reading make 13 % of it
+    if left < 0.5 * element.noise_T * element.gain:
         return []
     error = f"{left / element.step:.2g} steps of {element.step:g} {element.unit}"
     reason = f"a noise of {element.noise / element.step:.2g} steps does not dither them"

@@ -32,7 +32,7 @@ PREFIX = "made_for_"
 LATER: Fields = {"magnet_north": "down"}
 """Keys that labels got after the first ones were written, with the values that older files mean."""
 
-_UNITS = {spec.name: spec.metadata["unit"] for spec in dataclasses.fields(Design)} | {"magnet": "1"}
+_UNITS = {"magnet": "1", **{spec.name: spec.metadata["unit"] for spec in dataclasses.fields(Design)}}
 KEYS = {name: name if unit == "1" else f"{name}_{unit}" for name, unit in _UNITS.items()}
 """Key of each field in files: its name and its unit."""
 _NAMES = {KEYS[name]: (name, "" if unit == "1" else f" {unit}") for name, unit in _UNITS.items()}

@@ -33,9 +33,6 @@ from numpy.typing import ArrayLike, NDArray
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
 
-TIMES = (1e-12, 1e12)
-"""Range of a branch's time, s: beyond it, a number is taken for a mistake."""
-
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 _BRANCH = re.compile(f"{_NUMBER}:{_NUMBER}")
 
@@ -82,12 +79,13 @@ class Relaxation:
     covered: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        shortest, longest = 1e-12, 1e12  # beyond them, a time in s is taken for a mistake
         for g, tau in zip(self.shares, self.times, strict=True):
             if not 0 <= g < 1:
                 raise BadInput(f"the share g of a branch must be at least 0 and less than 1; got {g:g}")
-            if not TIMES[0] <= tau <= TIMES[1]:
+            if not shortest <= tau <= longest:
                 raise BadInput(
-                    f"the time tau of a branch must lie between {TIMES[0]:g} and {TIMES[1]:g} s; got {tau:g} s"
+                    f"the time tau of a branch must lie between {shortest:g} and {longest:g} s; got {tau:g} s"
                 )
         if not sum(self.shares) < 1:
             raise BadInput(f"the shares g of all branches must add up to less than 1; got {sum(self.shares):g}")

@@ -95,7 +95,7 @@ def test_a_glued_shear_has_both_forces_one_after_the_other():
     assert force[:2] == pytest.approx((-0.3, 0.4), rel=FORCE_TOLERANCE)
     assert load.shear_x / load.shear_y == pytest.approx(-0.75)
     assert normal(alone(replace(load, shear_x=0.0, shear_y=0.0, friction="none"))) == pytest.approx(3.0, rel=0.02)
-    # its mesh is made for a depth within SAME_MESH
+    # its mesh is made for a depth within 1 %
     assert force == pytest.approx(alone(load).response.force, rel=2e-3)
 
 

@@ -52,17 +52,6 @@ the search converges so fast that a looser tolerance would save less than one st
 SHARED_TOLERANCE = 1e-3
 """The same where two states bracket the wanted force without room for another one between them: with Coulomb friction
 the force depends a little on the increments before it."""
-LONGEST_RATIO, SHORTEST_RATIO = 1.5, 1.001
-"""Largest and least ratio of a motion to the one before, until two states bracket the force. A larger one may lead
-into loads that no solve reaches; a smaller one would creep towards a force at which the curve is flat."""
-MOST_MESHES = 5
-"""Largest number of meshes for one force. Two are usual; at the bound of two ranges each may lead to the other."""
-FIRST_DEPTH, FIRST_SHEAR = 0.3, 0.5
-"""Largest first depth of a search over the silicone on the axis, because Hertz's law knows no base below the tip; and
-largest first shear over D, within which a path always converges."""
-SAME_MESH = 0.01
-"""Relative difference of depths up to which a glued plate has the same mesh. That is refined at the edge of the
-contact, whose radius then differs by half as much: less than the size of an element there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +187,8 @@ class LoadingCurve:
         before, last = self.points[-2:]
         rise = self.excess(last, force) - self.excess(before, force)
         ahead = -self.excess(last, force) * (last.motion - before.motion) / rise if rise > 0 else math.inf
-        return last.motion * min(max(1 + ahead / last.motion, SHORTEST_RATIO), LONGEST_RATIO)
+        # a larger ratio may lead into loads that no solve reaches; a smaller one would creep where the curve is flat
+        return last.motion * min(max(1 + ahead / last.motion, 1.001), 1.5)
 
     def excess(self, point: CurvePoint, force: float) -> float:
         """Return the force of a state over the wanted one, to the power at which it is proportional to the motion."""
@@ -384,7 +374,8 @@ class _Search:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
         (load,), D = scene.loads, scene.design.D
         depth = self._depths.get(target.force, load.depth)
-        for meshes_left in reversed(range(MOST_MESHES)):
+        # two meshes are usual; at the bound of two ranges each may lead to the other
+        for meshes_left in reversed(range(5)):
             path = self._path_of(replace(scene, loads=(replace(load, depth=depth),)))
             found = path.press.find(target.force / force_unit(scene.design), depth / D, path.advance_press)
             point = found.point if isinstance(found, NotReached) else found
@@ -458,8 +449,8 @@ class ForcePath:
         """Return the state with the shear force of a target, after a press to a state."""
         design = self.scene.design
         force = target.shear_size / force_unit(design)
-        # that of a straight beam
-        guess = min(force * tip_compliance(design) * design.E * design.D, FIRST_SHEAR)
+        # that of a straight beam; a path to half of D always converges
+        guess = min(force * tip_compliance(design) * design.E * design.D, 0.5)
         found = self.start_shear(pressed).find(force, guess, self.advance_shear)
         if isinstance(found, NotReached):
             raise OutOfReach(_refusal(found, target.shear_size, "shear", "shear", design))
@@ -487,7 +478,9 @@ class ForcePath:
         if any(getattr(load, name) != getattr(present, name) for name in kind):
             return False
         if present.bonds_contact:
-            return math.isclose(load.depth, present.depth, rel_tol=SAME_MESH)
+            # the mesh is refined at the edge of the contact, whose radius then differs by half as much: less than the
+            # size of an element there
+            return math.isclose(load.depth, present.depth, rel_tol=0.01)
         return self.scene.solid or mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
 
 
@@ -536,7 +529,8 @@ def expected_depth(design: Design, magnet: Magnet, force: float) -> float:
     R, thickness = design.R / design.D, silicone_on_axis(design, magnet) / design.D
     hertz = (0.75 * force * (1 - design.nu**2) / math.sqrt(R)) ** (2 / 3)
     column = max(thickness - 1.0, 0.0) * force / (math.pi * R**2)
-    return float(min(hertz + column, FIRST_DEPTH * thickness))
+    # Hertz's law knows no base below the tip
+    return float(min(hertz + column, 0.3 * thickness))
 
 
 def slips_wholly(state: PathState) -> bool:

@@ -47,9 +47,6 @@ SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
 MOST = 40
 """Largest number of modes that can be requested."""
-CHECK_EVERY, EIGEN_TOLERANCE, VANISHING = 3, 1e-6, 1e-14
-"""Of Lanczos' method: steps between two checks, which cost as much as a step; relative residual of an eigenvalue,
-whose error is its square; and length of a vector, over the first eigenvalue, below which there are no others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,20 +245,22 @@ def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]
     for step in range(most):
         Mx = mass @ x
         length = math.sqrt(max(x @ Mx, 0.0))
-        if step and (length < VANISHING * abs(T[0, 0]) or _settled(T[:step, :step], length, count)):
+        # a vector of rounding errors only: there are no other eigenvalues
+        vanishes = step and length < 1e-14 * abs(T[0, 0])
+        if step and (vanishes or _settled(T[:step, :step], length, count)):
             break
         V[step], MV[step] = x / length, Mx / length
         x = solver.solve(MV[step])
         for _ in range(2):  # the first pass leaves rounding errors, the second one does not
-            parts = MV[: step + 1] @ x
-            x -= parts @ V[: step + 1]
-            T[: step + 1, step] += parts
+            along = MV[: step + 1] @ x
+            x -= along @ V[: step + 1]
+            T[: step + 1, step] += along
     else:
         step = most
-    inverse, parts = np.linalg.eigh(T[:step, :step], UPLO="U")
+    inverse, shares = np.linalg.eigh(T[:step, :step], UPLO="U")
     nearest = np.argsort(-np.abs(inverse))[:count]
     rising = nearest[np.argsort(1 / inverse[nearest])]
-    return 1 / inverse[rising], V[:step].T @ parts[:, rising]
+    return 1 / inverse[rising], V[:step].T @ shares[:, rising]
 
 
 def _settled(T: Array, length: float, count: int) -> bool:
@@ -269,8 +268,10 @@ def _settled(T: Array, length: float, count: int) -> bool:
 
     length : norm of the next vector before it is scaled.
     """
-    if len(T) <= count or len(T) % CHECK_EVERY:
+    # a check costs as much as a step: every third step has one
+    if len(T) <= count or len(T) % 3:
         return False
     values, vectors = np.linalg.eigh(T, UPLO="U")
     largest = np.argsort(-np.abs(values))[:count]
-    return bool(np.all(length * np.abs(vectors[-1, largest]) < EIGEN_TOLERANCE * np.abs(values[largest])))
+    # the error of an eigenvalue is the square of its relative residual
+    return bool(np.all(length * np.abs(vectors[-1, largest]) < 1e-6 * np.abs(values[largest])))

@@ -35,10 +35,6 @@ DEEPEST = 0.5
 """Depth over the silicone's height up to which an instability is searched for."""
 STEP = 0.05
 """Depth between two states that are checked, over D, or over the critical depth of another mesh near it."""
-TOLERANCE = 1e-4
-"""Relative width of the interval in which a critical depth is located."""
-MOVED = 0.02
-"""Relative change of the radius at which the contact ends that requires another mesh."""
 KAPPA = 10 * SECTION_KAPPA
 """Stiffness number of the plate: ten times that of other sections, because elements are this small where a deep
 contact ends (see `fem.model.plate_contact`). With a softer plate the press of a wide magnet seemed unstable at
@@ -122,7 +118,8 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     if found.depth is not None:
         edge, _ = find_press(rough, RIM * scene.accuracy.section_patch, found.depth)
         found = _search_near(_fine_section(scene, edge), guided, found.depth, end)
-        if found.depth is not None and abs(found.edge / edge - 1) > MOVED:
+        # where the radius at which the contact ends has changed by 2 %, it needs another mesh
+        if found.depth is not None and abs(found.edge / edge - 1) > 0.02:
             found = _search_near(_fine_section(scene, found.edge), guided, found.depth, end)
     stable = found.stable * D
     if found.depth is None:
@@ -211,7 +208,7 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
         # the bracket begins at rest if the first step is already unstable
         if not stable:
             known[stable] = sideways.stiffness_at_rest
-        depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
+        depth = float(brentq(stiffness, stable, depth, rtol=1e-4))
         press(depth)
     except _StoppedError as stopped:
         return None if start and not stable else _Search(stable, str(stopped))

@@ -56,9 +56,6 @@ __all__ = ["TimeControl", "TimedLoad", "TimedState", "ViscousLaw", "follow"]
 LEAST_TOLERANCE = 1e-7
 """Least permitted error of the force from the time steps: Newton's tolerance leaves errors near it, and the number of
 steps grows like the inverse of its cube root."""
-SMOOTH = 0.3
-"""Change of the plate's velocity over its largest velocity up to which a motion is smooth: that of a sine wave of 24
-loads."""
 LONGEST_SHARE = 1 / 12
 """Longest step over the duration of its part, so that the energies are integrated well; the first step is half as
 long."""
@@ -70,9 +67,6 @@ SHORTEST_SHARE = 1e-4
 SAFETY, GROWTH = 0.8, 2.0
 """Share of the permitted error that a step aims at, and the largest ratio of a step to the last one; the least one is
 1 / GROWTH^2."""
-HERTZ_SHARE = 0.3
-"""Share of the force of a Hertz contact at the deepest load that errors refer to at least: at first touch the force
-itself is nearly zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +227,8 @@ def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
     for i, (before, after) in enumerate(itertools.pairwise(segments), 1):
         jump = before.end == before.begin or after.end == after.begin
         sheared = bool(after.goal[1:].any()) and not before.goal[1:].any()
-        if jump or sheared or np.linalg.norm(after.velocity - before.velocity) > SMOOTH * fastest:
+        # the velocity of a sine wave of 24 loads changes by less than 0.3 of its largest value
+        if jump or sheared or np.linalg.norm(after.velocity - before.velocity) > 0.3 * fastest:
             run += 1
         segments[i] = replace(after, run=run)
     return segments
@@ -346,7 +341,8 @@ class TimedPath:
         history = viscoelasticity.at_rest(law, relaxation, points, instantaneous)
         stiffness = rest.plate_at(np.array([depth, 0.0, 0.0])).stiffness
         self.rest = time_steps.at_rest(replace(rest, stiffness=stiffness), history)
-        self.least_force = HERTZ_SHARE * instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
+        # errors refer to a share of Hertz's force at the deepest load at least: at first touch the force is nearly 0
+        self.least_force = 0.3 * instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
         self._sideways = SidewaysModel(rest.d) if rest.d.model == "axisymmetric" else None
         self._stable_to = 0.0
 

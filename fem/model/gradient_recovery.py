@@ -26,10 +26,6 @@ DEGREE = 3
 """Degree of the polynomial: one more than that of the elements."""
 PATCH = 1.5
 """Radius of the patch over the mean edge length of the cells around the point."""
-NEAREST = 12
-"""Cells, those with the nearest centres, whose mean edge length counts."""
-WORST, WIDER = 1e3, 1.25
-"""Largest condition number of a fit, and factor by which the patch grows while the fit has too few nodes."""
 POWERS = np.array([e for e in itertools.product(range(DEGREE + 1), repeat=3) if sum(e) <= DEGREE])
 FIRST = [int(np.flatnonzero((row == POWERS).all(axis=1))[0]) for row in (np.zeros(3), *np.eye(3))]
 """Positions of the terms 1, x, y, z among POWERS."""
@@ -101,11 +97,11 @@ def fit(points: Array, radius: float) -> tuple[Ints, Array]:
         terms = np.prod([powers[POWERS[:, i], :, i].T for i in range(3)], axis=0)
         # a singular value decomposition also gives the condition number, which decides whether nodes are enough
         U, sizes, Vt = np.linalg.svd(weights[:, None] * terms, full_matrices=False)
-        if (len(near) >= len(POWERS) and sizes[0] < WORST * sizes[-1]) or len(near) == len(points):
+        if (len(near) >= len(POWERS) and sizes[0] < 1e3 * sizes[-1]) or len(near) == len(points):
             shares = (Vt.T[FIRST] / sizes) @ U.T * weights
             shares[1:] /= radius
             return near, shares
-        radius *= WIDER
+        radius *= 1.25
 
 
 def _revolved_nodes(e: Elements) -> tuple[Ints, Array, Array]:
@@ -124,10 +120,10 @@ def _revolved_nodes(e: Elements) -> tuple[Ints, Array, Array]:
 
 
 def mean_edge_length(e: Elements, height: float) -> float:
-    """Return the mean edge length of the cells nearest to a point on the axis."""
+    """Return the mean edge length of the twelve cells with the nearest centres to a point on the axis."""
     corners = e.nodes[e.corners]
     point = np.zeros(e.dim)
     point[-1] = height
-    near = np.argsort(np.linalg.norm(corners.mean(axis=1) - point, axis=1), kind="stable")[:NEAREST]
+    near = np.argsort(np.linalg.norm(corners.mean(axis=1) - point, axis=1), kind="stable")[:12]
     pairs = itertools.combinations(range(e.dim + 1), 2)
     return float(np.mean([np.linalg.norm(corners[near, i] - corners[near, j], axis=1) for i, j in pairs]))

@@ -33,10 +33,6 @@ import numpy as np
 from geometry.arrays import Array
 from geometry.compiled import compiled
 
-SWEEPS = 12
-"""Largest number of Jacobi sweeps for the eigenvalues of a 3 x 3 matrix; four to six are enough for all digits."""
-
-
 Arrays = tuple[Array, Array, Array]
 
 
@@ -273,7 +269,8 @@ def eigenvectors(S, values, N):
     for i in range(3):
         for j in range(3):
             N[i, j] = 1.0 if i == j else 0.0
-    for _ in range(SWEEPS):
+    # four to six sweeps are enough for all digits
+    for _ in range(12):
         if S[0, 1] == 0.0 and S[0, 2] == 0.0 and S[1, 2] == 0.0:
             break
         for i in range(2):

@@ -34,13 +34,6 @@ BUCKLED = 0.01
 state; asymmetry of the mesh alone causes less than a third of this."""
 NEAR = 0.9
 """Depth over the estimated critical depth beyond which a press is reported as close to it."""
-FLAT = 0.5
-"""Least volume ratio J at the integration points below which the elements are searched for inverted silicone."""
-FOLD_GRID, OFF_CORNER = 6, 1e-6
-"""Search for inverted silicone. FOLD_GRID: grid steps along the side of a triangle (half as many for a tetrahedron).
-OFF_CORNER: relative distance of the grid from the corners."""
-FOLDED = 1e-6
-"""Share of inverted silicone above which the message mentions it; smaller shares are single corners."""
 
 
 def diagnose(
@@ -96,7 +89,8 @@ def gather(
         onset=onset,
         onset_mm=between,
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
-        inverted_share=inverted_share(state.d, u) if state.least_J < FLAT else 0.0,
+        # an element whose J stays above 0.5 at its integration points has no inverted spot between them
+        inverted_share=inverted_share(state.d, u) if state.least_J < 0.5 else 0.0,
         remark=remark,
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
@@ -129,10 +123,10 @@ def inverted_share(d: Discretisation, u: Array) -> float:
     Inverted spots lie between integration points, where every J is positive.
     """
     dim = d.elements.dim
-    n = FOLD_GRID // (dim - 1)
+    n = 6 // (dim - 1)  # grid steps along the side of a triangle, half as many for a tetrahedron
     grid = np.indices((n + 1,) * dim).reshape(dim, -1)
     # inversion begins at corners, but a corner on the axis has no 1 / r: the grid stays slightly inside
-    points = 1 / (dim + 1) + (1 - OFF_CORNER) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
+    points = 1 / (dim + 1) + (1 - 1e-6) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
     e = elements.build(d.mesh, axisymmetric=d.revolved, angles=d.elements.angles, points=points)
     folded = total = 0.0
     for at in range(0, len(e.cells), silicone_limits.BATCH):
@@ -225,7 +219,8 @@ def describe(solution: Diagnosed, design: Design) -> str:
             f"so light a touch of so steep a plate needs {facts.harmonics_missing} harmonics more than the most that "
             "a model has: the error estimates are wider; press deeper or tilt less"
         )
-    if facts.inverted_share >= FOLDED:
+    # smaller shares are single corners
+    if facts.inverted_share >= 1e-6:
         parts.append(
             f"{100 * facts.inverted_share:.1g} % of the silicone is inverted (J <= 0) between integration points, "
             "at edges such as the clamp's: forces and the magnet's shift are reliable, "

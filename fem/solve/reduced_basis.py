@@ -34,13 +34,6 @@ from geometry.bad_input import SolveFailed
 
 TOLERANCE, ACCEPTED = 1e-9, 1e-6
 """Largest error at any frequency, see the module docstring, and largest one where rounding errors end its fall."""
-MOST_ROUNDS = 40
-"""Most rounds, each with one factorisation; a sensor under a plate needs some ten."""
-STALLED_ROUNDS = 3
-"""Rounds without a smaller error after which it is one of rounding."""
-SAMPLED = 300
-"""Number of displacements, spread over all, from which the error's norm is computed: all would take as much time as
-the solutions."""
 
 BATCH = 1 << 17
 """Entries of projected matrices that are solved at a time, in 2 MB."""
@@ -125,8 +118,12 @@ class ReducedSystem:
         )
 
 
-def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = TOLERANCE) -> ReducedSystem:
+def reduce(
+    problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = TOLERANCE, *, most_rounds: int = 40
+) -> ReducedSystem:
     """Return the reduced system whose error is below a tolerance at frequencies with c (f,) and lambda (f,).
+
+    most_rounds : rounds, each with one factorisation; a sensor under a plate needs some ten.
 
     Raises
     ------
@@ -137,7 +134,8 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     """
     n, residual, worst = len(problem.b), problem.b, 0
     best: ReducedSystem | None = None
-    sample = np.unique(np.linspace(0, problem.moving - 1, SAMPLED).astype(np.int64))
+    # the error's norm is that of 300 displacements, spread over all: all would take as much time as the solutions
+    sample = np.unique(np.linspace(0, problem.moving - 1, 300).astype(np.int64))
     at_rest, moving = Solver(), Solver()
     at_rest.factorise(problem.K)
     static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - problem.moving)
@@ -145,7 +143,7 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     system = ReducedSystem(np.empty((n, 0)), none, none, none, none, no_rows, 1, stability)
     # with the static solutions the slow limit is exact
     system = system.extend(_independent(static, system.V, problem.moving), problem, at_rest, sample)
-    for rounds in range(1, MOST_ROUNDS + 1):
+    for rounds in range(1, most_rounds + 1):
         shifted = problem.at(float(c[worst].real), float(eigenvalues[worst]))
         moving.factorise(shifted)
         vectors = _independent(_local_vectors(moving, shifted, problem, residual), system.V, problem.moving)
@@ -156,7 +154,8 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
         worst = int(np.argmax(errors))
         if best is None or errors[worst] < best.error:
             best = replace(system, factorisations=rounds + 1, error=float(errors[worst]))
-        if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + STALLED_ROUNDS:
+        # after three rounds without a smaller error it is one of rounding
+        if not vectors.size or best.error < tolerance or rounds >= best.factorisations + 2:
             break
         residual = _residual(problem, system.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
     assert best is not None
