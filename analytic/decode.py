@@ -117,7 +117,7 @@ def decoder(
         The design has no magnet, there are fewer than three elements, an element lies inside the beam, the workspace
         is empty, or the field is not defined at a point of it.
     """
-    tau = NO_TILT if law is None or ignore_tilt else law.tau
+    tau = NO_TILT if law is None or ignore_tilt else law.tilt
     forward = model(design, tau, elements=elements, mode=mode)
     low, high = response_surface.workspace(design, law) if workspace is None else map(np.asarray, workspace)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():

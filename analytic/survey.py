@@ -171,7 +171,7 @@ def at_poses(
 def known(coder: Decoder, shift: Array) -> Bools:
     """Return whether shifts (3, n), mm, lie where the mechanics give the tilt, shape (n,); True without a tilt."""
     law = coder.mechanics
-    if law is None or not coder.forward.tau.any():
+    if law is None or not coder.forward.tau[0].any():
         return np.ones(shift.shape[1], dtype=np.bool_)
     x, y, w = shift
     aside = x * x + y * y

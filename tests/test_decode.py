@@ -16,7 +16,7 @@ from analytic.parts import Element
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
-TILT = np.array([[0.1, 0.01], [0.002, 0.001]])
+TILT = np.array([[0.1, 0.01], [0.002, 0.001]]), 0.08, 0.12
 FOLDED = Design(l0=6.0, c=2.5, hall_low=0, hall_null=50, hall_high=100)
 
 

@@ -99,7 +99,7 @@ def test_resolution_at_shifts_is_the_noise_that_the_decoder_states():
     fields = forward_model.readings_with_slopes(coder.forward, shift.T)[0].T
     sigma = at_shifts(coder.forward, law, shift)
     assert_allclose(sigma, decode.decode(coder, fields).noise_N, rtol=1e-4)
-    quiet = forward_model.model(paper(), law.tau)
+    quiet = forward_model.model(paper(), law.tilt)
     assert np.isnan(at_shifts(quiet, law, shift)).all()
-    limited = forward_model.model(Design(hall_noise=1e-3, hall_high=2.6), law.tau)
+    limited = forward_model.model(Design(hall_noise=1e-3, hall_high=2.6), law.tilt)
     assert np.isinf(at_shifts(limited, law, shift)).any()

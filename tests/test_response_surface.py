@@ -51,7 +51,7 @@ def test_a_plate_does_not_pull():
         [(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)]
     )
     # normal = -10 w - 20 U: beyond the samples, far aside and hardly sunk, it would be a tension
-    law = dataclasses.replace(law, tau=forward_model.NO_TILT, normal=np.array([[0.0, -10.0], [-20.0, 0.0]]))
+    law = dataclasses.replace(law, tau=np.zeros((1, 1)), normal=np.array([[0.0, -10.0], [-20.0, 0.0]]))
     coder = decode.decoder(paper(), law)
     shift = np.array([[0.0, 0.0, -0.5], [0.6, 0.6, -0.05], [0.0, 0.0, 0.05], [0.0, 0.0, 0.0], [0.005, 0.0, 0.0]]).T
     field = forward_model.readings_with_slopes(coder.forward, shift)[0].T

@@ -1,5 +1,6 @@
 """Readings one at a time give what the decoder gives for all of them."""
 
+import dataclasses
 import time
 from pathlib import Path
 
@@ -16,14 +17,12 @@ from studies.sizing import candidate_variables
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements
 
-TAU = np.array([[0.1, 0.01], [0.002, 0.001]])
+TAU = np.array([[0.1, 0.01], [0.002, 0.001]]), 0.0, 1.0
 
 
 def coder_of(design, tau):
     law = response_surface.of_formula(lambda load: beam.solve(design, load), 4.0, 5.0)
-    return decode.decoder(
-        design, response_surface.Mechanics(tau, law.lateral, law.normal, law.depth, law.shear, 3, 2, law.errors)
-    )
+    return decode.decoder(design, dataclasses.replace(law, tau=tau[0], reach=3.0, sink=2.0, lean=tau[1:]))
 
 
 @pytest.mark.parametrize(
@@ -65,6 +64,8 @@ def sized():
     catalogues = catalogues_of(requirements)
     space, draw = candidate_variables.Space(requirements, catalogues), np.random.default_rng(0)
     designs = [user_input.read_design(str(path)) for path in sorted(RESULTS.glob("*/winner.toml"))]
+    # beyond its samples the polynomial of this sensor's tilt exceeds 100 rad
+    designs.append(Design(D=6.7, L=7.1, magnet_diameter=5, magnet_height=3, l0=4.9, hall_layout="tle493d-p2b6"))
     counts = [len(catalogues.magnets), len(catalogues.silicones), 1]
     while len(designs) < 10:
         choices = draw.integers(counts, size=(1, 3))
@@ -83,7 +84,6 @@ LEAST_RATE = 2000
 def test_stream_is_the_decoder_and_fast_on_designs_of_the_catalogue():
     rates, t = [], np.linspace(0, 10, 400)
     for design in sized():
-        # the tilt of this level folds a seventh of the workspace of the chips close to their magnets
         coder = decode.decoder(design, decode_readings.of_level(design, "finite"))
         # presses and shears through the workspace, from rest on
         path = 0.7 * np.array(coder.high)[:, None] * np.stack([np.sin(1.1 * t), np.sin(1.7 * t), 0 * t])

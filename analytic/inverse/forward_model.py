@@ -12,8 +12,9 @@ by
 
 because the field moves and turns with the magnet. The decoder knows the tilt as a function of the shift: the sensor
 is a body of revolution, so a magnet shifted along e = (s_x, s_y)/rho leans towards e, by the angle t = tau rho with
-tau(rho^2, s_z) in rad/mm. Hence m = (sin(t) e, cos(t)), and the slope of a reading along s_j is
--g_j + (dm/ds_j).[(B x n - x x g) x m].
+tau(rho^2, s_z) in rad/mm: a polynomial that is held near the range of its samples, because beyond them it would turn
+the magnet several times, and each turn would have poses of its own. Hence m = (sin(t) e, cos(t)), and the slope of a
+reading along s_j is -g_j + (dm/ds_j).[(B x n - x x g) x m].
 
 Arrays of poses that are given to numba have them in their first axis, all others in their last. Lengths in mm, B in
 T, angles in rad.
@@ -39,9 +40,11 @@ from geometry.loads import rotation_of
 lengths, unit_field = compiled_functions().lengths, compiled_functions().unit_field
 
 Vector = tuple[float, float, float]
+Tilt = tuple[Array, float, float]
+"""Coefficients c[i, j] of tau = sum c[i, j] rho^(2i) s_z^j, and its least and largest value, rad/mm."""
 
-NO_TILT: Array = np.zeros((1, 1))
-"""Coefficients of tau = 0: the magnet does not tilt."""
+NO_TILT: Tilt = (np.zeros((1, 1)), 0.0, 0.0)
+"""The magnet does not tilt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,24 +54,23 @@ class Forward:
     Attributes
     ----------
     elements : k elements.
-    tau : coefficients c[i, j] of tau = sum c[i, j] rho^(2i) s_z^j, rad/mm.
     mode : "component" (readings B.n) or "magnitude" (readings |B|), as in `analytic.hall.readings`.
     kernel : arguments of `read`: points at which the elements sample the field, relative to the magnet's centre at
-        rest, mm, their directions n, and the element of each; one over the number of points of each element; the
-        coefficients tau; whether the mode is "magnitude"; radius and half height of the magnet, mm, and J, T; the
+        rest, mm, their directions n, and the element of each; one over the number of points of each element; tau;
+        whether the mode is "magnitude"; radius and half height of the magnet, mm, and J, T; the
         series of `analytic.cylinder`.
     """
 
     design: Design
     elements: tuple[Element, ...]
-    tau: Array
+    tau: Tilt
     mode: Mode
     kernel: tuple[Any, ...]
 
 
 def model(
     design: Design,
-    tau: Array = NO_TILT,
+    tau: Tilt = NO_TILT,
     *,
     elements: Sequence[Element] | None = None,
     mode: Mode = "component",
@@ -77,7 +79,7 @@ def model(
 
     Parameters
     ----------
-    tau : coefficients as in `Forward`; `NO_TILT` ignores the tilt, as the paper does.
+    tau : `NO_TILT` ignores the tilt, as the paper does.
     elements, mode : as in `analytic.hall.readings`.
 
     Raises
@@ -97,11 +99,10 @@ def model(
         if 0 < z < design.L and x * x + y * y < design.R**2 - max(z - design.H, 0.0) ** 2:
             way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
             raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
-    tau = np.ascontiguousarray(tau, dtype=np.float64)
     return Forward(design, chosen, tau, mode, _kernel(design, chosen, tau, mode))
 
 
-def _kernel(design: Design, elements: Sequence[Element], tau: Array, mode: Mode) -> tuple[Any, ...]:
+def _kernel(design: Design, elements: Sequence[Element], tau: Tilt, mode: Mode) -> tuple[Any, ...]:
     points, owners = plates_of(elements)
     normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
@@ -215,7 +216,7 @@ def _check(values: Array) -> None:
         )
 
 
-def rotation(tau: Array, shift: Array) -> Array:
+def rotation(tau: Tilt, shift: Array) -> Array:
     """Return the tilt at shifts (3, n), mm, as rotation vectors (rx, ry) of `analytic.hall.field_at`, (2, n), rad."""
     t = np.empty(shift.shape[1])
     _leans(tau, shift, t)
@@ -225,7 +226,7 @@ def rotation(tau: Array, shift: Array) -> Array:
 @compiled
 def _leans(tau, shift, t):
     for p in range(len(t)):
-        t[p] = polynomial(tau, shift[0, p] * shift[0, p] + shift[1, p] * shift[1, p], shift[2, p])[0]
+        t[p] = held(tau, shift[0, p] * shift[0, p] + shift[1, p] * shift[1, p], shift[2, p])[0]
 
 
 @compiled
@@ -249,12 +250,28 @@ def read(shift, kernel, values, slopes):
 
 
 @compiled
+def held(tau, u, w):
+    """Return tau and its slopes along u and w.
+
+    Beyond its range tau nears a limit as far off as the range is wide: steadily, because a kink would be a fold.
+    """
+    coefficients, least, most = tau
+    t, t_u, t_w = polynomial(coefficients, u, w)
+    edge, room = min(max(t, least), most), most - least
+    if t == edge:
+        return t, t_u, t_w
+    bend = math.tanh((t - edge) / room)
+    share = 1 - bend * bend
+    return edge + room * bend, share * t_u, share * t_w
+
+
+@compiled
 def tilt_axis(tau, shift, axis, lean):
     """Fill the magnet's axis m, shape (3,), and its slopes dm_i/ds_j at [j, i], 1/mm, at a shift (3,), mm."""
     # m = (k x, k y, cos t) with k = sin(t)/rho = tau sinc(t): no division by rho, so the axis rho = 0 needs no case
     x, y, z = shift[0], shift[1], shift[2]
     u = x * x + y * y
-    t, t_u, t_z = polynomial(tau, u, z)
+    t, t_u, t_z = held(tau, u, z)
     square = t * t * u
     angle = math.sqrt(square)
     cos = math.cos(angle)

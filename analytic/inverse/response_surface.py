@@ -25,7 +25,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval2d
 from numpy.typing import NDArray
 
-from analytic.inverse.forward_model import polynomial
+from analytic.inverse.forward_model import Tilt, polynomial
 from geometry.arrays import Array
 from geometry.compiled import compiled
 from geometry.design import BadInput, Design
@@ -48,6 +48,7 @@ class Mechanics:
     depth, shear : coefficients c[i, j] of U^i r^j in the depth r d (mm; c[0, 0] = 0) and in g (1).
     reach, sink : largest lateral shift and largest sinking of the samples, mm.
     errors : largest error at the samples of tilt (rad), lateral force, normal force (N), depth and shear (mm).
+    lean : least and largest tau of the samples, rad/mm, within which it is held elsewhere.
     """
 
     tau: Array
@@ -58,6 +59,12 @@ class Mechanics:
     reach: float
     sink: float
     errors: tuple[float, ...]
+    lean: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def tilt(self) -> Tilt:
+        """Return tau for the forward model."""
+        return self.tau, *self.lean
 
 
 def of_formula(solve: Callable[[Load], Response], depth: float, shear: float) -> Mechanics:
@@ -114,6 +121,7 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
         _least_squares(U[moved], sunk[moved], values[moved] / u[moved], (wide, max(high - 1, 0)))
         for sunk, values in ((w, tilt), (w, f_t), (r, shear))
     )
+    leans = polyval2d(U[moved], w[moved], tau)
     between, rest = _between(u, w), np.zeros(1)
     at_rest = np.append(U, rest), np.append(w, rest)
     normal = _monotonic_fit(at_rest, np.append(f_n, rest), (wide, high), between, -1)
@@ -126,7 +134,8 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
         u * polyval2d(U, r, sheared) - shear * moved,
     )
     worst = tuple(float(np.abs(error).max(initial=0.0)) for error in errors)
-    return Mechanics(tau, lateral, normal, deep, sheared, float(u.max()), float(-w.min()), worst)
+    ends = float(u.max()), float(-w.min())
+    return Mechanics(tau, lateral, normal, deep, sheared, *ends, worst, lean=(float(leans.min()), float(leans.max())))
 
 
 def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:

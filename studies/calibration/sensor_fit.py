@@ -184,7 +184,7 @@ class Sensor:
         elements = parts.of_design(self.design)
         names = parts.columns(elements)
         force, load, _ = force_and_load(self.mechanics, shift.T, contact=False)
-        tilt = self.value(theta, "lean") * rotation(self.mechanics.tau, shift.T).T
+        tilt = self.value(theta, "lean") * rotation(self.mechanics.tilt, shift.T).T
         B = made_readings(self.made(theta, names), shift[None], tilt[None]).field_T[0]
         B = B * (self.value(theta, "remanence") * (1 + self.value(theta, "remanence_per_K") * warmer))[:, None]
         B = B + self.vector(theta, "ambient", "xyz") @ np.array([element.direction for element in elements]).T

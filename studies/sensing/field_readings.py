@@ -242,7 +242,7 @@ def resolutions(
     }
     try:
         law = response_surface.of_samples(samples.values())
-        forward = forward_model.model(design, law.tau, mode=sensing.mode)
+        forward = forward_model.model(design, law.tilt, mode=sensing.mode)
     except BadInput:
         return {}
     responses = [response for _, response in samples.values()]

@@ -82,7 +82,7 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Fla
         "c_mm": design.c if three else None,
         "chip_x_mm": None if three else design.chip_x,
         "mechanics": mechanics,
-        "tilt": "followed" if coder.forward.tau.any() else "none",
+        "tilt": "followed" if coder.forward.tau[0].any() else "none",
         "mode": coder.forward.mode,
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
         "poses": len(poses.weight),

@@ -64,7 +64,7 @@ def plan(design: Design, step: float, level: str | None, responses: Path | None)
     if not step > 0:
         raise BadInput(f"step must be more than 0 mm; got {step:g}")
     law = decode_readings.mechanics_of(design, level, responses) if level or responses else None
-    tau = forward_model.NO_TILT if law is None else law.tau
+    tau = forward_model.NO_TILT if law is None else law.tilt
     model = forward_model.model(design, tau)
     low, _ = response_surface.workspace(design, law)
     if step > min(-low[0], -low[2]):
@@ -137,7 +137,7 @@ def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> FlatRow:
 
     from analytic import lookup
 
-    if model.tau.any():
+    if model.tau[0].any():
         raise BadInput("--plane needs a magnet without tilt: leave out --level and --responses")
     table, first = lookup.meridian_table(model, grid)
     about = _about(model, grid, table.shape)
@@ -176,9 +176,10 @@ def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]
     """Return the description of a table for FILE.json, without its axes."""
     return {
         "design": dataclasses.asdict(model.design),
-        **design_digest.label(_made_for(model.design, tilted=bool(model.tau.any()))),
+        **design_digest.label(_made_for(model.design, tilted=bool(model.tau[0].any()))),
         "mode": model.mode,
-        "tau": model.tau.tolist(),
+        "tau": model.tau[0].tolist(),
+        "tau_range": model.tau[1:],
         "step_mm": grid.step,
         "shape": list(shape),
         "dtype": "<f8",

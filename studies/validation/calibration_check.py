@@ -81,7 +81,7 @@ def bench_rows(made: MadeSensors, law: Mechanics, shift: Array, rng: np.random.G
     force, load, _ = force_and_load(law, shift.T, contact=False)
     force = force.T
     # by the code of draws, which knows nothing of the estimator's unknowns
-    reading = made_readings(made, shift[None], rotation(law.tau, shift.T).T[None]).output[0]
+    reading = made_readings(made, shift[None], rotation(law.tilt, shift.T).T[None]).output[0]
     reading = reading + READING_NOISE * rng.normal(size=reading.shape)
     loop = 1 + HYSTERESIS * rng.choice([-1.0, 1.0], size=(len(shift), 1))
     measured = force * loop + FORCE_NOISE * rng.normal(size=force.shape)
