@@ -34,7 +34,7 @@ def test_unsymmetric_matrices_of_the_last_group_are_summed_whole():
     """Both groups couple the same unknowns, as a body and its skin do; one unknown is eliminated."""
     numbers = np.array([[0, 1], [2, -1], [3, 4]])
     cells, facets = np.array([[0, 1, 2]]), np.array([[2, 0], [1, 2]])
-    unknowns = np.swapaxes(numbers[facets], 1, 2).reshape(2, -1)  # the fields first
+    unknowns = numbers[facets].reshape(2, -1)
     pattern = Pattern([(cells, cells), (facets, facets)], (numbers >= 0).sum(axis=1), unknowns)
     S = RNG.normal(size=(2, 4, 4))
     dense = np.zeros((5, 5))

@@ -127,6 +127,7 @@ class ElementAssembly:
         self._pairs, self._where = a.pairs, a.pairs.places(e.cells.shape[1])
         self._batches = [self._cut(slice(*cut), mu, inverse_K) for cut in cut_batches(e)]
         self._strained: Array | None = None
+        self._at_rest: tuple[float, Array, Array, Array] | None = None
         self._constant = np.zeros(pattern.entries)
         pressures = corners, numbers[1]
         self.add_matrices(pressure_stiffness(e, inverse_K), COMPLIANCE, pressures, self._constant)
@@ -167,6 +168,18 @@ class ElementAssembly:
         T : (nodes, f, r) derivative of the displacements by the magnet's motion.
         viscous : what a time step adds to the law; default: nothing.
         """
+        # every press of a list begins at rest
+        if not tangent or viscous is not None or u.any() or p.any():
+            return self._assemble(u, p, T, viscous, tangent=tangent)
+        if self._at_rest is None:
+            self._at_rest = self._assemble(u, p, T, None, tangent=True)
+        energy, *arrays = self._at_rest
+        forces, volumes, data = (array.copy() for array in arrays)
+        return energy, forces, volumes, data
+
+    def _assemble(
+        self, u: Array, p: Array, T: Array, viscous: Overstress | None, *, tangent: bool
+    ) -> tuple[float, Array, Array, Array]:
         self.least_volume_change(u)
         e, C, M, energy = self._elements, self._elements.angles.C, self._elements.pressure_shape, 0.0
         (m, q), f, n = e.weights.shape, u.shape[1], p.shape[1]

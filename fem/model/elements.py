@@ -112,35 +112,28 @@ class Surface:
         return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -SAME_PLACE)
 
     def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
-        """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.
+        """Return the facets' matrices (k, f, fields, f, fields) of springs at the points.
+
+        The integral over the angles comes first, for each point of a facet's line.
 
         Parameters
         ----------
         entries : (k, q) stiffness per area between directions i and j, for the (i, j) that are not zero.
         frame : (3, 3) directions as rows.
         """
-        n = len(self.spread)
-        matrices, upright = np.zeros((len(self.nodes), n, n)), frame[2].tolist() == [0, 0, 1]
+        (k, f), t, E = self.nodes.shape, self.angles, self.E[: self.angles]
+        # most facets of the skin are far from the plate, and have no springs
+        touched = np.flatnonzero(sum((C.any(axis=1) for C in entries.values()), np.zeros(k, dtype=bool)))
+        N, fields = self.shape[::t], E.shape[2]
+        around = np.zeros((len(touched), len(N), fields**2))
         for (i, j), C in entries.items():
-            # most facets of the skin are far from the plate, and have no springs
-            touched = np.flatnonzero(C.any(axis=1))
-            if upright and (i, j) not in self._upright_pairs:
-                self._upright_pairs[i, j] = self._pairs(frame[i], frame[j])
-            pairs = self._upright_pairs[i, j] if upright else self._pairs(frame[i], frame[j])
-            matrices[touched] += ((self.weights[touched] * C[touched]) @ pairs).reshape(-1, n, n)
+            pairs = (frame[i] @ E)[:, :, None] * (frame[j] @ E)[:, None]
+            springs = (self.weights[touched] * C[touched]).reshape(-1, t)
+            around += (springs @ pairs.reshape(t, -1)).reshape(around.shape)
+        along = (N[:, :, None] * N[:, None]).reshape(len(N), -1).T @ around
+        matrices = np.zeros((k, f, fields, f, fields))
+        matrices[touched] = along.reshape(-1, f, f, fields, fields).transpose(0, 1, 3, 2, 4)
         return matrices
-
-    @functools.cached_property
-    def _upright_pairs(self) -> dict[tuple[int, int], Array]:
-        """The products of `_pairs` under an upright plate, for the directions i and j that were needed so far."""
-        return {}
-
-    def _pairs(self, first: Array, second: Array) -> Array:
-        """Return the products of a facet's displacements along two directions (3,), shape (q, fields f fields f)."""
-        f, q = self.nodes.shape[1], len(self.shape)
-        along = np.swapaxes(self.spread.reshape(f, -1, 3 * q), 0, 1).reshape(-1, q, 3)
-        rows, columns = (along @ first).T, (along @ second).T
-        return np.asarray((rows[:, :, None] * columns[:, None, :]).reshape(q, -1))
 
     def forces(self, traction: Array) -> Array:
         """Return the nodal forces (k, f, fields) of tractions (k, q, 3)."""

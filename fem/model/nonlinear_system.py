@@ -179,8 +179,7 @@ class System:
         if self.surface is not None:
             facets = self.surface.nodes
             groups.append((facets, facets))
-            numbers = np.swapaxes(self._reduced[facets], 1, 2)
-            skin = numbers.reshape(len(facets), numbers[0].size if len(facets) else 0)
+            skin = self._reduced[facets].reshape(len(facets), facets.shape[1] * self.fixed.shape[1])
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
         self.pattern = Pattern(groups, sizes, skin)
 
@@ -252,10 +251,7 @@ class System:
             # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
             self._loops.add_motion(self.rigid.curvature(self.motion(state.q), forces[self.glued]), data)
         if blocks is not None and self.surface is not None:
-            facets = self.surface.nodes
-            shape = self.fixed.shape[1], facets.shape[1]
-            matrices = blocks.reshape(len(facets), *shape, *shape).transpose(0, 2, 1, 4, 3)
-            self._loops.add_matrices(matrices, FACETS, (facets, self._reduced), data)
+            self._loops.add_matrices(blocks, FACETS, (self.surface.nodes, self._reduced), data)
         matrix = self.pattern.with_data(data)
         if not symmetric and blocks is not None:
             matrix = self.pattern.unfold(matrix, blocks)

@@ -215,7 +215,7 @@ def assemble_springs(
     Returns
     -------
     forces : (k, f, fields) forces on the nodes of each facet.
-    stiffness : (k, f fields, f fields) matrices, fields first; (k, 0, 0) without `tangent`.
+    stiffness : (k, f, fields, f, fields) matrices; empty without `tangent`.
     energy : stored in the springs.
     symmetric : whether the stiffness is symmetric.
     """
@@ -227,7 +227,7 @@ def assemble_springs(
         energy += float(np.sum(surface.weights * base[0] ** 2) / (2 * plate.stiffness))
     forces = surface.forces(residual)
     if not tangent:
-        return forces, np.zeros((len(forces), 0, 0)), energy, True
+        return forces, np.empty(0), energy, True
     blocks = surface.stiffness(stiffness, plate.frame)
     if base is not None:
         blocks += surface.stiffness({(2, 2): base[1]}, np.eye(3))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ class Pattern:
     ----------
     groups : (m, b) and (m, c) blocks of the rows and of the columns of each group of m elements.
     sizes : (blocks,) numbers of unknowns of the blocks, which are numbered consecutively.
-    skin : (m, k) numbers of the unknowns of the last group's elements, fields first, -1 where eliminated: their
+    skin : (m, k) numbers of the unknowns of the last group's elements, node by node, -1 where eliminated: their
         matrices may be unsymmetric, see `unfold`.
 
     Attributes
@@ -115,11 +116,12 @@ class Pattern:
         Parameters
         ----------
         upper : upper triangle, with the upper triangles of the last group.
-        last : (m, k, k) matrices of the last group, whose rows and columns are the same.
+        last : matrices of the last group, (m, k, k) or with k as nodes and fields; rows and columns are the same.
         """
         source, below, columns, pointers = self._mirror
         # `upper` mirrors their upper triangles; below the diagonal the difference lower - upper is added
         places, positions = self._skin_places
+        last = last.reshape(len(last), math.isqrt(last[0].size), -1)
         skew = (np.swapaxes(last, 1, 2) - last).ravel()[places]
         excess = np.bincount(positions, weights=skew, minlength=len(upper.data))
         data = upper.data[source]
@@ -132,7 +134,7 @@ class Pattern:
         skin, offset = self._skin, self.offsets[-1]
         assert skin is not None
         i, k = skin[:, :, None], skin[:, None, :]
-        node = np.arange(skin.shape[1]) % offset.shape[1]
+        node = np.repeat(np.arange(offset.shape[1]), skin.shape[1] // offset.shape[1])
         place = self.diagonal[i] + offset[:, node[:, None], node] + self.inside[k]
         upper = (i >= 0) & (k >= i)
         return np.flatnonzero(upper), place[upper]

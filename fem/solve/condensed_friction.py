@@ -84,7 +84,7 @@ class ContactZone:
     def stiffness(self, springs: Springs, plate: Plate) -> Array:
         """Return the derivative (c, c) of these forces."""
         blocks, c = self.surface.stiffness(springs.stiffness, plate.frame), len(self.unknowns) + 1
-        at = np.swapaxes(self.local[self.surface.nodes], 1, 2).reshape(len(blocks), -1)
+        at = self.local[self.surface.nodes].reshape(len(blocks), -1)
         pairs = (at[:, :, None] * c + at[:, None, :]).ravel()
         matrix = np.bincount(pairs, weights=blocks.ravel(), minlength=c * c).reshape(c, c)
         return np.asarray(matrix[:-1, :-1], dtype=np.float64)
