@@ -12,9 +12,10 @@ import math
 from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, Accuracy
@@ -37,9 +38,6 @@ from studies.validation import error_study_cases, pages
 from studies.validation.error_study_cases import TANGENT_SCENES, Trial
 from studies.validation.pages import Row
 from studies.web import verdict_figures
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FILES = ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv")
 RESPONSES = {
@@ -119,8 +117,6 @@ def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "a
 
 def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
     """Compare all states with their references."""
-    import pandas as pd
-
     chosen = tasks(quick=quick)
     paths = [(one, load) for one in chosen if one.trial.scene not in TANGENT_SCENES for load in one.trial.loads]
     tangents = [one for one in chosen if one.trial.scene in TANGENT_SCENES]
@@ -139,8 +135,6 @@ def solved(
     paths: Sequence[tuple[Task, Load]], store: Path | None = None, progress: Progress | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the answers to all states at their levels and on their references."""
-    import pandas as pd
-
     asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in paths)
     levels, references = [], []
     for one, _ in paths:
@@ -190,8 +184,6 @@ def compare(paths: Sequence[tuple[Task, Load]], level: pd.DataFrame, reference: 
     `scene` is the group of the statistics, in which the press before a shear is a scene of its own, "pressed";
     `path` is the scene of the whole path. There is no error where the reference is (nearly) zero.
     """
-    import pandas as pd
-
     table = pd.DataFrame(place(one, load) for one, load in paths)
     states = [
         status({"level": a, "reference": b}, {"level": c, "reference": d})
@@ -314,8 +306,6 @@ def errors_of(states: pd.DataFrame) -> pd.DataFrame:
 
     An estimate is NaN if it is unknown.
     """
-    import pandas as pd
-
     own = states[(states.status == "ok") & states.level.isin(list(GOALS))]
     place = own[["level", "scene", "odd", "magnet", "depth_mm"]]
     place = place.assign(model=np.where(own.model == "half", "half", "section"))

@@ -24,9 +24,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from analytic import beam, hall
@@ -45,9 +46,6 @@ from studies.sweeps import sweep_request
 from studies.validation import pages
 from studies.validation.pages import Row
 from studies.web.paper_figures import MARKED, error_map, map_cells
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 STUDY = Path(__file__).resolve().parents[1] / "examples" / "beam_assumption.toml"
 """The shipped study."""
@@ -262,7 +260,6 @@ def share_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
 
 def regions(grid: Cells) -> pd.DataFrame:
     """Return body, slenderness and depth of each cell in words, in the order of its rows."""
-    import pandas as pd
 
     def classes(values: Array, edges: tuple[float, float], names: Sequence[str]) -> pd.Categorical:
         return pd.Categorical.from_codes((values > edges[0]).astype(int) + (values > edges[1]), names)
@@ -285,8 +282,6 @@ def best_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
     The best level has the least root mean square error in the cells that every level answers; `best_in_percent` is
     the share of these in which it has the least error of all levels.
     """
-    import pandas as pd
-
     rows: list[Row] = []
     for quantity in (name for names in QUANTITIES.values() for name in names):
         own = [grid for grid in grids if quantity in QUANTITIES[grid.kind]]
@@ -439,15 +434,11 @@ SLENDER = ("L/D below 1.1", "L/D 1.1 to 2", "L/D above 2")
 
 def slender(ratio: Array) -> pd.Categorical:
     """Return the range of L/D of beams, one of SLENDER."""
-    import pandas as pd
-
     return pd.Categorical.from_codes((ratio >= 1.1).astype(int) + (ratio > 2), SLENDER)
 
 
 def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> pd.DataFrame:
     """Return the parts in every judged state of the bodies with a magnet; `design` is that of the sweep."""
-    import pandas as pd
-
     found = [pd.DataFrame(columns=["L_over_D", "shear_over_D", *COLUMNS])]
     for body in dict.fromkeys(grid.body for grid in grids if grid.body.height):
         own = [grid for grid in grids if grid.body == body]
@@ -468,8 +459,6 @@ def _sensor(table: Columns, design: Design, states: Array, place: Mapping[str, f
     states : rows of the table, shape (n,).
     place : first columns.
     """
-    import pandas as pd
-
     (fem, tilt), (formula, _) = (_poses(table, model, states) for model in ("fem", "analytic_paper"))
     known = np.isfinite(np.column_stack([fem, tilt, formula])).all(axis=1)
     names = [element.name for element in of_design(design)]

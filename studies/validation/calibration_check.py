@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from analytic.inverse.forward_model import rotation
 from analytic.inverse.response_surface import Mechanics, force_and_load, forces, of_samples
@@ -150,8 +151,6 @@ def _judge(
     made: MadeSensors, base: Design, model: tuple[Mechanics, float], rows: Array, force: Array
 ) -> tuple[Row, list[Row]]:
     """Return errors and shares within intervals of one sensor, and its unknowns."""
-    import pandas as pd
-
     names = ("S1", "S2", "S3")
     bench = Bench(pd.DataFrame({"depth_mm": [0.0], "run": "a"}), names, [])
     un = sensor_fit.unknowns_of(base, bench, tolerances(), model_error=model[1])
@@ -186,8 +185,6 @@ def _judge(
 
 def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str) -> Result:
     """Return the result of judged sensors."""
-    import pandas as pd
-
     frame, each = pd.DataFrame(judged), pd.DataFrame(unknowns)
     shares = each.groupby("name", sort=False).agg(
         inside_percent=("inside", lambda own: 100 * own.mean()), deviation=("deviation", "median")

@@ -18,9 +18,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+from scipy.optimize import brentq, minimize_scalar
 
 from analytic import beam, decode, hall
 from analytic.magnet import cylinder_field
@@ -31,9 +33,6 @@ from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies import cases
 from studies.validation.pages import Row
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 S1_AT_REST = 2.87
 """Output of S1 at rest, V (section V.A of the paper)."""
@@ -136,8 +135,6 @@ QUANTITIES = ("force", "shift", "tilt", "readings")
 
 def solve(extent: Extent, store: Path | None, progress: Progress | None = None) -> States:
     """Return all states: those that the store has, and the others solved and added to it."""
-    import pandas as pd
-
     presses = [
         {"height": height, "friction": friction, "depth_mm": depth}
         for height, friction in (*((height, "none") for height in extent.heights), (paper().magnet_height, FRICTION))
@@ -200,8 +197,6 @@ def with_magnet(height: float) -> Design:
 
 def rest_distance(design: Design) -> float:
     """Return the distance l0 at which S1 reads 2.87 V at rest, mm, rounded to 0.001 mm."""
-    from scipy.optimize import brentq
-
     goal = (S1_AT_REST - design.hall_null) / design.hall_gain
 
     def surplus(distance: float) -> float:
@@ -276,8 +271,6 @@ def moduli(count: int = 97) -> Array:
 
 def best_modulus(predicted: Array, force: Array) -> float:
     """Return the searched modulus of least error in % of the largest force, MPa."""
-    from scipy.optimize import minimize_scalar
-
     # the error is a maximum of |a / E - b|, which falls and then rises with 1 / E: it has one minimum
     least = minimize_scalar(
         lambda x: error_of_largest(predicted, force, 1 / x),
@@ -444,8 +437,6 @@ def split(sheared: pd.DataFrame) -> pd.DataFrame:
 
     The readings are those of tilted magnets, decoded without tilt.
     """
-    import pandas as pd
-
     design, known = paper(), compared(sheared)
     readings = known[[f"fem_S{k}_mT" for k in (1, 2, 3)]].to_numpy() / 1e3
     shift = decode.decode(_decoder_without_tilt(design), readings, follow=True).shift if len(known) else readings

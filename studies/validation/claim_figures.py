@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from scipy.interpolate import PchipInterpolator
 
 from analytic import beam, hall
 from geometry.arrays import Array
@@ -25,9 +26,6 @@ from studies.validation.claim_errors import (
     s1_output,
     voltages,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 POINTS = 41
 """Points along x and y in Figure 6."""
@@ -69,8 +67,6 @@ def pictures(states: States, best_E: float) -> dict[str, Callable[[Path], None]]
 
 def _curves(x: str, y: str, curves: Mapping[str, tuple[Array, Array]], **more: str) -> pd.DataFrame:
     """Return curves by their names as the table of a plot."""
-    import pandas as pd
-
     parts = [pd.DataFrame({x: at, y: values}).assign(series=name, **more) for name, (at, values) in curves.items()]
     return pd.concat(parts, ignore_index=True)
 
@@ -80,8 +76,6 @@ def figure_6(sheared: pd.DataFrame) -> list[Figure]:
 
     The formulas are equations (3), without its misprint, and (4). S3 shows what S2 does, with x and y swapped.
     """
-    import pandas as pd
-
     first = sheared[sheared.tip == sheared.tip.iloc[0]]
     side = np.linspace(-3.0, 3.0, POINTS)
     x, y = (grid.ravel() for grid in np.meshgrid(side, side))
@@ -112,8 +106,6 @@ def _by_formula(depth: float, x: Array, y: Array) -> list[Array]:
 
 def _by_fem(sheared: pd.DataFrame, x: Array, y: Array) -> list[Array]:
     """Return |B| at S1 and S2 by finite elements, each of shape (n,), mT; NaN beyond the shears that were reached."""
-    from scipy.interpolate import PchipInterpolator
-
     known = sheared[np.isfinite(sheared.fem_force_N)]
     shear, poses = known.shear_mm, known[["fem_shift_x_mm", "fem_shift_z_mm", "fem_tilt_rad"]].to_numpy()
     size, angle = np.hypot(x, y), np.arctan2(y, x)
@@ -183,8 +175,6 @@ def figure_11(sheared: pd.DataFrame) -> list[Figure]:
 
 def figure_12(states: States) -> list[Figure]:
     """Return F_N over the depth for three moduli, with the largest forces that the paper gives for them."""
-    import pandas as pd
-
     preset = states.preset
     depth = np.append(0.0, preset.depth)
     fem = {f"E = {E:g} MPa": (depth, E * np.append(0.0, preset.force)) for E, _ in CLAIMED}

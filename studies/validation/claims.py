@@ -12,9 +12,10 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 
 from geometry.design import paper
 from geometry.messages import Progress
@@ -39,9 +40,6 @@ from studies.validation.claim_errors import (
     solve,
 )
 from studies.validation.pages import Row
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WORDS = Path(__file__).parent / "templates" / "claims.toml"
 FILES = (
@@ -95,8 +93,6 @@ PRESSES = ("magnet_height_mm", "depth_mm", "fem_force_N", "fem_shift_z_mm")
 
 def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -> Result:
     """Test the paper's claims; states are taken from the store (default: the user's), and added to it."""
-    import pandas as pd
-
     extent = QUICK_EXTENT if quick else Extent()
     states = solve(extent, store, part(progress, 0.0, 0.85))
     heights = pd.DataFrame([claim_errors.height_row(press) for press in states.presses])

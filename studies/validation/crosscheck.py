@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from fem.accuracy import LEVELS, Accuracy
 from fem.scene import turns
@@ -20,9 +21,6 @@ from studies.cases import FemModel
 from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FILES = ("CROSSCHECK.md", "crosscheck.csv")
 COMPONENTS = {
@@ -62,8 +60,6 @@ def upright(number: int) -> Load:
 
 def tilted_loads() -> Iterator[Case]:
     """Yield the loads of TILTED, each at the depth of the design's upright case."""
-    import pandas as pd
-
     for row in pd.read_csv(TILTED, dtype={"friction": str}).itertuples():
         number, friction = int(row.design), row.friction
         shear = (
@@ -81,8 +77,6 @@ def solved(
 
     The tetrahedra fill the whole body where the load turns out of the plane of symmetry, else half of it.
     """
-    import pandas as pd
-
     asked = cases.table((error_study_cases.designs()[n], load, magnet_of(n)) for n, load in chosen)
     x, y = (np.array([load.direction[k] for _, load in chosen]) for k in (0, 1))
     whole = np.array([turns([load]) for _, load in chosen])
@@ -107,8 +101,6 @@ def compared(chosen: list[Case], harmonic: pd.DataFrame, solid: pd.DataFrame, on
     They agree in a quantity if the difference is at most the sum of both error estimates, and not at all where a
     solve has failed or an estimate is unknown.
     """
-    import pandas as pd
-
     states = {"harmonic": harmonic, "tetrahedra": solid, "one harmonic more": one_more}
     table = pd.DataFrame(
         {

@@ -6,6 +6,9 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 
+import pandas as pd
+from scipy.stats import qmc
+
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.output.goals import Goal, failures
@@ -40,8 +43,6 @@ where a step was not reached or did not pass; errors are relative."""
 
 def samples(count: int) -> list[Row]:
     """Return the sampled designs; a larger count only appends designs."""
-    from scipy.stats import qmc
-
     points = qmc.Sobol(5, seed=SEED).random_base2(math.ceil(math.log2(max(count, 2))))
     return [_sample([min(max((float(x) - END) / (1 - 2 * END), 0.0), 1.0) for x in point]) for point in points][
         :count
@@ -109,8 +110,6 @@ def result(rows: Sequence[Row]) -> Result:
 
 def summary(rows: Sequence[Row]) -> list[Row]:
     """Return least, median and greatest magnitude of each measured quantity over the designs that have a value."""
-    import pandas as pd
-
     sizes = (
         pd.DataFrame(rows, columns=list(COLUMNS)).drop(columns=STEPS).astype(float).abs().dropna(axis=1, how="all")
     )

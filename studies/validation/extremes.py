@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.integrate import simpson
+from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.equilibrium import trace
@@ -345,8 +347,6 @@ def hertz(case: Case, states: Sequence[Solution]) -> Measurement:
 
 def work(case: Case, states: Sequence[Solution]) -> Measurement:
     """Compare the work of the applied force between first and last state with the energy gained."""
-    from scipy.integrate import simpson
-
     if case.loads[0].shear_x == case.loads[-1].shear_x:
         travel, forces = [s.load.depth for s in states], [force(s) for s in states]
     else:
@@ -399,8 +399,6 @@ def bar(case: Case, states: Sequence[Solution]) -> Measurement:
     The stretch s of the bar follows from the force F and the area A by the incompressible neo-Hookean law,
     F / A = E / 3 (s^-2 - s). The upper half, at the remaining depth, must have the same force.
     """
-    from scipy.optimize import brentq
-
     last, design = states[-1], case.design
     stress, half = force(last) / (math.pi * design.R**2), design.L / 2
     s = brentq(lambda s: design.E / 3 * (s**-2 - s) - stress, 0.1, 1.0)

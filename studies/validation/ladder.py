@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from analytic import beam, buckling
 from geometry.design import BadInput, Design, paper
@@ -20,9 +21,6 @@ from studies.output.result import Result, Table
 from studies.validation import pages
 from studies.validation.error_study_cases import rows_of
 from studies.web import verdict_figures
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FILES = ("LADDER.md", "ladder.csv", "ladder.png")
 PRESSES = (0.03, 0.06, 0.12, 0.18, 0.25)
@@ -52,8 +50,6 @@ def _design(D: float, L_over_D: float, magnet_diameter_over_D: float, magnet_hei
 
 def run(progress: Progress, accuracy: str, count: int, store: Path | None = None) -> Result:
     """Compare every level with finite elements in the states of the first `count` designs."""
-    import pandas as pd
-
     most = len(designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
@@ -83,8 +79,6 @@ def compare(states: list[tuple[int, Design, Load]], found: pd.DataFrame, level: 
     states : number of the design, design and load.
     found : answers to them.
     """
-    import pandas as pd
-
     place = pd.DataFrame(
         {
             "design": number,
@@ -137,8 +131,6 @@ def means(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the errors of each level in each region, and in the level's own range."""
-    import pandas as pd
-
     shear, depth = rows.shear_over_D, rows.depth_over_D
     regions = {
         "press to 0.06 D": (shear == 0) & (depth <= 0.06),

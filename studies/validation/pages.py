@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from studies.output import page_templates
 from studies.output.page_templates import filled, listed
 from studies.output.result import collected
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["Row", "collected", "failed", "filled", "listed", "records", "rendered"]
 

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
@@ -120,8 +121,6 @@ class Outcome:
 
     def errors(self) -> Errors:
         """Errors in all states of the test."""
-        import pandas as pd
-
         unseen = self.test.set, self.test.critical
         tables = errors(self.surrogate, unseen[0]), critical_errors(self.surrogate, *unseen)
         return pd.concat(tables, ignore_index=True)
@@ -269,8 +268,6 @@ def scores(rows: Errors) -> Array:
 
 def errors(surrogate: Surrogate, states: TrainingSet) -> Errors:
     """Return the errors of a surrogate in all states of a set."""
-    import pandas as pd
-
     predicted = _predicted(surrogate, states.beams)
     tables = [*_presses(states, predicted), *_shears(states, predicted), _modes(states, predicted)]
     return pd.concat(tables, ignore_index=True)
@@ -370,8 +367,6 @@ def _rows(b: Beams, kind: str, name: str, states: States, column: str, quantity:
     ----------
     column : name of the quantity in the states; those count the magnet's sinking as negative.
     """
-    import pandas as pd
-
     true = states[column] * (-1.0 if column == "shift_z" else 1.0)
     own = states.get(f"{column}_error", np.full(true.shape, np.nan))
     at = np.nonzero(~np.isnan(true))
@@ -563,8 +558,6 @@ LEAST_ERROR = 1e-3
 
 def figures(rows: Errors) -> list[Figure]:
     """Return the error of force and tilt over the half width of its interval, for presses and shears."""
-    import pandas as pd
-
     x, y = "half width of the 90 % interval (%)", "error on unseen beams (%)"
     data = rows[rows["quantity"].isin(["force", "force_x", "force_z", "tilt"])]
     data = data.assign(

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from analytic import beam
 from geometry.design import BadInput
@@ -44,9 +44,6 @@ from studies.validation.trade_study import (
 )
 from studies.web import verdict_figures
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
 LEVELS = (*beam.LEVELS, SHIPPED, "quick", "standard", "fine")
 MODELS = ("formula", "surrogate", "axisymmetric", "harmonic", "half", "full")
@@ -71,8 +68,6 @@ def run(
     ----------
     command : that model_choice.json names.
     """
-    import pandas as pd
-
     if not 2 <= designs <= trade_study.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_study.STUDIED}; got {designs}")
     origin = made(command, versions())
@@ -140,8 +135,6 @@ def cells(states: pd.DataFrame) -> list[Row]:
     an answer and a reference, `unclear_percent` is the share of errors that are less than three bars of their
     reference. Errors are median, 95th percentile and, over all counted quantities, the largest.
     """
-    import pandas as pd
-
     frame = states[~states.confirming]
     order = {"kind": KINDS, "model": MODELS, "level": LEVELS}
     frame = frame.assign(**{name: pd.Categorical(frame[name], values) for name, values in order.items()})
@@ -304,8 +297,6 @@ def summary(results: Sequence[Row]) -> list[Row]:
     `refused` are cases for which the rule knows no model that meets the tolerance, `unjudged` those without a
     reference, or whose chosen model was not run; `worst` is the largest error over the tolerance.
     """
-    import pandas as pd
-
     if not results:
         return []
     frame = pd.DataFrame(results).astype({"error": float})

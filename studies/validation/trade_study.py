@@ -19,9 +19,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from analytic import beam, buckling, hall
 from fem.accuracy import LEVELS, Accuracy
@@ -39,9 +40,6 @@ from studies.validation import bench_programs, pages
 from studies.validation.error_study_cases import Trial, rounded, rows_of
 from studies.validation.pages import Row
 from studies.validation.verify import richardson
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Kind = Literal["press", "glued shear", "friction"]
 KINDS: tuple[Kind, ...] = ("press", "glued shear", "friction")
@@ -311,8 +309,6 @@ def run(
     progress: Progress, count: int, *, quick: bool, confirm: bool = False, store: Path | None = None
 ) -> pd.DataFrame:
     """Return all states with their errors, and with costs but for the random designs."""
-    import pandas as pd
-
     runs, finenesses = plan(count, quick=quick, confirm=confirm)
     truths = references(finenesses, confirm, store, part(progress, 0.0, 0.5, "references"))
     wanted = [(one.model_of_cases, one.trial) for one in runs]

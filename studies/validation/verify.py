@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
@@ -131,8 +132,6 @@ def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float,
     >>> richardson((1, 2, 4), (1.0, 2.0, 1.5))
     (nan, nan)
     """
-    from scipy.optimize import brentq
-
     if len(values) < 3:
         return NAN, NAN
     (a, b, c), (f, g, h) = (float(n) for n in meshes[-3:]), values[-3:]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from fem.accuracy import FINE, LEVELS, QUICK, Accuracy, coarser
 from fem.analyses.vibration import vibrating_sensor, vibration_model
@@ -154,8 +155,6 @@ def _known(values: Any) -> Any:
 
 def summary(judged: Sequence[Row]) -> list[Row]:
     """Return a row for each quantity, motion and kind of state: shares over all levels, errors of each level, %."""
-    import pandas as pd
-
     frame = pd.DataFrame(judged)
     frame["about"] = np.where(frame.kind == "shear", "a shear", "a press")
     frame.loc[frame.quantity == QUANTITIES[3], "about"] = "rest"
