@@ -41,17 +41,11 @@ NAN = math.nan
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Loads on which the claims are tested.
+    """Loads on which the claims are tested, in mm and in rising order; 0 is a beam without a magnet.
 
-    Attributes
-    ----------
-    heights : heights of the magnet, mm, in rising order; 0 is a beam without a magnet. The preset's is one of them.
-    depths : depths of the presses, mm, in rising order; the paper presses to 3 mm.
-    shears : shears of the tip, mm, in rising order from 0; the paper shears to 3.1 mm, and 3 mm along both axes of
-        its Figure 6 are 4.24 mm along the diagonal.
-    layouts : layouts on which uniqueness is tested: height of the magnet, and height c of S2 and S3, mm. The first is
-        the preset's.
-    accuracy, reference : accuracy of the finite elements, and of those against which costs are compared.
+    The paper presses to 3 mm and shears to 3.1 mm; 3 mm along both axes of its Figure 6 are 4.24 mm along the
+    diagonal. `layouts` are heights of the magnet, and heights c of S2 and S3, the preset's first; costs are compared
+    with those of `reference`.
     """
 
     heights: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 6.7)
@@ -63,26 +57,16 @@ class Extent:
 
 
 QUICK_EXTENT = Extent(
-    heights=(0.0, 2.0, 4.0),
-    depths=(0.75, 1.5, 2.25, 3.0),
-    shears=(0.0, 1.5, 3.1),
-    layouts=((2.0, 2.0), (4.0, 2.0)),
-    accuracy=QUICK,
-    reference=STANDARD,
+    (0.0, 2.0, 4.0), (0.75, 1.5, 2.25, 3.0), (0.0, 1.5, 3.1), ((2.0, 2.0), (4.0, 2.0)), QUICK, STANDARD
 )
-"""Few loads at accuracy quick: the verdicts of the whole study in some seconds."""
 
 
 class Press(NamedTuple):
     """Presses of the sensor with one magnet, for E = 1 MPa; arrays have shape (n,), NaN where no state was reached.
 
-    Attributes
-    ----------
-    height : height of the magnet, mm; 0 without one.
-    design : the sensor, whose S1 reads 2.87 V at rest.
-    depth, force, sinking : depth, mm, press force, N, and sinking of the magnet's centre, mm.
-    error_estimate : largest estimated relative error of the forces; NaN if one is unknown.
-    status, message : of the first state that is missing; "ok" and "" if none is.
+    `height` of the magnet, 0 without one, and `depth` in mm, press `force`, N, and `sinking` of the magnet's centre,
+    mm; `error_estimate` is the largest relative one of the forces, NaN if one is unknown; `status` and `message` are
+    those of the first state that is missing.
     """
 
     height: float
@@ -99,9 +83,14 @@ class Press(NamedTuple):
         """Whether every depth was reached."""
         return bool(np.isfinite(self.force).all())
 
+    @property
+    def relative_errors(self) -> Array:
+        """Errors of the formula with E = 1 MPa relative to the force of each depth, %."""
+        return np.asarray(100 * (formula(self.depth) / self.force - 1))
+
 
 class States(NamedTuple):
-    """All states: presses by height of the magnet, one press with friction, and the engine's rows.
+    """Presses by height of the magnet, one press with friction, and the engine's rows.
 
     `sheared` are the shears, with the condition of the `tip`; `pressed` are the presses without friction.
     """
@@ -114,8 +103,7 @@ class States(NamedTuple):
     @property
     def preset(self) -> Press:
         """The presses of the preset's magnet."""
-        own = paper().magnet_height
-        return next(press for press in self.presses if press.height == own)
+        return next(press for press in self.presses if press.height == paper().magnet_height)
 
 
 FRICTION = 0.5
@@ -234,21 +222,16 @@ elongation of 100 % are 1.02 by neo-Hooke's law, E = 3 s / (2 - 1/4)."""
 GAINS = (0.2, 5.0)
 """Factors on the gain of S1 that are searched."""
 
-Interval = tuple[float, float]
-
 
 def formula(depths: Array) -> Array:
     """Return the press force of the paper's sensor by (5) and (7) at depths in mm, shape (n,), N."""
     return np.array([beam.solve(paper(), Load(float(depth))).force[2] for depth in depths])
 
 
-def modulus_interval(predicted: Array, force: Array, slack: Array) -> Interval | None:
-    """Return the moduli E for which |predicted - E force| <= E slack at every depth; None if there is none.
+def modulus_interval(predicted: Array, force: Array, slack: Array) -> tuple[float, float]:
+    """Return the moduli E for which |predicted - E force| <= E slack at every depth; NaN if there is none.
 
-    Parameters
-    ----------
-    predicted : forces of the formula, shape (n,), N.
-    force, slack : forces for E = 1 MPa and the errors that are allowed for it, shape (n,), N.
+    `predicted` are forces of the formula, `force` and `slack` those for E = 1 MPa and their allowed errors, (n,), N.
 
     >>> modulus_interval(np.array([2.0, 4.0]), np.array([1.0, 2.0]), np.array([0.0, 0.0]))
     (2.0, 2.0)
@@ -256,7 +239,7 @@ def modulus_interval(predicted: Array, force: Array, slack: Array) -> Interval |
     low = float(np.max(predicted / (force + slack)))
     bounded = force > slack
     high = float(np.min(predicted[bounded] / (force - slack)[bounded])) if bounded.any() else math.inf
-    return (low, high) if low <= high else None
+    return (low, high) if low <= high else (NAN, NAN)
 
 
 def error_of_largest(predicted: Array, force: Array, E: float) -> float:
@@ -283,21 +266,17 @@ def best_modulus(predicted: Array, force: Array) -> float:
 
 def each_depth_from(depth: Array, predicted: Array, force: Array) -> float:
     """Return the least depth from which on some E keeps the error of every depth within 5 % of its force, mm."""
-    for k in range(len(depth)):
-        if modulus_interval(predicted[k:], force[k:], BOUND * force[k:]) is not None:
-            return float(depth[k])
-    return NAN
+    keeps = (
+        not math.isnan(modulus_interval(predicted[k:], force[k:], BOUND * force[k:])[0]) for k in range(len(depth))
+    )
+    return next((float(at) for at, fits in zip(depth, keeps, strict=True) if fits), NAN)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Voltages:
+class Voltages(NamedTuple):
     """Voltage of S1 over the press force, by the formulas and by the finite elements, for E = 1 MPa of the latter.
 
-    Attributes
-    ----------
-    predicted, modelled : forces by (5), N, and changes of the voltage by the formulas, V, shape (m,), to depth D/2.
-    force, measured : the same by the finite elements, shape (n,).
-    formula_largest : force by (5) at the deepest press, N.
+    `predicted` and `modelled` are forces by (5), N, and changes of the voltage by the formulas, V, to depth D/2;
+    `force` and `measured` the same by finite elements; `formula_largest` is the force by (5) at the deepest press.
     """
 
     predicted: Array
@@ -318,9 +297,7 @@ class Voltages:
     def error(self, E: float, *, any_gain: bool = False) -> float:
         """Return the largest error of the voltage at equal force, in % of its largest change; NaN without a force.
 
-        Parameters
-        ----------
-        any_gain : choose the gain of the formula's voltage that gives the least error, as a calibration would.
+        With `any_gain`, the gain of the formula's voltage is the best one, as a calibration would choose it.
         """
         shared = E * self.force <= self.largest
         if not shared.any():
@@ -345,6 +322,14 @@ def voltages(press: Press) -> Voltages:
     return Voltages(formula(depth), modelled, press.force, measured, float(formula(press.depth)[-1]))
 
 
+HEIGHT_FIGURES = (
+    *("E_from_MPa", "E_to_MPa", "best_E_MPa", "best_error_percent_of_largest", "error_percent_of_largest"),
+    *("worst_error_percent", "worst_at_mm", "each_depth_from_mm", "S1_error_percent", "best_E_S1_error_percent"),
+    *("best_E_S1_error_any_gain_percent", "least_S1_error_percent", "least_S1_error_any_gain_percent"),
+)
+"""Columns of `height_row` that follow from presses to every depth."""
+
+
 def height_row(press: Press) -> Row:
     """Return what holds for one height of the magnet; unknown, NaN, unless the presses reach every depth.
 
@@ -355,41 +340,24 @@ def height_row(press: Press) -> Row:
     one that fits the voltage best (least); `any_gain` fits the gain of S1 too, as a calibration would.
     """
     predicted, force, depth = formula(press.depth), press.force, press.depth
-    reached = np.isfinite(force)
+    reached = depth[np.isfinite(force)].max(initial=0.0)
     row: Row = {"magnet_height_mm": press.height, "l0_mm": press.design.l0 if press.height else NAN}
-    row |= {"reached_mm": float(depth[reached].max(initial=0.0)), "status": press.status, "message": press.message}
+    row |= {"reached_mm": float(reached), "status": press.status, "message": press.message}
     row |= dict.fromkeys(HEIGHT_FIGURES, NAN)
     if not press.complete:
         return row
     interval = modulus_interval(predicted, force, np.full_like(predicted, BOUND * force.max()))
-    row["E_from_MPa"], row["E_to_MPa"] = interval or (NAN, NAN)
-    best, relative = best_modulus(predicted, force), relative_errors(press)
+    best, relative = best_modulus(predicted, force), press.relative_errors
     worst = int(np.abs(relative).argmax())
-    row["best_E_MPa"], row["best_error_percent_of_largest"] = best, error_of_largest(predicted, force, best)
-    row["error_percent_of_largest"] = error_of_largest(predicted, force, 1.0)
-    row["worst_error_percent"], row["worst_at_mm"] = float(relative[worst]), float(depth[worst])
-    row["each_depth_from_mm"] = each_depth_from(depth, predicted, force)
+    found = [*interval, best, *(error_of_largest(predicted, force, E) for E in (best, 1.0))]
+    found += [float(relative[worst]), float(depth[worst]), each_depth_from(depth, predicted, force)]
     if press.height:
         readings = voltages(press)
         searched = [float(E) for E in moduli() if readings.reaches(float(E))]
-        row["S1_error_percent"], row["best_E_S1_error_percent"] = readings.error(1.0), readings.error(best)
-        row["best_E_S1_error_any_gain_percent"] = readings.error(best, any_gain=True)
-        for name, free in (("least_S1_error_percent", False), ("least_S1_error_any_gain_percent", True)):
-            row[name] = min((readings.error(E, any_gain=free) for E in searched), default=NAN)
-    return row
-
-
-HEIGHT_FIGURES = (
-    *("E_from_MPa", "E_to_MPa", "best_E_MPa", "best_error_percent_of_largest", "error_percent_of_largest"),
-    *("worst_error_percent", "worst_at_mm", "each_depth_from_mm", "S1_error_percent", "best_E_S1_error_percent"),
-    *("best_E_S1_error_any_gain_percent", "least_S1_error_percent", "least_S1_error_any_gain_percent"),
-)
-"""Columns of `height_row` that follow from presses to every depth."""
-
-
-def relative_errors(press: Press) -> Array:
-    """Return the errors of the formula relative to the force of each depth, for E = 1 MPa, shape (n,), %."""
-    return np.asarray(100 * (formula(press.depth) / press.force - 1))
+        found += [readings.error(1.0), readings.error(best), readings.error(best, any_gain=True)]
+        for free in (False, True):
+            found.append(min((readings.error(E, any_gain=free) for E in searched), default=NAN))
+    return row | dict(zip(HEIGHT_FIGURES, found, strict=False))
 
 
 # Errors of the shear formula, and how much of them the ignored tilt explains
@@ -421,15 +389,13 @@ def tip_row(sheared: pd.DataFrame) -> Row:
     if not len(known):
         return row
     shear, force = known.shear_mm.to_numpy(), known.fem_force_x_N.to_numpy()
-    predicted = beam.cantilever_stiffness(paper()) * shear
     # forces are proportional to E: error of E is ratio / E - 1, whose extremes balance at the mean of the extremes
+    predicted = beam.cantilever_stiffness(paper()) * shear
     ratio = predicted / force
-    error = 100 * (ratio - 1)
-    low, high = float(ratio.min()), float(ratio.max())
-    interval = modulus_interval(predicted, force, BOUND * force) or (NAN, NAN)
-    errors = (float(error[0]), float(error[np.abs(error).argmax()]), float(error[-1]))
-    best = (low + high) / 2, 100 * (high - low) / (high + low)
-    return row | dict(zip(TIP_FIGURES, (float(force[0] / shear[0]), *errors, *best, *interval), strict=True))
+    error, low, high = 100 * (ratio - 1), float(ratio.min()), float(ratio.max())
+    found = [float(force[0] / shear[0]), float(error[0]), float(error[np.abs(error).argmax()]), float(error[-1])]
+    found += [(low + high) / 2, 100 * (high - low) / (high + low)]
+    return row | dict(zip(TIP_FIGURES, (*found, *modulus_interval(predicted, force, BOUND * force)), strict=True))
 
 
 def split(sheared: pd.DataFrame) -> pd.DataFrame:

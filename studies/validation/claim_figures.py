@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import paper
-from studies.output.figures import Figure, Look, bands, heat, plot, save, table_of
+from studies.output.figures import Figure, Look, bands, heat, plot, save
 from studies.validation.claim_errors import (
     CLAIMED,
     FARTHEST,
@@ -44,25 +43,19 @@ MODULI = 33
 
 
 def pictures(states: States, best_E: float) -> dict[str, Callable[[Path], None]]:
-    """Return what draws each figure, by the name of its file.
+    """Return what draws each figure, by the name of its file; `best_E` fits the preset's press forces best, MPa."""
 
-    Parameters
-    ----------
-    best_E : modulus that fits the press forces of the preset's magnet best, MPa.
-    """
-    figures: dict[str, Callable[[], list[Figure]]] = {
-        "modulus_and_height": partial(modulus_and_height, states.presses),
-        "figure_6": partial(figure_6, states.sheared),
-        "figure_8": partial(figure_8, states, best_E),
-        "figure_9": partial(figure_9, states.preset, best_E),
-        "figure_11": partial(figure_11, states.sheared),
-        "figure_12": partial(figure_12, states),
+    def drawn(draw: Callable[..., list[Figure]], *given: object) -> Callable[[Path], None]:
+        return lambda path: save(path, draw(*given))
+
+    return {
+        "modulus_and_height.png": drawn(modulus_and_height, states.presses),
+        "figure_6.png": drawn(figure_6, states.sheared),
+        "figure_8.png": drawn(figure_8, states, best_E),
+        "figure_9.png": drawn(figure_9, states.preset, best_E),
+        "figure_11.png": drawn(figure_11, states.sheared),
+        "figure_12.png": drawn(figure_12, states),
     }
-
-    def write(path: Path, draw: Callable[[], list[Figure]]) -> None:
-        save(path, draw())
-
-    return {f"{name}.png": partial(write, draw=draw) for name, draw in figures.items()}
 
 
 def _curves(x: str, y: str, curves: Mapping[str, tuple[Array, Array]], **more: str) -> pd.DataFrame:
@@ -80,16 +73,13 @@ def figure_6(sheared: pd.DataFrame) -> list[Figure]:
     side = np.linspace(-3.0, 3.0, POINTS)
     x, y = (grid.ravel() for grid in np.meshgrid(side, side))
     models = {FORMULA: _by_formula(first.depth_mm.iloc[0], x, y), FEM: _by_fem(first, x, y)}
-    field, cuts, figures = "|B| (mT)", [], []
+    field, axes, cuts, figures = "|B| (mT)", ("x (mm)", "y (mm)"), [], []
     middle = slice(POINTS * (POINTS // 2), POINTS * (POINTS // 2 + 1))
     for k, name in enumerate(("S1", "S2")):
+        place = {"x (mm)": x.round(3), "y (mm)": y.round(3)}
         cells = [
-            pd.DataFrame({"x (mm)": x.round(3), "y (mm)": y.round(3), field: values[k]}).assign(
-                panel=f"{name}, {model}"
-            )
-            for model, values in models.items()
+            pd.DataFrame(place | {field: values[k], "panel": f"{name}, {model}"}) for model, values in models.items()
         ]
-        axes = ("x (mm)", "y (mm)")
         figures.append(heat(f"|B| at {name}", "", pd.concat(cells, ignore_index=True), axes, field, columns=2))
         lines = {model: (side, values[k][middle]) for model, values in models.items()}
         cuts.append(_curves("x (mm)", field, lines, panel=f"{name}, y = 0"))
@@ -98,7 +88,7 @@ def figure_6(sheared: pd.DataFrame) -> list[Figure]:
 
 
 def _by_formula(depth: float, x: Array, y: Array) -> list[Array]:
-    """Return |B| at S1 and S2 by (3) and (4) for displacements of the tip, each of shape (n,), mT."""
+    """Return |B| at S1 and S2 by (3) and (4) for displacements of the tip, mT."""
     lever = paper().H / paper().L
     shift = np.column_stack([lever * x, lever * y, np.full_like(x, -lever * depth)])
     return _magnitudes(shift, np.zeros((len(x), 2)), "paper")
@@ -128,18 +118,18 @@ def _magnitudes(shift: Array, rotation: Array, field: hall.Field) -> list[Array]
 
 def figure_8(states: States, best_E: float) -> list[Figure]:
     """Return F_N over the depth by (5) and (7) and by finite elements, and the formula's error at each depth."""
-    preset = states.preset
+    preset, by_formula = states.preset, "formula (5), 1 MPa"
     depth, predicted = preset.depth, formula(preset.depth)
     forces = {f"FEM, magnet {preset.height:g} mm, 1 MPa": preset.force}
     for press in (press for press in states.presses if not press.height):
         forces["FEM, no magnet, 1 MPa"] = press.force
     forces[f"FEM, magnet {preset.height:g} mm, {best_E:.2g} MPa"] = best_E * preset.force
-    by_formula = "formula (5), 1 MPa"
-    curves = {name: (np.append(0.0, depth), np.append(0.0, force)) for name, force in forces.items()}
-    curves[by_formula] = (np.append(0.0, depth), np.append(0.0, predicted))
+    curves = {
+        name: (np.append(0.0, depth), np.append(0.0, force))
+        for name, force in (forces | {by_formula: predicted}).items()
+    }
     errors = {name: (depth, 100 * (predicted / force - 1)) for name, force in forces.items()}
-    error = "error of (5) (%)"
-    names = tuple(curves)
+    names, error = tuple(curves), "error of (5) (%)"
     look = Look(names=names, guides=bands(5, 10), span=(-80.0, 30.0))
     return [
         plot("Press force", "", _curves(DEPTH, FORCE, curves), DEPTH, FORCE, Look(names=names)),
@@ -176,20 +166,19 @@ def figure_11(sheared: pd.DataFrame) -> list[Figure]:
 def figure_12(states: States) -> list[Figure]:
     """Return F_N over the depth for three moduli, with the largest forces that the paper gives for them."""
     preset = states.preset
-    depth = np.append(0.0, preset.depth)
-    fem = {f"E = {E:g} MPa": (depth, E * np.append(0.0, preset.force)) for E, _ in CLAIMED}
-    by_formula = {f"E = {E:g} MPa": (depth, E * formula(depth)) for E, _ in CLAIMED}
-    claimed = {
-        f"E = {E:g} MPa": (np.interp([largest / E], formula(depth), depth), np.array([largest]))
-        for E, largest in CLAIMED
+    depth, force = np.append(0.0, preset.depth), np.append(0.0, preset.force)
+    by_formula = formula(depth)
+    models: dict[str, dict[str, tuple[Array, Array]]] = {
+        f"FEM, magnet {preset.height:g} mm": {f"E = {E:g} MPa": (depth, E * force) for E, _ in CLAIMED},
+        "formula (5)": {f"E = {E:g} MPa": (depth, E * by_formula) for E, _ in CLAIMED},
+        "largest force of the paper": {
+            f"E = {E:g} MPa": (np.interp([largest / E], by_formula, depth), np.array([largest]))
+            for E, largest in CLAIMED
+        },
     }
-    models = {
-        f"FEM, magnet {preset.height:g} mm": fem,
-        "formula (5)": by_formula,
-        "largest force of the paper": claimed,
-    }
-    parts = [_curves(DEPTH, FORCE, curves, model=name) for name, curves in models.items()]
-    data = pd.concat(parts, ignore_index=True)
+    data = pd.concat(
+        [_curves(DEPTH, FORCE, curves, model=name) for name, curves in models.items()], ignore_index=True
+    )
     small = data[data[FORCE] <= ENLARGED * CLAIMED[-1][1]]
     return [
         plot("Press force for three moduli", "", data, DEPTH, FORCE),
@@ -199,9 +188,8 @@ def figure_12(states: States) -> list[Figure]:
 
 def modulus_and_height(presses: Sequence[Press]) -> list[Figure]:
     """Return the error of the force, and of S1's voltage with a fitted gain, over the magnet's height and E."""
-    known = [press for press in presses if press.complete and press.height]
     rows = []
-    for press in known:
+    for press in (press for press in presses if press.complete and press.height):
         predicted, readings = formula(press.depth), voltages(press)
         for E in moduli(MODULI).tolist():
             voltage = readings.error(E, any_gain=True) if readings.reaches(E) else np.nan
@@ -212,9 +200,7 @@ def modulus_and_height(presses: Sequence[Press]) -> list[Figure]:
     names = np.array([*CLASSES, None], dtype=object)
     figures = []
     for title, error in zip(titles, errors, strict=True):
-        classes = np.where(np.isfinite(error), np.searchsorted(EDGES, error, side="right"), -1)
-        data = table_of(
-            {axes[0]: a, axes[1]: b, value: name} for a, b, name in zip(height, E, names[classes], strict=True)
-        )
+        shades = names[np.where(np.isfinite(error), np.searchsorted(EDGES, error, side="right"), -1)]
+        data = pd.DataFrame({axes[0]: height, axes[1]: E, value: shades})
         figures.append(heat(title, "", data, axes, value, colours=CLASSES))
     return figures

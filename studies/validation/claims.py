@@ -2,7 +2,8 @@
 
 The finite elements have no error that matters here (below 1 %), but they are a model: neo-Hookean silicone, elastic
 but for the claim on hysteresis, a rigid bonded magnet, and a plate whose friction the paper does not give. The words
-of the answers are in templates/claims.toml.
+of the answers are in templates/claims.toml. An answer has claim and paper's value in a few words, `computed` figures
+in one cell, verdict, text with the reasons, commands that show parts of it, and its figures.
 """
 
 from __future__ import annotations
@@ -30,18 +31,14 @@ from studies.validation.claim_errors import (
     FRICTION,
     MODULI,
     PUBLISHED,
-    QUICK_EXTENT,
     Extent,
     Press,
     States,
     formula,
-    relative_errors,
-    share,
-    solve,
 )
 from studies.validation.pages import Row
 
-WORDS = Path(__file__).parent / "templates" / "claims.toml"
+WORDS = pages.TEMPLATES / "claims.toml"
 FILES = (
     *("CLAIMS.md", "claims.csv", "heights.csv", "presses.csv", "shears.csv", "parts.csv", "modulus_and_height.png"),
     *("figure_6.png", "figure_8.png", "figure_9.png", "figure_11.png", "figure_12.png"),
@@ -61,7 +58,6 @@ NEODYMIUM = (1.0, 1.4)
 """Polarisations of neodymium magnets, T."""
 LOSSES, FULL_SCALE = (0.01, 0.5), 10.0
 """Loss factors from resilient silicones to those that are made to damp; the paper's bound of the hysteresis, %."""
-
 CONSTANTS: dict[str, Any] = {
     "moduli": MODULI,
     "published": PUBLISHED,
@@ -70,39 +66,34 @@ CONSTANTS: dict[str, Any] = {
     "claimed": FREQUENCY,
     "band": BAND,
     "half_power": HALF_POWER,
-    "vibration_depth": sensor_figures.VIBRATION_DEPTH,
     "losses": LOSSES,
+    "neodymium": NEODYMIUM,
+    "vibration_depth": sensor_figures.VIBRATION_DEPTH,
+    "factor": sensor_figures.FACTOR,
     "depth": sensor_figures.CYCLE_DEPTH,
     "speed": sensor_figures.CYCLE_SPEED,
-    "factor": sensor_figures.FACTOR,
-    "neodymium": NEODYMIUM,
 }
 """What the words of all answers may name; the paper gives neither its plate's friction nor the speed of a loading."""
-
 Verdict = Literal["reproduced", "refuted", "not decidable"]
-
-
-Answer = Row
-"""The answer to one claim: claim and paper's value in a few words, `computed` figures in one cell, verdict, text with
-the reasons, commands that show parts of the answer, and its figures."""
-PRINTED = ("claim", "paper", "computed", "verdict")
+PRINTED = ["claim", "paper", "computed", "verdict"]
 """Columns of the printed table and of claims.csv."""
-SHEARS = ("tip", "shear_mm", "fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_tilt_rad")
-PRESSES = ("magnet_height_mm", "depth_mm", "fem_force_N", "fem_shift_z_mm")
+SHEARS = ["tip", "shear_mm", "fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_tilt_rad"]
+PRESSES = ["magnet_height_mm", "depth_mm", "fem_force_N", "fem_shift_z_mm"]
 
 
 def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -> Result:
     """Test the paper's claims; states are taken from the store (default: the user's), and added to it."""
-    extent = QUICK_EXTENT if quick else Extent()
-    states = solve(extent, store, part(progress, 0.0, 0.85))
+    extent = claim_errors.QUICK_EXTENT if quick else Extent()
+    states = claim_errors.solve(extent, store, part(progress, 0.0, 0.85))
     heights = pd.DataFrame([claim_errors.height_row(press) for press in states.presses])
     conditions = [rows for _, rows in states.sheared.groupby("tip", sort=False)]
     tips = pd.DataFrame([claim_errors.tip_row(rows) for rows in conditions])
     stuck = [rows for rows in conditions if rows.magnet.iloc[0] == "rigid" and rows.depth_mm.iloc[0]]
     splits = [claim_errors.split(rows) for rows in stuck]
-    modes = sensor_figures.mode_rows(extent.accuracy, part(progress, 0.85, 0.88) or progress)
-    layouts = pd.DataFrame(sensor_figures.layout_rows(extent.layouts, part(progress, 0.88, 0.97) or progress))
-    costs = sensor_figures.cost_rows(extent.reference, part(progress, 0.97, 1.0) or progress)
+    told = [part(progress, *ends) or progress for ends in ((0.85, 0.88), (0.88, 0.97), (0.97, 1.0))]
+    modes = sensor_figures.mode_rows(extent.accuracy, told[0])
+    layouts = pd.DataFrame(sensor_figures.layout_rows(extent.layouts, told[1]))
+    costs = sensor_figures.cost_rows(extent.reference, told[2])
     factor = sensor_figures.factor_figures()
     best_E = float(heights.best_E_MPa[heights.magnet_height_mm == states.preset.height].iloc[0])
     answers = [
@@ -130,23 +121,16 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         "estimate": 100 * float(np.max(estimates or [math.nan])),
         "unknown": pages.records(heights[heights.status != "ok"]),
     }
+    tables = {"heights": heights, "presses": states.pressed[PRESSES], "shears": states.sheared[SHEARS]}
+    tables["parts"] = pd.concat(splits)
     return Result(
         title="The paper's claims",
         records=answers,
         shown=[Table(title="The paper's claims", rows=printed, first=("claim", "verdict"))],
-        tables={
-            "claims": printed,
-            "heights": pages.records(heights),
-            "presses": pages.records(states.pressed[list(PRESSES)]),
-            "shears": pages.records(states.sheared[list(SHEARS)]),
-            "parts": pages.records(pd.concat(splits)),
-        },
+        tables={"claims": printed} | {name: pages.records(table) for name, table in tables.items()},
         files=claim_figures.pictures(states, best_E),
         pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page)},
     )
-
-
-# What makes an answer
 
 
 def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Any = ()) -> Verdict:
@@ -170,7 +154,7 @@ def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Any =
     return "not decidable" if holds_for_other_values else "refuted"
 
 
-def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: Any) -> Answer:
+def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: Any) -> Row:
     """Return the answer to a claim of WORDS, whose templates get CONSTANTS, figures and these values."""
     words = _words()[claim]
 
@@ -199,7 +183,7 @@ def _time(seconds: float) -> str:
     >>> _time(3.2e-6), _time(0.0384), _time(2.0)
     ('3.2 µs', '38 ms', '2 s')
     """
-    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
+    for factor, unit in ((1.0, "s"), (1e3, "ms")):
         if seconds * factor >= 1:
             return f"{seconds * factor:.2g} {unit}"
     return f"{seconds * 1e6:.2g} µs"
@@ -208,20 +192,18 @@ def _time(seconds: float) -> str:
 # Presses
 
 
-def at_each_depth(heights: pd.DataFrame) -> Answer:
+def at_each_depth(heights: pd.DataFrame) -> Row:
     """Answer the claim on F_N, with the error taken relative to the force of the same depth."""
     known = heights.dropna(subset="worst_error_percent")
     errors, begins = known.worst_error_percent.abs(), known.each_depth_from_mm.dropna()
     first = (begins if len(begins) else known.reached_mm).min()
-    shallowest = known.worst_at_mm.iloc[0] if len(known) else math.nan
-    found = verdict(
-        holds=(errors < PERCENT).all(), holds_for_other_values=(begins <= shallowest).any(), figures=errors
-    )
+    at = known.worst_at_mm.iloc[0] if len(known) else math.nan
+    found = verdict(holds=(errors < PERCENT).all(), holds_for_other_values=(begins <= at).any(), figures=errors)
     figures = {"least_worst_error_percent": errors.min(), "largest_worst_error_percent": errors.max()}
-    return answer("each_depth", found, figures | {"each_depth_from_mm": first}, at=shallowest)
+    return answer("each_depth", found, figures | {"each_depth_from_mm": first}, at=at)
 
 
-def of_largest(heights: pd.DataFrame, states: States) -> Answer:
+def of_largest(heights: pd.DataFrame, states: States) -> Row:
     """Answer the claim on F_N, with the error taken relative to the largest force."""
     preset, rubbed = states.preset, states.rubbed
     fitting, at_one = heights.dropna(subset="E_from_MPa"), heights.error_percent_of_largest.dropna()
@@ -251,26 +233,22 @@ def of_largest(heights: pd.DataFrame, states: States) -> Answer:
     )
 
 
-def voltage(heights: pd.DataFrame, own_height: float) -> Answer:
+def voltage(heights: pd.DataFrame, own_height: float) -> Row:
     """Answer the claim on the voltage of S1 against F_N."""
     own = heights[heights.magnet_height_mm == own_height].iloc[0]
-    error, free = own.S1_error_percent, heights.least_S1_error_any_gain_percent.min()
+    figures = {
+        "S1_error_percent": own.S1_error_percent,
+        "least_S1_error_percent": heights.least_S1_error_percent.min(),
+        "least_S1_error_any_gain_percent": heights.least_S1_error_any_gain_percent.min(),
+    }
+    error, _, free = figures.values()
     with_force = heights[heights.E_from_MPa.notna() & (heights.magnet_height_mm > 0)]
-    return answer(
-        "voltage",
-        verdict(holds=error < PERCENT, holds_for_other_values=free < PERCENT, figures=[error, free]),
-        {
-            "S1_error_percent": error,
-            "least_S1_error_percent": heights.least_S1_error_percent.min(),
-            "least_S1_error_any_gain_percent": free,
-        },
-        own=own,
-        with_force=len(with_force),
-        both=with_force.best_E_S1_error_any_gain_percent.min(),
-    )
+    found = verdict(holds=error < PERCENT, holds_for_other_values=free < PERCENT, figures=[error, free])
+    both = with_force.best_E_S1_error_any_gain_percent.min()
+    return answer("voltage", found, figures, own=own, with_force=len(with_force), both=both)
 
 
-def largest_forces(states: States) -> Answer:
+def largest_forces(states: States) -> Row:
     """Answer the claim on the largest force with an error below 5 %, for three moduli."""
     bare = next((press for press in states.presses if not press.height), states.preset)
     depths = np.linspace(0.0, 3.0, 601)
@@ -279,26 +257,25 @@ def largest_forces(states: States) -> Answer:
     figures: dict[str, float] = {}
     for E, force in CLAIMED:
         depth = float(np.interp(force / E, by_formula, depths))
-        at = [float(np.interp(depth, press.depth, relative_errors(press))) for press in (bare, states.preset)]
+        at = [float(np.interp(depth, press.depth, press.relative_errors)) for press in (bare, states.preset)]
         figures |= {f"depth_mm_at_{force:g}_N": depth, f"error_percent_at_{force:g}_N": at[0]}
         figures[f"error_percent_at_{force:g}_N_with_magnet"] = at[1]
         forces.append({"E": E, "force": force, "depth": depth, "errors": at})
-    reach = _largest_force_within(bare)
     reaches = [_largest_force_within(press) for press in states.presses if press.complete]
     as_claimed = [all(abs(E * each - force) <= ROUNDED_N for E, force in CLAIMED) for each in reaches]
     return answer(
         "largest_forces",
         verdict(holds=all(as_claimed), holds_for_other_values=any(as_claimed), figures=reaches),
-        figures | {"largest_force_N_at_1_MPa": reach},
+        figures | {"largest_force_N_at_1_MPa": _largest_force_within(bare)},
         forces=forces,
         runs=_spans_within(bare),
-        never_with_magnet=np.abs(relative_errors(states.preset)).min() > PERCENT,
+        never_with_magnet=np.abs(states.preset.relative_errors).min() > PERCENT,
     )
 
 
 def _spans_within(press: Press) -> list[tuple[float, float]]:
     """Return the depths between which the formula with E = 1 MPa is within 5 % of the press, mm."""
-    return spans(list(zip(press.depth.tolist(), relative_errors(press).tolist(), strict=True)), PERCENT)
+    return spans(list(zip(press.depth.tolist(), press.relative_errors.tolist(), strict=True)), PERCENT)
 
 
 def _largest_force_within(press: Press) -> float:
@@ -310,13 +287,8 @@ def _largest_force_within(press: Press) -> float:
 # Shears and readings
 
 
-def shear_force(tips: pd.DataFrame, best_E: float) -> Answer:
-    """Answer the claim that the error of F_mu is large.
-
-    Parameters
-    ----------
-    best_E : modulus that fits the press forces best, MPa.
-    """
+def shear_force(tips: pd.DataFrame, best_E: float) -> Row:
+    """Answer the claim that the error of F_mu is large; `best_E` fits the press forces best, MPa."""
     is_stuck = tips.tip.str.contains("stuck")
     stuck, gripped = tips[is_stuck], pages.records(tips[~is_stuck])
     worst = stuck.worst_error_percent.abs()
@@ -331,57 +303,49 @@ def shear_force(tips: pd.DataFrame, best_E: float) -> Answer:
     )
 
 
-def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Answer:
+def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Row:
     """Answer the claim that the ignored tilt causes the error of F_mu."""
     # a condition of the tip without a sheared state has an unknown share, and leaves the claim open
-    shares = [share(rows, "tilt_N") for rows in splits]
+    shares = [claim_errors.share(rows, "tilt_N") for rows in splits]
     least, largest = (pick(shares) if shares else math.nan for pick in (np.nanmin, np.nanmax))
-    return answer(
-        "tilt",
-        verdict(holds=bool(least > 50), figures=shares),
-        {"least_tilt_share_percent": least, "largest_tilt_share_percent": largest},
-        known=[pages.records(rows)[-1] for rows in splits if len(rows)],
-    )
+    figures = {"least_tilt_share_percent": least, "largest_tilt_share_percent": largest}
+    known = [pages.records(rows)[-1] for rows in splits if len(rows)]
+    return answer("tilt", verdict(holds=bool(least > 50), figures=shares), figures, known=known)
 
 
-def uniqueness(layouts: pd.DataFrame) -> Answer:
+def uniqueness(layouts: pd.DataFrame) -> Row:
     """Answer the claim that the readings are unique to each location."""
     place = ["magnet_height_mm", "c_mm"]
     shares = layouts.ambiguous_percent
     own = (layouts[place] == layouts[place].iloc[0]).all(axis=1)
     failing = pages.records(layouts[shares > 0])
     unique = len(layouts) - len(failing)
-    return answer(
-        "uniqueness",
-        verdict(holds=not failing, holds_for_other_values=bool(unique), figures=shares),
-        {"unique_cases": unique, "cases": len(layouts)},
-        failing=failing,
-        holds_here=not shares[own].any(),
-    )
+    found = verdict(holds=not failing, holds_for_other_values=bool(unique), figures=shares)
+    figures = {"unique_cases": unique, "cases": len(layouts)}
+    return answer("uniqueness", found, figures, failing=failing, holds_here=not shares[own].any())
 
 
 # Frequencies and losses
 
 
-def frequency(rows: Sequence[Row], formulas: dict[str, float]) -> Answer:
+def frequency(rows: Sequence[Row], formulas: dict[str, float]) -> Row:
     """Answer the claim on the natural frequency."""
     free, bare = (
         next(row for row in rows if row["magnet"] == magnet and not row["depth_mm"])
         for magnet in ("rigid", "ignored")
     )
     pressed = max((row for row in rows if row["magnet"] == "rigid"), key=lambda row: row["depth_mm"])
-    near = abs(free["bending_Hz"] / FREQUENCY - 1) <= NEAR
     figures = {"bending_Hz": free["bending_Hz"], "axial_Hz": free["axial_Hz"]}
     figures |= {f"{shape}_without_magnet_Hz": bare[f"{shape}_Hz"] for shape in ("bending", "axial")}
     figures |= {
         "spring_mass_Hz": formulas["third_of_silicone"],
         "spring_mass_with_magnet_Hz": formulas["with_magnet"],
     }
-    found = {"free": free, "bare": bare, "pressed": pressed}
-    return answer("frequency", verdict(holds=near, figures=[free["bending_Hz"]]), figures, **found, **formulas)
+    found = verdict(holds=abs(free["bending_Hz"] / FREQUENCY - 1) <= NEAR, figures=[free["bending_Hz"]])
+    return answer("frequency", found, figures, free=free, bare=bare, pressed=pressed, **formulas)
 
 
-def band(rows: Sequence[Row], vibration: Row) -> Answer:
+def band(rows: Sequence[Row], vibration: Row) -> Row:
     """Answer the claim that the sensor is usable to 600 Hz and above."""
     by_depth = {row["depth_mm"]: row for row in rows if row["magnet"] == "rigid"}
     deepest = max(by_depth)
@@ -393,67 +357,49 @@ def band(rows: Sequence[Row], vibration: Row) -> Answer:
     figures |= {"loss_factor": vibration["loss_factor"], "relative_reading_z_at_600": along_z}
     figures |= {"relative_reading_x_at_600": along_x, "accurate_with_loss_to_Hz": accurate}
     figures |= records.known({"resonance_Hz": vibration["resonance_Hz"], "resonance_Q": vibration["Q"]})
-    return answer(
-        "band",
-        verdict(
-            holds=min(slow, accurate) >= BAND,
-            holds_for_other_values=not min(along_z, along_x) < HALF_POWER,
-            figures=[slow, accurate, along_z, along_x],
-        ),
-        figures,
-        pressed_depth=deepest,
-        inside=min(free, pressed) < BAND,
-        **vibration,
+    found = verdict(
+        holds=min(slow, accurate) >= BAND,
+        holds_for_other_values=not min(along_z, along_x) < HALF_POWER,
+        figures=[slow, accurate, along_z, along_x],
     )
+    return answer("band", found, figures, pressed_depth=deepest, inside=min(free, pressed) < BAND, **vibration)
 
 
-def hysteresis(figures: Row) -> Answer:
+def hysteresis(figures: Row) -> Row:
     """Answer the claim on hysteresis."""
     loss_factor = figures["loss_factor"]
     allowed, sine = (FULL_SCALE * loss_factor / figures[name] for name in ("fem_percent", "sine_percent"))
     bounds = {"holds": min(allowed, sine) >= LOSSES[1], "holds_for_other_values": max(allowed, sine) >= LOSSES[0]}
-    found = {"loss_factor": loss_factor, "gap_percent": figures["fem_percent"]}
-    return answer(
-        "hysteresis",
-        verdict(**bounds, figures=[allowed, sine]),
-        found | {"allowed_loss_factor": allowed, "allowed_loss_factor_sine": sine},
-        **figures,
-    )
+    own = {"loss_factor": loss_factor, "gap_percent": figures["fem_percent"]}
+    own |= {"allowed_loss_factor": allowed, "allowed_loss_factor_sine": sine}
+    return answer("hysteresis", verdict(**bounds, figures=[allowed, sine]), own, **figures)
 
 
 # Magnet and cost
 
 
-def hall_factor(figures: Row) -> Answer:
+def hall_factor(figures: Row) -> Row:
     """Answer the claim on the conversion factor of a Hall element."""
     polarisation = figures["polarisation_T"]
     found = verdict(holds=NEODYMIUM[0] <= polarisation <= NEODYMIUM[1], figures=[polarisation])
-    own = {name: figures[name] for name in ("polarisation_T", "rest_V", "face_V")}
-    return answer("hall_factor", found, own)
+    return answer("hall_factor", found, {name: figures[name] for name in ("polarisation_T", "rest_V", "face_V")})
 
 
-def offset(figures: Row) -> Answer:
+def offset(figures: Row) -> Row:
     """Answer the claim on the offset of S1."""
     pairs = figures["pairs"]
     below = sum(l0 > paper().H for _, l0 in pairs)
-    found = {f"l0_mm_at_{height:g}_mm": l0 for height, l0 in pairs} | {"rest_mT": figures["rest_mT"]}
-    plausible = verdict(holds=below > 0, figures=[l0 for _, l0 in pairs])
-    return answer("offset", plausible, found, pairs=pairs, below=below)
+    own = {f"l0_mm_at_{height:g}_mm": l0 for height, l0 in pairs} | {"rest_mT": figures["rest_mT"]}
+    found = verdict(holds=below > 0, figures=[l0 for _, l0 in pairs])
+    return answer("offset", found, own, pairs=pairs, below=below)
 
 
-def cost(rows: Sequence[Row]) -> Answer:
+def cost(rows: Sequence[Row]) -> Row:
     """Answer the claim that the model is simple and faster than finite elements."""
-    paper, *others = rows
-    elements = [row for row in rows if row["model"].startswith("finite elements")]
-    fastest = min(elements, key=lambda row: row["seconds"])
-    ratio = fastest["seconds"] / paper["seconds"]
-    return answer(
-        "cost",
-        verdict(holds=ratio > 1, figures=[ratio]),
-        {f"{row['model'].replace(', level ', '_').replace(' ', '_')}_s": row["seconds"] for row in rows},
-        rows=rows,
-        paper=paper,
-        finite=next(row for row in others if row["model"].endswith("finite")),
-        fastest=fastest,
-        ratio=ratio,
-    )
+    formulas, *others = rows
+    fastest = min((row for row in rows if row["model"].startswith("finite elements")), key=lambda row: row["seconds"])
+    ratio = fastest["seconds"] / formulas["seconds"]
+    figures = {f"{row['model'].replace(', level ', '_').replace(' ', '_')}_s": row["seconds"] for row in rows}
+    values = {"rows": rows, "paper": formulas, "fastest": fastest, "ratio": ratio}
+    values["finite"] = next(row for row in others if row["model"].endswith("finite"))
+    return answer("cost", verdict(holds=ratio > 1, figures=[ratio]), figures, **values)

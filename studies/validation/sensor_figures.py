@@ -8,6 +8,8 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from itertools import product
+from typing import get_args
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from analytic.lookup import Grid
 from analytic.magnet import cylinder_field
 from analytic.relaxation_loops import loop
 from fem import equilibrium
-from fem.accuracy import LEVELS, QUICK, STANDARD, Accuracy
+from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.analyses.modes import modes, spring_mass
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
@@ -35,19 +37,28 @@ MU0 = 4e-7 * math.pi
 """Permeability of air in the paper's Table II; with its magnetisation M = 1 it is also the polarisation mu0 M, T."""
 WORKSPACE, STEP = (3.0, 3.0), 0.01
 """Half width and depth of the paper's look-up table, and its step, mm."""
+CYCLE_DEPTH, CYCLE_SPEED = 1.0, 0.5
+"""Depth of the press, mm, and speed of the plate, mm/s, of a loading cycle; the paper gives no speed."""
+VIBRATION_DEPTH, VIBRATION_BAND = 1.0, (1.0, 1000.0)
+"""Depth of the press under a plate that sticks, mm, and the frequencies of its vibration, Hz."""
+COST_DEPTHS = (0.5, 1.0, 2.0, 3.0)
+"""Depths of the presses whose forces tell the errors of the models that are timed, mm."""
+
+
+def _quiet(share: float, text: str) -> None:
+    """Tell no progress."""
 
 
 def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> list[Row]:
     """Return the share of poses whose readings another pose gives too, for each layout and form of the readings.
 
-    Parameters
-    ----------
-    layouts : height of the magnet, and height c of S2 and S3, mm; l0 follows from what S1 reads at rest.
+    A layout is a height of the magnet, and a height c of S2 and S3, mm; l0 follows from what S1 reads at rest.
     """
-    cases = [(height, c, form) for height, c in layouts for form in layout_uniqueness.FORMS]
     rows = []
-    for k, (height, c, form) in enumerate(cases):
-        progress(k / len(cases), f"readings of a magnet {height:g} mm high, c = {c:g} mm")
+    for k, ((height, c), form) in enumerate(product(layouts, layout_uniqueness.FORMS)):
+        progress(
+            k / len(layouts) / len(layout_uniqueness.FORMS), f"readings of a magnet {height:g} mm high, c = {c:g} mm"
+        )
         design = dataclasses.replace(with_magnet(height), c=c)
         figures = layout_uniqueness.alike_figures(design, form)
         place = {"magnet_height_mm": height, "l0_mm": design.l0, "c_mm": c, "readings": form}
@@ -64,12 +75,6 @@ def table_entries() -> int:
     return math.prod(Grid(*WORKSPACE, STEP).shape)
 
 
-# Hysteresis
-
-CYCLE_DEPTH, CYCLE_SPEED = 1.0, 0.5
-"""Depth of the press, mm, and speed of the plate, mm/s, of a loading cycle; the paper gives no speed."""
-
-
 def loop_figures() -> Row:
     """Return the gap at mid-stroke over full scale of a slow loading cycle, percent, with the preset's loss factor.
 
@@ -78,25 +83,19 @@ def loop_figures() -> Row:
     """
     design = paper()
     motion = Motion(CYCLE_DEPTH, 0.0, "none", CYCLE_SPEED / (2 * CYCLE_DEPTH), cycles=2)
-    cycles = loading_cycles.run(
-        design, motion, "prony", loading_cycles.Static(None, None), "quick", "rigid", 1e-3, lambda share, text: None
-    )
+    static = loading_cycles.Static(None, None)
+    cycles = loading_cycles.run(design, motion, "prony", static, "quick", "rigid", 1e-3, _quiet)
     relaxation = relaxation_of(design)
     spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))
-    fem = cycles.loops[-1]["gap_percent"]
-    found = {"loss_factor": design.loss_factor, "fem_percent": fem}
+    found = {"loss_factor": design.loss_factor, "fem_percent": cycles.loops[-1]["gap_percent"]}
     return found | {"spring_percent": 100 * spring, "sine_percent": 100 * sine}
-
-
-# Frequencies
 
 
 def mode_rows(accuracy: Accuracy, progress: Progress) -> list[Row]:
     """Return the frequencies of the paper's sensor, free and pressed by 1 mm, with and without the magnet."""
-    cases: list[tuple[Magnet, float]] = [("rigid", 0.0), ("ignored", 0.0), ("rigid", 1.0), ("ignored", 1.0)]
-    rows = []
-    for k, (magnet, depth) in enumerate(cases):
-        progress(k / len(cases), "frequencies")
+    rows, magnets = [], get_args(Magnet)
+    for k, (depth, magnet) in enumerate(product((0.0, 1.0), magnets)):
+        progress(k / 4, "frequencies")
         result = modes(paper(), magnet, 6, depth=depth, accuracy=accuracy)
         first = {f"{name}_Hz": result.frequency[result.shape.index(name)] for name in ("bending", "axial")}
         rows.append({"magnet": magnet, "depth_mm": depth, **first})
@@ -105,14 +104,9 @@ def mode_rows(accuracy: Accuracy, progress: Progress) -> list[Row]:
 
 def formula_frequencies() -> dict[str, float]:
     """Return frequencies of a mass on an axial spring EA/L, Hz, by three readings of the mass."""
-    design = paper()
-    light, heavy = spring_mass(design)
+    light, heavy = spring_mass(paper())
     # all of the silicone as a free mass, in place of a third of it as in Rayleigh's rod
     return {"third_of_silicone": light, "with_magnet": heavy, "all_silicone": light / math.sqrt(3)}
-
-
-VIBRATION_DEPTH, VIBRATION_BAND = 1.0, (1.0, 1000.0)
-"""Depth of the press under a plate that sticks, mm, and the frequencies of its vibration, Hz."""
 
 
 def response_figures(accuracy: Accuracy) -> Row:
@@ -123,25 +117,19 @@ def response_figures(accuracy: Accuracy) -> Row:
     by less than 5 %.
     """
     design, load = paper(), Load(VIBRATION_DEPTH, friction="stick")
-    result = vibration_report.run(
-        design, load, VIBRATION_BAND, 2, "rigid", accuracy.name, [], lambda share, text: None
-    )
-    along = {motion["motion"]: motion for motion in result.records}
-    first = {name: along[name]["element"].index(element) for name, element in (("z", "S1"), ("x", "S2"))}
-    gains = {name: along[name]["relative_reading_at_600"][k] for name, k in first.items()}
-    flat = [along[name]["accurate_per_N_Hz"][k] for name, k in first.items()]
-    x = along["x"]
+    result = vibration_report.run(design, load, VIBRATION_BAND, 2, "rigid", accuracy.name, [], _quiet)
+    z, x = (next(one for one in result.records if one["motion"] == axis) for axis in "zx")
+    read = [(z, z["element"].index("S1")), (x, x["element"].index("S2"))]
+    gains = [motion["relative_reading_at_600"][k] or math.nan for motion, k in read]
+    flat = [motion["accurate_per_N_Hz"][k] for motion, k in read]
     return {
         "loss_factor": design.loss_factor,
-        "along_z": gains["z"] or math.nan,
-        "along_x": gains["x"] or math.nan,
+        "along_z": gains[0],
+        "along_x": gains[1],
         "resonance_Hz": next(iter(x["resonance_per_N_Hz"]), None),
         "Q": next(iter(x["resonance_per_N_Q"]), None),
         "accurate_Hz": min((one for one in flat if one is not None), default=VIBRATION_BAND[1]),
     }
-
-
-# Hall factor
 
 
 def factor_figures() -> Row:
@@ -167,36 +155,30 @@ def factor_figures() -> Row:
     }
 
 
-# Cost
-
-
-COST_DEPTHS = (0.5, 1.0, 2.0, 3.0)
-"""Depths of the presses, mm."""
-REPEATS = 3
-
-
 def cost_rows(reference: Accuracy, progress: Progress) -> list[Row]:
     """Measure the formulas and two levels of the finite elements, without error estimates, on this machine.
 
-    A row has the median CPU time of a press to 1 mm, and the largest error of the force at COST_DEPTHS.
-
-    Parameters
-    ----------
-    reference : accuracy of the forces to which all others are compared.
+    A row has the median CPU time of a press to 1 mm, and the error of the force at COST_DEPTHS that is largest in
+    magnitude, %, against forces at an accuracy `reference`.
     """
     design, loads = paper(), [Load(depth) for depth in COST_DEPTHS]
     progress(0.0, "cost of the models")
     exact = _forces(design, loads, reference)
-    rows = []
+    rows: list[Row] = []
+
+    def add(model: str, seconds: float, forces: list[float]) -> None:
+        worst = max((100 * (force / true - 1) for force, true in zip(forces, exact, strict=True)), key=abs)
+        rows.append({"model": model, "seconds": seconds, "worst_error_percent": worst})
+
     for level in beam.LEVELS:
         forces = [beam.solve(design, load, level).force[2] for load in loads]
         seconds = _cpu(functools.partial(beam.solve, design, Load(1.0), level), calls=200)
-        rows.append(_cost(f"formulas, level {level}", seconds, forces, exact))
-    for level in (QUICK.name, STANDARD.name):
-        progress(0.5, f"cost of the finite elements, level {level}")
-        forces = _forces(design, loads, LEVELS[level])
-        seconds = _cpu(functools.partial(_forces, design, [Load(1.0)], LEVELS[level]), calls=1)
-        rows.append(_cost(f"finite elements, level {level}", seconds, forces, exact))
+        add(f"formulas, level {level}", seconds, forces)
+    for accuracy in (QUICK, STANDARD):
+        progress(0.5, f"cost of the finite elements, level {accuracy.name}")
+        forces = _forces(design, loads, accuracy)
+        seconds = _cpu(functools.partial(_forces, design, [Load(1.0)], accuracy), calls=1)
+        add(f"finite elements, level {accuracy.name}", seconds, forces)
     return rows
 
 
@@ -204,16 +186,10 @@ def _forces(design: Design, loads: list[Load], accuracy: Accuracy) -> list[float
     return [state.response.force[2] for state in equilibrium.trace(design, loads, accuracy, estimate=False)]
 
 
-def _cost(model: str, seconds: float, forces: list[float], exact: list[float]) -> Row:
-    """Return the row of a model with the largest relative error of its forces, with its sign, %."""
-    worst = max((100 * (force / true - 1) for force, true in zip(forces, exact, strict=True)), key=abs)
-    return {"model": model, "seconds": seconds, "worst_error_percent": worst}
-
-
 def _cpu(call: Callable[[], object], calls: int) -> float:
-    """Return the median CPU time of one call, s, from `REPEATS` measurements of some calls each."""
+    """Return the median CPU time of one call, s, from three measurements of some calls each."""
     times = []
-    for _ in range(REPEATS):
+    for _ in range(3):
         begin = time.process_time()
         for _ in range(calls):
             call()
