@@ -15,7 +15,7 @@ from fem.accuracy import STANDARD
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.validation import bench, bench_programs
+from studies.validation import bench
 
 ROOT = Path(__file__).resolve().parent.parent
 DAT = """
@@ -78,7 +78,7 @@ def test_tilt_counts_as_well_as_force():
 
 @pytest.fixture(scope="module")
 def deck():
-    return bench_programs.deck(cube(), bench_programs.Press(E=2.0, nu=0.49, L=2.0, R=2.0, depth=0.5))
+    return bench.deck(cube(), bench.Press(E=2.0, nu=0.49, L=2.0, R=2.0, depth=0.5))
 
 
 def test_deck_has_the_mesh_in_the_order_of_calculix(deck):
@@ -98,7 +98,7 @@ def test_deck_presses_the_tip_and_holds_base_and_symmetry(deck):
     lines = deck.splitlines()
     start = lines.index("*SURFACE, NAME=TIP, TYPE=ELEMENT") + 1
     faces = [line.split(", S") for line in lines[start : lines.index("*SURFACE, NAME=LOWER, TYPE=ELEMENT")]]
-    corners = [cells[int(i) - 1, list(bench_programs.FACES[int(side) - 1])] for i, side in faces]
+    corners = [cells[int(i) - 1, list(bench.FACES[int(side) - 1])] for i, side in faces]
     assert len(faces) > 2
     np.testing.assert_allclose(points[corners][..., 2], 2)
     base, symmetry = (numbers(deck, f"*NSET, NSET={name}").ravel().astype(int) - 1 for name in ("BASE", "SYMMETRY"))
@@ -115,17 +115,17 @@ def test_deck_has_the_moduli_of_the_material(deck):
 
 
 def test_force_is_the_last_one_of_both_halves():
-    assert bench_programs.force(DAT) == pytest.approx((1.0, 2 * 1.461206))
+    assert bench.force(DAT) == pytest.approx((1.0, 2 * 1.461206))
     with pytest.raises(ValueError, match="no force"):
-        bench_programs.force("*ERROR")
-    assert bench_programs.iterations(" increment 1 attempt 1\n iteration 1\n iteration 2\n") == 2
+        bench.force("*ERROR")
+    assert bench.iterations(" increment 1 attempt 1\n iteration 1\n iteration 2\n") == 2
 
 
 # FElupe
 
 
 def test_section_mesh_for_felupe():
-    given = bench_programs.section_arrays(paper(), 0.12, 1.0, 0.25)
+    given = bench.section_arrays(paper(), 0.12, 1.0, 0.25)
     points = given["points"]
     x = points[given["cells"]]
     assert x.shape[1:] == (6, 2)
@@ -183,13 +183,13 @@ def test_a_solve_that_raises_is_a_failed_row():
 
 def test_memory_is_that_of_the_child_alone():
     ballast = np.ones(20_000_000)
-    assert bench_programs.measure([sys.executable, "-I", "-S", "-c", "pass"]).peak_MB < 40
+    assert bench.measure([sys.executable, "-I", "-S", "-c", "pass"]).peak_MB < 40
     assert ballast[0] == 1
 
 
 def test_a_process_beyond_its_limit_is_stopped():
     begin = time.perf_counter()
-    ended = bench_programs.measure([sys.executable, "-c", "import time; time.sleep(60)"], limit=0.3)
+    ended = bench.measure([sys.executable, "-c", "import time; time.sleep(60)"], limit=0.3)
     assert time.perf_counter() - begin < 10
     assert ended.exit != 0
     assert "0.3 s" in ended.err

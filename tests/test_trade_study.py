@@ -19,12 +19,12 @@ from studies.cli import entry_point
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
-from studies.validation import bench_programs, trade, trade_study
+from studies.validation import bench, trade, trade_study
 from studies.validation.trade import FILES, summary
 from studies.validation.trade_study import (
     COMPONENTS,
     KINDS,
-    MODELS,
+    PLAN,
     Reference,
     Run,
     components,
@@ -36,6 +36,8 @@ from studies.validation.trade_study import (
     true_errors,
 )
 
+MODELS = {kind: PLAN[kind]["models"] for kind in KINDS}
+RUNS = {(kind, model): counts for kind in KINDS for model, counts in PLAN[kind]["runs"].items()}
 COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
 
 
@@ -44,14 +46,14 @@ def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
     cells = {(one.kind, one.model, one.level) for one in runs}
     excluded = {
         (*place, level)
-        for place, counts in trade_study.RUNS.items()
+        for place, counts in RUNS.items()
         for level, count in zip(("quick", "standard", "fine"), counts, strict=True)
         if count == 0
     }
     everything = {
         (kind, model, level)
         for kind in trade_study.KINDS
-        for model in trade_study.MODELS[kind]
+        for model in MODELS[kind]
         for level in ("quick", "standard", "fine")
     }
     assert {cell for cell in cells if cell[1] not in trade_study.CALCULATED} == everything - excluded
@@ -430,7 +432,7 @@ def test_a_path_has_its_cost():
 
 
 def test_a_path_that_fails_has_no_cost(monkeypatch):
-    monkeypatch.setattr(bench_programs, "magtip", lambda task: {"status": "failed", "message": "killed"})
+    monkeypatch.setattr(bench, "magtip", lambda task: {"status": "failed", "message": "killed"})
     section = Run("press", trial(0, "press", "axisymmetric"), "axisymmetric", "quick")
     assert [math.isnan(value) for value in trade_study.cost(section)] == [True, True]
 

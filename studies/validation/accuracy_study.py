@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -84,35 +85,32 @@ class Task(NamedTuple):
 
 def tasks(*, quick: bool = False) -> list[Task]:
     """Return all tasks, the fast ones first; if quick, two designs at level quick and a coarser reference."""
+
+    def task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto") -> Task:
+        reference = error_study_cases.reference(scene, 0 if quick else 1)
+        return Task(error_study_cases.trial(number, magnet, scene, model), LEVELS[level], reference)
+
     if quick:
-        chosen = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
-        chosen += [_task(0, "rigid", scene, "quick") for scene in TANGENT_SCENES]
-        return [one._replace(reference=error_study_cases.reference(one.trial.scene, 0)) for one in chosen]
-    names, numbers = ("quick", "standard", "fine"), range(error_study_cases.DESIGNS)
+        chosen = [task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
+        return chosen + [task(0, "rigid", scene, "quick") for scene in TANGENT_SCENES]
+    names, usual, numbers = tuple(LEVELS), tuple(LEVELS)[:2], range(error_study_cases.DESIGNS)
     magnets: Sequence[Magnet] = ("rigid", "ignored")
-    chosen = [_task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
-    checked = [error_study_cases.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
-    for one in checked:
-        used, finer = (error_study_cases.reference(one.scene, fineness) for fineness in (1, 2))
-        chosen.append(Task(one, used, finer))
-    chosen += [_task(n, "rigid", "friction", name) for n in numbers for name in names[:2]]
+    chosen = [task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
+    for scene, number in product(("press", "stick"), CHECKED):
+        used, finer = (error_study_cases.reference(scene, fineness) for fineness in (1, 2))
+        chosen.append(Task(error_study_cases.trial(number, "rigid", scene, "auto"), used, finer))
+    chosen += [task(n, "rigid", "friction", name) for n in numbers for name in usual]
     for magnet in magnets:
-        chosen += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
-        chosen += [_task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in names[:2]]
-        chosen += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
+        chosen += [task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in usual]
+        chosen += [task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in usual]
+        chosen += [task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
         for scene, solids in (("press", PRESSED), ("stick", SOLIDS)):
-            chosen += [_task(n, magnet, scene, name, "half") for name in names[:2] for n in solids]
-    held: tuple[tuple[Magnet, Sequence[int]], ...] = (("rigid", numbers), ("ignored", UNHELD))
-    for scene in TANGENT_SCENES:
-        for magnet, these in held:
-            chosen += [_task(n, magnet, scene, name) for n in these for name in names[:2]]
-            chosen += [_task(n, magnet, scene, "fine") for n in these if n in FINE_SHEARS]
+            chosen += [task(n, magnet, scene, name, "half") for name in usual for n in solids]
+    for scene, magnet in product(TANGENT_SCENES, magnets):
+        these = numbers if magnet == "rigid" else UNHELD
+        chosen += [task(n, magnet, scene, name) for n in these for name in usual]
+        chosen += [task(n, magnet, scene, "fine") for n in these if n in FINE_SHEARS]
     return chosen
-
-
-def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto") -> Task:
-    trial = error_study_cases.trial(number, magnet, scene, model)
-    return Task(trial, LEVELS[level], error_study_cases.reference(scene))
 
 
 def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
@@ -136,32 +134,29 @@ def solved(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the answers to all states at their levels and on their references."""
     asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in paths)
-    levels, references = [], []
+    pairs = []
     for one, _ in paths:
-        model: Model = "auto" if one.trial.scene in ("press", "deep") else "harmonic"
-        own = "half" if one.trial.model == "half" else model
-        levels.append(FemModel(one.level.name, one.level, own))
         # the section model resolves the same state on a far finer mesh than tetrahedra can
-        references.append(FemModel("reference", one.reference, model))
-    models = dict.fromkeys([*levels, *references])
+        model: Model = "auto" if one.trial.scene in ("press", "deep") else "harmonic"
+        own = FemModel(one.level.name, one.level, "half" if one.trial.model == "half" else model)
+        pairs.append((own, FemModel("reference", one.reference, model)))
+    models = dict.fromkeys([*(own for own, _ in pairs), *(reference for _, reference in pairs)])
     found: dict[FemModel, pd.DataFrame] = {}
     begins = np.array([one.trial.loads[-1].shears_tip and not load.shears_tip for one, load in paths])
     for k, model_of in enumerate(models):
-        needed = np.array([model_of in pair for pair in zip(levels, references, strict=True)])
-        rows = np.flatnonzero(needed & ~begins)
+        needed = np.array([model_of in pair for pair in pairs])
         told = part(progress, k / len(models), (k + 1) / len(models), model_of.name)
-        quantities = ["force", "shift", "tilt"]
-        answers = cases.answer(asked.iloc[rows], [model_of], quantities=quantities, store=store, progress=told)
+        rows, quantities = asked.iloc[np.flatnonzero(needed & ~begins)], ["force", "shift", "tilt"]
+        answers = cases.answer(rows, [model_of], quantities=quantities, store=store, progress=told)
         # an unstable press is the exact answer of a tip that is held on the axis
         held = (answers["status"] == "unstable") & (model_of.model == "auto")
         answers.loc[held, ["status", "message"]] = "ok", ""
-        answers = answers.rename(columns=lambda name: name.removeprefix("fem_")).rename(
-            columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"}
-        )
+        answers.columns = answers.columns.str.removeprefix("fem_")
+        answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
         firsts = {k: _begin(paths[k][0].trial, model_of) for k in np.flatnonzero(needed & begins).tolist()}
         found[model_of] = pd.concat([answers, pd.DataFrame.from_dict(firsts, orient="index")])
     first, second = (
-        pd.concat([found[model].loc[[k]] for k, model in enumerate(each)]) for each in (levels, references)
+        pd.concat([found[model].loc[[k]] for k, model in enumerate(each)]) for each in zip(*pairs, strict=True)
     )
     return first, second
 
@@ -191,9 +186,9 @@ def compare(paths: Sequence[tuple[Task, Load]], level: pd.DataFrame, reference: 
     ]
     table["status"], table["message"] = zip(*states, strict=True) if states else ((), ())
     columns = list(dict.fromkeys(column for names in RESPONSES.values() for column in names))
-    values, true = level[columns].reset_index(drop=True), reference[columns].reset_index(drop=True)
-    lost = table.status != "ok"
-    values[lost] = true[lost] = np.nan
+    values, true = (
+        answers[columns].reset_index(drop=True).where(table.status == "ok") for answers in (level, reference)
+    )
     errors = {}
     for name, names in RESPONSES.items():
         a, b = (answers[list(names)].to_numpy() for answers in (values, true))
@@ -242,17 +237,13 @@ def status(statuses: dict[str, str], messages: dict[str, str]) -> tuple[str, str
 
 def tangent_rows(one: Task, load: Load) -> list[Row]:
     """Return the row of a critical state or a small shear with its errors, or one for each natural frequency."""
-    (level, why), (truth, also) = (
-        analysed(one.trial, load.depth, accuracy, judged)
-        for accuracy, judged in ((one.level, True), (one.reference, False))
-    )
-    states = {"level": level, "reference": truth}
-    found = status(
-        {name: each if isinstance(each, str) else "ok" for name, each in states.items()},
-        {"level": why, "reference": also},
-    )
-    row = place(one, load) | dict(zip(("status", "message"), found, strict=True))
-    if row["status"] != "ok":
+    solves = {"level": (one.level, True), "reference": (one.reference, False)}
+    found = {name: analysed(one.trial, load.depth, *how) for name, how in solves.items()}
+    level, truth = (state for state, _ in found.values())
+    statuses = {name: state if isinstance(state, str) else "ok" for name, (state, _) in found.items()}
+    reached, message = status(statuses, {name: why for name, (_, why) in found.items()})
+    row = place(one, load) | {"status": reached, "message": message}
+    if reached != "ok":
         return [row]
     if one.trial.scene != "modes":
         names = ("depth", "force") if one.trial.scene == "critical" else ("stiffness", "shift", "tilt")
@@ -330,13 +321,10 @@ def statistics(errors: pd.DataFrame, *by: str) -> list[Row]:
     for values, group in errors.groupby(list(by), sort=False):
         for quantity, own in group.groupby("quantity", observed=True):
             true, estimate = own.error.to_numpy(), own.estimate.to_numpy(dtype=float)
-            rows.append(
-                dict(zip(by, values, strict=True))
-                | {"quantity": str(quantity), "states": len(own)}
-                | {"median_percent": 100 * float(np.median(true)), "p95_percent": 100 * _least_of(true, 0.95)}
-                | {"max_percent": 100 * float(true.max()), "coverage": float((true <= estimate).mean())}
-                | {"sharpness": float((estimate <= np.maximum(SHARP * true, CLEAR)).mean())}
-            )
+            row = dict(zip(by, values, strict=True)) | {"quantity": str(quantity), "states": len(own)}
+            row |= {"median_percent": 100 * float(np.median(true)), "p95_percent": 100 * _least_of(true, 0.95)}
+            row |= {"max_percent": 100 * float(true.max()), "coverage": float((true <= estimate).mean())}
+            rows.append(row | {"sharpness": float((estimate <= np.maximum(SHARP * true, CLEAR)).mean())})
     return rows
 
 
@@ -361,18 +349,13 @@ def _goal(row: Row) -> Goal:
 
 def shares(states: pd.DataFrame) -> list[Row]:
     """Return the statistics of each scene and quantity over all levels, for all designs and for the odd ones."""
-    errors = errors_of(states)
-    odd = {
-        tuple(row[name] for name in ("model", "scene", "quantity")): row
-        for row in statistics(errors[errors.odd.astype(bool)], "model", "scene")
-    }
+    errors, place = errors_of(states), ("model", "scene", "quantity")
+    odd = {tuple(row[name] for name in place): row for row in statistics(errors[errors.odd.astype(bool)], *place[:2])}
     rows = []
-    for row in statistics(errors, "model", "scene"):
-        key = row["model"], row["scene"], row["quantity"]
-        for designs, own in (("all", row), ("odd", odd.get(key))):
-            if own:
-                first = {name: own[name] for name in ("model", "scene", "quantity")}
-                rows.append(first | {"designs": designs} | own)
+    for row in statistics(errors, *place[:2]):
+        first = {name: row[name] for name in place}
+        for designs, own in (("all", row), ("odd", odd.get(tuple(first.values())))):
+            rows += [first | {"designs": designs} | own] if own else []
     return rows
 
 
@@ -388,16 +371,14 @@ def goals(states: pd.DataFrame) -> list[Goal]:
     """Return the goals of the study: states compared, coverage and sharpness, largest error of each level."""
     lost = int((~states.status.isin(["ok", *UNSTABLE])).sum())
     posed = [Goal("states without a comparison", lost, 0, len(states))]
-    for row in shares(states):
-        if row["designs"] != "all" or row["states"] < LEAST_STATES:
-            continue
-        where = f"{row['model']} {row['scene']}, {row['quantity']}"
-        for name, column, bound in (
-            ("true errors that are at most the estimate", "coverage", COVERAGE),
-            (f"estimates that are at most {SHARP:g} times the true error", "sharpness", SHARPNESS),
-        ):
-            share = 100 * row[column]
-            posed.append(Goal(f"{where}, {name}", share, 100 * bound, row["states"], "%", at_least=True))
+    judged = (
+        ("true errors that are at most the estimate", "coverage", COVERAGE),
+        (f"estimates that are at most {SHARP:g} times the true error", "sharpness", SHARPNESS),
+    )
+    known = (row for row in shares(states) if row["designs"] == "all" and row["states"] >= LEAST_STATES)
+    for row, (name, column, bound) in product(known, judged):
+        name = f"{row['model']} {row['scene']}, {row['quantity']}, {name}"
+        posed.append(Goal(name, 100 * row[column], 100 * bound, row["states"], "%", at_least=True))
     return posed + [_goal(row) for row in summary(states)]
 
 
@@ -431,29 +412,26 @@ def result(states: pd.DataFrame, *, quick: bool) -> Result:
     names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     designs = error_study_cases.designs()
     first = ("scene", "quantity", "states", "median_percent", "coverage")
-    page = pages.rendered(
-        "accuracy.md.j2",
-        states=rows,
-        verdict=page_lines(posed),
-        estimates=estimates,
-        levels=levels,
-        references=references(states),
-        meshes=[f"{name}: `{error_study_cases.reference(scene, 0 if quick else 1)}`" for name, scene in scenes],
-        designs=[
+    page = {
+        "states": rows,
+        "verdict": page_lines(posed),
+        "estimates": estimates,
+        "levels": levels,
+        "references": references(states),
+        "meshes": [f"{name}: `{error_study_cases.reference(scene, 0 if quick else 1)}`" for name, scene in scenes],
+        "designs": [
             {"design": k} | {name: getattr(designs[k], name) for name in names} for k in sorted(set(states.design))
         ],
-        physics=", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
-    )
+        "physics": ", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
+    }
+    tables = {"Estimates": estimates, "Levels": levels}
     return Result(
         title="Accuracy",
         records=[*estimates, *levels],
-        shown=[
-            Table(title="Estimates", rows=estimates, first=first),
-            Table(title="Levels", rows=levels, first=first),
-        ],
+        shown=[Table(title=title, rows=table, first=first) for title, table in tables.items()],
         tables={"accuracy": rows, "error_rules": rules(states)},
         digits=9,
         files={"errors.png": partial(picture, rows=rows, draw=verdict_figures.accuracy)},
-        pages={"ACCURACY.md": page},
+        pages={"ACCURACY.md": pages.rendered("accuracy.md.j2", **page)},
         failures=failures(posed),
     )

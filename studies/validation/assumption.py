@@ -20,7 +20,7 @@ are in the base of the sensor; L changes the distance to the magnet. A state who
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -43,6 +43,7 @@ from studies.output.result import Result, Table
 from studies.simulation import beam_cells
 from studies.simulation.beam_cells import QUANTITIES, Body, Bools, Cells, Columns, all_errors, errors
 from studies.sweeps import sweep_request
+from studies.sweeps.study_rows import flat_rows
 from studies.validation import pages
 from studies.validation.pages import Row
 from studies.web.paper_figures import MARKED, error_map, map_cells
@@ -72,32 +73,25 @@ def plan_of(study: Path) -> Plan:
         The file is no study, or lacks a model or an axis.
     """
     plan = sweep_request.plan_of(str(study), sweep_request.Options())
-
-    def refuse(why: str) -> None:
-        raise BadInput(f"the study {str(study)!r} {why}")
-
+    why, allowed = "", (*CELL, *WITH_HEIGHT)
     if len(plan.fem) != 1 or not set(beam.LEVELS) <= set(plan.formulas):
-        refuse(
-            "must have one finite-element model and all levels of the formulas "
-            f"({', '.join(beam.LEVELS)}): change its models"
-        )
-    allowed = (*CELL, *WITH_HEIGHT)
-    if other := ", ".join(name for name in plan.axes if name not in allowed):
-        refuse(
-            f"has the axis {other}; its axes may be {', '.join(allowed)}: give {other} one value in [design] or "
-            "[load]"
-        )
-    if lacking := ", ".join(name for name in CELL if name not in plan.axes):
-        refuse(f"lacks the axis {lacking}: add it, with one value if fixed")
-    if not {"force", "shift", "tilt"} <= set(plan.quantities):
-        refuse("needs the quantities force, shift and tilt: add them")
-    axes = Cases(plan).batch(np.arange(plan.count)).axes
-    places = np.unique(np.column_stack([np.asarray(axes[name], dtype=float) for name in CELL]), axis=0)
-    if len(places) < plan.count:
-        refuse(
-            f"has {plan.count} cases of {len(places)} different {', '.join(CELL)}; each may have one case: zip "
-            f"{' and '.join(WITH_HEIGHT)} with magnet_height"
-        )
+        why = f"must have one finite-element model and all levels of the formulas ({', '.join(beam.LEVELS)}): "
+        why += "change its models"
+    elif other := ", ".join(name for name in plan.axes if name not in allowed):
+        why = f"has the axis {other}; its axes may be {', '.join(allowed)}: "
+        why += f"give {other} one value in [design] or [load]"
+    elif lacking := ", ".join(name for name in CELL if name not in plan.axes):
+        why = f"lacks the axis {lacking}: add it, with one value if fixed"
+    elif not {"force", "shift", "tilt"} <= set(plan.quantities):
+        why = "needs the quantities force, shift and tilt: add them"
+    else:
+        axes = Cases(plan).batch(np.arange(plan.count)).axes
+        places = np.unique(np.column_stack([np.asarray(axes[name], dtype=float) for name in CELL]), axis=0)
+        if len(places) < plan.count:
+            why = f"has {plan.count} cases of {len(places)} different {', '.join(CELL)}; each may have one case: zip "
+            why += f"{' and '.join(WITH_HEIGHT)} with magnet_height"
+    if why:
+        raise BadInput(f"the study {str(study)!r} {why}")
     return plan
 
 
@@ -115,8 +109,6 @@ def run(progress: Progress, plan: Plan, processes: Processes = Processes(), stor
 
 def result(table: Columns, design: Design) -> Result:
     """Return what follows from the table of a sweep over a design."""
-    from studies.sweeps.study_rows import flat_rows
-
     pairs = product(beam_cells.bodies(table), QUANTITIES)
     grids = [grid for body, kind in pairs if (grid := beam_cells.cells(table, body, kind)).row.size]
     nu = max(grid.body.nu for grid in grids)
@@ -124,19 +116,12 @@ def result(table: Columns, design: Design) -> Result:
     shares, best = share_rows(table, grids), best_rows(table, main)
     parts = split_cells(table, main, design)
     means = split_means(parts, ["load", "magnet_height_over_D", "slenderness"])
-    by_load = split_means(parts, ["load", "slenderness"])
-    sentences = findings(table, grids, shares, by_load)
+    sentences = findings(table, grids, shares, split_means(parts, ["load", "slenderness"]))
     pictures = maps(table, main, means)
     chosen = [row for row in shares if row["nu"] == nu and row["level"] in ("paper", "finite")]
-    page = {
-        "design": design,
-        "sentences": sentences,
-        "pictures": {name: text for name, (_, text) in pictures.items()},
-        "nu": nu,
-        "shares": [{name: value for name, value in row.items() if name != "nu"} for row in chosen],
-        "best": best,
-        "means": means,
-    }
+    page = {"design": design, "sentences": sentences, "nu": nu, "best": best, "means": means}
+    page["pictures"] = {name: text for name, (_, text) in pictures.items()}
+    page["shares"] = [{name: value for name, value in row.items() if name != "nu"} for row in chosen]
     first = ("quantity", "level", "magnet_height_over_D", "within_10_percent")
     shown = Table(title="Share of the cells within 5 and 10 %", rows=shares, first=first)
     return Result(
@@ -193,35 +178,31 @@ def largest_block(inside: Bools) -> Block | None:
         whole = np.ones(lengths, dtype=np.bool_)
         for last in range(first, loads):
             whole &= inside[last]
-            for begin, end in _runs(whole):
-                block = Block(first, last, begin, end)
-                if best is None or (block.size, end - begin) > (best.size, best.last_length - best.first_length):
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8)))
+            for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+                block = Block(first, last, begin, end - 1)
+                if best is None or (block.size, end - 1 - begin) > (best.size, best.last_length - best.first_length):
                     best = block
     return best
 
 
-def _runs(flags: Bools) -> Iterable[tuple[int, int]]:
-    """Yield first and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(begin), int(end) - 1) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def block_text(grid: Cells, block: Block | None) -> str:
-    """Return a block in words, such as "L/D 2 to 6, d/D 0.08 to 0.2"; "nowhere" for none."""
+def block_text(grid: Cells, inside: Bools) -> str:
+    """Return the largest block inside in words, such as "L/D 2 to 6, d/D 0.08 to 0.2"; "nowhere" for none."""
+    block = largest_block(inside)
     if block is None:
         return "nowhere"
-    slender = _span(grid.slenderness[block.first_length], grid.slenderness[block.last_length])
+
+    def span(low: float, high: float) -> str:
+        return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+
+    slender = span(grid.slenderness[block.first_length], grid.slenderness[block.last_length])
     first, last = grid.loads[block.first_load], grid.loads[block.last_load]
     if grid.kind == "press":
-        return f"L/D {slender}, d/D {_span(first[0], last[0])}"
+        return f"L/D {slender}, d/D {span(first[0], last[0])}"
     if first[0] == last[0]:
-        return f"L/D {slender}, d/D {first[0]:.3g}, shear/D {_span(first[1], last[1])}"
+        return f"L/D {slender}, d/D {first[0]:.3g}, shear/D {span(first[1], last[1])}"
     states = f"from d/D {first[0]:.3g}, shear/D {first[1]:.3g} to d/D {last[0]:.3g}, shear/D {last[1]:.3g}"
     return f"L/D {slender}, {states}"
-
-
-def _span(low: float, high: float) -> str:
-    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
 def share_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
@@ -237,24 +218,17 @@ def share_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
             known = error[np.isfinite(error)]
             if not len(known):
                 continue
-            near = np.abs(error) <= BOUNDS[-1]
-            five, ten = (block_text(grid, largest_block(np.abs(error) <= bound)) for bound in BOUNDS)
-            rows.append(
-                {
-                    "quantity": quantity,
-                    "level": level,
-                    "magnet_height_over_D": grid.body.height,
-                    "nu": grid.body.nu,
-                    "cells": len(known),
-                    "within_5_percent": share(error, BOUNDS[0]),
-                    "within_10_percent": share(error, BOUNDS[1]),
-                    "leaning_of_these_percent": 100 * float(grid.leans[near].mean()) if near.any() else math.nan,
-                    "median_error_percent": float(np.median(np.abs(known))),
-                    "largest_error_percent": float(known[np.abs(known).argmax()]),
-                    "within_5_block": five,
-                    "within_10_block": ten,
-                }
-            )
+            near = [np.abs(error) <= bound for bound in BOUNDS]
+            leaning = 100 * float(grid.leans[near[1]].mean()) if near[1].any() else math.nan
+            row = {"quantity": quantity, "level": level, "magnet_height_over_D": grid.body.height, "nu": grid.body.nu}
+            row |= {"cells": len(known), "within_5_percent": share(error, BOUNDS[0])}
+            row |= {"within_10_percent": share(error, BOUNDS[1]), "leaning_of_these_percent": leaning}
+            row["median_error_percent"] = float(np.median(np.abs(known)))
+            row["largest_error_percent"] = float(known[np.abs(known).argmax()])
+            row |= {
+                f"within_{bound:g}_block": block_text(grid, each) for bound, each in zip(BOUNDS, near, strict=True)
+            }
+            rows.append(row)
     return rows
 
 
@@ -285,23 +259,20 @@ def best_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
     rows: list[Row] = []
     for quantity in (name for names in QUANTITIES.values() for name in names):
         own = [grid for grid in grids if quantity in QUANTITIES[grid.kind]]
-        parts = [regions(grid).assign(**_flat(all_errors(table, grid, quantity))) for grid in own]
+        found = [{level: each.ravel() for level, each in all_errors(table, grid, quantity).items()} for grid in own]
+        parts = [regions(grid).assign(**levels) for grid, levels in zip(own, found, strict=True)]
         cells = pd.concat(parts).dropna() if parts else pd.DataFrame(columns=["body", "slenderness", "depth"])
         for region, group in cells.groupby(["body", "slenderness", "depth"], observed=True):
-            found = group[list(beam.LEVELS)]
-            rms = (found**2).mean() ** 0.5
+            levels = group[list(beam.LEVELS)]
+            rms = (levels**2).mean() ** 0.5
             best = str(rms.idxmin())
-            figures: Row = {"quantity": quantity, "region": ", ".join(region), "cells": len(found)}
-            figures |= {"best_level": best, "rms_error_percent": float(rms[best])}
-            figures["within_10_percent"] = share(found[best].to_numpy(), 10.0)
-            figures["best_in_percent"] = 100 * float((found.abs().idxmin(axis=1) == best).mean())
-            figures["paper_rms_error_percent"] = float(rms["paper"])
-            rows.append(figures | {"paper_within_10_percent": share(found["paper"].to_numpy(), 10.0)})
+            row: Row = {"quantity": quantity, "region": ", ".join(region), "cells": len(levels)}
+            row |= {"best_level": best, "rms_error_percent": float(rms[best])}
+            row["within_10_percent"] = share(levels[best].to_numpy(), 10.0)
+            row["best_in_percent"] = 100 * float((levels.abs().idxmin(axis=1) == best).mean())
+            row["paper_rms_error_percent"] = float(rms["paper"])
+            rows.append(row | {"paper_within_10_percent": share(levels["paper"].to_numpy(), 10.0)})
     return rows
-
-
-def _flat(values: dict[str, Array]) -> dict[str, Array]:
-    return {name: value.ravel() for name, value in values.items()}
 
 
 # Maps
@@ -340,33 +311,25 @@ def best_levels(grid: Cells, table: Columns, quantity: str) -> NDArray[Any]:
 
 def best_maps(table: Columns, grids: Sequence[Cells]) -> list[Figure]:
     """Return maps of the level of least error in each cell, for the press force and the shear force."""
-    value = "level of least error"
+    value, figures = "level of least error", []
     colours = dict(zip([*beam.LEVELS, "none"], [*COLOURS[: len(beam.LEVELS)], "#bbbbbb"], strict=True))
-    figures = []
     for kind, quantity in (("press", "press force"), ("shear", "shear force")):
-        own = [grid for grid in grids if grid.kind == kind]
-        if own:
+        if own := [grid for grid in grids if grid.kind == kind]:
             data, axes = map_cells(own, partial(best_levels, table=table, quantity=quantity), value)
-            figures.append(
-                heat(f"Level of least error, {quantity}", "", data, axes, value, colours=colours, marked=MARKED)
-            )
+            title = f"Level of least error, {quantity}"
+            figures.append(heat(title, "", data, axes, value, colours=colours, marked=MARKED))
     return figures
 
 
 def split_figure(means: Sequence[Row]) -> Figure:
     """Return the parts of the readings' errors: a panel for each kind of load, the sensors side by side."""
     x, y = "height of the magnet, and L/D", "error (% of full scale)"
-    rows = [
-        {
-            x: f"{row['magnet_height_over_D']:.3g} D, {row['slenderness']}",
-            y: row[f"{part}_percent_FS"] or np.nan,
-            "panel": row["load"],
-            "series": part,
-        }
-        for row in means
-        for part in PARTS
-    ]
-    return plot("Parts of the errors of readings", "", table_of(rows), x, y, Look(line=False, log="y", columns=1))
+    data = table_of(
+        {x: f"{row['magnet_height_over_D']:.3g} D, {row['slenderness']}", y: row[f"{part}_percent_FS"] or np.nan}
+        | {"panel": row["load"], "series": part}
+        for row, part in product(means, PARTS)
+    )
+    return plot("Parts of the errors of readings", "", data, x, y, Look(line=False, log="y", columns=1))
 
 
 # Findings
@@ -377,50 +340,51 @@ def findings(table: Columns, grids: Sequence[Cells], shares: Sequence[Row], read
     nu = max(grid.body.nu for grid in grids)
     main = [row for row in shares if row["nu"] == nu]
     presses, shears = ([grid for grid in grids if grid.kind == kind] for kind in ("press", "shear"))
-    light = [
-        errors(table, grid, "paper", "press force")[grid.loads[:, 0] <= DEPTHS[0]]
-        for grid in presses
-        if grid.body.nu == nu
-    ]
+
+    def within(quantity: str) -> dict[str, float]:
+        """Return the share of all cells within 10 %, by the name of the formula."""
+        found = {}
+        for level, name in (("paper", FORMULAS[quantity]), ("finite", "level finite")):
+            own = [row for row in main if (row["quantity"], row["level"]) == (quantity, level)]
+            if cells := sum(row["cells"] for row in own):
+                found[name] = sum(row["cells"] * row["within_10_percent"] for row in own) / cells
+        return found
+
+    def known(own: Sequence[Cells], quantity: str, deepest: float) -> Array:
+        """Return the errors of the paper's formula in cells up to a depth over D."""
+        parts = [
+            errors(table, grid, "paper", quantity)[grid.loads[:, 0] <= deepest].ravel()
+            for grid in own
+            if grid.body.nu == nu
+        ]
+        found = np.concatenate([np.empty(0), *parts])
+        return np.asarray(found[np.isfinite(found)])
+
+    def count(own: Sequence[Cells], flags: Callable[[Cells], Bools]) -> int:
+        return sum(int(flags(grid).sum()) for grid in own)
+
     text = pages.filled(
         (pages.TEMPLATES / "assumption_findings.j2").read_text("utf-8"),
-        overall=[(quantity, _within(main, quantity)) for quantity in FORMULAS],
+        overall=[(quantity, within(quantity)) for quantity in FORMULAS],
         bodies=[
             row | {"body": Body(row["magnet_height_over_D"], nu).name, "formula": FORMULAS[quantity]}
-            for quantity in FORMULAS
-            for row in main
+            for quantity, row in product(FORMULAS, main)
             if (row["quantity"], row["level"]) == (quantity, "paper")
         ],
         shallow=DEPTHS[0],
-        light=_known(light),
-        sheared=_known([errors(table, grid, "paper", "shear force") for grid in shears if grid.body.nu == nu]),
+        light=known(presses, "press force", DEPTHS[0]),
+        sheared=known(shears, "shear force", math.inf),
         readings=readings,
         shortest=SLENDER[0],
-        leaning=sum(int((grid.leans & grid.judged).sum()) for grid in presses),
-        judged=sum(int(grid.judged.sum()) for grid in presses),
-        given=sum(int(grid.gave_way.sum()) for grid in shears),
-        answered=sum(int(grid.answered.sum()) for grid in shears),
-        failed=sum(int((grid.possible & ~grid.answered).sum()) for grid in grids),
-        impossible=sum(int((~grid.possible).sum()) for grid in grids),
+        leaning=count(presses, lambda grid: np.asarray(grid.leans & grid.judged)),
+        judged=count(presses, lambda grid: grid.judged),
+        given=count(shears, lambda grid: grid.gave_way),
+        answered=count(shears, lambda grid: grid.answered),
+        failed=count(grids, lambda grid: np.asarray(grid.possible & ~grid.answered)),
+        impossible=count(grids, lambda grid: np.asarray(~grid.possible)),
         cells=sum(grid.row.size for grid in grids),
     )
     return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]
-
-
-def _within(rows: Sequence[Row], quantity: str) -> dict[str, float]:
-    """Return the share of all cells within 10 %, by the name of the formula."""
-    shares = {}
-    for level, name in (("paper", FORMULAS[quantity]), ("finite", "level finite")):
-        own = [row for row in rows if (row["quantity"], row["level"]) == (quantity, level)]
-        if cells := sum(row["cells"] for row in own):
-            shares[name] = sum(row["cells"] * row["within_10_percent"] for row in own) / cells
-    return shares
-
-
-def _known(values: Sequence[Array]) -> Array:
-    """Return all finite values of several arrays, shape (n,)."""
-    known = np.concatenate([np.empty(0), *(array.ravel() for array in values)])
-    return np.asarray(known[np.isfinite(known)])
 
 
 # Parts of the errors of readings
@@ -438,36 +402,29 @@ def slender(ratio: Array) -> pd.Categorical:
 
 
 def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> pd.DataFrame:
-    """Return the parts in every judged state of the bodies with a magnet; `design` is that of the sweep."""
+    """Return the parts in every judged state of the bodies with a magnet; `design` is that of the sweep.
+
+    They are NaN where a pose is unknown.
+    """
     found = [pd.DataFrame(columns=["L_over_D", "shear_over_D", *COLUMNS])]
     for body in dict.fromkeys(grid.body for grid in grids if grid.body.height):
         own = [grid for grid in grids if grid.body == body]
         for column, slenderness in enumerate(own[0].slenderness.tolist()):
             states = np.concatenate([grid.row[grid.judged[:, column], column] for grid in own])
-            if len(states):
-                one = sensor(table, int(states[0]), design)
-                place = {"magnet_height_over_D": body.height, "L_over_D": slenderness}
-                found.append(_sensor(table, one, states, place))
+            if not len(states):
+                continue
+            one = sensor(table, int(states[0]), design)
+            (fem, tilt), (formula, _) = (_poses(table, model, states) for model in ("fem", "analytic_paper"))
+            known = np.isfinite(np.column_stack([fem, tilt, formula])).all(axis=1)
+            names = [element.name for element in of_design(one)]
+            percent = np.full((len(PARTS), len(states), len(names)), np.nan)
+            if known.any():
+                percent[:, known] = _parts(one, fem[known], tilt[known], formula[known])
+            place: Row = {"magnet_height_over_D": body.height, "L_over_D": slenderness}
+            place |= {f"{name}_over_D": (table[f"{name}_mm"][states] / one.D).repeat(len(names)) for name in LOADS}
+            parts = dict(zip(COLUMNS, percent.reshape(len(PARTS), -1), strict=True))
+            found.append(pd.DataFrame({**place, "element": names * len(states), **parts}))
     return pd.concat(found[1:] or found, ignore_index=True)
-
-
-def _sensor(table: Columns, design: Design, states: Array, place: Mapping[str, float]) -> pd.DataFrame:
-    """Return the parts in the states of one sensor; NaN where a pose is unknown.
-
-    Parameters
-    ----------
-    states : rows of the table, shape (n,).
-    place : first columns.
-    """
-    (fem, tilt), (formula, _) = (_poses(table, model, states) for model in ("fem", "analytic_paper"))
-    known = np.isfinite(np.column_stack([fem, tilt, formula])).all(axis=1)
-    names = [element.name for element in of_design(design)]
-    percent = np.full((len(PARTS), len(states), len(names)), np.nan)
-    if known.any():
-        percent[:, known] = _parts(design, fem[known], tilt[known], formula[known])
-    over_D = {f"{name}_over_D": (table[f"{name}_mm"][states] / design.D).repeat(len(names)) for name in LOADS}
-    parts = dict(zip(COLUMNS, percent.reshape(len(PARTS), -1), strict=True))
-    return pd.DataFrame({**place, **over_D, "element": names * len(states), **parts})
 
 
 def _parts(design: Design, fem: Array, tilt: Array, formula: Array) -> Array:

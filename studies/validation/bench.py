@@ -1,39 +1,49 @@
 """Speed: what the finite elements cost at a given error, beside FElupe and CalculiX, and the field beside magpylib.
 
-bench_cases.toml says what is measured and what is promised, templates/bench.md.j2 how.
+bench_cases.toml says what is measured and what is promised, templates/bench.md.j2 how. Programs run in processes of
+their own on one thread: magtip, FElupe in its own environment, CalculiX. CPU seconds and peak memory are what the
+operating system counts for a process and its descendants.
+
+CalculiX gets the half model's press as an input deck (templates/calculix.inp.j2): a second-order tetrahedral mesh of
+y >= 0 with clamped base and symmetry plane, pressed by a rigid plate, a single C3D8 all of whose nodes are moved. The
+energy of *HYPERELASTIC, NEO HOOKE, C10 (I1 - 3) + (J - 1)^2 / D1, is that of magtip with C10 = mu / 2 and D1 = 2 / K.
+What was chosen for CalculiX: C3D10, because C3D10T treats nothing but temperatures otherwise; linear penalty contact
+of faces with faces, or of nodes with a face; one increment, which CalculiX shortens where it must; the solver of its
+build (SPOOLES in Debian's). C3D10 has no pressure of its own: with the sensor's Poisson's ratio it is too stiff and
+wants many iterations, so that a second setting takes a smaller one. That changes the material, and the force with
+it, by an amount that counts as error.
 """
 
 from __future__ import annotations
 
 import functools
+import json
 import math
 import os
 import platform
+import re
 import shutil
+import signal
 import statistics
+import subprocess
+import sys
+import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from geometry.design import BadInput, paper
+from geometry.design import BadInput, Design, paper
+from geometry.mesh import tetrahedra
 from geometry.messages import Progress
+from geometry.section import section
 from studies.output import provenance
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
 from studies.validation import pages
-from studies.validation.bench_programs import (
-    Answer,
-    Press,
-    calculix,
-    felupe,
-    felupe_python,
-    magtip,
-    measure,
-)
 from studies.validation.pages import Row
 
 SPECS: dict[str, list[Row]] = tomllib.loads(Path(__file__).with_name("bench_cases.toml").read_text("utf-8"))
@@ -52,6 +62,10 @@ HEADS |= {"dofs": "unknowns", "error_percent": "error %", "import_s": "imports s
 HEADS |= {"wall_s": "wall s", "peak_MB": "peak MB", "faster": "magtip faster by a factor of"}
 """Heads of the page's columns; those that a case does not fill are left out."""
 FILES = ("BENCH.md", "bench.csv")
+Answer = Row
+"""The JSON object that a measured process prints, with what was counted of it."""
+Solve = Callable[[], Answer] | str
+"""Solves by a peer, or says that it is not installed, and how to install it."""
 
 
 @dataclass(slots=True)
@@ -83,10 +97,8 @@ class Bench:
 
 def parts() -> list[tuple[str, Callable[[Bench], None]]]:
     """Return the parts of the bench by name."""
-    found: list[tuple[str, Callable[[Bench], None]]] = []
-    for kind, measured in (("case", measure_case), ("pair", by_turns)):
-        found += [(spec["key"], functools.partial(measured, spec=spec)) for spec in SPECS[kind]]
-    return found
+    kinds: tuple[tuple[str, Callable[..., None]], ...] = (("case", measure_case), ("pair", by_turns))
+    return [(spec["key"], functools.partial(run, spec=spec)) for kind, run in kinds for spec in SPECS[kind]]
 
 
 def run(progress: Progress, bench: Bench, cases: Sequence[str] = ()) -> Result:
@@ -101,15 +113,15 @@ def run(progress: Progress, bench: Bench, cases: Sequence[str] = ()) -> Result:
     if unknown := [name for name in cases if name not in names]:
         raise BadInput(f"--cases takes {', '.join(names)}; got {unknown[0]}")
     chosen = [part for name, part in parts() if name in cases or not cases]
-    return pages.collected(_measured(progress, bench, chosen), functools.partial(result, bench, machine()))
 
+    def measured() -> Iterator[Row]:
+        for k, part in enumerate(chosen):
+            known = len(bench.rows)
+            bench.say = functools.partial(progress, k / len(chosen))
+            part(bench)
+            yield from bench.rows[known:]
 
-def _measured(progress: Progress, bench: Bench, chosen: Sequence[Callable[[Bench], None]]) -> Iterator[Row]:
-    for k, part in enumerate(chosen):
-        known = len(bench.rows)
-        bench.say = functools.partial(progress, k / len(chosen))
-        part(bench)
-        yield from bench.rows[known:]
+    return pages.collected(measured(), functools.partial(result, bench, machine()))
 
 
 def result(bench: Bench, about: Mapping[str, str], rows: Sequence[Row]) -> Result:
@@ -129,6 +141,30 @@ def result(bench: Bench, about: Mapping[str, str], rows: Sequence[Row]) -> Resul
         remarks=[f"{row['case']}: {row['message']}" for row in rows if row["message"]],
         failures=failures(goals(rows)),
     )
+
+
+def goals(rows: Sequence[Row]) -> list[Goal]:
+    """Return the goals of the bench: answers of all programs, and each promise."""
+    lost = sum(row["status"] not in ("ok", "left out") for row in rows)
+    return [Goal("rows without an answer", lost, 0, len(rows))] + [
+        Goal(f"{row['case']} ({row['goal']}), promises missed", None if row["met"] is None else not row["met"], 0, 1)
+        for row in rows
+        if row["goal"]
+    ]
+
+
+def machine() -> dict[str, str]:
+    """Return the machine of the measurements: processor, system and load."""
+    file = Path("/proc/cpuinfo")
+    named = re.findall(r"^model name\s*:(.*)", file.read_text("utf-8") if file.exists() else "", flags=re.MULTILINE)
+    processor = next(iter(named), platform.processor() or platform.machine())
+    found = {"machine": f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
+    if hasattr(os, "getloadavg"):
+        found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
+    return found | {"mkl": provenance.installed("mkl") or "not installed"}
+
+
+# Cases, and tasks by turns
 
 
 def task(spec: Row, model: str, accuracy: Mapping[str, float]) -> Answer:
@@ -153,12 +189,12 @@ def measure_case(bench: Bench, spec: Row) -> None:
     accuracy = spec["accuracy"]
     own = functools.partial(magtip, task(spec, spec["model"], accuracy))
     answer = judged(median([own() for _ in range(bench.runs)]), truth, tolerance)
-    limits = [
-        (spec[key], answer.get(of, math.inf), unit)
-        for key, of, unit in (("goal_s", "cpu_s", "s"), ("goal_MB", "peak_MB", "MB"))
+    limits = (("goal_s", "cpu_s", "s"), ("goal_MB", "peak_MB", "MB"))
+    goals = [
+        (f"at most {spec[key]:g} {unit}", answer.get(of, math.inf) <= spec[key])
+        for key, of, unit in limits
         if key in spec
     ]
-    goals = [(f"at most {limit:g} {unit}", value <= limit) for limit, value, unit in limits]
     half = next((row for row in bench.rows if row["case"] == name and "solid_size" in row["setting"]), None)
     faster = None
     if half is not None and half["status"] == answer["status"] == "ok":
@@ -189,46 +225,6 @@ def add_peer(bench: Bench, spec: Row, peer: Row, own: Callable[[], Answer]) -> N
         row["met"] = answer["status"] == "ok" and row["faster"] >= peer["least"]
 
 
-Solve = Callable[[], Answer] | str
-"""Solves by a peer, or says that it is not installed, and how to install it."""
-
-
-def felupe_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
-    """Return the setting of FElupe, and what solves the press curve by it."""
-    python, size, tip = felupe_python(bench.peers), peer["size"], peer["tip"]
-    if python is None:
-        install = f"python3 -m venv {bench.peers} && {bench.peers}/bin/pip install felupe==11.3.0"
-        return "", f"FElupe is not installed: {install}"
-    depths = [load["depth"] for load in spec["loads"]]
-
-    def solve() -> Answer:
-        answer = felupe(python, paper(), depths, size, tip)
-        bench.versions["FElupe"] = answer.get("version", "")
-        return answer
-
-    return f"second-order triangles (u, p, J), size {size:g} D, tip x {tip:g}", solve
-
-
-def calculix_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
-    """Return the setting of CalculiX, and what solves the half model's press by it."""
-    from geometry.mesh import tetrahedra
-
-    command, design = shutil.which(bench.ccx), paper()
-    if command is None:
-        return "", "CalculiX is not installed: apt-get install calculix-ccx"
-    said = measure([command, "-v"]).out.splitlines()
-    bench.versions["CalculiX"] = next((f"ccx {line.split()[-1]}" for line in said if "Version" in line), "")
-    contact = {name: peer[name] for name in ("contact", "stiffness") if name in peer}
-    press = Press(design.E, peer["nu"], design.L, design.R, spec["loads"][0]["depth"], **contact)
-    edge = peer["size"] * design.D
-
-    def solve() -> Answer:
-        mesh = tetrahedra(design.shape, edge, tip_size=edge / 2, half=True, magnet="none")
-        return calculix(command, mesh, press)
-
-    return f"C3D10, nu {peer['nu']:g}, size {peer['size']:g} D", solve
-
-
 def by_turns(bench: Bench, spec: Row) -> None:
     """Add the rows of tasks that run by turns; the last one is judged, beside the first one or alone."""
     bench.say(spec["name"])
@@ -250,13 +246,9 @@ def by_turns(bench: Bench, spec: Row) -> None:
 
 def compared_turns(turns: Sequence[Sequence[Answer]], judged: str) -> float:
     """Return the median over the turns: ratio or difference of last to first CPU seconds, or those of the last."""
-    seconds = [(answers[0].get("cpu_s", math.nan), answers[-1].get("cpu_s", math.nan)) for answers in turns]
-    values = {"ratio": [b / a for a, b in seconds], "difference": [b - a for a, b in seconds]}
+    first, last = (np.array([answers[k].get("cpu_s", math.nan) for answers in turns]) for k in (0, -1))
     # a run that fails makes the result NaN, which meets no goal
-    return float(np.median(values.get(judged, [b for _, b in seconds])))
-
-
-# Statistics
+    return float(np.median(last / first if judged == "ratio" else last - first if judged == "difference" else last))
 
 
 def compared(answer: Answer) -> list[Sequence[float]]:
@@ -287,35 +279,247 @@ def judged(answer: Answer, truth: Sequence[Sequence[float]] | None, tolerance: f
     """Return an answer with its error; one that is beyond the tolerance, %, is inaccurate."""
     if answer["status"] != "ok" or truth is None:
         return answer
-    error = errors_percent(compared(answer), truth)
-    answer = answer | {"error_percent": error}
+    answer = answer | {"error_percent": (error := errors_percent(compared(answer), truth))}
     if error <= tolerance:
         return answer
     return answer | {"status": "inaccurate", "message": f"the error of {error:.2g} % exceeds {tolerance:g} %"}
 
 
-# Page
+# Processes
+
+THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "CCX_NPROC_EQUATION_SOLVER")
+LIMIT_S = 1800.0
+_LAUNCHER = """
+import json, os, resource, subprocess, sys
+ended = subprocess.run(sys.argv[3:], cwd=sys.argv[2], stdin=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+with open(sys.argv[1], "w") as file:
+    json.dump({"exit": ended.returncode, "cpu_s": used.ru_utime + used.ru_stime,
+               "peak_MB": used.ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)}, file)
+"""
+"""Starts a program and notes what it used: Linux counts the memory of whoever starts a process as its own."""
 
 
-def goals(rows: Sequence[Row]) -> list[Goal]:
-    """Return the goals of the bench: answers of all programs, and each promise."""
-    lost = sum(row["status"] not in ("ok", "left out") for row in rows)
-    return [Goal("rows without an answer", lost, 0, len(rows))] + [
-        Goal(f"{row['case']} ({row['goal']}), promises missed", None if row["met"] is None else not row["met"], 0, 1)
-        for row in rows
-        if row["goal"]
-    ]
+class Ended(NamedTuple):
+    """A process that has ended: its exit status, what it used and what it said."""
+
+    exit: int
+    cpu_s: float
+    peak_MB: float
+    out: str
+    err: str
+
+    @property
+    def last_words(self) -> str:
+        """The last line that is not empty, of standard error or else of standard output."""
+        return next((line.strip() for line in reversed(f"{self.out}\n{self.err}".splitlines()) if line.strip()), "")
 
 
-def machine() -> dict[str, str]:
-    """Return the machine of the measurements: processor, system and load."""
+def measure(
+    command: Sequence[str], folder: Path | None = None, env: Mapping[str, str] | None = None, limit: float = LIMIT_S
+) -> Ended:
+    """Run a command on one thread and return what it used; beyond the limit in seconds it is stopped.
+
+    Raises
+    ------
+    BadInput
+        This system does not count what processes use.
+    """
+    if os.name != "posix":
+        raise BadInput("bench needs Linux or macOS, which count what processes use: run it there")
+    with tempfile.TemporaryDirectory() as own:
+        report = Path(own, "used.json")
+        start = [sys.executable, "-I", "-S", "-c", _LAUNCHER, str(report), str(folder or own), *command]
+        given = {**os.environ, **dict.fromkeys(THREADS, "1"), **(env or {})}
+        process = subprocess.Popen(
+            start, env=given, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", errors="replace",
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            out, err = process.communicate(timeout=limit)
+            return Ended(out=out, err=err, **json.loads(report.read_text()))
+        except subprocess.TimeoutExpired:
+            return Ended(-1, math.nan, math.nan, "", f"stopped after {limit:g} s")
+        finally:
+            if process.poll() is None:
+                # the process and all it has started are a session of their own
+                os.killpg(process.pid, signal.SIGKILL)
+                process.communicate()
+
+
+def magtip(task: Answer) -> Answer:
+    """Return the answer of one task of `studies.validation.bench_worker` in a fresh process."""
+    path = os.pathsep.join(filter(None, (str(provenance.ROOT), os.environ.get("PYTHONPATH", ""))))
+    # -P: the worker's own folder is no folder of packages
+    command = [sys.executable, "-P", str(Path(__file__).with_name("bench_worker.py")), json.dumps(task)]
+    return _answer(measure(command, env={"PYTHONPATH": path}))
+
+
+def _answer(ended: Ended) -> Answer:
+    """Return the JSON object that a process printed, with its peak memory; its last words if it failed."""
+    if ended.exit or not ended.out.strip():
+        return {"status": "failed", "message": ended.last_words or f"exit status {ended.exit}"}
+    found: Answer = json.loads(ended.out.strip().splitlines()[-1])
+    return found | {"peak_MB": ended.peak_MB}
+
+
+# FElupe
+
+
+def felupe_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
+    """Return the setting of FElupe, and what solves the press curve by it.
+
+    The mesh has edges of `size` over D, and at the tip `tip` times magtip's.
+    """
+    python, size, tip = (bench.peers / "bin" / "python").absolute(), peer["size"], peer["tip"]
+    if not python.exists() or measure([str(python), "-c", "import felupe"]).exit:
+        install = f"python3 -m venv {bench.peers} && {bench.peers}/bin/pip install felupe==11.3.0"
+        return "", f"FElupe is not installed: {install}"
+    design, depths = paper(), [load["depth"] for load in spec["loads"]]
+    numbers = {"E_MPa": design.E, "nu": design.nu, "L_mm": design.L, "R_mm": design.R, "depths_mm": depths}
+
+    def solve() -> Answer:
+        with tempfile.TemporaryDirectory() as folder:
+            given = Path(folder, "given.npz")
+            np.savez(given, **section_arrays(design, size, tip, min(depths)), **numbers)  # type: ignore[arg-type]
+            script = str(Path(__file__).with_name("peer_felupe.py"))
+            answer = _answer(measure([str(python), "-W", "ignore", script, str(given)]))
+        bench.versions["FElupe"] = answer.get("version", "")
+        return answer
+
+    return f"second-order triangles (u, p, J), size {size:g} D, tip x {tip:g}", solve
+
+
+def section_arrays(design: Design, size: float, tip: float, least_depth: float) -> Answer:
+    """Return the all-silicone section mesh as arrays for FElupe.
+
+    points (n, 2) r, z in mm; cells (m, 6); nodes of base, axis and edges. Its edge length at the tip is `tip` times
+    magtip's, which follows from the contact at the least depth.
+    """
+    tip *= size / 0.72 * math.sqrt(design.R * least_depth) / design.D
+    mesh = section(design.shape, size * design.D, tip_size=min(tip, size) * design.D, magnet="none")
+    edges = {
+        name: np.column_stack([mesh.facets[:, facets].T, mesh.nvertices + facets])
+        for name, facets in mesh.boundaries.items()
+    }
+    nodes = {name: np.unique(edges[name]) for name in ("base", "axis")}
+    return {"points": mesh.doflocs.T, "cells": np.asarray(mesh.dofs.element_dofs).T, **nodes, "edges": edges["skin"]}
+
+
+# CalculiX
+
+FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+"""Corners of CalculiX' faces S1 to S4."""
+TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+"""Nodes of a cell after corners 1 and 2 have changed places."""
+
+
+class Press(NamedTuple):
+    """What is pressed how far: modulus, MPa, length of the beam, its radius and the depth, mm.
+
+    `contact` is CalculiX' type of contact pair, and `stiffness` that of the contact, MPa per mm.
+    """
+
+    E: float
+    nu: float
+    L: float
+    R: float
+    depth: float
+    contact: str = "SURFACE TO SURFACE"
+    stiffness: float = 300.0
+
+
+def calculix_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
+    """Return the setting of CalculiX, and what solves the half model's press by it."""
+    command, design = shutil.which(bench.ccx), paper()
+    if command is None:
+        return "", "CalculiX is not installed: apt-get install calculix-ccx"
+    said = measure([command, "-v"]).out.splitlines()
+    bench.versions["CalculiX"] = next((f"ccx {line.split()[-1]}" for line in said if "Version" in line), "")
+    contact = {name: peer[name] for name in ("contact", "stiffness") if name in peer}
+    press = Press(design.E, peer["nu"], design.L, design.R, spec["loads"][0]["depth"], **contact)
+    edge = peer["size"] * design.D
+
+    def solve() -> Answer:
+        return calculix(command, tetrahedra(design.shape, edge, tip_size=edge / 2, half=True, magnet="none"), press)
+
+    return f"C3D10, nu {peer['nu']:g}, size {peer['size']:g} D", solve
+
+
+def calculix(ccx: str, mesh: Any, press: Press, limit: float = LIMIT_S) -> Answer:
+    """Return the half model's press by CalculiX on a tetrahedral mesh in mm."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "press.inp").write_text(deck(mesh, press))
+        ended = measure([ccx, "-i", "press"], folder=Path(folder), limit=limit)
+        printed = Path(folder, "press.dat")
+        text = printed.read_text() if printed.exists() else ""
+    answer = {"dofs": 3 * mesh.doflocs.shape[1], "iterations": iterations(ended.out), "import_s": 0.0}
+    answer |= {"cpu_s": ended.cpu_s, "peak_MB": ended.peak_MB}
     try:
-        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
-    except OSError:
-        lines = []
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    processor = next(iter(named), platform.processor() or platform.machine())
-    found = {"machine": f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
-    if hasattr(os, "getloadavg"):
-        found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
-    return found | {"mkl": provenance.installed("mkl") or "not installed"}
+        time, normal = force(text)
+    except ValueError as error:
+        return answer | {"status": "failed", "message": f"{error}: {ended.last_words}"}
+    if ended.exit or time < 1:
+        at = f"stopped at {time:.2g} of the depth: {ended.last_words}"
+        return answer | {"status": "not_converged", "message": at}
+    return answer | {"status": "ok", "message": "", "forces_N": [[0.0, 0.0, normal]]}
+
+
+def deck(mesh: Any, press: Press) -> str:
+    """Return the input deck for a scikit-fem MeshTet2 with boundaries "base", "skin" and "symmetry"."""
+    points, cells = mesh.doflocs.T, np.asarray(mesh.dofs.element_dofs).T
+    slopes = points[cells[:, 1:4]] - points[cells[:, :1]]
+    cells = np.where(np.linalg.det(slopes)[:, None] < 0, cells[:, TURNED], cells) + 1
+    n, reach = len(points), 1.5 * np.sqrt(press.R * press.depth)
+    corners = [(x, y, z) for z in (press.L, press.L + 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    plate = [(1.5 * press.R * x, 1.5 * press.R * y, z) for x, y, z in corners]
+    base, symmetry = (np.flatnonzero(np.abs(points[:, k]) < 1e-9) + 1 for k in (2, 1))
+    mu, K = press.E / 2 / (1 + press.nu), press.E / 3 / (1 - 2 * press.nu)
+    return pages.rendered(
+        "calculix.inp.j2",
+        body=_numbered(points, 1),
+        plate=_numbered(plate, n + 1),
+        cells=[f"{i}, " + ", ".join(map(str, row)) for i, row in enumerate(cells.tolist(), 1)],
+        block=f"{len(cells) + 1}, " + ", ".join(str(n + k) for k in range(1, 9)),
+        last=len(cells) + 1,
+        base=base.tolist(),
+        symmetry=np.setdiff1d(symmetry, base).tolist(),
+        faces=_faces(mesh, cells, press.L, reach),
+        moduli=(mu / 2, 2 / K),
+        press=press,
+    )
+
+
+def _numbered(points: Any, first: int) -> list[str]:
+    return [f"{i}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(points, first)]
+
+
+def _faces(mesh: Any, cells: Any, L: float, reach: float) -> list[str]:
+    """Return the faces of the skin that the plate may touch, as CalculiX names them."""
+    skin = {tuple(sorted(corners)) for corners in (mesh.facets[:, mesh.boundaries["skin"]].T + 1).tolist()}
+    found = []
+    for side, local in enumerate(FACES, 1):
+        middle = mesh.doflocs.T[cells[:, local] - 1].mean(axis=1)
+        near = np.flatnonzero((np.hypot(middle[:, 0], middle[:, 1]) < reach) & (middle[:, 2] > L / 2))
+        found += [f"{i + 1}, S{side}" for i in near if tuple(sorted(cells[i, local].tolist())) in skin]
+    return found
+
+
+def force(printed: str) -> tuple[float, float]:
+    """Return time of the last increment in a .dat file and the whole beam's force at it, N.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    found = re.findall(r"total force .*time\s+(\S+)\s+\S+\s+\S+\s+(\S+)", printed)
+    if not found:
+        raise ValueError("CalculiX printed no force")
+    time, normal = map(float, found[-1])
+    return time, 2 * normal
+
+
+def iterations(said: str) -> int:
+    """Return how many iterations CalculiX tells of on standard output."""
+    return len(re.findall(r"^ iteration +\d+", said, flags=re.MULTILINE))

@@ -16,9 +16,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import skfem
 from scipy.integrate import simpson
 from scipy.optimize import brentq
 
@@ -35,7 +36,6 @@ from studies.validation.pages import Row
 
 NAN = math.nan
 FILES = ("EXTREMES.md", "extremes.csv")
-Verdict = Literal["pass", "fail", "not judged"]
 CASES = Path(__file__).with_name("extreme_cases.csv")
 """All cases but the random ones: loads, check and bound, changes of the paper's design, expected statuses."""
 SEED = 2016
@@ -54,6 +54,15 @@ HEIGHTS = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 """Heights of the smaller magnets beside the largest, mm."""
 WIDE = 3.0
 """Factor by which the inverted share on a finer grid of points may exceed the share that the state reports."""
+SHORT = 0.02
+"""Largest share of the load by which a new path to the last converged state may stop before it."""
+SAME = 1e-6
+"""Largest relative difference of force and energy between the last converged state and a new path to it."""
+RUBBED, RUBBED_SHORT = 1e-2, 0.05
+"""SAME and SHORT with Coulomb friction, where force and last state depend on the increments of the path."""
+FINER, ONSET = 0.7, 0.1
+"""Edge length of the finer mesh on which an onset is computed again, over the case's, and the largest relative
+difference of the two onsets."""
 
 
 class Measurement(NamedTuple):
@@ -61,18 +70,22 @@ class Measurement(NamedTuple):
 
     check: str
     measured: float = NAN
-    bound: float | None = None
+    bound: float = NAN
+
+    @property
+    def text(self) -> str:
+        """Check, number and bound in words."""
+        known = not math.isnan(self.measured)
+        return f"{self.check} {self.measured:.3g}, at most {self.bound:.3g}" if known else self.check
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One extreme case: a path of loads on a design, its check and its expected statuses.
+    """One extreme case: a path of loads, of which the last one is extreme, on a design, and its check.
 
     Attributes
     ----------
-    loads : the path; the last load is the extreme one.
-    measure : check of the states, used if the path reaches its last load.
-    bound : largest value that the check allows.
+    measure : check of the states, used if the path reaches its last load; `bound` is the largest value it allows.
     changes : fields that differ from the paper's design.
     ends : expected statuses. If the path stops, or becomes unstable although "ok" is not expected, the last state is
         checked instead (`stopped`, `onset`).
@@ -91,6 +104,17 @@ class Case:
     @property
     def design(self) -> Design:
         return replace(paper(), **self.changes)  # type: ignore[arg-type]
+
+    def judged(self, found: Measurement | None, status: str) -> tuple[str, Measurement]:
+        """Return the verdict on status and measurement, which must both be right, and the measurement's bound."""
+        if found is None:
+            return "fail", Measurement("none")
+        unknown = math.isnan(found.measured)
+        own = self.bound if math.isnan(found.bound) else found.bound
+        found = found._replace(bound=NAN if unknown else own)
+        if status not in self.ends:
+            return "fail", found
+        return "not judged" if unknown else "pass" if found.measured <= own else "fail", found
 
 
 def press(*depths: float) -> tuple[Load, ...]:
@@ -151,30 +175,23 @@ def _changes(words: str) -> dict[str, float]:
 
 def _sample(i: int, rng: np.random.Generator, a: Accuracy) -> Case:
     """Return a random case that combines extremes; every second magnet is the largest that fits."""
-    D = _rounded(50 ** rng.uniform())
-    L = _rounded(D / 2 + 0.05 + (9.5 * D - 0.05) * 0.01 ** rng.uniform())
-    E, nu = _rounded(10 ** rng.uniform(-3, 3)), float(rng.choice([0.3, 0.49, 0.4998, 0.49999, 0.5]))
-    shape = {"D": D, "L": L, "l0": L, "magnet_diameter": _rounded(D * rng.uniform(0.1, 0.8))}
-    shape["magnet_edge_radius"] = _rounded(0.025 * shape["magnet_diameter"])
+
+    def rounded(value: float) -> float:
+        return float(f"{value:.3g}")
+
+    D = rounded(50 ** rng.uniform())
+    L = rounded(D / 2 + 0.05 + (9.5 * D - 0.05) * 0.01 ** rng.uniform())
+    E, nu = rounded(10 ** rng.uniform(-3, 3)), float(rng.choice([0.3, 0.49, 0.4998, 0.49999, 0.5]))
+    shape = {"D": D, "L": L, "l0": L, "magnet_diameter": rounded(D * rng.uniform(0.1, 0.8))}
+    shape["magnet_edge_radius"] = rounded(0.025 * shape["magnet_diameter"])
     height = largest_height(shape) * (0.99 if i % 2 else rng.uniform(0.1, 0.9))
     fits = height > 2.5 * shape["magnet_edge_radius"]
-    shape |= {"magnet_height": _rounded(height)} if fits else NO_MAGNET
+    shape |= {"magnet_height": rounded(height)} if fits else NO_MAGNET
     room = min(L - shape["magnet_height"], D)
-    depth = _rounded(room * 10 ** rng.uniform(-8, math.log10(0.4)) if i % 3 == 0 else room * rng.uniform(0.05, 0.4))
-    return Case(
-        f"sample {i}: depth {depth:g} mm",
-        press(0.98 * depth, 0.99 * depth, depth),
-        work,
-        WORK,
-        a,
-        {"E": E, "nu": nu, **shape},
-        "rigid" if fits else "ignored",
-        ends=("ok", "not_converged"),
-    )
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.3g}")
+    depth = rounded(room * 10 ** rng.uniform(-8, math.log10(0.4)) if i % 3 == 0 else room * rng.uniform(0.05, 0.4))
+    name, loads = f"sample {i}: depth {depth:g} mm", press(0.98 * depth, 0.99 * depth, depth)
+    magnet: Magnet = "rigid" if fits else "ignored"
+    return Case(name, loads, work, WORK, a, {"E": E, "nu": nu, **shape}, magnet, ends=("ok", "not_converged"))
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
@@ -193,21 +210,17 @@ def result(rows: Sequence[Row]) -> Result:
     heads = {"scene": "case", "status": "status", "seconds": "s", "check": "check", "measured": "measured"}
     heads |= {"bound": "bound", "inside_out_share": "inverted", "verdict": "verdict", "message": "message"}
     marked = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in rows]
-    counts = counted([row["verdict"] for row in rows])
-    failed, unjudged = (
-        [row["scene"] for row in rows if row["verdict"] == verdict] for verdict in ("fail", "not judged")
-    )
+    failed, lost = ([row["scene"] for row in rows if row["verdict"] == name] for name in ("fail", "not judged"))
+    page = pages.rendered("extremes.md.j2", rows=marked, heads=heads, failed=len(failed), lost=len(lost))
+    failures = pages.failed(lost, len(rows), "cases yield no measurement")
     return Result(
         title="Extremes",
         records=rows,
         shown=[line(row) for row in rows],
         tables={"extremes": rows},
         digits=9,
-        pages={"EXTREMES.md": pages.rendered("extremes.md.j2", rows=marked, heads=heads, counts=counts)},
-        failures=[
-            *pages.failed(unjudged, len(rows), "cases yield no measurement"),
-            *pages.failed(failed, len(rows), "cases fail"),
-        ],
+        pages={"EXTREMES.md": page},
+        failures=failures + pages.failed(failed, len(rows), "cases fail"),
     )
 
 
@@ -224,30 +237,16 @@ def examine(case: Case) -> Row:
     except Exception as error:
         # the study exists to find unforeseen failures, so that every exception becomes a row
         status, message = "crashed", f"{type(error).__name__}: {error}"
-    verdict = _verdict(case, found, status)
-    check, measured, _ = found or Measurement("none")
+    verdict, (check, measured, bound) = case.judged(found, status)
+    row: Row = {"scene": case.name, "verdict": verdict, "status": status, "message": message}
+    row |= {"seconds": time.perf_counter() - begin, "check": check, "measured": measured, "bound": bound}
+    row |= {"passed": verdict == "pass", "ends": " ".join(case.ends), "model": end.model if end else case.model}
+    row |= {"accuracy": case.accuracy.name, "magnet": case.magnet}
+    row |= {"depth_mm": end.load.depth if end else NAN, "shear_mm": end.load.shear_x if end else NAN}
+    x, _, z = end.response.force if end else (NAN, NAN, NAN)
+    share = folded_share(end) if end and end.model == "axisymmetric" else NAN
     changes = " ".join(f"{name}={value:.9g}" for name, value in case.changes.items())
-    return {
-        "scene": case.name,
-        "verdict": verdict,
-        "status": status,
-        "message": message,
-        "seconds": time.perf_counter() - begin,
-        "check": check,
-        "measured": measured,
-        "bound": NAN if found is None or math.isnan(measured) else _bound(case, found),
-        "passed": verdict == "pass",
-        "ends": " ".join(case.ends),
-        "model": end.model if end else case.model,
-        "accuracy": case.accuracy.name,
-        "magnet": case.magnet,
-        "depth_mm": end.load.depth if end else NAN,
-        "shear_mm": end.load.shear_x if end else NAN,
-        "force_x_N": end.response.force[0] if end else NAN,
-        "force_z_N": end.response.force[2] if end else NAN,
-        "inside_out_share": folded_share(end) if end and end.model == "axisymmetric" else NAN,
-        "changes": changes,
-    }
+    return row | {"force_x_N": x, "force_z_N": z, "inside_out_share": share, "changes": changes}
 
 
 def measure(case: Case) -> tuple[Solution, Measurement]:
@@ -259,46 +258,18 @@ def measure(case: Case) -> tuple[Solution, Measurement]:
         found = case.measure(case, states) if reached else stopped(case, end)
     except StoppedError as stop:
         found = Measurement(f"no comparison: the other solve {stop.args[0]}")
+    verdict, judged = case.judged(found, end.status)
     # beyond the onset of an instability a failed check proves nothing: the path may have taken another branch
-    if end.status in case.ends and _verdict(case, found, end.status) != "pass" and end.facts.onset is not None:
-        return end, onset(case, end, _text(found.check, found.measured, _bound(case, found)))
+    if end.status in case.ends and verdict != "pass" and end.facts.onset is not None:
+        return end, onset(case, end, judged.text)
     return end, found
-
-
-def _bound(case: Case, found: Measurement) -> float:
-    return case.bound if found.bound is None else found.bound
-
-
-def _verdict(case: Case, found: Measurement | None, status: str) -> Verdict:
-    """Return the verdict on a case: both its status and its measurement must be right."""
-    if found is None or status not in case.ends:
-        return "fail"
-    if math.isnan(found.measured):
-        return "not judged"
-    return "pass" if found.measured <= _bound(case, found) else "fail"
 
 
 def line(row: Row) -> str:
     """Return a row as a line of text: `pass  deep: ok in 0.5 s; force 0.0002, at most 0.005`."""
     verdict = "FAIL" if row["verdict"] == "fail" else row["verdict"]
-    message = f"; {row['message']}" if row["message"] else ""
-    text = _text(row["check"], row["measured"], row["bound"])
-    return f"{verdict}  {row['scene']}: {row['status']} in {row['seconds']:.1f} s; {text}{message}"
-
-
-def _text(check: str, measured: float, bound: float) -> str:
-    return check if math.isnan(measured) else f"{check} {measured:.3g}, at most {bound:.3g}"
-
-
-def counted(verdicts: Sequence[Verdict]) -> str:
-    """Return how many cases have each verdict, as text.
-
-    >>> counted(["pass", "not judged"])
-    '1 of 2 cases pass, 0 fail, 1 is not judged'
-    """
-    passed, failed, not_judged = (verdicts.count(verdict) for verdict in ("pass", "fail", "not judged"))
-    verb = "is" if not_judged == 1 else "are"
-    return f"{passed} of {len(verdicts)} cases pass, {failed} fail, {not_judged} {verb} not judged"
+    text = "; ".join(filter(None, [Measurement(row["check"], row["measured"], row["bound"]).text, row["message"]]))
+    return f"{verdict}  {row['scene']}: {row['status']} in {row['seconds']:.1f} s; {text}"
 
 
 # Checks
@@ -313,18 +284,18 @@ def path(case: Case) -> list[Solution]:
     return trace(case.design, case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False)
 
 
-def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> list[Solution]:
-    """Solve a path to compare with, which differs from the case in loads, changes, magnet or model.
+def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> Solution:
+    """Return the last state of a path that differs from the case in loads, changes, magnet or model.
 
     Raises
     ------
     StoppedError
         The path stopped before its last load.
     """
-    states = path(replace(case, loads=tuple(loads or case.loads), **other))  # type: ignore[arg-type]
-    if states[-1].status not in ("ok", "unstable"):
-        raise StoppedError(states[-1].message, states[-1])
-    return states
+    last = path(replace(case, loads=tuple(loads or case.loads), **other))[-1]  # type: ignore[arg-type]
+    if last.status not in ("ok", "unstable"):
+        raise StoppedError(last.message, last)
+    return last
 
 
 def force(solution: Solution) -> float:
@@ -336,6 +307,12 @@ def off(value: float, reference: float) -> float:
     """Return the magnitude of the relative difference; infinite for a reference of 0 or without a finite value."""
     error = abs(value / reference - 1) if reference else math.inf
     return error if math.isfinite(error) else math.inf
+
+
+def apart(one: Solution, other: Solution) -> float:
+    """Return the larger relative difference of two states in force and in energy."""
+    forces = (math.hypot(*state.response.force) for state in (one, other))
+    return float(np.maximum(off(*forces), off(one.energy, other.energy)))
 
 
 def hertz(case: Case, states: Sequence[Solution]) -> Measurement:
@@ -367,30 +344,24 @@ def cone(_: Case, states: Sequence[Solution]) -> Measurement:
 
 def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
     """Compare force / (E D^2), shift / D and tilt with those of a similar design with the paper's E and D."""
-    last, (one, other) = states[-1], (case.design, paper())
+    one, other = case.design, paper()
     ratio = other.D / one.D
     loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in case.loads]
     changes = {key: value for key, value in case.changes.items() if key not in (*LENGTHS, "E")}
-    match = follow(case, loads, changes=changes)[-1]
-    a = np.array([*last.response.force, *last.response.shift, last.response.tilt])
-    b = np.array([*match.response.force, *match.response.shift, match.response.tilt])
+    pair = (states[-1].response, follow(case, loads, changes=changes).response)
+    a, b = (np.array([*found.force, *found.shift, found.tilt]) for found in pair)
     b *= [one.E / other.E / ratio**2] * 3 + [1 / ratio] * 3 + [1]
-    return Measurement("force / (E D^2) and pose / D against the paper's sensor", _largest_difference(a, b))
-
-
-def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
-    """Return the largest relative difference of two vectors' components, without those that are 0 in both."""
-    pairs = [(x, y) for x, y in zip(a, b, strict=True) if x or y]
-    return float(np.max([off(float(x), float(y)) for x, y in pairs]))
+    # components that are 0 in both do not count
+    differences = [off(float(x), float(y)) for x, y in zip(a, b, strict=True) if x or y]
+    return Measurement("force / (E D^2) and pose / D against the paper's sensor", float(np.max(differences)))
 
 
 def incompressible(case: Case, states: Sequence[Solution]) -> Measurement:
     """Compare the force, which is smooth in 1 - 2 nu, with the straight line through nu = 0.4998 and 0.5."""
-    last = states[-1]
-    near, limit = (force(follow(case, changes={**case.changes, "nu": nu})[-1]) for nu in (0.4998, 0.5))
+    near, limit = (force(follow(case, changes={**case.changes, "nu": nu})) for nu in (0.4998, 0.5))
     share = (1 - 2 * case.design.nu) / (1 - 2 * 0.4998)
     reference = limit + share * (near - limit)
-    return Measurement("force against the line through nu 0.4998 and 0.5", off(force(last), reference))
+    return Measurement("force against the line through nu 0.4998 and 0.5", off(force(states[-1]), reference))
 
 
 def bar(case: Case, states: Sequence[Solution]) -> Measurement:
@@ -403,15 +374,14 @@ def bar(case: Case, states: Sequence[Solution]) -> Measurement:
     stress, half = force(last) / (math.pi * design.R**2), design.L / 2
     s = brentq(lambda s: design.E / 3 * (s**-2 - s) - stress, 0.1, 1.0)
     load = Load(depth=last.load.depth - half * (1 - s))
-    shorter = follow(case, [load], changes={**case.changes, "L": half})[-1]
+    shorter = follow(case, [load], changes={**case.changes, "L": half})
     return Measurement("force against half the beam in series with a uniform bar", off(force(shorter), force(last)))
 
 
 def ordered(case: Case, states: Sequence[Solution]) -> Measurement:
     """Check that the force grows with the magnet's height: none, HEIGHTS, then the case's own."""
-    softest = force(follow(case, magnet="ignored")[-1])
-    smaller = [follow(case, changes={**case.changes, "magnet_height": height})[-1] for height in HEIGHTS]
-    forces = [softest, *map(force, smaller), force(states[-1])]
+    smaller = [follow(case, changes={**case.changes, "magnet_height": height}) for height in HEIGHTS]
+    forces = map(force, [follow(case, magnet="ignored"), *smaller, states[-1]])
     largest = float(np.max([a / b for a, b in pairwise(forces)]))
     check = f"largest ratio of forces, a magnet over the next larger one, from none to the last of {len(HEIGHTS) + 1}"
     return Measurement(check, largest)
@@ -429,30 +399,19 @@ def many_steps(step: float, case: Case, states: Sequence[Solution]) -> Measureme
 
 
 def _other_path(case: Case, states: Sequence[Solution], depths: Sequence[float]) -> Measurement:
-    """Compare force and energy with those of a path by other depths to the same last load on the same mesh."""
-    other = follow(case, [*press(*depths), case.loads[-1]])[-1]
-    check = f"force and energy against a path of {len(depths) + 1} loads"
-    return Measurement(check, apart(states[-1], other))
-
-
-def apart(one: Solution, other: Solution) -> float:
-    """Return the larger relative difference of two states in force and in energy."""
-    forces = (math.hypot(*state.response.force) for state in (one, other))
-    return float(np.maximum(off(*forces), off(one.energy, other.energy)))
+    other = follow(case, [*press(*depths), case.loads[-1]])
+    return Measurement(f"force and energy against a path of {len(depths) + 1} loads", apart(states[-1], other))
 
 
 def alone(case: Case, states: Sequence[Solution]) -> Measurement:
     """Compare the last force of a path with that of its last load alone, on a mesh adapted to this load."""
-    last = states[-1]
-    other = follow(case, case.loads[-1:])[-1]
-    return Measurement("force against that of the last load alone", off(force(last), force(other)))
+    other = force(follow(case, case.loads[-1:]))
+    return Measurement("force against that of the last load alone", off(force(states[-1]), other))
 
 
 def half_model(case: Case, states: Sequence[Solution]) -> Measurement:
     """Compare the normal force with that of the half model on tetrahedra."""
-    last = states[-1]
-    solid = follow(case, model="half")[-1]
-    return Measurement("force against the half model", off(force(last), force(solid)))
+    return Measurement("force against the half model", off(force(states[-1]), force(follow(case, model="half"))))
 
 
 def folded(_: Case, states: Sequence[Solution]) -> Measurement:
@@ -467,8 +426,6 @@ def folded_share(solution: Solution) -> float:
 
     In the section, det F is the ratio of the Jacobians of the deformed and the undeformed triangle times r / R.
     """
-    import skfem
-
     mesh, nodes = solution.field.mesh, np.asarray(solution.field.mesh.dofs.element_dofs)
     n = 8
     points = np.array([(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]).T
@@ -500,26 +457,16 @@ def largest_height(changes: Mapping[str, float]) -> float:
 
 # Cases that do not end with status "ok": stopped, unstable, without contact, or refused
 
-SHORT = 0.02
-"""Largest share of the load by which a new path to the last converged state may stop before it."""
-SAME = 1e-6
-"""Largest relative difference of force and energy between the last converged state and a new path to it."""
-RUBBED, RUBBED_SHORT = 1e-2, 0.05
-"""SAME and SHORT with Coulomb friction, where force and last state depend on the increments of the path."""
-FINER, ONSET = 0.7, 0.1
-"""Edge length of the finer mesh on which an onset is computed again, over the case's, and the largest relative
-difference of the two onsets."""
-
 
 def stopped(case: Case, end: Solution) -> Measurement:
     """Check the last state of a path that does not end with status "ok"."""
     if end.status == "not_converged":
         return last_good(case, end)
+    symmetric = follow(case, [end.load], model="axisymmetric")
     if end.status == "unstable":
-        symmetric = follow(case, [end.load], model="axisymmetric")[-1]
         return Measurement("energy / energy of the symmetric press", end.energy / symmetric.energy, 1.0)
     # without contact: the message recommends the axisymmetric model, whose force at first touch is Hertz's
-    touch = hertz(case, follow(case, [end.load], model="axisymmetric"))
+    touch = hertz(case, [symmetric])
     return touch._replace(check=f"model that the message recommends: {touch.check}")
 
 
@@ -528,7 +475,7 @@ def last_good(case: Case, end: Solution) -> Measurement:
     before = [load for load in case.loads if _travel(load) < _travel(end.load)]
     check = "last converged state against a new path to it"
     try:
-        again = follow(case, [*before, end.load])[-1]
+        again = follow(case, [*before, end.load])
     except StoppedError as stop:
         short = 1 - _travel(stop.args[1].load) / _travel(end.load)
         bound = SHORT if end.slip_share is None else RUBBED_SHORT
@@ -538,19 +485,15 @@ def last_good(case: Case, end: Solution) -> Measurement:
 
 def refused(case: Case) -> Measurement:
     """Check a refused design: even the tallest magnet that fits must be shorter than its own."""
-    largest = largest_height({**case.changes})
+    height = float(case.changes.get("magnet_height", paper().magnet_height))
     check = "height of the tallest magnet that fits / height of this one"
-    return Measurement(check, largest / float(case.changes.get("magnet_height", paper().magnet_height)), 1.0)
+    return Measurement(check, largest_height({**case.changes}) / height, 1.0)
 
 
 def onset(case: Case, end: Solution, why: str) -> Measurement:
-    """Compare the onset of an instability with that on a finer mesh.
+    """Compare the onset of an instability with that on a finer mesh, and say `why`: what the case did not pass.
 
     Beyond the onset there are several equilibria, so that states on two meshes may differ although both are right.
-
-    Parameters
-    ----------
-    why : check and measurement of the case that did not pass.
     """
     finer = replace(case.accuracy, section_size=FINER * case.accuracy.section_size)
     other = path(replace(case, accuracy=finer))[-1]

@@ -30,8 +30,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,18 +41,15 @@ from studies.mechanics import prediction, surrogate_range
 from studies.mechanics.gaussian_process import ROOT5, GaussianProcess, with_constant
 from studies.mechanics.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
 from studies.mechanics.surrogate_file import Group, Surrogate
-from studies.validation.surrogate_training import Beams, States, density_ratio, joined
+from studies.validation.surrogate_training import Beams, States, deepest, density_ratio, joined
 
 LEAST_LOSS = 1e-4
 """Least loss 1 - k/k_0 of the sideways stiffness whose logarithm is taken: below it lies the error of the mesh."""
-
-
 LEAST_DROP = 1e-4
 """Least decrease of the normal force over E D^2, divided by the square of the shear over D."""
 
 
-@dataclass(frozen=True)
-class TrainingSet:
+class TrainingSet(NamedTuple):
     """Beams with all their states."""
 
     beams: Beams
@@ -65,19 +61,13 @@ class TrainingSet:
         """Return the beams of which no state has failed."""
         needed = self.press["force_x"], self.press["sideways_ratio"], self.shear["force_x"], self.mode["frequency"]
         rows = ~np.isnan(np.hstack(needed)).any(axis=1)
-        parts = ({name: q[rows] for name, q in part.items()} for part in (self.press, self.mode, self.shear))
-        return TrainingSet(self.beams[rows], *parts)
+        return TrainingSet(self.beams[rows], *({name: q[rows] for name, q in part.items()} for part in self[1:]))
 
     def joined(self, other: TrainingSet) -> TrainingSet:
         """Return the beams of both."""
-        pairs = ((self.press, other.press), (self.mode, other.mode), (self.shear, other.shear))
+        pairs = zip(self[1:], other[1:], strict=True)
         parts = ({name: np.concatenate([q, two[name]]) for name, q in one.items()} for one, two in pairs)
         return TrainingSet(joined(self.beams, other.beams), *parts)
-
-    @property
-    def features(self) -> Array:
-        b = self.beams
-        return prediction.features(b.L, b.diameter, b.height, b.nu, b.edge)
 
 
 def press_outputs(press: States) -> dict[str, Array]:
@@ -95,10 +85,7 @@ def press_outputs(press: States) -> dict[str, Array]:
 def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict[str, Array]:
     """Return the shear's forms, (n, nodes) each, by quantity.
 
-    Parameters
-    ----------
-    L : lengths of the beams, shape (n, 1).
-    pressed : force and shift (down) of the press at the depth of each shear, shape (n, 1).
+    L are lengths of the beams, `pressed` force and shift (down) of the press at the depth of each shear, (n, 1) each.
     """
     q, s = shear, shear["shear"]
     return {
@@ -115,7 +102,8 @@ def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict
 
 def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
     """Return the surrogate of training beams."""
-    x, b = states.features, states.beams
+    b = states.beams
+    x = prediction.features(b.L, b.diameter, b.height, b.nu, b.edge)
     region, regions = prediction.beam_region(b.L, b.diameter, b.height), prediction.REGIONS
     outputs = press_outputs(states.press)
     groups: dict[str, Group] = {}
@@ -203,10 +191,7 @@ def _shear_groups(
 
 def press_at(beams: Beams, logs: Mapping[str, Array], depth: Array) -> dict[str, Array]:
     """Return force and shift (down) of presses at depths (n, 1) from the logarithms of their forms at the nodes."""
-    low, high = (
-        np.sqrt(surrogate_range.SHALLOWEST),
-        np.sqrt(surrogate_range.deepest(beams.L, beams.diameter, beams.height))[:, None],
-    )
+    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(deepest(beams))[:, None]
     share = (np.sqrt(depth) - low) / (high - low)
     return {
         "force": depth**1.5 * np.exp(prediction.through_roots(logs["force"], share)),
@@ -235,11 +220,8 @@ def conformal_quantile(scores: Array) -> Array:
 
 def quantiles_by_region(scores: Array, region: NDArray[np.int64], regions: int) -> Array:
     """Return the quantiles of scores (n, nodes) in each region, shape (regions, nodes)."""
-    result = np.empty((regions, scores.shape[1]))
-    for k in range(regions):
-        own = scores[region == k]
-        result[k] = conformal_quantile(own if len(own) >= FEWEST else scores)
-    return result
+    parts = [scores[region == k] for k in range(regions)]
+    return np.array([conformal_quantile(own if len(own) >= FEWEST else scores) for own in parts])
 
 
 # Length scales
@@ -248,21 +230,16 @@ LENGTHS, NUGGETS = (0.05, 50.0), (1e-8, 1e-2)
 """Bounds of the length scales, over the spread of the input, and of the nugget."""
 
 
-def fitted(x: Array, y: Array, start: Array | None = None) -> GaussianProcess:
-    """Return the process whose length scales and nugget are the most likely ones for points (N, p), outputs (N, q).
-
-    Parameters
-    ----------
-    start : length scales and nugget to begin from, shape (p + 1,).
-    """
+def fitted(x: Array, y: Array) -> GaussianProcess:
+    """Return the process with the most likely length scales and nugget for points (N, p) and outputs (N, q)."""
     scale = x.std(axis=0)
-    begin = np.append(2 * scale, 1e-5) if start is None else start
     bounds = [(np.log(LENGTHS[0] * s), np.log(LENGTHS[1] * s)) for s in scale]
     bounds.append((np.log(NUGGETS[0]), np.log(NUGGETS[1])))
     # outputs of different size count alike
     unit = (y - y.mean(axis=0)) / y.std(axis=0)
+    begin = np.log(np.append(2 * scale, 1e-5))
     best = optimize.minimize(
-        _misfit, np.log(begin), args=(x, unit), jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 60}
+        _misfit, begin, args=(x, unit), jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 60}
     )
     return GaussianProcess(x, y, np.exp(best.x[:-1]), float(np.exp(best.x[-1])))
 

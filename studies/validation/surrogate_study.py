@@ -17,9 +17,9 @@ import itertools
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -35,7 +35,7 @@ from studies.mechanics.prediction import CRITICAL, DEEP, SLENDER, THICK, WIDE, Q
 from studies.mechanics.solve_plan import Processes, Solver
 from studies.mechanics.store import Store
 from studies.mechanics.surrogate_file import Group, Surrogate
-from studies.output.figures import Figure, Look, plot, save, table_of
+from studies.output.figures import Figure, Look, plot, save
 from studies.output.goals import Goal, missed, verdict
 from studies.output.provenance import versions
 from studies.output.result import Result, Table
@@ -47,6 +47,7 @@ from studies.validation.surrogate_training import (
     States,
     compared,
     critical_depths,
+    deepest,
     density_ratio,
     first_modes,
     presses,
@@ -65,16 +66,11 @@ CALIBRATION = 1000
 """Added to the seed for the beams of the calibration."""
 
 
-@dataclass(frozen=True, slots=True)
-class Extent:
-    """Size of the study.
+class Extent(NamedTuple):
+    """Numbers of beams: `first` in the corners and evenly spread, `rounds` where intervals are widest.
 
-    Attributes
-    ----------
-    first : number of training beams in the corners and evenly spread.
-    rounds : number of beams that each round adds where intervals are widest.
-    calibration, test : number of random beams of each region that scale the intervals, and that test them.
-    critical : number of beams of each region, of both, with their critical depth by `fem.analyses.stability`.
+    In each region there are random beams for `calibration` of the intervals and for their `test`, some of them with
+    their `critical` depth by `fem.analyses.stability`.
     """
 
     first: int = 200
@@ -90,36 +86,23 @@ FEW = Extent(first=48, rounds=(8,), calibration=2, test=2, critical=1, accuracy=
 """A study of some minutes, whose surrogate has errors of 10 %."""
 
 
-@dataclass(frozen=True, slots=True)
-class Unseen:
-    """Beams that training has not seen, with their states.
-
-    Attributes
-    ----------
-    critical : critical depths of the first beams.
-    failed : number of beams that are left out because a state failed.
-    """
+class Unseen(NamedTuple):
+    """Beams that training has not seen, critical depths of the first ones, and how many are left out as failed."""
 
     set: TrainingSet
     critical: States
     failed: int
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """The surrogate, its training set, and the test.
-
-    Attributes
-    ----------
-    failed : number of beams of training and of test that are left out because a state failed.
-    """
+class Outcome(NamedTuple):
+    """The surrogate, its training set, the test, and how many beams of either are left out as failed."""
 
     surrogate: Surrogate
     training: TrainingSet
     test: Unseen
     failed: tuple[int, int]
 
-    def errors(self) -> Errors:
+    def errors(self) -> pd.DataFrame:
         """Errors in all states of the test."""
         unseen = self.test.set, self.test.critical
         tables = errors(self.surrogate, unseen[0]), critical_errors(self.surrogate, *unseen)
@@ -137,19 +120,13 @@ def build(extent: Extent, store: Store, processes: Processes, progress: Progress
     complete = states.complete()
     calibration = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
     test = unseen(solver, extent.test, extent.critical, extent.seed + 1)
-    about = {
-        "accuracy": solver.accuracy.name,
-        "beams": len(complete.beams),
-        "calibration_beams": len(calibration.set.beams),
-        "test_beams": len(test.set.beams),
-        "versions": versions(),
-    }
-    surrogate = surrogate_of(complete, about)
+    about = {"accuracy": solver.accuracy.name, "beams": len(complete.beams)}
+    about |= {"calibration_beams": len(calibration.set.beams), "test_beams": len(test.set.beams)}
+    surrogate = surrogate_of(complete, about | {"versions": versions()})
     surrogate = recalibrated(surrogate, errors(surrogate, calibration.set))
     # the half widths of critical depths follow those of the sideways stiffness
     surrogate = recalibrated(surrogate, critical_errors(surrogate, calibration.set, calibration.critical))
-    failed = len(states.beams) - len(complete.beams), test.failed
-    return Outcome(surrogate, complete, test, failed)
+    return Outcome(surrogate, complete, test, (len(states.beams) - len(complete.beams), test.failed))
 
 
 def training_states(solver: Solver, beams: Beams) -> TrainingSet:
@@ -196,10 +173,7 @@ def random_shears(beams: Beams, rng: np.random.Generator) -> Array:
 
 def random_depths(beams: Beams, rng: np.random.Generator) -> Array:
     """Return random depths of beams over D, spread in their root, shape (n, RANDOM_DEPTHS), rising."""
-    low, high = (
-        np.sqrt(surrogate_range.SHALLOWEST),
-        np.sqrt(surrogate_range.deepest(beams.L, beams.diameter, beams.height)),
-    )
+    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(deepest(beams))
     share = np.sort(rng.random((len(beams), RANDOM_DEPTHS)), axis=1)
     return np.asarray(np.round((low + (high[:, None] - low) * share) ** 2, 6))
 
@@ -212,10 +186,7 @@ def widest(surrogate: Surrogate, pool: Beams, count: int) -> Beams:
     """
     group = surrogate.groups["shear"]
     x = prediction.features(pool.L, pool.diameter, pool.height, pool.nu, pool.edge)
-    low, high = (
-        np.sqrt(surrogate_range.SHALLOWEST_SHEAR),
-        np.sqrt(surrogate_range.deepest(pool.L, pool.diameter, pool.height)),
-    )
+    low, high = np.sqrt(surrogate_range.SHALLOWEST_SHEAR), np.sqrt(deepest(pool))
     depth = (low + (high - low) * pool.share) ** 2
     region = prediction.shear_region(prediction.beam_region(pool.L, pool.diameter, pool.height), depth)
     quantile = np.mean([values.mean(axis=1) for values in group.quantiles.values()], axis=0)
@@ -226,9 +197,7 @@ def widest(surrogate: Surrogate, pool: Beams, count: int) -> Beams:
 def widest_points(process: GaussianProcess, points: Array, weight: Array, count: int) -> NDArray[np.int64]:
     """Return the indices of points (m, p) with the widest intervals, each after all before it have been added.
 
-    Parameters
-    ----------
-    weight : factor on the spread at each point, shape (m,).
+    `weight` is the factor on the spread at each point, shape (m,).
     """
     k = correlation(points / process.lengths, process.x / process.lengths)
     v = linalg.solve_triangular(process.factor, k.T, lower=True)
@@ -254,35 +223,33 @@ HALF = 0.5
 """Share of the range of the depths, in their roots, beyond which a press is deep."""
 
 
-Errors = Any
-"""A DataFrame with a row for each quantity of each state: beam, kind (press, shear, critical depth, mode), quantity,
-the beam's numbers, depth_over_D, shear_over_D, fem, surrogate, and in percent of the yardstick error_percent,
-interval_percent (half width of the 90 % interval) and fem_error_percent (NaN if it is unknown)."""
-
-
-def scores(rows: Errors) -> Array:
+def scores(rows: pd.DataFrame) -> Array:
     """Return the largest distance of the truth over the half width; infinite where any of the three is unknown."""
     score = (rows.error_percent.abs() + rows.fem_error_percent) / rows.interval_percent
     return np.where(np.isfinite(score), score, np.inf)
 
 
-def errors(surrogate: Surrogate, states: TrainingSet) -> Errors:
-    """Return the errors of a surrogate in all states of a set."""
+def errors(surrogate: Surrogate, states: TrainingSet) -> pd.DataFrame:
+    """Return the errors of a surrogate in all states of a set, a row for each quantity of each state.
+
+    The error, the half width of the 90 % interval and the error of the finite elements themselves (NaN if it is
+    unknown) are in percent of the yardstick.
+    """
     predicted = _predicted(surrogate, states.beams)
     tables = [*_presses(states, predicted), *_shears(states, predicted), _modes(states, predicted)]
     return pd.concat(tables, ignore_index=True)
 
 
-def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States) -> Errors:
+def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States) -> pd.DataFrame:
     """Return the errors of the critical depths by `fem.analyses.stability` of the first beams, within the range."""
     if not len(critical["depth"]):
         return errors(surrogate, states).iloc[:0]
     first = states.beams[: len(critical["depth"])]
     predicted = _predicted(surrogate, first)
-    deepest, true = predicted.deepest[:, None], critical["depth"]
+    most, true = predicted.deepest[:, None], critical["depth"]
     # a beam that is stable as far as the range goes by one of both counts as critical at its end
-    value = np.minimum(predicted.critical_depth().value[:, None], deepest)
-    exists = (true < deepest) | (value < deepest)
+    value = np.minimum(predicted.critical_depth().value[:, None], most)
+    exists = (true < most) | (value < most)
     shown = np.where(exists, true, np.nan)
     column = Quantity(value, value * predicted.critical_spread[:, None])
     one = {**critical, "depth": shown}
@@ -293,19 +260,18 @@ def _predicted(surrogate: Surrogate, b: Beams) -> prediction.Beams:
     return prediction.Beams(b.L, b.diameter, b.height, b.nu, b.edge, surrogate)
 
 
-def recalibrated(surrogate: Surrogate, rows: Errors) -> Surrogate:
+def recalibrated(surrogate: Surrogate, rows: pd.DataFrame) -> Surrogate:
     """Return the surrogate with intervals scaled to the errors of random beams, by quantity and region.
 
     The intervals of presses are scaled apart in light and in deep ones.
     """
-    kinds = dict.fromkeys(surrogate.groups, PRESS_KIND) | dict.fromkeys(("shear", "shear_skin"), SHEAR_KIND)
-    kinds["mode"] = MODE_KIND
-    return replace(
-        surrogate, groups={name: _scaled(group, kinds[name], rows) for name, group in surrogate.groups.items()}
-    )
+    kinds = dict.fromkeys(surrogate.groups, PRESS_KIND) | {"mode": MODE_KIND}
+    kinds |= dict.fromkeys(("shear", "shear_skin"), SHEAR_KIND)
+    scaled = {name: _scaled(group, kinds[name], rows) for name, group in surrogate.groups.items()}
+    return replace(surrogate, groups=scaled)
 
 
-def _scaled(group: Group, kind: str, rows: Errors) -> Group:
+def _scaled(group: Group, kind: str, rows: pd.DataFrame) -> Group:
     quantiles: dict[str, Array] = {}
     for name, values in group.quantiles.items():
         wanted = (CRITICAL_KIND, "depth") if name == CRITICAL else (kind, name)
@@ -323,7 +289,7 @@ def _scaled(group: Group, kind: str, rows: Errors) -> Group:
     return replace(group, quantiles=quantiles)
 
 
-def _factors(rows: Errors) -> Array:
+def _factors(rows: pd.DataFrame) -> Array:
     """Return the quantile of the beams' scores in each region, shape (REGIONS, 1)."""
     beams = rows.assign(score=scores(rows)).groupby("beam", sort=False)
     first, worst = beams.first(), beams["score"].max().to_numpy()
@@ -331,14 +297,14 @@ def _factors(rows: Errors) -> Array:
     return quantiles_by_region(worst[:, None], region, prediction.REGIONS)
 
 
-def _shares(rows: Errors) -> Array:
+def _shares(rows: pd.DataFrame) -> Array:
     """Return where the depth of each press lies in the range of the depths, 0 to 1 in the roots."""
     low = np.sqrt(surrogate_range.SHALLOWEST)
     high = np.sqrt(surrogate_range.deepest(*(rows[name].to_numpy() for name in BEAM)))
     return np.asarray((np.sqrt(rows.depth_over_D.to_numpy()) - low) / (high - low))
 
 
-def _presses(states: TrainingSet, predicted: prediction.Beams) -> Iterator[Errors]:
+def _presses(states: TrainingSet, predicted: prediction.Beams) -> Iterator[pd.DataFrame]:
     press = states.press
     for name, quantity in predicted.press(press["depth"]).items():
         rod = 1 - quantity.value if name == "sideways_ratio" else quantity.value
@@ -346,7 +312,7 @@ def _presses(states: TrainingSet, predicted: prediction.Beams) -> Iterator[Error
         yield _rows(states.beams, PRESS_KIND, name, press, column, quantity, rod)
 
 
-def _shears(states: TrainingSet, predicted: prediction.Beams) -> Iterator[Errors]:
+def _shears(states: TrainingSet, predicted: prediction.Beams) -> Iterator[pd.DataFrame]:
     shear = states.shear
     found = predicted.shear(shear["depth"], shear["shear"], beyond_stable=True)
     rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
@@ -354,18 +320,18 @@ def _shears(states: TrainingSet, predicted: prediction.Beams) -> Iterator[Errors
         yield _rows(states.beams, SHEAR_KIND, name, shear, name, quantity, rods[name])
 
 
-def _modes(states: TrainingSet, predicted: prediction.Beams) -> Errors:
+def _modes(states: TrainingSet, predicted: prediction.Beams) -> pd.DataFrame:
     quantity = predicted.first_mode(density_ratio(states.beams))
     column = Quantity(quantity.value[:, None], quantity.half_width[:, None])
     return _rows(states.beams, MODE_KIND, "frequency", states.mode, "frequency", column, column.value)
 
 
-def _rows(b: Beams, kind: str, name: str, states: States, column: str, quantity: Quantity, rod: Array) -> Errors:
+def _rows(
+    b: Beams, kind: str, name: str, states: States, column: str, quantity: Quantity, rod: Array
+) -> pd.DataFrame:
     """Return the errors of one quantity, arrays (n, k), without the states that do not exist.
 
-    Parameters
-    ----------
-    column : name of the quantity in the states; those count the magnet's sinking as negative.
+    `column` is its name in the states, which count the magnet's sinking as negative.
     """
     true = states[column] * (-1.0 if column == "shift_z" else 1.0)
     own = states.get(f"{column}_error", np.full(true.shape, np.nan))
@@ -401,7 +367,7 @@ is refused by chance about once in as many goals as there are in a table."""
 DEEPER = f"deep, depth above {DEEP:g} D"
 NO_DATA: Row = {"states": 0, "beams": 0, "p95_percent": None, "covered_beams_percent": None}
 NO_DATA["least_covered_percent"] = 100 * COVERAGE
-REGIONS: dict[str, Callable[[Errors], Any]] = {
+REGIONS: dict[str, Callable[[pd.DataFrame], Any]] = {
     "all": lambda rows: rows.beam == rows.beam,
     f"slender, L/D above {SLENDER:g}": lambda rows: rows.L_over_D > SLENDER,
     "slender, thin magnet": lambda rows: (rows.L_over_D > SLENDER) & (rows.magnet_height_over_D <= THICK),
@@ -413,11 +379,11 @@ REGIONS: dict[str, Callable[[Errors], Any]] = {
 }
 
 
-def _wide_thin(rows: Errors) -> Any:
+def _wide_thin(rows: pd.DataFrame) -> Any:
     return (rows.magnet_diameter_over_D > WIDE) & (rows.magnet_height_over_D <= THICK)
 
 
-def summaries(rows: Errors) -> list[Row]:
+def summaries(rows: pd.DataFrame) -> list[Row]:
     """Return the statistics of each quantity in each region: over all first, then region by region."""
     table = []
     quantities = rows[["kind", "quantity"]].drop_duplicates()
@@ -430,7 +396,7 @@ def summaries(rows: Errors) -> list[Row]:
     return table
 
 
-def _summary(rows: Errors) -> Row:
+def _summary(rows: pd.DataFrame) -> Row:
     """Return the statistics of a quantity; NaN if any error is unknown.
 
     `covered_beams_percent` is the share of beams of which every interval holds the truth; its goal,
@@ -463,13 +429,9 @@ def least_covered(count: int) -> int:
 
 
 def goals(table: Sequence[Row], failed: int) -> list[Goal]:
-    """Return the goals: no beam of the test is left out; errors and coverage of each quantity in each region.
+    """Return the goals: no beam of the test is left out (`failed`); errors and coverage of each quantity and region.
 
     A region without a beam has no data, and misses its goals.
-
-    Parameters
-    ----------
-    failed : number of beams of the test that are left out because a state failed.
     """
     count = failed + max((row["beams"] for row in table), default=0)
     found = [Goal("beams left out of the test because a state failed", failed, 0, count)]
@@ -502,8 +464,6 @@ def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, fl
     return {"press": count / (press - begin), "press, shear, critical depth and mode": count / (end - begin)}
 
 
-# Files
-
 FILES = ("SURROGATE.md", "surrogate.npz", "summary.csv", "errors.csv", "errors.png")
 
 
@@ -517,35 +477,26 @@ def result(outcome: Outcome, first: int) -> Result:
     rows = outcome.errors()
     table = summaries(rows)
     posed = goals(table, outcome.failed[1])
-    lost = missed(posed)
+    lost = list(map(str, missed(posed)))
     title = "Errors on unseen beams"
     columns = ("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "surrogate.npz")
         surrogate_file.write(file, outcome.surrogate)
-        size = file.stat().st_size
-    page = pages.rendered(
-        "surrogate.md.j2",
-        about=outcome.surrogate.about,
-        first=first,
-        failed=outcome.failed,
-        table=table,
-        verdict=verdict(posed),
-        lost=list(map(str, lost)),
-        size=size / 1e6,
-        speed=designs_per_second(outcome),
-    )
+        size = file.stat().st_size / 1e6
+    page = {"about": outcome.surrogate.about, "first": first, "failed": outcome.failed, "table": table, "lost": lost}
+    page |= {"verdict": verdict(posed), "size": size, "speed": designs_per_second(outcome)}
     return Result(
         title=title,
         records=table,
         shown=[Table(title=title, rows=table, first=columns)],
-        tables={"summary": table, "errors": rows.to_dict("records")},
+        tables={"summary": table, "errors": pages.records(rows)},
         files={
             "surrogate.npz": lambda path: surrogate_file.write(path, outcome.surrogate),
             "errors.png": lambda path: save(path, figures(rows)),
         },
-        pages={"SURROGATE.md": page},
-        failures=list(map(str, lost)),
+        pages={"SURROGATE.md": pages.rendered("surrogate.md.j2", **page)},
+        failures=lost,
     )
 
 
@@ -556,19 +507,15 @@ LEAST_ERROR = 1e-3
 """Least error of the picture, %; smaller errors are drawn at this value."""
 
 
-def figures(rows: Errors) -> list[Figure]:
+def figures(rows: pd.DataFrame) -> list[Figure]:
     """Return the error of force and tilt over the half width of its interval, for presses and shears."""
     x, y = "half width of the 90 % interval (%)", "error on unseen beams (%)"
     data = rows[rows["quantity"].isin(["force", "force_x", "force_z", "tilt"])]
-    data = data.assign(
-        **{x: data["interval_percent"], y: data["error_percent"].abs().clip(lower=LEAST_ERROR)},
-        panel=data["kind"].astype(str),
-        series=data["quantity"].astype(str).str.replace("_", " along "),
+    points = {x: data["interval_percent"], y: data["error_percent"].abs().clip(lower=LEAST_ERROR)}
+    points |= {"panel": data["kind"].astype(str), "series": data["quantity"].astype(str).str.replace("_", " along ")}
+    equal = pd.DataFrame(itertools.product(dict.fromkeys(data["kind"]), ENDS), columns=["panel", x])
+    data = pd.concat(
+        [pd.DataFrame(points).assign(joined=False), equal.assign(series=EQUAL, joined=True, **{y: equal[x]})],
+        ignore_index=True,
     )
-    equal = table_of(
-        {x: end, y: end, "panel": kind, "series": EQUAL, "joined": True}
-        for kind in dict.fromkeys(data["panel"])
-        for end in ENDS
-    )
-    data = pd.concat([data[[x, y, "panel", "series"]].assign(joined=False), equal], ignore_index=True)
     return [plot("Errors and half widths of the surrogate", "", data, x, y, Look(log="xy"))]

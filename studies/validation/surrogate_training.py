@@ -41,24 +41,32 @@ DIGITS = 5
 """Digits of the lengths over D: a design file can repeat a beam exactly."""
 DIMENSIONS = 6
 STRETCH = 1.2
-"""Factor by which the Sobol points of training are stretched from the centre of the cube, before they are cut at its
-faces."""
-
-
+"""Factor by which Sobol points are stretched from the centre of the cube, before they are cut at its faces."""
+SAFE = 0.95
+"""Deepest shear over the critical depth."""
 Beams = Any
 """Beams of the surrogate, a record array of shape (n,) with fields BEAM."""
 BEAM = np.dtype([(name, float) for name in ("L", "diameter", "height", "nu", "edge", "share")])
 """Length and size of the magnet over D, Poisson's ratio, radius of the magnet's edges over the smaller side of its
 section; where the depth of its shear lies between the least and the largest one, 0 to 1 in the root of the depth."""
+States = Mapping[str, Array]
+"""States of beams by names: depth and shear over D, forces over E D^2, lengths over D, tilt in rad, frequencies over
+`frequency_unit`, arrays of shape (n, k), NaN where a solve failed; and, behind `_error`, the estimated errors of the
+finite elements themselves, NaN or missing where they are unknown."""
 
 
 def in_range(beams: Beams) -> NDArray[np.bool_]:
-    """Return which beams have enough silicone below the magnet for the surrogate, shape (n,)."""
+    """Return which beams have enough silicone below the magnet for the surrogate."""
     return np.asarray(surrogate_range.below(beams.L, beams.height) >= surrogate_range.LEAST_BELOW)
 
 
+def deepest(beams: Beams) -> Array:
+    """Return the deepest presses of the surrogate over D."""
+    return np.asarray(surrogate_range.deepest(beams.L, beams.diameter, beams.height))
+
+
 def density_ratio(beams: Beams) -> Array:
-    """Return the density of the magnet over that of the silicone, for the natural frequencies, shape (n,).
+    """Return the density of the magnet over that of the silicone, for the natural frequencies.
 
     It follows the last coordinate, which matters to shears only otherwise.
     """
@@ -80,9 +88,19 @@ def design(beam: Any) -> Design:
 def training_beams(count: int, seed: int) -> Beams:
     """Return the first `count` beams of training; more beams keep the first ones."""
     points = qmc.Sobol(DIMENSIONS, rng=seed)
-    found = corners()
+    return _filled(corners(), count, lambda: np.clip(0.5 + STRETCH * (points.random(1024) - 0.5), 0.0, 1.0))
+
+
+def random_beams(count: int, seed: int) -> Beams:
+    """Return independent random beams of the range."""
+    rng = np.random.default_rng(seed)
+    return _filled(of_cube(np.empty((0, DIMENSIONS))), count, lambda: rng.random((1024, DIMENSIONS)))
+
+
+def _filled(found: Beams, count: int, draw: Callable[[], Array]) -> Beams:
+    """Return some beams and, up to `count`, those in the range of points of the unit cube that are drawn."""
     while len(found) < count:
-        beams = of_cube(np.clip(0.5 + STRETCH * (points.random(1024) - 0.5), 0.0, 1.0))
+        beams = of_cube(draw())
         found = joined(found, beams[in_range(beams)])
     return found[:count]
 
@@ -97,22 +115,17 @@ def corners() -> Beams:
     # first few differ in all of them
     unit = np.random.default_rng(0).permutation(np.column_stack([unit, unit.sum(axis=1) % 2]))
     low, high = np.zeros(len(unit)), unit[:, 2].copy()
+
+    def possible(height: Array) -> NDArray[np.bool_]:
+        beams = _scaled(np.column_stack([unit[:, :2], height, unit[:, 3:]]))
+        return np.asarray(_walled(beams) & in_range(beams))
+
     for _ in range(40):
         middle = (low + high) / 2
-        fits = _possible(_scaled(np.column_stack([unit[:, :2], middle, unit[:, 3:]])))
+        fits = possible(middle)
         low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-    whole = _possible(_scaled(unit))
-    return of_cube(np.column_stack([unit[:, :2], np.where(whole, unit[:, 2], low - 1e-4), unit[:, 3:]]))
-
-
-def random_beams(count: int, seed: int) -> Beams:
-    """Return independent random beams of the range."""
-    rng = np.random.default_rng(seed)
-    found = of_cube(np.empty((0, DIMENSIONS)))
-    while len(found) < count:
-        beams = of_cube(rng.random((1024, DIMENSIONS)))
-        found = joined(found, beams[in_range(beams)])
-    return found[:count]
+    height = np.where(possible(unit[:, 2]), unit[:, 2], low - 1e-4)
+    return of_cube(np.column_stack([unit[:, :2], height, unit[:, 3:]]))
 
 
 def regional_beams(count: int, seed: int) -> Beams:
@@ -134,7 +147,6 @@ def of_cube(unit: Array) -> Beams:
 
 
 def _scaled(unit: Array) -> Beams:
-    """Return the beams of all points of the unit cube."""
     low, high = LENGTH
     soft = 1 - 2 * POISSON[0]
     L = low * (high / low) ** unit[:, 0]
@@ -149,25 +161,12 @@ def _walled(beams: Beams) -> NDArray[np.bool_]:
     return np.asarray(surrogate_range.wall(beams.L, beams.diameter, beams.height, beams.edge) >= LEAST_WALL)
 
 
-def _possible(beams: Beams) -> NDArray[np.bool_]:
-    return np.asarray(_walled(beams) & in_range(beams))
-
-
 def joined(*parts: Beams) -> Beams:
     """Return the beams of all parts."""
     return np.concatenate(parts).view(np.recarray)
 
 
 # States
-
-SAFE = 0.95
-"""Deepest shear over the critical depth."""
-
-
-States = Mapping[str, Array]
-"""States of beams by names: depth and shear over D, forces over E D^2, lengths over D, tilt in rad, frequencies over
-`frequency_unit`, arrays of shape (n, k), NaN where a solve failed; and, behind `_error`, the estimated errors of the
-finite elements themselves, NaN or missing where they are unknown."""
 
 
 def compared(states: States, coarse: States) -> States:
@@ -197,9 +196,8 @@ def shears(solver: Solver, beams: Beams, depth: Array, shears: Array) -> States:
 def critical_depths(solver: Solver, beams: Beams) -> States:
     """Return the critical depths over D, at most the deepest press of the surrogate; NaN where a search fails."""
     scenes = [Scene(design(beams[k]), (Load(depth=1.0),), solver.accuracy) for k in range(len(beams))]
-    deepest = surrogate_range.deepest(beams.L, beams.diameter, beams.height).tolist()
     found = []
-    for (answer,), most in zip(solver.answers(scenes, "critical depth"), deepest, strict=True):
+    for (answer,), most in zip(solver.answers(scenes, "critical depth"), deepest(beams).tolist(), strict=True):
         depth = answer.values.get("critical_depth_over_D")
         if depth is None and answer.values.get("stable_to_over_D", 0.0) >= most - 1e-9:
             depth = most
@@ -223,7 +221,7 @@ def shear_depth(beams: Beams, press: States) -> Array:
     """Return the depth of each beam's shear, over D, shape (n,), above the depth at which its press buckles."""
     low = np.sqrt(surrogate_range.SHALLOWEST_SHEAR)
     critical = first_zero(press["depth"], np.nan_to_num(press["sideways_ratio"], nan=-1.0))
-    most = np.minimum(surrogate_range.deepest(beams.L, beams.diameter, beams.height), SAFE * critical)
+    most = np.minimum(deepest(beams), SAFE * critical)
     high = np.maximum(np.sqrt(most), low)
     return np.asarray(np.round((low + (high - low) * beams.share) ** 2, 5))
 
@@ -242,24 +240,22 @@ def _states(depth: Array, shear: Array, answers: Sequence[Sequence[Answer]]) -> 
         rows = [[np.nan if a.response is None else read(a, a.response) for a in row] for row in answers]
         return np.array(rows, dtype=float)
 
-    force, length = 1 / D**2, 1 / D
     quantities = {
-        "force_x": force * table(lambda _, r: r.force[0]),
-        "force_z": force * table(lambda _, r: r.force[2]),
-        "shift_x": length * table(lambda _, r: r.shift[0]),
-        "shift_z": length * table(lambda _, r: r.shift[2]),
+        "force_x": 1 / D**2 * table(lambda _, r: r.force[0]),
+        "force_z": 1 / D**2 * table(lambda _, r: r.force[2]),
+        "shift_x": 1 / D * table(lambda _, r: r.shift[0]),
+        "shift_z": 1 / D * table(lambda _, r: r.shift[2]),
         "tilt": table(lambda _, r: r.tilt),
-        "contact_radius": length * table(lambda _, r: r.contact_radius),
+        "contact_radius": 1 / D * table(lambda _, r: r.contact_radius),
         "strain": table(lambda a, _: a.values["largest_strain"]),
         "sideways_ratio": table(lambda a, _: a.values.get("sideways_stiffness_ratio")),
     }
     of_force, of_shift = (np.hypot(quantities[f"{name}_x"], quantities[f"{name}_z"]) for name in ("force", "shift"))
     errors = {
-        "force_x": np.abs(quantities["force_x"]) * table(lambda a, _: a.estimates.get("sideways")),
-        "force_z": of_force * table(lambda a, _: a.error_estimate),
-        "shift_x": of_shift * table(lambda a, _: a.estimates.get("shift")),
-        "shift_z": of_shift * table(lambda a, _: a.estimates.get("shift")),
-        "tilt": np.abs(quantities["tilt"]) * table(lambda a, _: a.estimates.get("tilt")),
+        "force_x_error": np.abs(quantities["force_x"]) * table(lambda a, _: a.estimates.get("sideways")),
+        "force_z_error": of_force * table(lambda a, _: a.error_estimate),
+        "shift_x_error": of_shift * table(lambda a, _: a.estimates.get("shift")),
+        "shift_z_error": of_shift * table(lambda a, _: a.estimates.get("shift")),
+        "tilt_error": np.abs(quantities["tilt"]) * table(lambda a, _: a.estimates.get("tilt")),
     }
-    known = {f"{name}_error": error for name, error in errors.items()}
-    return {"depth": depth, "shear": shear, **quantities, **known}
+    return {"depth": depth, "shear": shear, **quantities, **errors}

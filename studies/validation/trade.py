@@ -97,23 +97,29 @@ def result(
     shown = [Table(title="Cost and error", rows=records, first=first)]
     if kinds:
         shown.append(Table(title="Confirmation", rows=confirmation))
-    page = pages.rendered(
-        "trade.md.j2",
-        tables={kind: [_errors(row) for row in table if row["kind"] == kind] for kind in KINDS},
-        ran=[_designs(table, kind, model) for kind in KINDS for model in trade_study.MODELS[kind]],
-        rule=[_percents(each) for each in rule],
-        results=results,
-        verdict=page_lines(goals(results)),
-        summary=confirmation,
-        tolerances=", ".join(f"{100 * each:g}" for each in TOLERANCES),
-        designs=len({each["design"] for each in results}),
-        counts={kind: len({each["design"] for each in results if each["kind"] == kind}) for kind in KINDS},
-        share=f"{SHARE:.0%}",
-        factor=FACTOR,
-        worst=sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"]),
-        lost=pages.records(states[~states.status.isin(["ok", "refused"])]),
-    )
-    text, rows = as_text(rule, origin), pages.records(states)
+    text, rows, ran = as_text(rule, origin), pages.records(states), []
+    for kind, model in ((one, model) for one in KINDS for model in trade_study.PLAN[one]["models"]):
+        own = {cell["level"]: cell["designs"] for cell in table if (cell["kind"], cell["model"]) == (kind, model)}
+        ran.append({"kind": kind, "model": model} | {name: own.get(name, 0) for name in LEVELS[-3:]})
+    page = {
+        "tables": {kind: [_errors(row) for row in table if row["kind"] == kind] for kind in KINDS},
+        "ran": ran,
+        "rule": [
+            {name: getattr(each, name) for name in ("kind", "region", "model", "level", "designs", "states", "cost")}
+            | {f"{name} %": None if (bound := getattr(each, name)) is None else 100 * bound for name in COUNTED}
+            for each in rule
+        ],
+        "results": results,
+        "verdict": page_lines(goals(results)),
+        "summary": confirmation,
+        "tolerances": ", ".join(f"{100 * each:g}" for each in TOLERANCES),
+        "designs": len({each["design"] for each in results}),
+        "counts": {kind: len({each["design"] for each in results if each["kind"] == kind}) for kind in KINDS},
+        "share": f"{SHARE:.0%}",
+        "factor": FACTOR,
+        "worst": sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"]),
+        "lost": pages.records(states[~states.status.isin(["ok", "refused"])]),
+    }
     return Result(
         title="Cost and error",
         records=[*records, *(confirmation if kinds else [])],
@@ -123,7 +129,7 @@ def result(
             "model_choice.json": lambda path: write_text(path, text),
             "trade.png": partial(picture, rows=rows, draw=verdict_figures.trade),
         },
-        pages={"TRADE.md": page},
+        pages={"TRADE.md": pages.rendered("trade.md.j2", **page)},
         failures=failures(goals(results, kinds)) if kinds else (),
     )
 
@@ -173,33 +179,16 @@ def _spread(values: pd.Series) -> tuple[float, float, float]:
     return float(np.median(known)), float(known[math.ceil(0.95 * len(known)) - 1]), float(known[-1])
 
 
-def _designs(table: Sequence[Row], kind: str, model: str) -> Row:
-    """Return on how many designs a model ran at each level."""
-    own = {cell["level"]: cell["designs"] for cell in table if (cell["kind"], cell["model"]) == (kind, model)}
-    return {"kind": kind, "model": model} | {name: own.get(name, 0) for name in ("quick", "standard", "fine")}
-
-
 def _errors(cell: Row) -> Row:
     """Return the cells of the page for one model: median / 95th percentile of each error, cost."""
-
-    def both(name: str) -> str:
-        middle, high = cell[f"{name}_median_percent"], cell[f"{name}_p95_percent"]
-        return f"{number(middle, 2)} / {number(high, 2)}" if math.isfinite(middle) else ""
-
     row = {name: cell[name] for name in ("model", "level", "designs")}
     row["states"] = f"{cell['solved']} of {cell['states']}"
-    shown = {"readings": "readings % FS"}
-    names = ("force", "shift", "tilt", "readings", "sideways")
-    row |= {shown.get(name, f"{name} %"): both(name) for name in names}
+    for name in ("force", "shift", "tilt", "readings", "sideways"):
+        middle, high = cell[f"{name}_median_percent"], cell[f"{name}_p95_percent"]
+        both = f"{number(middle, 2)} / {number(high, 2)}" if math.isfinite(middle) else ""
+        row["readings % FS" if name == "readings" else f"{name} %"] = both
     row |= {"largest %": cell["largest_percent"], "unclear %": cell["unclear_percent"], "CPU s": cell["cpu_s"]}
     return row | {"cost": cell["cost"], "MB": None if cell["model"] in CALCULATED else round(cell["peak_MB"])}
-
-
-def _percents(statement: Statement) -> Row:
-    row: Row = {name: getattr(statement, name) for name in ("kind", "region", "model", "level")}
-    bounds = {f"{name} %": getattr(statement, name) for name in COUNTED}
-    row |= {name: getattr(statement, name) for name in ("designs", "states", "cost")}
-    return row | {name: None if value is None else 100 * value for name, value in bounds.items()}
 
 
 # The rule
@@ -215,9 +204,13 @@ def statements(states: pd.DataFrame) -> list[Statement]:
         # a model of unknown cost is never the cheapest
         if (model in CALCULATED and designs < FEWEST) or math.isnan(cost):
             continue
-        bounds: Row = {
-            name: _bound(group, "along" if name == "sideways" else name, 1 + 1 / designs) for name in COUNTED
-        }
+        bounds: Row = {}
+        for name in COUNTED:
+            # an error counts at least as large as the bar of its reference
+            of = "along" if name == "sideways" else name
+            errors = group[[f"{of}_error_percent", f"{of}_bar_percent"]].max(axis=1) / 100
+            largest = (1 + 1 / designs) * float(errors.max())
+            bounds[name] = None if errors.isna().all() else model_choice.rounded_up(largest, 3)
         place: Row = {"kind": kind, "region": region, "model": model, "level": level, "designs": designs}
         found.append(Statement(**place, states=len(group), cost=float(f"{cost:.3g}"), **bounds))
     return found
@@ -234,12 +227,6 @@ def _region(state: Row) -> str:
 def load_of(state: Row) -> Load:
     """Return the load of a state."""
     return Load(depth=state["depth_mm"], shear_x=state["shear_mm"], friction=state["friction"])
-
-
-def _bound(states: pd.DataFrame, quantity: str, factor: float) -> float | None:
-    """Return the bound that follows from errors, each at least the bar of its reference; None for none."""
-    errors = states[[f"{quantity}_error_percent", f"{quantity}_bar_percent"]].max(axis=1)
-    return None if errors.isna().all() else model_choice.rounded_up(factor * float((errors / 100).max()), 3)
 
 
 def as_text(rule: Sequence[Statement], origin: str) -> str:
@@ -319,9 +306,7 @@ def summary(results: Sequence[Row]) -> list[Row]:
 def goals(results: Sequence[Row], kinds: Sequence[Kind] = KINDS) -> list[Goal]:
     """Return the goals of the confirmation: every case is judged, and within the tolerance.
 
-    Parameters
-    ----------
-    kinds : those that were to be confirmed; one without a judged case misses its goals.
+    A kind that was to be confirmed and has no judged case misses its goals.
     """
     table = summary(results)
     posed = []

@@ -16,6 +16,7 @@ import contextlib
 import functools
 import math
 import time
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -36,39 +37,28 @@ from studies import cases
 from studies.cases import FemModel
 from studies.mechanics import surrogate_response
 from studies.simulation.compare import part
-from studies.validation import bench_programs, pages
+from studies.validation import bench, pages
 from studies.validation.error_study_cases import Trial, rounded, rows_of
 from studies.validation.pages import Row
 from studies.validation.verify import richardson
 
 Kind = Literal["press", "glued shear", "friction"]
-KINDS: tuple[Kind, ...] = ("press", "glued shear", "friction")
-SCENES: dict[Kind, str] = {"press": "press", "glued shear": "stick", "friction": "friction"}
-"""Scene of a trial of each kind, see `studies.validation.error_study_cases`."""
-
+PLAN: dict[Kind, Any] = tomllib.loads(Path(__file__).with_name("trade_plan.toml").read_text("utf-8"))  # type: ignore[assignment]
+KINDS: tuple[Kind, ...] = tuple(PLAN)
+QUICK_KINDS = KINDS[:2]
+"""Kinds of a quick study: a reference with friction takes a minute."""
 SURROGATE, SHIPPED = "surrogate", "shipped"
 """Name of the surrogate among the models, and of its one level."""
 CALCULATED = ("formula", SURROGATE)
 """Models without a mesh: they are evaluated in the study's own process, and count inside their ranges only."""
 SOLIDS = ("half", "full")
 """Models of tetrahedra."""
-MODELS: dict[Kind, tuple[Model, ...]] = {
-    "press": ("axisymmetric", "harmonic", "half", "full"),
-    "glued shear": ("harmonic", "half", "full"),
-    "friction": ("harmonic", "half"),
-}
-"""Finite-element models of each kind; `full` carries friction too, but a solve takes many minutes."""
-SECTION: dict[Kind, Model] = {"press": "axisymmetric", "glued shear": "harmonic", "friction": "harmonic"}
-"""Model of the reference, and at level standard the unit of cost."""
-
 STUDIED = 24
 """Number of chosen designs."""
-DRAWN = 26
-"""Number of random designs of a draw."""
-DRAWS = 3
-"""Draws of random designs, with L/D from 0.6 to 6, nu from 0.45 and walls of 0.06 D or more. Of the first draw 20 and
-of the others 6 designs lie anywhere in the range, the rest inside that of the formulas. The rule was corrected after
-each draw but the last."""
+DRAWN, DRAWS = 26, 3
+"""Random designs of a draw, and draws, with L/D from 0.6 to 6, nu from 0.45 and walls of 0.06 D or more. Of the first
+draw 20 and of the others 6 designs lie anywhere in the range, the rest inside that of the formulas. The rule was
+corrected after each draw but the last."""
 CONFIRMED = DRAWN * DRAWS
 """Number of random designs."""
 
@@ -80,35 +70,25 @@ UNDER, SHEARS = (0.1, 0.06, 0.2), (0.05, 0.15, 0.3)
 SLIDES, COEFFICIENTS = (0.04, 0.25), (0.3, 0.6)
 """Shears with Coulomb friction over D, for partial and full slip; coefficients, by turns."""
 
-RUNS: dict[tuple[Kind, Model], tuple[int, int, int]] = {
-    ("press", "harmonic"): (4, 4, 2),
-    ("press", "half"): (1, 0, 0),
-    ("press", "full"): (1, 0, 0),
-    ("glued shear", "harmonic"): (STUDIED, STUDIED, 4),
-    ("glued shear", "half"): (1, 0, 0),
-    ("glued shear", "full"): (1, 0, 0),
-    ("friction", "harmonic"): (4, 4, 0),
-    ("friction", "half"): (0, 0, 0),
-}
-"""Number of designs on which a model is run at levels quick, standard and fine; default: all. Chosen by measured
-cost, so that the whole study takes less than an hour on one core."""
 ORDER = (0, 5, 10, 3, 14, 6, 1, 12, 8, 2, 4, 7, 9, 11, 13, 15, *range(16, STUDIED))
 """Order in which designs are chosen for cells that run on a few only: the first ones span the range."""
 SLENDER, COMMON = 3.2, 16
 """References have meshes one step coarser beyond this L/D, where these have as many elements, and, to save time, from
 this design on."""
-CONFIRMING: dict[Kind, tuple[int, ...]] = {
-    "press": tuple(range(CONFIRMED)),
-    "glued shear": (0, 2, 4, 6, 8, 10, 20, 22, 24, *(2 * DRAWN + k for k in (6, 8, 10, 12))),
-    "friction": (0, 7, 13),
+DESIGNS = Path(__file__).with_name("trade_designs.csv")
+"""The chosen designs after the paper's; those from the 18th on lie inside the range of the formulas."""
+LAWS: dict[str, dict[str, Any]] = {
+    "mooney": {"law": "mooney-rivlin", "mooney_share": 0.2},
+    "yeoh": {"law": "yeoh", "yeoh_2": 0.05},
+    "ogden": {"law": "ogden", "ogden_share": 0.25},
 }
-"""Numbers of the random designs that confirm the rule of each kind: fewer where a reference costs more."""
+"""A Mooney-Rivlin, a Yeoh and an Ogden law that are stable in the presses of the study."""
 
 
 def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
     """Return the numbers of the chosen designs on which a model is run."""
     chosen = [number for number in ORDER if number < count]
-    counts = dict(zip(LEVELS, RUNS.get((kind, model), (count,) * len(LEVELS)), strict=True))
+    counts = dict(zip(LEVELS, PLAN[kind]["runs"].get(model, [count] * len(LEVELS)), strict=True))
     return sorted(chosen[: counts[level]])
 
 
@@ -116,7 +96,7 @@ def trial(number: int, kind: Kind, model: Model, *, confirm: bool = False) -> Tr
     """Return the path of loads of a kind on a design, in proportion to the design."""
     design = (confirming_designs() if confirm else designs())[number]
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
-    return Trial(number, design, magnet, SCENES[kind], model, _loads(number, kind, design, magnet))
+    return Trial(number, design, magnet, PLAN[kind]["scene"], model, _loads(number, kind, design, magnet))
 
 
 def _loads(number: int, kind: Kind, design: Design, magnet: Magnet) -> tuple[Load, ...]:
@@ -129,17 +109,6 @@ def _loads(number: int, kind: Kind, design: Design, magnet: Magnet) -> tuple[Loa
         return tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in SHEARS)
     mu = COEFFICIENTS[number % len(COEFFICIENTS)]
     return tuple(Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in (0.0, *SLIDES))
-
-
-DESIGNS = Path(__file__).with_name("trade_designs.csv")
-"""The chosen designs after the paper's; those from the 18th on lie inside the range of the formulas."""
-RANDOM_DESIGNS = DESIGNS.with_name("trade_random_designs.csv")
-LAWS: dict[str, dict[str, Any]] = {
-    "mooney": {"law": "mooney-rivlin", "mooney_share": 0.2},
-    "yeoh": {"law": "yeoh", "yeoh_2": 0.05},
-    "ogden": {"law": "ogden", "ogden_share": 0.25},
-}
-"""A Mooney-Rivlin, a Yeoh and an Ogden law that are stable in the presses of the study."""
 
 
 @functools.cache
@@ -165,56 +134,20 @@ def _design(
 @functools.cache
 def confirming_designs() -> tuple[Design, ...]:
     """Return the random designs: L/D and 1/2 - nu uniform in their logarithm; a third has no magnet."""
-    rows = [(row, LAWS.get(row.pop("law"), {})) for row in rows_of(RANDOM_DESIGNS)]
+    rows = [(row, LAWS.get(row.pop("law"), {})) for row in rows_of(DESIGNS.with_name("trade_random_designs.csv"))]
     return tuple(Design(**row, **law) for row, law in rows)
 
 
-Fineness = Literal["rough", "coarser", "usual", "finer"]
-"""Meshes of a reference: rough for a quick study; coarser for tolerances of 0.5 % and more; finer for designs that
-are also run at level fine."""
-STEPS: dict[Kind, tuple[tuple[float, float, int, float], ...]] = {
-    "press": tuple((size, 0.001, 0, 1.0) for size in (0.09, 0.064, 0.045, 0.032, 0.0225, 0.016)),
-    "glued shear": (
-        (0.255, 0.0113, 3, 1.0),
-        (0.18, 0.008, 3, 1.0),
-        (0.128, 0.0056, 3, 1.0),
-        (0.09, 0.004, 3, 1.0),
-        (0.064, 0.0028, 4, 1.0),
-        (0.045, 0.002, 5, 1.0),
-    ),
-    "friction": ((0.128, 0.001, 3, 1.4), (0.09, 0.001, 4, 1.0), (0.064, 0.001, 5, 0.7)),
-}
-"""Section and patch size over D, harmonics and friction step factor of the meshes of references, each sqrt(2) finer
-than the one before."""
-BEGIN: dict[Kind, dict[Fineness, int]] = {
-    "press": {"rough": 0, "coarser": 2, "usual": 3, "finer": 3},
-    "glued shear": {"rough": 0, "coarser": 2, "usual": 2, "finer": 3},
-    "friction": {"rough": 0, "coarser": 0, "usual": 0, "finer": 0},
-}
-"""Place of the first of a reference's three meshes in STEPS."""
-
-
-def meshes(kind: Kind, fineness: Fineness) -> tuple[Accuracy, Accuracy, Accuracy]:
+def meshes(kind: Kind, fineness: str) -> list[Accuracy]:
     """Return the three meshes of a reference, the coarse one first."""
-    begin = BEGIN[kind][fineness]
-    first, second, third = (
-        replace(
-            LEVELS["fine"],
-            name=f"reference {size:g}",
-            section_size=size,
-            section_patch=patch,
-            harmonics=harmonics,
-            friction_step_factor=factor,
-        )
-        for size, patch, harmonics, factor in STEPS[kind][begin : begin + 3]
-    )
-    return first, second, third
+    names = ("section_size", "section_patch", "harmonics", "friction_step_factor")
+    begin = PLAN[kind]["begin"][fineness]
+    steps = [dict(zip(names, step, strict=True)) for step in PLAN[kind]["steps"][begin : begin + 3]]
+    return [replace(LEVELS["fine"], name=f"reference {step['section_size']:g}", **step) for step in steps]
 
 
 # States, references and costs
 
-QUICK_KINDS: tuple[Kind, ...] = ("press", "glued shear")
-"""Kinds of a quick study: a reference with friction takes a minute."""
 COMPONENTS = {
     "force": ("force_x_N", "force_y_N", "force_N"),
     "shift": ("shift_x_mm", "shift_y_mm", "shift_z_mm"),
@@ -263,7 +196,7 @@ class Run(NamedTuple):
 
 def plan(
     count: int = STUDIED, *, quick: bool = False, confirm: bool = False
-) -> tuple[list[Run], dict[tuple[int, Kind], Fineness]]:
+) -> tuple[list[Run], dict[tuple[int, Kind], str]]:
     """Return all runs, and the fineness of the reference of each design and kind.
 
     Parameters
@@ -272,18 +205,17 @@ def plan(
     quick : presses and glued shears by the section models at level quick only, with coarser references.
     confirm : all that the rule can choose for the random designs in place of the chosen ones.
     """
-    finenesses: dict[tuple[int, Kind], Fineness] = {}
+    finenesses: dict[tuple[int, Kind], str] = {}
     runs: list[Run] = []
     for kind in QUICK_KINDS if quick else KINDS:
-        section = SECTION[kind]
+        section = PLAN[kind]["section"]
         levels = ("quick",) if quick else tuple(LEVELS)
-        numbers: dict[tuple[str, str], Sequence[int]]
         if confirm:
-            chosen: Sequence[int] = CONFIRMING[kind][: 2 if quick else None]
+            chosen = PLAN[kind].get("confirming", range(CONFIRMED))[: 2 if quick else None]
             levels = levels[:2] if kind == "friction" else levels
             numbers = {(section, level): chosen for level in levels}
         else:
-            models = (section,) if quick else MODELS[kind]
+            models = (section,) if quick else PLAN[kind]["models"]
             numbers = {(m, level): runs_on(kind, m, level, count) for m in models for level in levels}
             chosen = runs_on(kind, section, "quick", count)
         calculated = [("formula", level) for level in beam.LEVELS]
@@ -293,16 +225,11 @@ def plan(
             runs += [Run(kind, trial(n, kind, name, confirm=confirm), model, level) for n in own]
         fine = runs_on(kind, section, "fine", count) if kind == "glued shear" and not confirm else []
         for number in chosen:
-            usual = "coarser" if confirm else "finer" if number in fine else _fineness(number)
+            design = designs()[0 if confirm else number]
+            coarser = confirm or design.L > SLENDER * design.D or number >= COMMON
+            usual = "finer" if number in fine else "coarser" if coarser else "usual"
             finenesses[number, kind] = "rough" if quick else usual
     return runs, finenesses
-
-
-def _fineness(number: int) -> Fineness:
-    """Return the fineness of the references of a chosen design."""
-    design = designs()[number]
-    slender = design.L > SLENDER * design.D
-    return "coarser" if slender or number >= COMMON else "usual"
 
 
 def run(
@@ -320,7 +247,9 @@ def run(
         rows = judged(one, found[k], truths[one.trial.number, one.kind], confirm)
         states += [row | {"cpu_s": cpu_s, "peak_MB": peak_MB} for row in rows]
     table = pd.DataFrame(states)
-    section = (table.model == table.kind.map(SECTION)) & (table.level == "standard")
+    section = (table.model == table.kind.map({kind: PLAN[kind]["section"] for kind in KINDS})) & (
+        table.level == "standard"
+    )
     unit = table.cpu_s.where(section).groupby([table.design, table.kind]).transform("first")
     return table.assign(cost=table.cpu_s / unit)
 
@@ -358,11 +287,11 @@ def components(design: Design, load: Load, answer: Row) -> Components:
 
 
 def references(
-    finenesses: Mapping[tuple[int, Kind], Fineness], confirm: bool, store: Path | None, progress: Progress | None
+    finenesses: Mapping[tuple[int, Kind], str], confirm: bool, store: Path | None, progress: Progress | None
 ) -> dict[tuple[int, Kind], list[Reference | None]]:
     """Return the reference of each state of each path; None where a mesh has no answer or an unstable one."""
     triples = {place: meshes(place[1], fineness) for place, fineness in finenesses.items()}
-    trials = {(n, kind): trial(n, kind, SECTION[kind], confirm=confirm) for n, kind in finenesses}
+    trials = {(n, kind): trial(n, kind, PLAN[kind]["section"], confirm=confirm) for n, kind in finenesses}
     wanted: list[tuple[str | FemModel, Trial]] = [
         (FemModel(mesh.name, mesh, trials[place].model), trials[place])
         for place, three in triples.items()
@@ -413,12 +342,8 @@ UNKNOWN = {f"{name}_{kind}_percent": math.nan for name in QUANTITIES for kind in
 def true_errors(answer: Components, truth: Reference, scales: Array, unpressed_N: float = 0.0) -> Row:
     """Return the errors of an answer against the reference of its state, with the reference's error bars, percent.
 
-    They are relative to the quantity or, for readings, to full scale; there is none where the reference is nearly 0.
-
-    Parameters
-    ----------
-    scales : full scale of each element, mT.
-    unpressed_N : force along the same shear of the unpressed beam.
+    They are relative to the quantity or, for readings, to the full `scales` of the elements, mT; there is none where
+    the reference is nearly 0. `unpressed_N` is the force along the same shear of the unpressed beam.
     """
     errors: Row = dict(UNKNOWN)
 
@@ -446,22 +371,20 @@ def judged(one: Run, found: Sequence[Row], truths: Sequence[Reference | None], c
     design, rows = one.trial.design, []
     scales = full_scales(design, truths)
     for load, answer, truth in zip(one.trial.loads, found, truths, strict=True):
-        state: Row = {"design": one.trial.number, "confirming": confirm, "kind": one.kind}
-        state |= {"model": one.model, "level": one.level, "depth_mm": load.depth, "shear_mm": load.shear_x}
-        state |= {"friction": load.friction, "status": answer["status"]}
-        message, errors, along = answer["message"], UNKNOWN, math.nan
+        status, message, errors, along = answer["status"], answer["message"], UNKNOWN, math.nan
         if one.model in CALCULATED:
-            known = math.isfinite(answer["force_N"])
-            state["status"] = "ok" if known else "refused"
-            if known:
+            status = "ok" if math.isfinite(answer["force_N"]) else "refused"
+            if status == "ok":
                 message = beam.outside(design, load, one.level) if one.model == "formula" else ""
-        if state["status"] == "ok" and truth is None:
-            state["status"], message = "no_reference", "a mesh of the reference has no stable answer"
-        elif state["status"] == "ok" and truth is not None:
+        if status == "ok" and truth is None:
+            status, message = "no_reference", "a mesh of the reference has no stable answer"
+        elif status == "ok" and truth is not None:
             values = components(design, load, answer)
             along = float(values["sideways"][0]) if "sideways" in values else math.nan
             errors = true_errors(values, truth, scales, buckling.sideways_stiffness(design) * load.shear)
-        rows.append(state | errors | {"along_N": along, "message": message})
+        state: Row = {"design": one.trial.number, "confirming": confirm, "kind": one.kind, "model": one.model}
+        state |= {"level": one.level, "depth_mm": load.depth, "shear_mm": load.shear_x, "friction": load.friction}
+        rows.append(state | {"status": status} | errors | {"along_N": along, "message": message})
     return rows
 
 
@@ -488,9 +411,8 @@ def cost(one: Run) -> tuple[float, float]:
         for _ in range(REPEATS[one.model]):
             evaluate()
         return (time.process_time() - begin) / REPEATS[one.model], 0.0
-    accuracy = asdict(LEVELS[one.level])
-    del accuracy["name"]
+    accuracy = {name: value for name, value in asdict(LEVELS[one.level]).items() if name != "name"}
     task: Row = {"task": "trace", "model": trial.model, "magnet": trial.magnet, "accuracy": accuracy}
     task |= {"loads": [asdict(load) for load in trial.loads], "design": asdict(trial.design)}
-    found = bench_programs.magtip(task)
+    found = bench.magtip(task)
     return found.get("cpu_s", math.nan), found.get("peak_MB", math.nan) - found.get("base_MB", math.nan)

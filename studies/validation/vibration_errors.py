@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -39,22 +39,17 @@ NAN = float("nan")
 FILES = ("VIBRATION_ERRORS.md", "vibration_errors.csv")
 FIGURES = ("static_error", "static_estimate", "largest_error", "difference", "holds", "sharp")
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
+RULES: tuple[VibrationQuantity, ...] = ("force", "shift", "reading", "base")
+"""Gains that are judged, the last one of free sensors only, and the rules of their estimates."""
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(NamedTuple):
     """A vibration: number of the design, kind of its state at rest, and the load there."""
 
     number: int
     kind: str
     design: Design
     load: Load
-
-    @property
-    def levels(self) -> list[Accuracy]:
-        """The levels to be judged."""
-        fine = self.number in FINE_DESIGNS and not self.load.shears_tip
-        return [level for name, level in LEVELS.items() if fine or name != "fine"]
 
 
 def cases(*, quick: bool = False) -> list[Case]:
@@ -79,7 +74,8 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     chosen, judged = cases(quick=quick), list[Row]()
     truth = replace(REFERENCE, section_size=0.06, section_patch=0.003, harmonics=3) if quick else REFERENCE
     for i, case in enumerate(chosen):
-        levels = case.levels[:1] if quick else case.levels
+        fine = case.number in FINE_DESIGNS and not case.load.shears_tip
+        levels = [QUICK] if quick else [level for name, level in LEVELS.items() if fine or name != "fine"]
         solved = {}
         for accuracy in dict.fromkeys([truth, *(one for level in levels for one in (level, coarser(level)))]):
             progress(i / len(chosen), f"design {case.number}, {case.kind}, size {accuracy.section_size:g}")
@@ -91,8 +87,7 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
 
 def solve(case: Case, accuracy: Accuracy) -> Mapping[str, Curves]:
     """Return the curves of each motion; none where the state is not reached."""
-    first = lowest_frequency(case.design)
-    band = RATIOS * first
+    band = RATIOS * lowest_frequency(case.design)
     try:
         sensor = vibrating_sensor(case.design, case.load, (band[0], band[-1]), accuracy, check=False)
     except BadInput:
@@ -115,42 +110,37 @@ def judge(
     Errors and estimates are relative, static ones those at the lowest frequency; `difference` is the median one to
     the coarser mesh, over its amplification by resonances; `holds` and `sharp` are shares of the frequencies.
     """
-    load = case.load
-    free = not load.depth
+    load, free = case.load, not case.load.depth
     scene = Scene(case.design, (load,), level, "rigid", "axisymmetric" if free else vibration_model(load))
+    rules = RULES[3:] if free else RULES[:3]
     judged = []
     place: Row = {"design": case.number, "kind": case.kind, "depth_mm": load.depth, "shear_mm": load.shear_x}
-    place["level"] = level.name
     # a mesh on which the state is not reached has no motions
-    for motion in sorted(fine.keys() | coarse.keys() | truth.keys()) or [""]:
+    for motion, rule in itertools.product(sorted(fine.keys() | coarse.keys() | truth.keys()) or [""], rules):
+        row = place | {"level": level.name, "motion": motion, "quantity": QUANTITIES[RULES.index(rule)]}
         if any(motion not in curves for curves in (fine, coarse, truth)):
-            names = QUANTITIES[3:] if free else QUANTITIES[:3]
-            judged += [place | {"motion": motion, "quantity": name} | dict.fromkeys(FIGURES, NAN) for name in names]
+            judged.append(row | dict.fromkeys(FIGURES, NAN))
             continue
-        one, other, true = fine[motion], coarse[motion], truth[motion]
-        k = one.readers[0] if one.readers else 0
-        gains: dict[str, tuple[VibrationQuantity, list[Complex]]] = {}
-        if free:
-            gains[QUANTITIES[3]] = "base", [c.along for c in (one, other, true)]
-        else:
-            gains[QUANTITIES[0]] = "force", [_known(c.force) for c in (one, other, true)]
-            gains[QUANTITIES[1]] = "shift", [c.along / _known(c.force) for c in (one, other, true)]
-            gains[QUANTITIES[2]] = "reading", [_known(c.per_N)[:, k] for c in (one, other, true)]
-        for name, (rule, (g, g_coarse, g_true)) in gains.items():
-            estimate = response_curves.errors(rule, one, other, g, g_coarse, scene)
-            error = np.abs(g - g_true) / np.abs(g_true)
-            slope = response_curves.amplification(one.frequency, g)
-            difference = np.abs(g - g_coarse) / np.maximum(np.abs(g), np.abs(g_coarse)) / slope
-            holds, sharp = estimate >= error, (estimate <= SHARP * error) | (estimate <= RESOLVED)
-            figures = (error[0], estimate[0], error.max(), np.median(difference), holds.mean(), sharp.mean())
-            row = place | {"motion": motion, "quantity": name}
-            judged.append(row | dict(zip(FIGURES, map(float, figures), strict=True)))
+        g, g_coarse, g_true = (_gain(rule, curves[motion], fine[motion]) for curves in (fine, coarse, truth))
+        estimate = response_curves.errors(rule, fine[motion], coarse[motion], g, g_coarse, scene)
+        error = np.abs(g - g_true) / np.abs(g_true)
+        slope = response_curves.amplification(fine[motion].frequency, g)
+        difference = np.abs(g - g_coarse) / np.maximum(np.abs(g), np.abs(g_coarse)) / slope
+        holds, sharp = estimate >= error, (estimate <= SHARP * error) | (estimate <= RESOLVED)
+        figures = (error[0], estimate[0], error.max(), np.median(difference), holds.mean(), sharp.mean())
+        judged.append(row | dict(zip(FIGURES, map(float, figures), strict=True)))
     return judged
 
 
-def _known(values: Any) -> Any:
-    assert values is not None
-    return values
+def _gain(rule: VibrationQuantity, curves: Curves, fine: Curves) -> Complex:
+    """Return the gain of a quantity; a reading is that of the element which the fine mesh names first."""
+    if rule == "base":
+        return curves.along
+    assert curves.force is not None
+    if rule == "reading":
+        assert curves.per_N is not None
+        return curves.per_N[:, fine.readers[0] if fine.readers else 0]
+    return curves.force if rule == "force" else curves.along / curves.force
 
 
 def summary(judged: Sequence[Row]) -> list[Row]:
@@ -162,14 +152,12 @@ def summary(judged: Sequence[Row]) -> list[Row]:
     for place in itertools.product(QUANTITIES, ("z", "x"), ("rest", "a press", "a shear")):
         row: Row = dict(zip(("quantity", "motion", "about"), place, strict=True))
         own = frame[(frame[list(row)] == list(place)).all(axis=1)]
-        if len(own):
-            for level in LEVELS:
-                errors = 100 * own.largest_error[own.level == level]
-                row[f"{level}: 95 % of errors below, %"] = (
-                    f"{errors.quantile(0.95):.2g}" if len(errors) else "not solved"
-                )
-            shares = {f"{name}, %": f"{100 * own[name].mean():.0f}" for name in ("holds", "sharp")}
-            rows.append(row | {"cases": len(own)} | shares)
+        for level in LEVELS if len(own) else ():
+            errors = 100 * own.largest_error[own.level == level]
+            told = f"{errors.quantile(0.95):.2g}" if len(errors) else "not solved"
+            row[f"{level}: 95 % of errors below, %"] = told
+        shares = {f"{name}, %": f"{100 * own[name].mean():.0f}" for name in ("holds", "sharp")}
+        rows += [row | {"cases": len(own)} | shares] if len(own) else []
     return rows
 
 
