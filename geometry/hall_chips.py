@@ -33,7 +33,8 @@ class HallChip:
     plate : height of the sensitive volume over the board, mm; it is taken as a point.
     noise : rms of one value, T, at `rate` values of three axes a second; None if unknown.
     offset : largest output in zero field, T. gain_tolerance : largest relative error of the gain. None if unknown.
-    gain_drift : of the gain with temperature, 1/K; None if unknown.
+    gain_drift : change of the gain per K, of a figure of both signs the fall, which adds to the magnet's; None if
+        unknown.
     pads : None if unknown.
     source, assumed : data sheet, and fields that were not read in it.
     """

@@ -225,8 +225,8 @@ def with_unit(name: str, unit: str) -> str:
 def heading(key: str) -> tuple[str, str]:
     """Return the name of a key, and the unit in which its values are shown.
 
-    >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("depth_mm")
-    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('depth', 'mm'))
+    >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("gain_drift_per_K"), heading("depth_mm")
+    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('gain drift', '1/K'), ('depth', 'mm'))
     """
     if key in TURNS:
         return TURNS[key], UNITS["rad"][0]
@@ -235,7 +235,8 @@ def heading(key: str) -> tuple[str, str]:
     name, _, last = key.rpartition("_")
     if name.endswith("_per"):
         above, unit = heading(name.removesuffix("_per"))
-        return above, f"{unit or last}/{last}"
+        # a motion over a length is one of the same unit
+        return above, f"{unit or ('1' if last == 'K' else last)}/{last}"
     if name and last in UNITS:
         return in_words(name), UNITS[last][0]
     return in_words(key), ""
