@@ -5,15 +5,18 @@ PLAIN := .venv/plain
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 OUT ?= out/demo
 
-.PHONY: demo test check scripts compile plain setup format clean
+.PHONY: demo test pytest check scripts compile plain setup format clean
 
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
-# numba compiles beside the checks and the tests without extras, and the tests read its files; as many processes as
-# cores, so each on one thread; one that has ended takes tests over from another
+# two at a time, in this order: numba compiles beside the tests without extras, and the other tests, which read its
+# files, begin while the checks end
 test: setup
-	$(MAKE) --no-print-directory -j2 plain compile check
+	$(MAKE) --no-print-directory -j2 plain compile check pytest
+
+# as many processes as cores, so each on one thread; one that has ended takes tests over from another
+pytest: compile
 	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal
 
 check: setup scripts
@@ -43,7 +46,7 @@ plain: $(PLAIN)/ready
 $(PLAIN)/ready: .venv/ready
 	$(PYTHON) -m venv $(PLAIN)
 	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=25'
-	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . pytest pytest-timeout
+	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e . pytest pytest-timeout
 	touch $@
 
 setup: .venv/ready

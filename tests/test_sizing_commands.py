@@ -41,12 +41,33 @@ def size(folder, needed, store, *options):
 
 
 @pytest.fixture(scope="module")
-def sizing(tmp_path_factory):
-    """The folder of a small sizing with the parts of its best variant, and what it says on standard error."""
+def contradiction(tmp_path_factory):
+    """The folder of a sizing without a variant, which held the parts of an earlier one; its status and its output."""
+    folder = tmp_path_factory.mktemp("contradiction")
+    parts = folder / "out" / "fabrication"
+    parts.mkdir(parents=True)
+    for file in (folder / "out" / "winner.toml", parts / "base.stl"):
+        atomic_files.write_text(file, "of an earlier sizing")
+    (parts / "mine.txt").write_text("mine", encoding="utf-8")
+    atomic_files.write_text(parts / "README.md", "Made with `magtip cad`")
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(conflicts, "LEAST_EFFORT", Effort(32, 4))
+        patch.setattr(conflicts, "ADVICES", 1)
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            status = commands.run(size(folder, NEEDED.replace("100 %", "3 %"), folder / "store.db", "--json"))
+    return folder / "out", status, out.getvalue(), err.getvalue()
+
+
+@pytest.fixture(scope="module")
+def sizing(contradiction, tmp_path_factory):
+    """The folder of a sizing that follows the advice, with the parts of its best variant; its standard error."""
     folder, err = tmp_path_factory.mktemp("size"), io.StringIO()
+    (advice,) = [row for row in json.loads(contradiction[2])["conflict"] if row["gives"]]
+    loose = NEEDED.replace("100 %", f"{100 * advice['to']:.6g} %")
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stderr(err):
         patch.setattr(front_yield, "CHECKED", 4)
-        assert commands.run(size(folder, NEEDED, folder / "store.db", "--export")) == 0
+        assert commands.run(size(folder, loose, contradiction[0].parent / "store.db", "--export")) == 0
     return folder / "out", err.getvalue()
 
 
@@ -86,26 +107,8 @@ def test_yield_has_all_requirements(sizing):
     assert {"force_z", "largest_strain", "no_saturation", "unique_decoding"} <= {row["requirement"] for row in rows}
 
 
-@pytest.fixture(scope="module")
-def contradiction(tmp_path_factory):
-    """The folder of a sizing without a variant, which held the parts of an earlier one; its status and its output."""
-    folder = tmp_path_factory.mktemp("contradiction")
-    parts = folder / "out" / "fabrication"
-    parts.mkdir(parents=True)
-    for file in (folder / "out" / "winner.toml", parts / "base.stl"):
-        atomic_files.write_text(file, "of an earlier sizing")
-    (parts / "mine.txt").write_text("mine", encoding="utf-8")
-    atomic_files.write_text(parts / "README.md", "Made with `magtip cad`")
-    out, err = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(conflicts, "LEAST_EFFORT", Effort(32, 4))
-        patch.setattr(conflicts, "ADVICES", 1)
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            status = commands.run(size(folder, NEEDED.replace("100 %", "3 %"), folder / "store.db", "--json"))
-    return folder / "out", status, out.getvalue(), err.getvalue()
-
-
-def test_a_contradiction_shows_the_nearest_candidate_and_advice_that_holds(contradiction, tmp_path):
+def test_a_contradiction_shows_the_nearest_candidate_and_an_advice(contradiction):
+    """That the advice holds is shown by the sizing that follows it."""
     folder, status, out, err = contradiction
     assert status == 3
     record = json.loads(out)
@@ -116,9 +119,9 @@ def test_a_contradiction_shows_the_nearest_candidate_and_advice_that_holds(contr
     assert (row["requirement"], row["unit"]) == ("largest_strain", "1")
     assert f"largest_strain rises to {100 * row['to']:.4g} %" in err
     assert not (folder / "front.csv").exists()
-    # the advice is run again
-    loose = NEEDED.replace("100 %", f"{100 * row['to']:.6g} %")
-    assert commands.run(size(tmp_path, loose, folder.parent / "store.db")) == 0
+    # parts of earlier requirements are removed
+    assert not (folder / "winner.toml").exists()
+    assert [file.name for file in (folder / "fabrication").glob("[!.]*")] == ["mine.txt"]
 
 
 def test_what_is_impossible_is_said_before_the_search(tmp_path, capsys, monkeypatch):
@@ -175,12 +178,6 @@ def test_verbs_show_the_sizes_of_the_best_variant(sizing, capsys):
     assert (sizes[0], sizes[2]) == pytest.approx((float(row["outer_size_mm"]), float(row["height_mm"])), rel=1e-5)
 
 
-def test_parts_of_earlier_requirements_are_removed(contradiction):
-    folder, *_ = contradiction
-    assert not (folder / "winner.toml").exists()
-    assert [file.name for file in (folder / "fabrication").glob("[!.]*")] == ["mine.txt"]
-
-
 def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing):
     """Smooth-Sil 940 is mixed 100A:10B by weight; a batch mixed like another silicone would never cure."""
     folder, err = sizing
@@ -203,12 +200,12 @@ def test_the_design_file_of_the_best_variant_has_the_same_recipe(sizing, tmp_pat
     (first, *_) = json.loads((folder / "sizing.json").read_text("utf-8"))["front"]
     for size in (made["assembled_size_mm"], shown["derived"]["assembled_size_mm"]):
         assert size[0] == pytest.approx(first["outer_size_mm"])
-    square = strict(run("cad", winner, "--base", "square", "--out", tmp_path / "square", "--json")[1])[0]
-    assert square["assembled_size_mm"][0] > made["assembled_size_mm"][0] + 0.1
     recipe = (tmp_path / "cad" / "README.md").read_text("utf-8")
     assert "Mix Smooth-Sil 940 100A:10B by weight" in recipe
     assert "Masses are those of Smooth-Sil 940 with 1180 kg/m³" in recipe
-    assert run("cad", winner, "--set", "silicone=Mine", "--out", tmp_path / "mine")[0] == 0
+    mine = ("--base", "square", "--set", "silicone=Mine", "--out", tmp_path / "mine")
+    (square,) = strict(run("cad", winner, *mine, "--json")[1])
+    assert square["assembled_size_mm"][0] > made["assembled_size_mm"][0] + 0.1
     assert "Mix the parts of Mine as its data sheet says" in (tmp_path / "mine" / "README.md").read_text("utf-8")
 
 

@@ -55,7 +55,7 @@ class Sweep:
         self.log.touch()
 
     def start(self, workers=WORKERS):
-        words = ["sweep", "paper", "--axis", "L=lin:10:16:8", "--axis", f"depth={','.join(map(str, DEPTHS))}"]
+        words = ["sweep", "paper", "--axis", "L=lin:10:16:6", "--axis", f"depth={','.join(map(str, DEPTHS))}"]
         words += ["--magnet", "ignored", "--accuracy", "quick", "--json", "--store", str(self.store)]
         paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
         with self.rows.open("wb") as rows:

@@ -267,16 +267,19 @@ def sentences(found: Fit) -> list[str]:
 
     un, correlation = found.sensor.unknowns, found.correlation()
     said = []
-    total = sensor_fit.force_variance(found, found.covariance, found.shift)
     count, label = connected_components(np.abs(correlation) > TOGETHER)
-    for group in (np.flatnonzero(label == k) for k in range(count)):
-        if len(group) < 2:
-            continue
+    groups = [group for k in range(count) if len(group := np.flatnonzero(label == k)) > 1]
+    directions = []
+    for group in groups:
         along, first = np.zeros(len(found.theta)), group[0]
         along[group] = found.deviation[group] * np.sign(correlation[first, group])
-        # what the variance of the force gains where all are less certain by their deviations, along each other
-        more = sensor_fit.force_variance(found, found.covariance + np.outer(along, along), found.shift)
-        effect = ": the decoded force does not depend on it" if more / total - 1 < IRRELEVANT else ""
+        directions.append(along)
+    # what the variance of the force gains where all are less certain by their deviations, along each other
+    wider = [found.covariance + np.outer(along, along) for along in directions]
+    total, *more = sensor_fit.force_variances(found, [found.covariance, *wider], found.shift)
+    for group, along, variance in zip(groups, directions, more, strict=True):
+        first = group[0]
+        effect = ": the decoded force does not depend on it" if variance / total - 1 < IRRELEVANT else ""
         same, other = ([un.names[k] for k in group if along[k] * way > 0] for way in (1, -1))
         moves = f" {'move' if same[1:] else 'moves'} against {', '.join(other)}" if other else " move together"
         said.append(f"{', '.join(same)}{moves} ({np.abs(correlation[first, group[1:]]).min():.2f}){effect}")
@@ -330,8 +333,7 @@ def advice(found: Fit) -> str:
     grid = [[0.0, 0.0, w] for w in (deep / 4, deep / 2, deep)]
     grid += [[side * x, side * y, w] for w in (deep / 2, deep) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     candidates = np.array(grid)
-    best, after = sensor_fit.next_press(found, candidates)
-    now = math.sqrt(sensor_fit.force_variance(found, found.covariance, candidates))
+    best, now, after = sensor_fit.next_press(found, candidates)
     at = found.sensor.predict(found.theta, best[None], np.zeros(1))[0, len(found.sensor.noise) :]
     x, y, z = at[:3]
     return (
@@ -475,7 +477,7 @@ def _result(
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
         learning=_curve(curve),
     )
-    factors = {name: sensor.value(found.theta, name) for name in ("modulus", "remanence")}
+    factors = {name: float(sensor.value(found.theta, name)) for name in ("modulus", "remanence")}
     calibrated = dataclasses.replace(
         design, E=design.E * factors["modulus"], remanence=design.remanence * factors["remanence"]
     )

@@ -61,6 +61,8 @@ AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
 """Standard deviations of priors: ambient field (T, as the earth's), zero (mm) and compliance (mm/N) of the stand."""
 FARTHEST = 30.0
 """Largest distance of a fixed value from its prior, in standard deviations."""
+MOST_POSES = 20_000
+"""Most shifts that are predicted at once, which takes some 20 MB."""
 MECHANICS = 0.03
 """The same of what is unknown of the mechanics beside the modulus: stiffening, and factors of lateral force and lean.
 Made sensors of another law, nu and magnet differ by some percent (`magtip validate calibration`)."""
@@ -171,51 +173,66 @@ class Sensor:
     motion_noise: float = 0.02
     temperature_C: float = 20.0
 
-    def value(self, theta: Array, name: str) -> float:
-        """Return an unknown, or what it is where the bench has none."""
+    def value(self, theta: Array, name: str) -> Array:
+        """Return an unknown of theta (..., p), or what it is where the bench has none."""
         names = self.unknowns.names
-        return float(theta[names.index(name)]) if name in names else 0.0
+        return np.asarray(theta[..., names.index(name)]) if name in names else np.zeros(theta.shape[:-1])
 
     def vector(self, theta: Array, stem: str, ends: Sequence[str]) -> Array:
-        return np.array([self.value(theta, f"{stem}_{end}") for end in ends])
+        return np.stack([self.value(theta, f"{stem}_{end}") for end in ends], axis=-1)
 
     def predict(self, theta: Array, shift: Array, warmer: Array) -> Array:
         """Return readings, forces and motions (n, k + 6) at shifts (n, 3), for dT (n,)."""
-        elements = parts.of_design(self.design)
+        return np.asarray(self.predict_all(theta[None], shift[None], warmer)[0])
+
+    def predict_all(self, theta: Array, shift: Array, warmer: Array) -> Array:
+        """Return readings, forces and motions (m, n, k + 6) of m sensors (m, p) at shifts (m, n, 3) of each."""
+        count, rows, _ = shift.shape
+        if count > 1 and count * rows > MOST_POSES:
+            each = zip(theta, shift, strict=True)
+            return np.stack([self.predict(own, at, warmer) for own, at in each])
+
+        def value(name: str) -> Array:
+            return self.value(theta, name)[:, None]
+
+        elements, flat = parts.of_design(self.design), shift.reshape(-1, 3).T
         names = parts.columns(elements)
-        force, load, _ = force_and_load(self.mechanics, shift.T, contact=False)
-        tilt = self.value(theta, "lean") * rotation(self.mechanics.tilt, shift.T).T
-        B = made_readings(self.made(theta, names), shift[None], tilt[None]).field_T[0]
-        B = B * (self.value(theta, "remanence") * (1 + self.value(theta, "remanence_per_K") * warmer))[:, None]
-        B = B + self.vector(theta, "ambient", "xyz") @ np.array([element.direction for element in elements]).T
+        force, load = (
+            each.T.reshape(shift.shape) for each in force_and_load(self.mechanics, flat, contact=False)[:2]
+        )
+        tilt = value("lean")[..., None] * rotation(self.mechanics.tilt, flat).T.reshape(count, rows, 2)
+        B = made_readings(self.made(theta, names), shift, tilt).field_T
+        B = B * (value("remanence") * (1 + value("remanence_per_K") * warmer))[..., None]
+        directions = np.array([element.direction for element in elements])
+        B = B + (self.vector(theta, "ambient", "xyz") @ directions.T)[:, None]
         gain = self.vector(theta, "gain", names) * np.array([element.gain for element in elements])
         null = self.vector(theta, "null", names) + np.array([element.null for element in elements])
-        reading = null + gain * B * (1 + self.value(theta, "gain_per_K") * warmer)[:, None]
-        share = -shift[:, 2] / self.mechanics.sink - 0.5
-        scale = self.value(theta, "modulus") * (1 + self.value(theta, "stiffening") * share)
-        sideways = self.value(theta, "sideways")
-        force = scale[:, None] * force.T * [sideways, sideways, 1.0]
-        depth = load[0] + self.value(theta, "stand_zero") + self.value(theta, "stand_compliance") * force[:, 2]
-        return np.column_stack([reading, force, depth, load[1], load[2]])
+        reading = null[:, None] + gain[:, None] * B * (1 + value("gain_per_K") * warmer)[..., None]
+        share = -shift[..., 2] / self.mechanics.sink - 0.5
+        scale, sideways = value("modulus") * (1 + value("stiffening") * share), value("sideways")
+        force = scale[..., None] * force * np.stack([sideways, sideways, np.ones_like(sideways)], axis=-1)
+        depth = load[..., 0] + value("stand_zero") + value("stand_compliance") * force[..., 2]
+        return np.concatenate([reading, force, depth[..., None], load[..., 1:]], axis=-1)
 
     def made(self, theta: Array, names: Sequence[str]) -> MadeSensors:
-        """Return the sensor with its displaced parts and its magnet; gains and nulls stay nominal."""
-        size = {
-            name: getattr(self.design, f"magnet_{name}") + self.value(theta, f"wider_{name}")
-            for name in ("diameter", "height")
-        }
+        """Return sensors (m, p) with their displaced parts and their magnets; gains and nulls stay nominal."""
+        count, design = len(theta), self.design
+        wider = self.vector(theta, "wider", ("diameter", "height"))
+        sizes = list(map(tuple, (wider + np.array([design.magnet_diameter, design.magnet_height])).tolist()))
         # only the field is that of another magnet
-        design = dataclasses.replace(self.design, magnet_diameter=size["diameter"], magnet_height=size["height"])
+        designs = {
+            size: dataclasses.replace(design, magnet_diameter=size[0], magnet_height=size[1]) for size in {*sizes}
+        }
         return MadeSensors(
-            nominal=self.design,
-            designs=(design,),
-            refusals=("",),
+            nominal=design,
+            designs=tuple(designs[size] for size in sizes),
+            refusals=("",) * count,
             fields={},
-            magnet_offset=self.vector(theta, "magnet", "xyz")[None],
-            magnet_tilt=self.vector(theta, "tilt", "xy")[None],
-            element_offset=np.array([[self.vector(theta, f"place_{name}", "xyz") for name in names]]),
-            gain_factor=np.ones((1, len(names))),
-            null_shift=np.zeros((1, len(names))),
+            magnet_offset=self.vector(theta, "magnet", "xyz"),
+            magnet_tilt=self.vector(theta, "tilt", "xy"),
+            element_offset=np.stack([self.vector(theta, f"place_{name}", "xyz") for name in names], axis=1),
+            gain_factor=np.ones((count, len(names))),
+            null_shift=np.zeros((count, len(names))),
         )
 
     def weights(self, measured: Array) -> Array:
@@ -356,19 +373,23 @@ def _total(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array
     return float(total) if np.isfinite(total) else math.inf
 
 
+def _slopes(sensor: Sensor, theta: Array, shift: Array, warmer: Array, free: Ints) -> tuple[Array, Array, Array]:
+    """Return predictions (n, m), and their slopes by the shifts (n, m, 3) and by free unknowns (n, m, f)."""
+    h, d = 1e-5 * sensor.design.D, 1e-3 * sensor.unknowns.deviation[free]
+    thetas = np.concatenate([np.tile(theta, (4, 1)), theta + d[:, None] * np.eye(len(theta))[free]])
+    shifts = np.repeat(shift[None], len(thetas), axis=0)
+    shifts[1:4] += h * np.eye(3)[:, None]
+    at, *moved = sensor.predict_all(thetas, shifts, warmer)
+    slopes = (np.array(moved) - at) / np.concatenate([np.full(3, h), d])[:, None, None]
+    slopes = np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
+    return at, slopes[..., :3], slopes[..., 3:]
+
+
 def _linearised(
     sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array
 ) -> tuple[Array, Array, Array]:
     """Return weighted residuals (n, m) and weighted slopes of the predictions by shifts (n, m, 3) and unknowns."""
-    at, un = sensor.predict(theta, shift, warmer), sensor.unknowns
-    h = 1e-5 * sensor.design.D
-    Js = np.stack([(sensor.predict(theta, shift + h * e, warmer) - at) / h for e in np.eye(3)], axis=-1)
-    slopes = []
-    for k in un.free:
-        moved, d = theta.copy(), 1e-3 * un.deviation[k]
-        moved[k] += d
-        slopes.append((sensor.predict(moved, shift, warmer) - at) / d)
-    Jt = np.stack(slopes, axis=-1) if slopes else np.zeros((*at.shape, 0))
+    at, Js, Jt = _slopes(sensor, theta, shift, warmer, sensor.unknowns.free)
     return W * (np.nan_to_num(measured) - at), W[..., None] * Js, W[..., None] * Jt
 
 
@@ -389,15 +410,13 @@ def _condensed(
 
 def _settle_shifts(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> Array:
     """Return the shifts (n, 3) that explain each row best, for given unknowns, from shifts near them."""
-    h, most = 1e-5 * sensor.design.D, LARGEST_STEP * sensor.design.D
+    most, none = LARGEST_STEP * sensor.design.D, np.zeros(0, dtype=np.int64)
     known = np.nan_to_num(measured)
     cost = np.square(W * (known - sensor.predict(theta, shift, warmer))).sum(axis=1)
     lever = np.full(len(shift), 1e-3)
     for _ in range(STEPS):
-        at = sensor.predict(theta, shift, warmer)
-        J = W[..., None] * np.stack(
-            [(sensor.predict(theta, shift + h * e, warmer) - at) / h for e in np.eye(3)], axis=-1
-        )
+        at, J, _ = _slopes(sensor, theta, shift, warmer, none)
+        J = W[..., None] * J
         A = np.einsum("nmi,nmj->nij", J, J)
         damp = lever[:, None, None] * np.einsum("nii->n", A)[:, None, None] / 3 * np.eye(3) + 1e-12 * np.eye(3)
         step = np.linalg.solve(A + damp, np.einsum("nmi,nm->ni", J, W * (known - at))[..., None])[..., 0]
@@ -436,6 +455,11 @@ LARGEST_MISFIT = 5.0
 
 def decode(found: Fit, readings: Array, warmer: Array) -> DecodedForces:
     """Decode readings (n, k), in the elements' unit, by an estimated sensor."""
+    return decode_with(found, [found.covariance], readings, warmer)[0]
+
+
+def decode_with(found: Fit, covariances: Sequence[Array], readings: Array, warmer: Array) -> list[DecodedForces]:
+    """Decode readings by a sensor whose unknowns have other covariances (p, p), which change the intervals only."""
     sensor, theta = found.sensor, found.theta
     count = readings.shape[1]
     measured = np.hstack([readings, np.full((len(readings), 6), np.nan)])
@@ -444,45 +468,41 @@ def decode(found: Fit, readings: Array, warmer: Array) -> DecodedForces:
     W = sensor.weights(measured)
     start = sensor.starts(theta, measured)
     shift = _settle_shifts(sensor, theta, start, measured, W, warmer)
-    r, Js, Jt = _linearised(sensor, theta, shift, measured, W, warmer)
-    misfit = np.sqrt(np.square(r[:, :count]).mean(axis=1))
-    F, h, un = sensor.predict(theta, shift, warmer)[:, count : count + 3], 1e-5 * sensor.design.D, sensor.unknowns
-    by_shift = np.stack(
-        [(sensor.predict(theta, shift + h * e, warmer)[:, count : count + 3] - F) / h for e in np.eye(3)], axis=-1
-    )
-    by_theta = np.stack([
-        (sensor.predict(theta + step * e, shift, warmer)[:, count : count + 3] - F) / step
-        for e, step in zip(np.eye(len(theta))[un.free], 1e-3 * un.deviation[un.free], strict=True)
-    ], axis=-1)  # fmt: skip
+    un = sensor.unknowns
+    at, by_shift, by_theta = _slopes(sensor, theta, shift, warmer, un.free)
+    misfit = np.sqrt(np.square((W * (np.nan_to_num(measured) - at))[:, :count]).mean(axis=1))
+    Js, Jt = W[..., None] * by_shift, W[..., None] * by_theta
+    F, by_shift, by_theta = (each[:, count : count + 3] for each in (at, by_shift, by_theta))
     A = np.einsum("nmi,nmj->nij", Js, Js)
     A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
     moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
     slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
-    covariance = found.covariance[np.ix_(un.free, un.free)]
-    variance = np.einsum("nfp,pq,nfq->nf", slope, covariance, slope)
-    variance += found.growth * np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
+    noise = found.growth * np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
     # errors of the polynomials at their samples
     model = np.array([sensor.mechanics.errors[1], sensor.mechanics.errors[1], sensor.mechanics.errors[2]]) / 2
     good: NDArray[np.bool_] = np.asarray(known & (misfit < LARGEST_MISFIT))
-    half = QUANTILE * np.sqrt(variance + np.square(model))
-    lost = ~good[:, None]
-    return DecodedForces(np.where(lost, np.nan, F), np.where(lost, np.nan, half), shift, misfit)
+    lost, decoded = ~good[:, None], []
+    for covariance in covariances:
+        variance = np.einsum("nfp,pq,nfq->nf", slope, covariance[np.ix_(un.free, un.free)], slope) + noise
+        half = QUANTILE * np.sqrt(variance + np.square(model))
+        decoded.append(DecodedForces(np.where(lost, np.nan, F), np.where(lost, np.nan, half), shift, misfit))
+    return decoded
 
 
-def force_variance(found: Fit, covariance: Array, shift: Array) -> float:
-    """Return the mean variance of the force that readings at shifts (n, 3) give, N^2, for a covariance."""
+def force_variances(found: Fit, covariances: Sequence[Array], shift: Array) -> list[float]:
+    """Return the mean variance of the force that readings at shifts (n, 3) give, N^2, for each covariance."""
     warmer = np.zeros(len(shift))
     readings = found.sensor.predict(found.theta, shift, warmer)[:, : len(found.sensor.noise)]
-    half = decode(dataclasses.replace(found, covariance=covariance), readings, warmer).half_width
-    return float(np.nanmean(np.square(half / QUANTILE)))
+    decoded = decode_with(found, covariances, readings, warmer)
+    return [float(np.nanmean(np.square(each.half_width / QUANTILE))) for each in decoded]
 
 
-def next_press(found: Fit, candidates: Array) -> tuple[Array, float]:
+def next_press(found: Fit, candidates: Array) -> tuple[Array, float, float]:
     """Return the shift (3,) among candidates (n, 3) whose row, with readings and force, would help most.
 
     Returns
     -------
-    shift, and the root of the mean variance of forces over the candidates after it, N.
+    shift, and the root of the mean variance of forces over the candidates, N, now and after it.
     """
     sensor, theta, un = found.sensor, found.theta, found.sensor.unknowns
     warmer = np.zeros(len(candidates))
@@ -491,13 +511,12 @@ def next_press(found: Fit, candidates: Array) -> tuple[Array, float]:
     r, Js, Jt = _linearised(sensor, theta, candidates, ideal, sensor.weights(ideal), warmer)
     now = np.linalg.inv(found.covariance[np.ix_(un.free, un.free)])
     prior = np.diag(1 / un.deviation[un.free] ** 2)
-    best, least = candidates[0], math.inf
+    covariances = [found.covariance]
     for k in range(len(candidates)):
         rows = slice(k, k + 1)
         added = _condensed(r[rows], Js[rows], Jt[rows], un, theta)[0] - prior
-        covariance = np.zeros_like(found.covariance)
-        covariance[np.ix_(un.free, un.free)] = np.linalg.inv(now + added / found.growth)
-        variance = force_variance(found, covariance, candidates)
-        if variance < least:
-            best, least = candidates[k], variance
-    return best, math.sqrt(least)
+        covariances.append(np.zeros_like(found.covariance))
+        covariances[-1][np.ix_(un.free, un.free)] = np.linalg.inv(now + added / found.growth)
+    before, *after = np.nan_to_num(force_variances(found, covariances, candidates), nan=math.inf).tolist()
+    best = int(np.argmin(after))
+    return candidates[best], math.sqrt(before), math.sqrt(after[best])
