@@ -7,8 +7,6 @@ tabulates the error of each level over the design space. Lengths in mm, E in MPa
 The paper: Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7).
 """
 
-from __future__ import annotations
-
 import math
 
 from analytic import buckling
@@ -71,31 +69,24 @@ def outside(design: Design, load: Load, level: str) -> str:
     """Reasons why a load lies outside the range for which a level was calibrated; "" if it lies inside."""
     if level == "paper":
         return ""
-    deepest = DEEPEST if level == "finite" else 0.06
-    reasons = []
-    if not design.L >= 1.1 * design.D:
-        reasons.append(f"L/D = {design.L / design.D:.3g} is below 1.1")
-    if not design.L <= 4 * design.D:
-        reasons.append(f"L/D = {design.L / design.D:.3g} is above 4")
-    if not design.nu >= 0.49:
-        reasons.append(f"nu = {design.nu:g} is below 0.49")
-    if design.law != "neo-hookean":
-        reasons.append(f"the formulas use E and nu only, not the law {design.law}")
-    if level in ("column", "tip") and design.shape.has_magnet:
-        reasons.append("the level treats the magnet as silicone")
-    if TERMS[level].magnet and design.shape.has_magnet:
-        if not (design.magnet_diameter <= 0.7 * design.D and design.magnet_height <= 0.5 * design.D):
-            reasons.append("the magnet is wider than 0.7 D or higher than 0.5 D")
-        if not design.H - design.magnet_height / 2 >= 0.35 * design.D:
-            reasons.append("less than 0.35 D of silicone lies below the magnet")
-    if not load.depth <= deepest * design.D:
-        reasons.append(f"depth is above {deepest:g} D = {deepest * design.D:.3g} mm")
-    size = load.shear if load.tip_is_held else 0.0
-    farthest = FARTHEST if level == "finite" else 0.05
-    if not size <= farthest * design.D:
-        reasons.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
-    if load.grip is not None and not load.grip <= design.D / 16:
-        reasons.append(f"grip is above D/16 = {design.D / 16:.3g} mm")
+    D, has_magnet = design.D, design.shape.has_magnet
+    shear, rigid = load.shear if load.tip_is_held else 0.0, TERMS[level].magnet and has_magnet
+    deepest, farthest = (DEEPEST, FARTHEST) if level == "finite" else (0.06, 0.05)
+    within = {
+        f"L/D = {design.L / D:.3g} is below 1.1": design.L >= 1.1 * D,
+        f"L/D = {design.L / D:.3g} is above 4": design.L <= 4 * D,
+        f"nu = {design.nu:g} is below 0.49": design.nu >= 0.49,
+        f"the formulas use E and nu only, not the law {design.law}": design.law == "neo-hookean",
+        "the level treats the magnet as silicone": TERMS[level].magnet or not has_magnet,
+        "the magnet is wider than 0.7 D or higher than 0.5 D": not rigid
+        or (design.magnet_diameter <= 0.7 * D and design.magnet_height <= 0.5 * D),
+        "less than 0.35 D of silicone lies below the magnet": not rigid
+        or design.H - design.magnet_height / 2 >= 0.35 * D,
+        f"depth is above {deepest:g} D = {deepest * D:.3g} mm": load.depth <= deepest * D,
+        f"shear is above {farthest:g} D = {farthest * D:.3g} mm": shear <= farthest * D,
+        f"grip is above D/16 = {D / 16:.3g} mm": load.grip is None or load.grip <= D / 16,
+    }
+    reasons = [reason for reason, holds in within.items() if not holds]
     limits = [f"outside the range of level {level}: {', '.join(reasons)}"] if reasons else []
     return "; ".join([*limits, *_buckling_remarks(design, load, level)])
 

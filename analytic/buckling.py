@@ -12,8 +12,6 @@ Units mm, MPa, N. The column has no magnet, does not shorten and has a uniform s
 diameters, and inaccurate for short beams, whose contact area restrains the tip.
 """
 
-from __future__ import annotations
-
 import math
 
 from analytic.press_terms import effective_modulus

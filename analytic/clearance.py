@@ -7,8 +7,6 @@ r^2 = (D/2)^2 [1 + 6 t (1 - t) (H/(H + shift_z) - 1)], t from 0 to 1. The beam c
 base, z < 0, but cannot touch it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -17,10 +15,8 @@ from numpy.typing import ArrayLike
 
 from analytic.hall import in_magnet_frame
 from analytic.parts import Element, of_design
-from geometry.arrays import Array
+from geometry.arrays import Array, Vector
 from geometry.design import Design
-
-Vector = tuple[float, float, float]
 
 
 def magnet_gaps(design: Design, point: Vector, shifts: Array, tilts: Array) -> Array:

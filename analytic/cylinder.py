@@ -31,8 +31,6 @@ Plain Python runs these functions for few points, and numba compiles them for ma
 +, -, *, / and square roots only, so that both have the same digits.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache, lru_cache
 from types import FunctionType, SimpleNamespace

@@ -15,8 +15,6 @@ Limits: errors small against the curvature of r and f; one pose for the readings
 ones); no error of the model itself. At first touch, J and K both vanish along the depth: take a small depth instead.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

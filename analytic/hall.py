@@ -7,8 +7,6 @@ The field is that of a sharp-edged cylinder magnet in air. It ignores the edge r
 permeability, of which a value of 1.05 weakens the field by 1.7 % everywhere outside.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence
@@ -21,13 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from analytic.magnet import cylinder_field, dipole_field, paper_field
 from analytic.parts import AXES, Element, common_values, of_design
-from geometry.arrays import Array
+from geometry.arrays import Array, Vector
 from geometry.design import BadInput, Design
 from geometry.loads import Response
 
 __all__ = ["Readings", "elements", "field_at", "readings"]
 
-Vector = tuple[float, float, float]
 Mode = Literal["component", "magnitude"]
 Field = Literal["exact", "paper", "paper-printed", "dipole"]
 FLIP = np.array([1.0, -1.0, -1.0])

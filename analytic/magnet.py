@@ -4,15 +4,11 @@ Lengths in mm (the field depends on their ratios only, so any one unit works), J
 polarisation. The cylinder has sharp edges; an edge radius is ignored. Points and fields are in the magnet's frame:
 origin at its centre, z along the magnetisation.
 
-The exact field has one implementation, `analytic.cylinder`. Plain Python runs it for few points in a call, numba
-compiles it for more; both have the same digits. Once a process has the compiled functions, it takes them for all
-calls. Calls with 40 000 points or more use all cores (`geometry.compiled.threads`).
+The exact field has one implementation, `analytic.cylinder`.
 
 Sources: Derby & Olbert, Am. J. Phys. 78 (2010) 229; Bulirsch, Numer. Math. 13 (1969) 305; Chathuranga et al.,
 IEEE Sensors Journal 2016, equations (1) to (3).
 """
-
-from __future__ import annotations
 
 import math
 
@@ -25,8 +21,6 @@ from geometry.cad import magnet_volume
 from geometry.design import BadInput, Design
 
 __all__ = ["cylinder_field", "dipole_field", "paper_field"]
-
-Pair = tuple[Array, Array]
 
 MU_0 = 4e-7 * math.pi
 """Vacuum permeability, T m/A."""
@@ -94,7 +88,7 @@ def paper_field(
     n_R: int = 16,
     *,
     printed: bool = False,
-) -> Pair:
+) -> tuple[Array, Array]:
     """Return B by the paper's equation (3), a quadrature over the two charged end faces, outside the magnet.
 
     With dp^2 = R^2 + rho^2 - 2 R rho cos(alpha) + (h/2 - Z)^2, and dm^2 the same with (h/2 + Z):

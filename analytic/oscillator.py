@@ -13,8 +13,6 @@ with k the slow stiffness and g = G*(omega) / G(infinity) the complex modulus ov
 A rod clamped at its base counts with a third of its mass (Rayleigh).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -10,8 +10,6 @@ data sheet: check them before you rely on them.
 | 3-axis chips | in `geometry/hall_chips.toml`, each with its source | there | there, as `assumed` |
 """  # noqa: E501
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -19,13 +17,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from analytic import reading_noise
+from geometry.arrays import Vector
 from geometry.cad import element_positions
 from geometry.design import BadInput, Design
 from geometry.hall_chips import CHIPS
 
 __all__ = ["CHIPS", "Element", "of_design"]
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

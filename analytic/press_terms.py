@@ -25,8 +25,6 @@ magnets) and 1.4 (force at D/4). All others are quoted or derived. `magtip valid
 other designs. Without a magnet, level magnet equals level tip. Units mm, N, MPa.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

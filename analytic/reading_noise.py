@@ -27,8 +27,6 @@ not dither, and no averaging reduces it; its value depends on the time since the
 offset, the converter's nonlinearity and the rails are not included.
 """
 
-from __future__ import annotations
-
 import math
 
 

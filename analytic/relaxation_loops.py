@@ -27,8 +27,6 @@ sin(delta), full scale |G*| and the area pi/4 G'' of its ellipse (G* = G' + i G'
 fast and slow strokes without rests have no gap; after long rests fast strokes have the gap sum g_i.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -29,8 +29,6 @@ ladder` tabulates the errors on other designs. Level finite is worst for a light
 up to a half. Units mm, N, MPa, rad.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass, replace

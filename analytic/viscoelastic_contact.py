@@ -24,8 +24,6 @@ closed form
 D is Dawson's function.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The errors that a user can meet, words of remedies, and the ranges of input fields."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence

@@ -1,11 +1,8 @@
 """The rigid base: a square or round plate with seats for the Hall elements, holes for screws, and a recess.
 
-The base plane z = 0 is the glued underside of the beam. Without a recess it is the top of the plate. With one, the
-plate is as much thicker as the recess is deep, and the floor of the recess is the base plane: the distances l0 and c
-from the magnet to the elements do not depend on the recess.
-
-`geometry.fabrication.hall_elements` places the elements. The base is printed with its underside down. All lengths are
-in mm, in the sensor's frame.
+The base plane z = 0 is the glued underside of the beam: the top of the plate, or the floor of its recess, so that l0
+and c do not depend on the recess. The base is printed with its underside down. All lengths are in mm, in the sensor's
+frame.
 """
 
 from __future__ import annotations
@@ -16,11 +13,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from geometry.arrays import Vector
 from geometry.bad_input import check_ranges, nearest, quantity
 from geometry.cad import beam, cut, overlap, turned
 from geometry.design import BadInput, Design
 from geometry.fabrication import engraved_marks, hall_elements
-from geometry.fabrication.hall_elements import SS495A, WEB, Block, Seats, Vector, heights, places
+from geometry.fabrication.hall_elements import CLOSE, SS495A, WEB, Block, Seats, heights, places
 from geometry.fabrication.printability import PROCESSES, Check, at_least, at_most
 
 if TYPE_CHECKING:
@@ -120,7 +118,11 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     fit = PROCESSES[process].fit / 2 if base.seat_fit is None else base.seat_fit
     where = places(design)
     if design.hall_layout == "three":
-        thickness = _thickness(base, hall_elements.least_thickness(where))
+        part, (_, _, z1), (_, _, z23) = SS495A, where["S1"], where["S2"]
+        least = max(part.thickness - part.depth - z1, part.height / 2 - z23 + WEB)
+        thickness = max(3.0, least) if base.thickness is None else base.thickness
+        if not thickness >= least - CLOSE:
+            raise BadInput(f"thickness must be at least {least:.3g} mm for the elements' seats; got {thickness:g} mm")
         seats = hall_elements.three_elements(design, where, fit, base.seat_wall, thickness)
     else:
         # the chip stands on the board under the base, so the height of its Hall plates fixes the thickness
@@ -135,7 +137,8 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     recess = (0.4 if base.is_round else 0.0) if base.recess is None else base.recess
     recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)
     screw = (0.0 if base.is_round else 2.2) if base.screw is None else base.screw
-    half, screw_at = _outline(design, base, seats, recess_radius if recess else design.R, screw)
+    foot = recess_radius if recess else design.R
+    half, screw_at = _outline(design, base, seats, foot, screw)
     if "S1" in seats.passages:
         # only now is the edge known to which the channel for the leads of S1 runs
         channel = seats.passages["S1"]
@@ -146,7 +149,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         )
     marks: tuple[Block, ...] = ()
     if base.marks:
-        corner, foot = (screw_at - screw / 2, screw_at - screw / 2, 0.0), recess_radius if recess else design.R
+        corner = screw_at - screw / 2, screw_at - screw / 2, 0.0
         screws = [Block(corner, (screw, screw, 0.0))] if screw else []
         hollows = [block for group in (seats.bodies, seats.passages, seats.posts) for block in group.values()]
         marks = engraved_marks.base_marks(
@@ -203,8 +206,11 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
     seat = seats.bodies.get("S2")
     if seat is None:
         return ()
-    opening = hall_elements.opening(seat)
-    openings = [] if opening is None else [opening]
+    gap, openings = hall_elements.neck(seat), []
+    if gap < WEB - CLOSE:
+        # a thinner wall could not be printed; the hollow overlaps both seats, so that no edge touches an edge
+        start, side = seat.corner[0] - gap - WEB / 4, gap + WEB / 2
+        openings.append(Block((start, start, seat.corner[2]), (side, side, seat.sides[2])))
     near, top = seat.corner[0], seat.corner[2] + seat.sides[2]
     if recess and recess_radius > near - WEB and near > 0 and top > 0:
         # in front of S2 and S3 the recess opens into their slots, as wide as the wall between would be too thin
@@ -245,14 +251,6 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
         corners = [(x, y, -p.thickness) for x in (-p.screw_at, p.screw_at) for y in (-p.screw_at, p.screw_at)]
         tools += [bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane(corner)) for corner in corners]
     return cut(plate, *tools)
-
-
-def _thickness(base: Base, least: float) -> float:
-    """Return the chosen or the default thickness of the plate; `least` is what the elements need."""
-    thickness = max(3.0, least) if base.thickness is None else base.thickness
-    if not thickness >= least - 1e-9:
-        raise BadInput(f"thickness must be at least {least:.3g} mm for the elements' seats; got {thickness:g} mm")
-    return thickness
 
 
 def warnings(design: Design) -> list[str]:

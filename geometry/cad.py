@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geometry.arrays import Point, Vector
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, Shape
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 Corner = tuple[float, float, float]
 """A corner of a profile: distance from the axis, height, fillet radius; all mm."""
-
-Point = tuple[float, float]
 
 
 def rounded(profile: Sequence[Corner]) -> list[tuple[Point, Point, Point | None]]:
@@ -113,7 +112,7 @@ def cut(body: Solid, *tools: Solid) -> Solid:
     return solids[0]
 
 
-def moved(solid: Solid, place: tuple[float, float, float]) -> Solid:
+def moved(solid: Solid, place: Vector) -> Solid:
     """Return the solid translated by a vector, mm. Both solids share their faces and the triangles of these faces."""
     import build123d as bd
 
@@ -145,7 +144,7 @@ def distance(first: BoundBox, second: BoundBox) -> float:
     return float(np.linalg.norm(np.maximum(np.maximum(*past), 0.0)))
 
 
-def element_positions(design: Design) -> tuple[Corner, Corner, Corner]:
+def element_positions(design: Design) -> tuple[Vector, Vector, Vector]:
     """Return the centres of the Hall plates of S1, S2 and S3, or three times that of a chip, mm."""
     s1 = design.H - design.l0
     if design.hall_layout != "three":

@@ -8,8 +8,6 @@ has changed in another file: it would then run machine code of two versions. So 
 digest of all sources that are compiled.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import os

@@ -1,20 +1,15 @@
 """The design of the sensor: one frozen `Design` with a scalar field for each property, checked on creation.
 
-All of magtip uses mm, N, MPa, T, V, rad and s. The origin of the sensor's frame is the centre of the clamped base
-disc, and z runs along the beam. The tip is at z = L. The magnet's centre is the centre of the hemisphere, at
-z = H = L - D/2. The magnet's north pole points down (Chathuranga et al. 2016, section II.B), so the magnetisation
-points along -z; `magnet_north` "up" turns it over. Hall element S1 lies on the axis at z = H - l0. S2 lies at x = f
-and S3 at y = f, both at z = H - l0 + c. A 3-axis chip lies at x = chip_x, z = H - l0.
+Units and the sensor's frame are in README.md of this package. The magnet's north pole points down (Chathuranga et al.
+2016, section II.B), so the magnetisation points along -z.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any
+from typing import Any, Self
 
 from geometry.bad_input import BadInput as BadInput
 from geometry.bad_input import in_range, nearest, no_effect, quantity
@@ -125,13 +120,13 @@ class Shape:
         # the point of the magnet closest to the dome lies on the fillet, whose centre is (a - rho, b - rho) from H
         return min(self.R - math.hypot(a - rho, b - rho) - rho, self.R - a, self.H - b)
 
-    def scaled(self, factor: float) -> Shape:
+    def scaled(self, factor: float) -> Self:
         """Return the similar shape with every length multiplied by `factor`."""
-        return Shape(*(factor * value for value in dataclasses.astuple(self)))
+        return type(self)(*(factor * value for value in dataclasses.astuple(self)))
 
-    def without_magnet(self) -> Shape:
+    def without_magnet(self) -> Self:
         """Return the beam of the same D and L, all of silicone."""
-        return Shape(self.D, self.L, 0.0, 0.0, 0.0)
+        return type(self)(self.D, self.L, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,16 +1,12 @@
 """The label of a file: the fields of `Design` on which its content depends, and a digest of them.
 
-A solved state depends on the fields that enter the mechanics. A table of readings also depends on the magnet and on
-the Hall elements. A mesh depends on lengths alone. A label omits all other fields, so these may differ between the
-file and the design: f and the electrical fields of the Hall elements for a state, E and the law for a mesh. The keys
-carry units, as everywhere in files.
+A label omits all other fields, so these may differ between the file and the design: f and the electrical fields of
+the Hall elements for a state, E and the law for a mesh. The keys carry units, as everywhere in files.
 
 A file stores the fields under `made_for` and their digest under `digest`. A digest that does not match the fields
 shows that they were edited after the file was written. A field that `Design` got later stands in a label only if it
 differs from its default, so that older files keep their labels.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import hashlib

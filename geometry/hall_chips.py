@@ -1,7 +1,5 @@
 """3-axis Hall chips: the figures of `hall_chips.toml`, and those of a chip of one's own, which a design states."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path

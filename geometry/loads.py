@@ -3,14 +3,12 @@
 Formulas and finite elements both take a `Load` and return a `Response`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, get_args
 
 from geometry.design import BadInput, Design
 
@@ -70,10 +68,8 @@ class Load:
         for name in ("shear_x", "shear_y"):
             if not math.isfinite(getattr(self, name)):
                 raise BadInput(f"shear must be a finite number of mm; got {getattr(self, name):g}")
-        if isinstance(self.friction, str):
-            if self.friction not in ("none", "stick"):
-                raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r}")
-        elif not (_is_number(self.friction) and 0 <= self.friction < math.inf):
+        is_word = isinstance(self.friction, str) and self.friction in ("none", "stick")
+        if not (is_word or (_is_number(self.friction) and 0 <= float(self.friction) < math.inf)):
             raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r:.60}")
         if not abs(self.plate_tilt) <= STEEPEST:
             bound, got = math.degrees(STEEPEST), math.degrees(self.plate_tilt)
@@ -203,7 +199,7 @@ class Response:
         return rotation_of(self.tilt, self.tilt_y)
 
     @classmethod
-    def restored(cls, values: Mapping[str, Any]) -> Response:
+    def restored(cls, values: Mapping[str, Any]) -> Self:
         """Return the response whose fields were written as JSON, which has lists only.
 
         >>> Response.restored({"force": [0.0, 0.0, 2.0], "shift": [0.0, 0.0, -1.0], "tilt": 0.1, "contact_radius": 3})
@@ -214,7 +210,7 @@ class Response:
         }
         return cls(**fields)
 
-    def scaled(self, length: float, force: float) -> Response:
+    def scaled(self, length: float, force: float) -> Self:
         """Return the response of a similar sensor: lengths and forces are multiplied, angles stay.
 
         `scaled(D, E * D**2)` gives units to a response whose lengths are relative to D and whose forces are relative

@@ -11,8 +11,6 @@ ring for elements that are graded towards it. Those on the surfaces are then mov
 exact.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Literal

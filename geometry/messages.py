@@ -1,7 +1,5 @@
 """Progress of long computations, and the start of a warning."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 Progress = Callable[[float, str], None]

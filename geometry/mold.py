@@ -11,8 +11,7 @@ second pour covers it up to B's rim. A mould of several cavities has columns x r
 Shrinkage of the silicone enlarges cavity and pin by 1/(1 - shrink), but not the fit of A on B.
 """
 
-from __future__ import annotations
-
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -206,9 +205,7 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     dowel = _dowel(mold, free + floor)
     # half the fit of the process around a pin, as around an element in its seat
     hole = dowel + process.fit
-    places = [
-        (i - (mold.columns - 1) / 2, j - (mold.rows - 1) / 2) for i in range(mold.columns) for j in range(mold.rows)
-    ]
+    x, y = ([pitch * (k - (count - 1) / 2) for k in range(count)] for count in (mold.columns, mold.rows))
     return Sizes(
         R=R,
         L=L,
@@ -233,7 +230,7 @@ def sizes(design: Design, mold: Mold) -> Sizes:
         ears=_ears(pitch * (mold.columns - 1) / 2, outer, inner + wall, -free - floor, -skirt - mold.pry_gap, hole)
         if mold.split
         else None,
-        centres=tuple((pitch * i, pitch * j) for i, j in places),
+        centres=tuple(itertools.product(x, y)),
     )
 
 

@@ -17,8 +17,6 @@ follow from G'' - tan(delta) G' = 0 over the band, which is linear in h_i = g_i 
 least squares, of which every solution has sum g_i = sum h_i / (1 + sum h_i) < 1.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math
@@ -318,11 +316,7 @@ def _outside(values: Iterable[float], low: float, high: float) -> str:
 
 
 def _three(value: float) -> str:
-    """Return a number with three digits, without a power of ten where it is not very small or large.
-
-    >>> _three(1000.0), _three(1.5915)
-    ('1000', '1.59')
-    """
+    """Return a number with three digits, 1000 rather than 1e+03."""
     return f"{float(f'{value:.3g}'):g}"
 
 

@@ -1,16 +1,13 @@
 """A DXF drawing of the base and of the elements' pads, for a board that is glued under the base.
 
-The drawing is in DXF R2010, in mm, seen from above (x to the right, y upwards), with the origin on the beam's axis. Its
-layers are OUTLINE (edge of the base, screw holes), BEAM (edge of the beam), HALL (bodies of the elements, a circle
+The drawing is in DXF R2010, in mm, seen from above (x to the right, y upwards), with the origin on the beam's axis.
+Its layers are OUTLINE (edge of the base, screw holes), BEAM (edge of the beam), HALL (bodies of elements, a circle
 round each Hall plate), PADS (pads and drilled holes), AXES and TEXT.
 
-| part | pads | source | unchecked |
-|---|---|---|---|
-| SS495A | three holes 1.27 mm apart | Honeywell SS490 chart: leads 0.050 in apart, 0.015 in thick | drill and pad; place of S1's bend |
-| 3-axis chips | `pads` of `geometry/hall_chips.toml`; none where they are unknown | named there | named there |
-
-Unchecked dimensions are common values: compare them with the data sheet before you order a board.
-"""  # noqa: E501
+An SS495A has three holes 1.27 mm apart (Honeywell SS490 chart: leads 0.050 in apart, 0.015 in thick). Drill, pad and
+the place of S1's bend are common values: compare them with the data sheet before you order. The pads of 3-axis
+chips, and what of them is unchecked, are in `geometry/hall_chips.toml`.
+"""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from geometry.arrays import Point
 from geometry.fabrication.hall_elements import WEB, Block, swapped
 
 if TYPE_CHECKING:
@@ -20,19 +21,13 @@ if TYPE_CHECKING:
     from geometry.design import Design
     from geometry.mold import Mold, Sizes
 
-Point = tuple[float, float]
-
-OUTLINES = {
+LETTERS = {
     "A": "0,0 0.33,1 0.66,0; 0.13,0.35 0.53,0.35",
     "B": "0,0 0,1 0.4,1 0.6,0.76 0.4,0.52 0,0.52; 0.4,0.52 0.66,0.26 0.4,0 0,0",
     "N": "0,0 0,1 0.66,0 0.66,1",
     "S": "0.66,0.85 0.5,1 0.16,1 0,0.76 0.16,0.52 0.5,0.48 0.66,0.24 0.5,0 0.16,0 0,0.15",
 }
-LETTERS = {
-    letter: [[tuple(map(float, point.split(","))) for point in line.split()] for line in lines.split(";")]
-    for letter, lines in OUTLINES.items()
-}
-"""Strokes of each letter as lines through points x,y; the height is 1 and the width 0.66."""
+"""Strokes of each letter as lines through points x,y, parted by semicolons; the height is 1 and the width 0.66."""
 
 DEPTH = 0.4
 """Depth of the letters, mm: two common layers of filament printing."""
@@ -54,8 +49,9 @@ def strokes(letter: str, centre: Point, height: float, width: float, top: float)
     size = height - width
     corner = centre[0] - 0.66 * size / 2, centre[1] - size / 2
     solids = []
-    for line in LETTERS[letter]:
-        points = [(corner[0] + size * x, corner[1] + size * y) for x, y in line]
+    for line in LETTERS[letter].split(";"):
+        on_unit = (map(float, point.split(",")) for point in line.split())
+        points = [(corner[0] + size * x, corner[1] + size * y) for x, y in on_unit]
         for (x, y), (u, v) in itertools.pairwise(points):
             along = math.hypot(u - x, v - y)
             middle = bd.Plane(((x + u) / 2, (y + v) / 2, top - DEPTH / 2), x_dir=(u - x, v - y, 0))

@@ -24,13 +24,12 @@ import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from geometry.arrays import Vector
 from geometry.cad import element_positions, moved
 from geometry.design import BadInput, Design
 
 if TYPE_CHECKING:
     from build123d import Solid
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +49,6 @@ class Leaded:
     depth: float
     pitch: float
     lead: float
-
-    @property
-    def leads(self) -> float:
-        """Overall width of the three leads."""
-        return 2 * self.pitch + self.lead
 
 
 SS495A = Leaded(width=4.06, height=3.0, thickness=1.57, depth=0.5, pitch=1.27, lead=0.41)
@@ -84,10 +78,8 @@ class Block:
     def meets(self, second: Block, gap: float) -> bool:
         """Return True if two boxes are closer than `gap` along all three axes."""
         return all(
-            start < other_start + other_side + gap and other_start < start + side + gap
-            for start, side, other_start, other_side in zip(
-                self.corner, self.sides, second.corner, second.sides, strict=True
-            )
+            start < low + length + gap and low < start + side + gap
+            for start, side, low, length in zip(self.corner, self.sides, second.corner, second.sides, strict=True)
         )
 
 
@@ -161,12 +153,6 @@ class Seats:
     posts: dict[str, Block]
 
 
-def least_thickness(where: dict[str, Vector]) -> float:
-    """Return the least thickness of the plate that holds three one-axis elements, mm."""
-    p = SS495A
-    return max(p.thickness - p.depth - where["S1"][2], p.height / 2 - where["S2"][2] + WEB)
-
-
 def three_elements(design: Design, where: dict[str, Vector], fit: float, wall: float, thickness: float) -> Seats:
     """Return the seats of three one-axis elements.
 
@@ -192,7 +178,7 @@ def three_elements(design: Design, where: dict[str, Vector], fit: float, wall: f
     # S1 lies flat with its marked face up, so its height runs along x and its leads point to -x
     bodies = {"S1": Block((-p.height / 2 - fit, -half, -thickness), (p.height + 2 * fit, 2 * half, roof + thickness))}
     lead_roof = z1 + p.depth - (p.thickness - p.lead) / 2 + fit
-    aside = p.leads / 2 + fit
+    aside = p.pitch + p.lead / 2 + fit
     passages = {"S1": Block((0.0, -aside, -thickness), (0.0, 2 * aside, lead_roof + thickness))}
     # S2 stands upright, its marked face `depth` in front of its Hall plate, which is at x = f
     near, far = design.f - p.depth - fit, design.f - p.depth + p.thickness + fit
@@ -234,27 +220,14 @@ def _refuse_meeting(design: Design, bodies: dict[str, Block], passage: Block) ->
             f"got {design.f:g} mm"
         )
     # the hollows may open into each other at their corners, but the bodies need the whole of their hollows
-    if not neck(beside) >= -CLOSE:
-        raise BadInput(f"f must be at least {design.f - neck(beside):.4g} mm, or S2 and S3 meet; got {design.f:g} mm")
+    gap = neck(beside)
+    if not gap >= -CLOSE:
+        raise BadInput(f"f must be at least {design.f - gap:.4g} mm, or S2 and S3 meet; got {design.f:g} mm")
 
 
 def neck(seat: Block) -> float:
     """Return the distance along x, which is also that along y, between the hollow of S2 and that of S3, mm."""
     return seat.corner[0] - (seat.corner[1] + seat.sides[1])
-
-
-def opening(seat: Block) -> Block | None:
-    """Return the hollow that joins the seats of S2 and S3 at their corners; None if a wall of `WEB` parts them.
-
-    A thinner wall could not be printed. The hollow overlaps both seats, so that no edge touches an edge.
-
-    seat : hollow for the body of S2.
-    """
-    gap = neck(seat)
-    if gap >= WEB - CLOSE:
-        return None
-    start = seat.corner[0] - gap - WEB / 4
-    return Block((start, start, seat.corner[2]), (gap + WEB / 2, gap + WEB / 2, seat.sides[2]))
 
 
 def swapped(block: Block) -> Block:

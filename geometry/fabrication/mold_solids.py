@@ -18,6 +18,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from geometry.arrays import Vector
 from geometry.cad import common, cut, distance, intersection, magnet, moved, overlap, turned
 from geometry.design import LEAST_WALL, Design
 from geometry.fabrication import engraved_marks
@@ -40,7 +41,6 @@ CLOSE = 1e-6
 """Accuracy of bounding boxes and distances, mm; also the fraction of a face's extent that is skipped at both ends."""
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]
-Direction = tuple[float, float, float]
 
 
 def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid, Solid]:
@@ -161,7 +161,11 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     # a block that ends inside the walls and the floor: without A and B the cast remains, plus the volume of any hole
     # in a wall
     outline = slab(s, s.R + s.wall / 2, -s.L - s.floor / 2, 0.0)
-    casts = outline.cut(B, A, *_plugs(s, mold)).solids()
+    cavity = turned(s.cavity)
+    forms = [moved(cavity, (*centre, 0.0)) for centre in s.centres]
+    # plugs fill the vents at the tips up to the surfaces of the cavities
+    plugs = [cut(hole, form) for hole, form in zip(tip_vents(s, mold), forms, strict=False)]
+    casts = outline.cut(B, A, *plugs).solids()
     cast = max(casts, key=lambda piece: float(piece.volume))
     nominal = pours(design, mold)[0]
     error = sum(float(piece.volume) for piece in casts) / nominal / len(s.centres) - 1
@@ -264,17 +268,10 @@ def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
     return results
 
 
-def _plugs(s: Sizes, mold: Mold) -> list[Solid]:
-    """Return plugs that fill the vents at the tips up to the surfaces of the cavities."""
-    cavity = turned(s.cavity)
-    forms = [moved(cavity, (*centre, 0.0)) for centre in s.centres]
-    return [cut(hole, form) for hole, form in zip(tip_vents(s, mold), forms, strict=False)]
-
-
 # Parting
 
 
-def largest_overlap(moving: Solid, still: Solid, travel: float, direction: Direction, start: float = 0.0) -> float:
+def largest_overlap(moving: Solid, still: Solid, travel: float, direction: Vector, start: float = 0.0) -> float:
     """Return the largest volume that two solids share while one of them moves, mm³.
 
     Parameters
@@ -291,7 +288,7 @@ def largest_overlap(moving: Solid, still: Solid, travel: float, direction: Direc
     return max(overlap(moved(moving, (t * x, t * y, t * z)), still) for t in sorted(shifts) if t <= travel)
 
 
-def _contacts(moving: Solid, still: Solid, direction: Direction) -> set[float]:
+def _contacts(moving: Solid, still: Solid, direction: Vector) -> set[float]:
     """Return the travels, mm, at which two faces may begin to meet; none if the boxes exclude every collision."""
     axis = max(range(3), key=lambda k: abs(direction[k]))
     ahead = [_box(face) for face in moving.faces() if _may_face(face, axis, direction[axis])]

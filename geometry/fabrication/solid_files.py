@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 import math
-import os
 import tempfile
 import zipfile
 from collections.abc import Mapping
@@ -29,8 +28,6 @@ TOLERANCE = 0.004
 
 ANGLE = 0.3
 """Largest angle between neighbouring facets in the first triangulation, rad."""
-
-FORMATS = ("step", "stl", "3mf")
 
 PACKAGE = {
     "content_types.xml": "[Content_Types].xml",
@@ -112,9 +109,6 @@ def export(
 ) -> list[dict[str, Any]]:
     """Write NAME.step, NAME.stl and NAME.3mf of every part into an existing folder; lengths in mm.
 
-    All files are first written to a temporary folder inside `folder`, and moved when all are complete. A failure
-    while they are written leaves no incomplete file.
-
     Parameters
     ----------
     parts : solids by name, each with its `facets`.
@@ -130,23 +124,19 @@ def export(
     OSError
         The folder does not exist or cannot be written.
     """
-    with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
-        written = []
-        for name, (solid, mesh) in parts.items():
-            contents = {
-                "step": step(named(solid, name, (colours or {}).get(name, ""))),
-                "stl": mesh.export(file_type="stl"),
-                "3mf": _packed(name, mesh),
-            }
-            for suffix, content in contents.items():
-                Path(temporary, f"{name}.{suffix}").write_bytes(content)
-            exact, enclosed = float(solid.volume), float(mesh.volume)
-            record = {"name": name, "file": f"{name}.stl", "volume_mm3": exact}
-            record |= {"stl_volume_mm3": enclosed, "relative_error": enclosed / exact - 1}
-            written.append(record | {"watertight": bool(mesh.is_volume), "triangles": len(mesh.faces)})
-        for name in parts:
-            for suffix in FORMATS:
-                os.replace(Path(temporary) / f"{name}.{suffix}", Path(folder) / f"{name}.{suffix}")
+    written = []
+    for name, (solid, mesh) in parts.items():
+        contents = {
+            "step": step(named(solid, name, (colours or {}).get(name, ""))),
+            "stl": mesh.export(file_type="stl"),
+            "3mf": _packed(name, mesh),
+        }
+        for suffix, content in contents.items():
+            Path(folder, f"{name}.{suffix}").write_bytes(content)
+        exact, enclosed = float(solid.volume), float(mesh.volume)
+        record = {"name": name, "file": f"{name}.stl", "volume_mm3": exact}
+        record |= {"stl_volume_mm3": enclosed, "relative_error": enclosed / exact - 1}
+        written.append(record | {"watertight": bool(mesh.is_volume), "triangles": len(mesh.faces)})
     return written
 
 

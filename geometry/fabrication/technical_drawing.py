@@ -16,12 +16,12 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any, Literal
 
+from geometry.arrays import Point
 from geometry.cad import intersection
 
 if TYPE_CHECKING:
     from build123d import Solid
 
-Point = tuple[float, float]
 Side = Literal["below", "above", "left", "right"]
 Dimension = tuple[Point, Point, Side, int, str]
 

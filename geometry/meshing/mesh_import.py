@@ -15,8 +15,6 @@ The boundaries are found from the positions of the facets. A set of facets named
 "magnet" must agree with these positions.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import math

@@ -3,8 +3,6 @@
 All lengths are in the unit of the `Shape` that is passed in. Points have shape (3, ...).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from analytic.hall import Mode, Readings
-    from geometry.arrays import Array
-
-Vector = tuple[float, float, float]
+    from geometry.arrays import Array, Vector
 
 
 def pose_of(pose: Pose) -> tuple[Vector, tuple[float, float]]:
