@@ -55,4 +55,4 @@ def wait(page, condition):
     end = time.monotonic() + PATIENCE
     while not page.evaluate(f"Boolean({condition})"):
         assert time.monotonic() < end, f"not reached: {condition}"
-        page.wait_for_timeout(30)
+        page.wait_for_timeout(60)
