@@ -157,26 +157,27 @@ def test_a_cluster_without_workers_is_refused_or_ends_the_run(tmp_path, monkeypa
             next(finished([4.0], math.sqrt, workers=0, scheduler=own.address))
 
 
-def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(shared, tmp_path):
+def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(shared, run, tmp_path):
     """The last test: it leaves the shared cluster without its scheduler."""
     axes = ["--axis", "L=lin:10:16:14", "--depth", "0.4", "--magnet", "ignored", "--accuracy", "quick"]
-    sweep = [sys.executable, "-m", "studies.cli", "sweep", *axes, "--store", str(tmp_path / "store.sqlite"), "--json"]
+    sweep = ["sweep", *axes, "--store", str(tmp_path / "store.sqlite"), "--json"]
     env = {**os.environ, "PYTHONPATH": str(TESTS.parent)}
-    command = [*sweep, "--scheduler", shared.address]
-    with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
-        rows = [run.stdout.readline()]
+    command = [sys.executable, "-m", "studies.cli", *sweep, "--scheduler", shared.address]
+    with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as far:
+        rows = [far.stdout.readline()]
         shared.workers[0].kill()
-        rows += [run.stdout.readline() for _ in range(3)]
+        rows += [far.stdout.readline() for _ in range(3)]
         shared.scheduler.kill()
         # communicate() would leave out the rows that readline() has read in advance
-        rows += run.stdout.readlines()
-        errors = run.stderr.read()
-        run.wait(timeout=60)
+        rows += far.stdout.readlines()
+        errors = far.stderr.read()
+        far.wait(timeout=60)
     sentence = (
         rf"magtip: the scheduler at {shared.address} is gone: \d+ tasks are unfinished; the same command continues\n"
     )
-    assert run.returncode == 3, errors
+    assert far.returncode == 3, errors
     assert re.fullmatch(sentence, errors)
-    whole = subprocess.run(sweep, env=env, capture_output=True, text=True, check=True).stdout
+    status, whole, _ = run(*sweep, "--workers", "0")
+    assert status == 0
     assert whole.splitlines(keepends=True)[: len(rows)] == rows, "times too, because they are read from the store"
     assert len(whole.splitlines()) == 14

@@ -367,10 +367,10 @@ MOST_MB = 2000
 
 def test_random_moves_leave_page_and_memory_as_they_were(served, start):
     page = start()
-    random_moves(page, 15)
+    random_moves(page, 10)
     go(page, QUICK)
     before = heap(page)
-    random_moves(page, 15, seed=1)
+    random_moves(page, 10, seed=1)
     go(page, QUICK)
     assert heap(page) < 1.25 * before + 2e6
     # the workers' caches fill within some hundred moves; `explorer_session` measures a thousand
