@@ -10,9 +10,9 @@ OUT ?= out/demo
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
-# two at a time, in this order: numba compiles beside the tests without extras, and the other tests, which read its
-# files, begin while the checks end
-test: setup
+# two at a time, in this order: both environments are set up side by side, numba compiles beside the tests without
+# extras, and the other tests, which read its files, begin while the checks end
+test:
 	$(MAKE) --no-print-directory -j2 plain compile check pytest
 
 # as many processes as cores, so each on one thread; one that has ended takes tests over from another
@@ -43,7 +43,7 @@ compile: setup
 plain: $(PLAIN)/ready
 	MAGTIP_PLAIN=1 $(ONE_THREAD) $(PLAIN)/bin/python -m pytest -p no:cacheprovider tests/test_without_extras.py tests/test_direct_solver.py tests/test_lateral_stiffness.py
 
-$(PLAIN)/ready: .venv/ready
+$(PLAIN)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(PLAIN)
 	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=25'
 	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e . pytest pytest-timeout
