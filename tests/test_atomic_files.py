@@ -1,14 +1,17 @@
 """Files are whole or absent."""
 
+import json
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geometry.design import BadInput
-from studies.output import atomic_files, own_files
+from studies.output import atomic_files, own_files, run_record
+from studies.web import folder_contents
 
 
 def half_written(path):
@@ -96,3 +99,219 @@ def test_files_of_earlier_options_do_not_stay(tmp_path):
     with pytest.raises(ZeroDivisionError), atomic_files.results(tmp_path, ("a.csv",)):
         raise ZeroDivisionError
     assert (tmp_path / "a.csv").exists()
+
+
+# Files of the user, also those that were changed since magtip wrote them, are not overwritten; others are.
+
+
+RESULTS = Path(__file__).parents[1] / "results"
+NAMES = ("REPORT.md", "press.csv", "run.json", "design.toml", "press.png", "sweep-*.png")
+
+
+@pytest.mark.parametrize("name", ["REPORT.md", "press.csv", "run.json", "design.toml", "press.png", "sweep-2.png"])
+@pytest.mark.parametrize("filled", [False, True])
+def test_a_file_of_the_user_is_not_overwritten(tmp_path, name, filled):
+    if filled:
+        atomic_files.write_text(tmp_path / "other.md", "Made with `magtip compare`")
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(BadInput, match=r"was not written by magtip and would be overwritten: choose another folder"):
+        own_files.check(tmp_path, NAMES)
+
+
+@pytest.mark.parametrize("name", ["REPORT.md", "press.csv", "run.json", "design.toml", "press.png", "sweep-2.png"])
+def test_a_verb_may_write_into_its_own_folder_again_unless_a_file_was_changed(tmp_path, name):
+    atomic_files.write_text(tmp_path / name, "first")
+    atomic_files.write_text(tmp_path / name, "# fitted to test.csv\nE = 1.0\n")
+    own_files.check(tmp_path, NAMES)
+    (tmp_path / name).write_text("# fitted to test.csv\nE = 2.0\n")
+    with pytest.raises(BadInput, match=r"was changed after magtip had written it and would be overwritten"):
+        own_files.check(tmp_path, NAMES)
+
+
+@pytest.mark.parametrize("table", ["law,AICc\nmine,1\n", "D,status,message\n8,ok,\n"])
+def test_a_table_of_the_user_makes_no_folder_of_magtip(tmp_path, table):
+    """Tables with the columns of a fit or a sweep were taken for magtip's, and all beside them."""
+    (tmp_path / "fit.csv").write_text(table)
+    (tmp_path / "design.toml").write_text("# fitted to test.csv\nE = 1.0\n")
+    for name in ("fit.csv", "design.toml"):
+        with pytest.raises(BadInput, match=r"was not written by magtip"):
+            own_files.check(tmp_path, [name])
+
+
+def test_a_file_that_is_staged_may_be_written_again(tmp_path):
+    for text in ("one", "two"):
+        own_files.check(tmp_path, ["part.stl", "README.md"])
+        with atomic_files.staged(tmp_path) as stage:
+            (stage / "part.stl").write_text(text)
+            atomic_files.write_text(stage / "README.md", text)
+    assert (tmp_path / "part.stl").read_text() == "two"
+    (tmp_path / "part.stl").write_text("mine")
+    with pytest.raises(BadInput, match=r"part\.stl' was changed"):
+        own_files.check(tmp_path, ["part.stl"])
+
+
+def test_a_process_that_is_killed_leaves_files_that_may_be_written_again(tmp_path, monkeypatch):
+    atomic_files.write_text(tmp_path / "a.csv", "old")
+    monkeypatch.setattr(atomic_files.os, "replace", lambda *paths: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        atomic_files.write_text(tmp_path / "a.csv", "new")
+    assert (tmp_path / "a.csv").read_text() == "old"
+    own_files.check(tmp_path, ["a.csv"])
+    monkeypatch.undo()
+    with (tmp_path / own_files.LIST).open("a") as stream:
+        stream.write('{"file": "b.csv", "sh')
+    atomic_files.write_text(tmp_path / "b.csv", "new")
+    own_files.check(tmp_path, ["a.csv", "b.csv"])
+
+
+def test_equal_files_are_listed_once(tmp_path):
+    for _ in range(3):
+        atomic_files.write_text(tmp_path / "a.csv", "same")
+    assert len((tmp_path / own_files.LIST).read_text().splitlines()) == 1
+
+
+def test_other_files_in_the_folder_do_not_matter(tmp_path):
+    (tmp_path / "notes.md").write_text("mine")
+    own_files.check(tmp_path, ("REPORT.md",))
+
+
+@pytest.mark.parametrize("verb", ["demo", "verify", "bench", "sizing/fingertip", "cycle", "sweep", "trade", "layout"])
+def test_results_of_earlier_versions_may_be_made_again(verb):
+    names = [file.name for file in (RESULTS / verb).iterdir() if file.is_file()]
+    own_files.check(RESULTS / verb, names)
+
+
+def test_a_page_of_the_user_beside_results_of_earlier_versions_is_not_overwritten(tmp_path):
+    run_record.write(tmp_path, "magtip compare paper", {})
+    (tmp_path / own_files.LIST).unlink()
+    own_files.check(tmp_path, ("REPORT.md", "run.json"))
+    (tmp_path / "REPORT.md").write_text("# Mine\n")
+    with pytest.raises(BadInput, match=r"REPORT\.md"):
+        own_files.check(tmp_path, ("REPORT.md", "run.json"))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("explore", "paper", "--export", "mine.html"),
+        ("store", "export", "--out", "mine.csv"),
+        ("solve", "paper", "--depth", "1", "--out", "mine.vtu"),
+        ("solve", "paper", "--depth", "1", "--picture", "mine.png"),
+        ("table", "paper", "--step", "1", "--out", "mine.npy"),
+    ],
+)
+def test_no_verb_overwrites_a_single_file_of_the_user(refusal, tmp_path, command):
+    file = tmp_path / command[-1]
+    file.write_text("mine")
+    assert f"{file.name!r} was not written by magtip and would be overwritten: choose another name" in refusal(
+        *command
+    )
+    assert file.read_text() == "mine"
+
+
+# Folder contents.
+
+
+def test_files_are_read_by_their_kind(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "t.csv").write_text("x,name,good\n1,one,True\n,two,False\n")
+    (tmp_path / "a" / "PAGE.md").write_text("# Title\n")
+    (tmp_path / "a" / "design.toml").write_text("D = 10\nL = 12\n")
+    (tmp_path / "a" / "cup.png").write_bytes(b"")
+    (tmp_path / "a" / "beam.stl").write_bytes(b"")
+    (tmp_path / "a" / ".hidden.csv").write_text("x\n")
+    root, folder = [*folder_contents.read(tmp_path), None][:2]
+    assert root.name == "a"
+    assert folder is None
+    table = root.tables["t.csv"]
+    assert len(table) == 2
+    np.testing.assert_array_equal(table.frame["x"], [1, np.nan])
+    assert table.frame["good"].tolist() == ["True", "False"]
+    assert root.designs["design.toml"].D == 10
+    assert root.pictures == ["cup.png"]
+    assert list(root.pages) == ["PAGE.md"]
+    assert root.unread == []
+
+
+def test_states_become_a_table(tmp_path):
+    state = {"depth_mm": 1.0, "status": "ok", "force_N": [0.0, 0.0, 4.2], "shift_mm": [0, 0, -0.3], "stop": None}
+    (tmp_path / "states.jsonl").write_text(json.dumps(state) + "\n")
+    (folder,) = folder_contents.read(tmp_path)
+    assert folder.tables["states.jsonl"].frame["force_z_N"].tolist() == [4.2]
+    assert folder.tables["states.jsonl"].frame["shift_z_mm"].tolist() == [-0.3]
+
+
+def test_parquet_table_is_read(tmp_path):
+    import pandas as pd
+
+    pd.DataFrame({"D_mm": [6.0, 8.0], "status": ["ok", "ok"]}).to_parquet(tmp_path / "sweep.parquet")
+    (folder,) = folder_contents.read(tmp_path)
+    np.testing.assert_array_equal(folder.tables["sweep.parquet"].frame["D_mm"], [6, 8])
+    assert folder.tables["sweep.parquet"].ok.all()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("t.csv", "a,b\n1\n", "1 values for 2 columns"),
+        ("t.csv", "a;b\n1;2\n", "semicolons"),
+        ("t.csv", "", "empty"),
+        ("t.json", "{", "is not JSON"),
+        ("t.json", "[1]", "no JSON object"),
+        ("t.toml", "depth_of_field = 3", "depth_of_field"),
+        ("t.parquet", "no", "no Parquet table"),
+        ("t.jsonl", "no", "is not JSON"),
+        ("t.xyz", "no", "'.xyz'"),
+        ("run.json", "{}", "no record"),
+    ],
+)
+def test_what_is_not_read_is_named_in_one_sentence(tmp_path, name, text, reason):
+    (tmp_path / name).write_text(text)
+    (tmp_path / "good.md").write_text("Made with `magtip demo`\n")
+    (folder,) = folder_contents.read(tmp_path)
+    (sentence,) = folder.unread
+    assert sentence.startswith(name)
+    assert reason in sentence
+    assert "\n" not in sentence
+
+
+def test_many_folders_are_refused(tmp_path, refused, monkeypatch):
+    monkeypatch.setattr(folder_contents, "MOST_FOLDERS", 3)
+    for k in range(4):
+        (tmp_path / str(k)).mkdir()
+    with refused("more than 3 sub-folders"):
+        folder_contents.read(tmp_path)
+
+
+def test_version_counts_only_in_files_of_magtip(tmp_path, refused):
+    (tmp_path / "package.json").write_text('{"version": 9}')
+    assert folder_contents.read(tmp_path)[0].records == {"package.json": {"version": 9}}
+    (tmp_path / "sizing.json").write_text('{"version": 9}')
+    with refused("sizing.json", "format 9", "newer"):
+        folder_contents.read(tmp_path)
+
+
+# Run record.
+
+
+def test_record_comes_back(tmp_path):
+    run_record.write(tmp_path, "magtip compare paper", {"D": 8.0}, "on Python 3.12")
+    run = run_record.read(tmp_path / run_record.NAME)
+    assert run == run_record.Run(
+        "magtip compare paper", "Made with `magtip compare paper`, on Python 3.12.", {"D": 8.0}
+    )
+
+
+def test_newer_format_is_refused(tmp_path, refused):
+    (tmp_path / "run.json").write_text(json.dumps({"format": 2, "command": "", "made": "", "design": {}}))
+    with refused("format 2", "newer"):
+        run_record.read(tmp_path / "run.json")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"format": 1, "command": "", "made": "", "design": 5}', "[" * 9999]
+)
+def test_other_files_are_refused(tmp_path, refused, text):
+    (tmp_path / "run.json").write_text(text)
+    with refused("run.json", "no record"):
+        run_record.read(tmp_path / "run.json")

@@ -1,13 +1,18 @@
 """Estimates of the errors and their rules: known cases, versions, and bounds."""
 
+import functools
 import math
 from dataclasses import astuple, replace
 from typing import get_args
 
+import numpy as np
 import pytest
 
-from fem.accuracy import QUICK, STANDARD
+from fem.accuracy import COARSER, FINE, LEVELS, QUICK, STANDARD, coarser
 from fem.equilibrium import solve
+from fem.model import single_order, symmetry_models
+from fem.model.gradient_recovery import build_recovery
+from fem.model.symmetry_models import MeshSpecification
 from fem.physics_version import PHYSICS
 from fem.results.error_estimates import (
     LEAST_OVER_USUAL,
@@ -23,7 +28,11 @@ from fem.results.error_estimates import (
     table_rows,
 )
 from fem.scene import Scene
-from geometry.design import paper
+from fem.solve import load_increments
+from fem.solve.direct_solver import Solver
+from fem.solve.path_state import PastState, about, at_rest, glue, with_harmonics
+from fem.solve.press import solve_press
+from geometry.design import Design, paper
 from geometry.loads import Load, Magnet, Response
 from studies.validation import error_study_cases
 
@@ -259,3 +268,150 @@ def test_a_vector_that_is_known_in_part_has_no_estimate():
         ((1.0,), (None,)),
     ):
         assert relative_error(rule, value, coarse, 0.05, 1.0) is None
+
+
+# First guesses of increments: exact for curves of the second degree, and none around a corner.
+
+
+REST = at_rest(
+    MeshSpecification(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125).build()
+)
+RNG = np.random.default_rng(6)
+CURVE = RNG.normal(size=(3, len(REST.q)))
+
+
+def curve(depth):
+    """Unknowns that are quadratic in the depth."""
+    return CURVE[0] + CURVE[1] * depth + CURVE[2] * depth**2
+
+
+def at(depth, shear=0.0):
+    return np.array([depth, shear, 0.0])
+
+
+def after(*depths):
+    """A state that has passed some depths; its skin's overlap grows with the depth alone."""
+    *past, present = depths
+    before = tuple(PastState(at(d), curve(d), d - 0.15 + np.zeros(REST.skin.weights.shape)) for d in past)
+    return replace(REST, position=at(present), q=curve(present), past=before)
+
+
+@pytest.mark.parametrize(("depths", "exact"), [((0.1, 0.13, 0.2), True), ((0.13, 0.2), False), ((0.2,), False)])
+def test_two_past_states_extrapolate_what_is_quadratic(depths, exact):
+    error = np.abs(load_increments.extrapolate_unknowns(after(*depths), at(0.27)) - curve(0.27)).max()
+    assert bool(error < 1e-12) is exact
+
+
+@pytest.mark.parametrize(("position", "kept"), [(at(0.25), 2), (at(0.15), 0), (at(0.2, 0.1), 0), (at(0.25, 0.01), 0)])
+def test_a_past_that_does_not_lead_ahead_is_forgotten(position, kept):
+    state = after(0.1, 0.15, 0.2)
+    assert len(load_increments.drop_past_at_corner(state, position).past) == kept
+    assert len(state.past) == 2
+
+
+def test_contact_is_expected_where_the_gap_closes():
+    """A plate that has come nearer by 0.1 in the last increment comes nearer by 0.05 in one half as long."""
+    state = replace(after(0.2), q=np.zeros_like(REST.q))
+    present = state.overlap
+    state = replace(state, past=(PastState(at(0.1), state.q, present - 0.1),))
+    np.testing.assert_array_equal(load_increments.extrapolate_contact(state, at(0.25)), present > -0.05)
+
+
+def test_at_first_touch_contact_is_where_half_the_depth_cuts_the_dome():
+    height = REST.skin.points[..., 2].max()
+    expected = load_increments.extrapolate_contact(REST, at(0.2))
+    np.testing.assert_array_equal(expected, REST.skin.points[..., 2] >= REST.d.shape.L - 0.1)
+    assert expected.any()
+    assert height <= REST.d.shape.L
+
+
+# The blocks of single orders against the whole tangent of a section with harmonics, and the pose they give.
+
+
+HARMONICS, EDGE = 2, 0.14
+SHAPE = Design().shape.scaled(1 / 8)
+
+
+def eigenvalues(state):
+    """Eigenvalues of the tangent of a state whose contact area is glued."""
+    glued = glue(state, EDGE)
+    upper = glued.d.system.assemble(glued.d.system.state(glued.q), glued.plate).tangent.toarray()
+    return np.linalg.eigvalsh(upper, UPLO="U")
+
+
+@functools.cache
+def press(magnet):
+    """State of a press, and a model with harmonics on its mesh."""
+    section = MeshSpecification(SHAPE, 0.4998, magnet, 0.25, 0.1, rim=(EDGE, 0.03))
+    return solve_press(section, 0.1)[0], replace(section, harmonics=HARMONICS).build()
+
+
+def test_eigenvalues_of_all_orders_are_those_of_the_whole_tangent():
+    low, high = press("ignored")
+    blocks = [eigenvalues(low)]
+    blocks += [eigenvalues(about(low, single_order.build(low.d, order))) for order in range(1, HARMONICS + 1)]
+    whole = eigenvalues(with_harmonics(low, high))
+    np.testing.assert_allclose(np.sort(np.concatenate(blocks)), whole, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
+def test_a_sideways_push_moves_the_dome_as_in_the_whole_model(magnet):
+    low, high = press(magnet)
+    moved, negative = [], []
+    for state in (about(low, single_order.build(low.d, 1)), with_harmonics(low, high)):
+        system, push = state.d.system, np.zeros(state.d.system.size)
+        nodal = symmetry_models.distribute_push(state.skin, system.fixed.shape, SHAPE.H, 1.0)
+        push[: system.n_free] = nodal[system.free]
+        solver = Solver()
+        solver.factorise(system.assemble(system.state(state.q), state.plate).tangent)
+        moved.append(push @ solver.solve(push))
+        negative.append(solver.stability(system.n_pressure).directions)
+    assert moved[0] == pytest.approx(moved[1], rel=1e-9)
+    assert negative == [0, 0]
+
+
+def test_the_state_is_that_of_the_press():
+    low, _ = press("rigid")
+    state = about(low, single_order.build(low.d, 1))
+    np.testing.assert_allclose(state.u[:, [0, 3]], low.u, rtol=0, atol=1e-15)
+    assert not state.u[:, [1, 2, 4]].any()
+    assert state.skin.weights.sum() == pytest.approx(low.skin.weights.sum(), rel=1e-12)
+    assert np.array_equal(state.overlap > 0, np.repeat(low.overlap > 0, 2, axis=1))
+
+
+def test_raised_fields_are_those_of_one_harmonic():
+    low, _ = press("ignored")
+    state = about(low, single_order.build(low.d, 1))
+    shift = np.zeros(state.u.shape)
+    shift[:, 2] = 0.5  # w_-1 alone is a displacement along x
+    harmonic = MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.1, rim=(EDGE, 0.03), harmonics=1).build()
+    displacement, gradient = build_recovery(harmonic.elements, SHAPE.H, mirrored=True)(
+        single_order.raise_fields(shift)
+    )
+    np.testing.assert_allclose(displacement, [0.5, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(gradient, np.zeros((3, 3)), atol=1e-10)
+
+
+# Accuracy levels and that of the companion.
+
+
+SIZES = ("section_size", "solid_size", "section_patch", "solid_patch")
+
+
+def test_each_level_is_finer_than_the_one_before():
+    assert list(LEVELS.values()) == [QUICK, STANDARD, FINE]
+    for rough, fine in ((QUICK, STANDARD), (STANDARD, FINE)):
+        assert all(getattr(fine, size) < getattr(rough, size) for size in SIZES)
+        assert fine.harmonics > rough.harmonics
+
+
+@pytest.mark.parametrize("level", LEVELS.values(), ids=LEVELS)
+def test_a_companion_is_coarser_in_all(level):
+    companion = coarser(level)
+    for size in (*SIZES, "friction_step_factor"):
+        assert getattr(companion, size) == pytest.approx(COARSER * getattr(level, size))
+    assert companion.harmonics == level.harmonics - 1
+
+
+def test_the_companion_of_a_single_harmonic_has_two():
+    assert coarser(replace(STANDARD, harmonics=1)).harmonics == 2

@@ -3,10 +3,12 @@
 import json
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from fem.accuracy import STANDARD
 from fem.analyses.modes import modes
@@ -16,7 +18,10 @@ from fem.physics_version import PHYSICS
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.mechanics import model_choice, prediction, surrogate_file, surrogate_range, surrogate_response
+from studies.mechanics.gaussian_process import GaussianProcess, correlation, with_constant
 from studies.mechanics.path_solver import frequency_unit
+from studies.mechanics.surrogate_response import respond
+from studies.validation import surrogate_fit
 from studies.validation.surrogate_training import random_beams
 
 PAPER = (np.array([1.125]), np.array([0.5]), np.array([0.25]), np.array([0.4998]))
@@ -245,3 +250,132 @@ def test_a_press_is_stable_no_deeper_than_the_surrogate_knows():
     assert known[1] == pytest.approx(critical.value[1], rel=2e-3)
     assert surely[1] < known[1] - 0.9 * critical.half_width[1]
     assert np.isnan(surely[2])
+
+
+# Gaussian processes: interpolation, spread, errors of left-out points, likelihood.
+
+
+RNG = np.random.default_rng(0)
+X = RNG.random((40, 2))
+Y = np.column_stack([np.sin(3 * X[:, 0]) + X[:, 1] ** 2, X[:, 0] * X[:, 1]])
+PROCESS = GaussianProcess(X, Y, np.array([0.6, 0.8]), 1e-8)
+
+
+def test_the_prediction_passes_through_the_training_points():
+    mean, spread = PROCESS.predict(X)
+    assert mean == pytest.approx(Y, abs=1e-6)
+    assert spread.max() < 1e-3
+
+
+def test_a_linear_function_is_exact_everywhere():
+    linear = GaussianProcess(X, X @ np.array([[2.0], [-1.0]]) + 3.0, np.array([0.6, 0.8]), 1e-8)
+    far = np.array([[5.0, -4.0]])
+    assert linear.predict(far)[0] == pytest.approx(np.array([[17.0]]), rel=1e-6)
+
+
+def test_the_spread_grows_away_from_the_training_points():
+    assert PROCESS.predict(np.array([[3.0, 3.0]]))[1] > 10 * PROCESS.predict(np.array([[0.5, 0.5]]))[1]
+
+
+def test_prediction_and_spread_are_those_of_the_block_matrix_of_kriging():
+    """[K H; H' 0] [w; m] = [k; h]: the prediction is w Y, its variance c(0) - w k - m h."""
+    x = RNG.random((5, 2))
+    K = correlation(X / PROCESS.lengths, X / PROCESS.lengths) + 1e-8 * np.eye(len(X))
+    H = with_constant(X)
+    block = np.block([[K, H], [H.T, np.zeros((3, 3))]])
+    k = correlation(x / PROCESS.lengths, X / PROCESS.lengths)
+    right = np.hstack([k, with_constant(x)]).T
+    w = np.linalg.solve(block, right)
+    mean, spread = PROCESS.predict(x)
+    assert mean == pytest.approx(w[:40].T @ Y, rel=1e-6)
+    assert spread**2 == pytest.approx(1 + 1e-8 - (w * right).sum(axis=0), rel=1e-3, abs=1e-7)
+
+
+def test_left_out_predictions_are_those_of_training_without_the_point():
+    mean, spread = PROCESS.left_out()
+    for k in (0, 7, 39):
+        others = np.arange(40) != k
+        without = GaussianProcess(X[others], Y[others], PROCESS.lengths, PROCESS.nugget)
+        own, width = without.predict(X[[k]])
+        assert mean[k] == pytest.approx(own[0], rel=1e-5)
+        assert spread[k] == pytest.approx(width[0], rel=1e-4)
+
+
+def test_the_slopes_of_the_likelihood_are_those_of_differences():
+    logs = np.log([0.5, 0.9, 1e-4])
+    slope = surrogate_fit._misfit(logs, X, Y)[1]
+    assert slope == pytest.approx(optimize.approx_fprime(logs, lambda z: surrogate_fit._misfit(z, X, Y)[0]), rel=1e-3)
+
+
+def test_an_input_without_effect_gets_a_long_length_scale():
+    y = np.sin(4 * X[:, :1])
+    process = surrogate_fit.fitted(X, y)
+    assert process.lengths[1] > 5 * process.lengths[0]
+    x = RNG.random((200, 2))
+    assert np.abs(process.predict(x)[0] - np.sin(4 * x[:, :1])).max() < 0.02
+
+
+def test_correlations_are_one_at_the_point_itself_and_fall_with_the_distance():
+    c = correlation(np.zeros((1, 1)), np.array([[0.0], [1.0], [2.0]]))[0]
+    a = np.sqrt(5.0)
+    assert c[0] == 1
+    assert c[1] == pytest.approx((1 + a + a**2 / 3) * np.exp(-a))
+    assert c[2] < c[1]
+
+
+# The surrogate's response to one load: units, direction, refusals.
+
+
+STICK = Load(depth=1.0, shear_x=1.5, friction="stick")
+
+
+def test_forces_scale_with_E_and_lengths_with_D():
+    small = respond(paper(), STICK)
+    big = Design(D=16, L=18, magnet_diameter=8, magnet_height=4, magnet_edge_radius=0.2, l0=14.4, E=3.0, f=9)
+    large = respond(big, Load(depth=2.0, shear_x=3.0, friction="stick"))
+    assert large.response.force == pytest.approx([12 * part for part in small.response.force])
+    assert large.response.shift == pytest.approx([2 * part for part in small.response.shift])
+    assert large.response.tilt == pytest.approx(small.response.tilt)
+    assert (large.strain, large.errors["force"]) == pytest.approx((small.strain, small.errors["force"]))
+
+
+def test_a_shear_in_another_direction_is_turned():
+    along = respond(paper(), STICK).response
+    turned = respond(paper(), Load(depth=1.0, shear_x=-0.9, shear_y=1.2, friction="stick")).response
+    assert turned.force == pytest.approx((-0.6 * along.force[0], 0.8 * along.force[0], along.force[2]))
+    assert turned.shift == pytest.approx((-0.6 * along.shift[0], 0.8 * along.shift[0], along.shift[2]))
+    assert (turned.tilt, turned.tilt_y) == pytest.approx((-0.6 * along.tilt, 0.8 * along.tilt))
+
+
+def test_a_frictionless_plate_that_moves_sideways_is_a_press():
+    assert respond(paper(), Load(depth=1.0, shear_x=1.0)) == respond(paper(), Load(depth=1.0))
+
+
+@pytest.mark.parametrize(
+    ("design", "load", "reason"),
+    [
+        (paper(), Load(depth=0.05), "depths of 0.08 to 2.8 mm here; got 0.05 mm"),
+        (paper(), Load(depth=2.9), "depths of 0.08 to 2.8 mm"),
+        (paper(), Load(depth=1.0, shear_x=3.1, friction="stick"), "shears to 3 mm here; got 3.1 mm"),
+        (paper(), Load(depth=1.0, shear_x=1.0, friction=0.5), "does not know Coulomb friction"),
+        (paper(), Load(shear_x=0.5, grip=1.0), "does not know grips"),
+        (paper(), Load(depth=0.5, plate_tilt=0.1), "does not know tilted plates"),
+        (paper(), Load(depth=0.5, imperfection=0.001), "does not know imperfections"),
+        (replace(paper(), law="ogden"), Load(depth=0.5), "law neo-hookean only; got ogden"),
+        (replace(paper(), nu=0.4), Load(depth=0.5), "nu within 0.45 and 0.5; got 0.4"),
+        (
+            replace(paper(), L=30.0, l0=28.2),
+            Load(depth=2.0, shear_x=1, friction="stick"),
+            "a press to stay stable to",
+        ),
+        (replace(paper(), L=30.0, l0=28.2), Load(depth=2.0), "mm here, and nothing deeper; got 2 mm: take finite"),
+    ],
+)
+def test_what_it_does_not_know_is_refused_in_a_sentence(design, load, reason):
+    with pytest.raises(BadInput, match=reason):
+        respond(design, load)
+
+
+def test_a_design_without_a_magnet_is_refused():
+    with pytest.raises(BadInput, match="rigid magnet only"):
+        respond(replace(paper(), magnet_diameter=0.0, magnet_height=0.0), Load(depth=0.5), "ignored")

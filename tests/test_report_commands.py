@@ -1,9 +1,17 @@
 """Verb report on the command line: bad input, and that nothing is lost by it."""
 
+import base64
+import io
 import shutil
 from pathlib import Path
 
 import pytest
+from PIL import Image
+
+from geometry.design import Design
+from geometry.loads import Load
+from studies.web import folder_contents, page_content, report_sections
+from studies.web.folder_contents import Contents
 
 RESULTS = Path(__file__).resolve().parent.parent / "results"
 
@@ -84,3 +92,182 @@ def test_what_cannot_be_read_is_named_and_spoils_nothing(run, folder, strict):
     for name in names:
         assert [text for text in made["warnings"] if name in text], name
     assert made["figures"] > 3
+
+
+# Report sections.
+
+
+def section(path):
+    return report_sections.section(folder_contents.read(path)[0], solve=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [
+        ("accuracy", 1),
+        ("assumption", 11),
+        ("claims", 3),
+        ("crosscheck", 1),
+        ("demo", 9),
+        ("extremes", 1),
+        ("field", 1),
+        ("friction", 1),
+        ("ladder", 1),
+        ("stability", 1),
+        ("sweep", 5),
+        ("trade", 1),
+        ("verify", 1),
+    ],
+)
+def test_committed_results_have_their_figures(name, least):
+    result = section(RESULTS / name)
+    assert len(result.figures) >= least
+    assert result.remarks == []
+    assert all(figure.caption and figure.source for figure in result.figures)
+
+
+def test_claims_are_a_table_at_once():
+    assert "claims.csv" in section(RESULTS / "claims").sheets
+
+
+def test_other_table_is_shown_as_it_is(tmp_path):
+    (tmp_path / "mine.csv").write_text("a,b\n1,two\n")
+    result = section(tmp_path)
+    assert list(result.sheets) == ["mine.csv"]
+    assert result.figures == []
+
+
+@pytest.mark.parametrize("name", [known.file for known in report_sections.KNOWN if known.file.endswith(".csv")])
+def test_table_without_its_columns_is_named(tmp_path, name):
+    (tmp_path / name).write_text("a,b\n1,2\n")
+    (remark,) = section(tmp_path).remarks
+    assert remark.startswith(f"{name} has no figure: its columns")
+
+
+@pytest.mark.parametrize(
+    "known",
+    [known for known in report_sections.KNOWN if known.file.endswith(".csv")],
+    ids=lambda known: known.file,
+)
+def test_table_of_failures_only_spoils_nothing(tmp_path, known):
+    row = ",".join("failed" if name == "status" else "" for name in known.columns)
+    (tmp_path / known.file).write_text(",".join(known.columns) + f"\n{row}\n")
+    (tmp_path / "good.md").write_text("# good\n")
+    result = section(tmp_path)
+    assert all(len(figure.data) for figure in result.figures)
+
+
+def test_design_is_that_of_the_run_or_of_the_only_file(tmp_path):
+    (tmp_path / "run.json").write_text('{"format": 1, "command": "", "made": "", "design": {"D": 10, "L": 12}}')
+    (tmp_path / "PAGE.md").write_text("Made with `magtip demo`\n")
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.design_of(contents).D == 10
+    (tmp_path / "run.json").unlink()
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.design_of(contents) is None
+    (tmp_path / "mine.toml").write_text("D = 9\nL = 11\n")
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.design_of(contents).D == 9
+
+
+def test_sensor_of_the_demonstration_is_that_of_the_paper():
+    (contents,) = folder_contents.read(RESULTS / "demo")
+    assert report_sections.design_of(contents).D == 8
+
+
+def test_the_state_in_3d_is_one_of_the_study(tmp_path):
+    """The record of a sweep names its base design, which an axis may leave out."""
+    (tmp_path / "run.json").write_text('{"format": 1, "command": "", "made": "", "design": {"D": 8, "L": 9, "E": 2}}')
+    head = "D_mm,L_mm,depth_mm,shear_mm,friction,fem_force_N,status\n"
+    rows = ("6,9,0.5,0,,1,ok", "6,9,1,0.25,0.3,1,ok", "10,9,1,0.2,stick,1,ok", "10,9,2,1,stick,,not_converged")
+    (tmp_path / "sweep.csv").write_text(head + "\n".join(rows) + "\n")
+    (contents,) = folder_contents.read(tmp_path)
+    design, load = report_sections.state_of(contents)
+    assert (design.D, design.L, design.E) == (6, 9, 2)
+    assert load == Load(depth=1.0, shear_x=0.25, friction=0.3)
+    (tmp_path / "sweep.csv").write_text(head + "\n".join([*rows, "8,9,0.3,0,,1,ok"]) + "\n")
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.state_of(contents) == (Design(D=8, L=9, E=2), Load(depth=0.3))
+
+
+def test_a_study_without_a_load_has_a_design_only():
+    (contents,) = folder_contents.read(RESULTS / "demo")
+    assert report_sections.state_of(contents)[1].shear_x > 0
+    (contents,) = folder_contents.read(RESULTS / "response")
+    assert report_sections.state_of(contents)[1] is None
+
+
+# Page content.
+
+
+def contents(tmp_path, page):
+    return Contents(tmp_path, "out", pages={"PAGE.md": page})
+
+
+def test_markup_of_a_page_is_escaped():
+    html = str(
+        page_content.page_html(
+            "<script>x()</script> **bold** [a](javascript:x()) [b](other.md) [c](https://c.org)", {}, set()
+        )
+    )
+    assert "<script" not in html
+    assert "<strong>bold</strong>" in html
+    assert "javascript" not in html.partition("<a ")[2]
+    assert "<span>b</span>" in html
+    assert '<a rel="noreferrer" href="https://c.org">c</a>' in html
+
+
+def test_pictures_are_those_of_the_page():
+    used = set()
+    html = str(page_content.page_html('![one](a.png) ![two "q"](b.png)', {"a.png": "data:image/png;base64,AA"}, used))
+    assert '<img src="data:image/png;base64,AA" alt="one">' in html
+    assert "b.png" not in html
+    assert used == {"a.png"}
+
+
+def test_lead_ends_before_sections_and_long_lists(tmp_path):
+    lead = str(
+        page_content.lead_of(contents(tmp_path, "# T\n\nFirst.\n\n" + "word " * 300 + "\n\n## More\n\nlast\n"))
+    )
+    assert "First." in lead
+    assert "word" not in lead
+    assert page_content.lead_of(contents(tmp_path, "# T\n\n## More\n")) == ""
+
+
+def test_title_is_the_heading_else_the_kind_else_the_name(tmp_path):
+    assert page_content.title_of(contents(tmp_path, "# The `title`\n")) == "The title"
+    assert page_content.title_of(Contents(tmp_path, "out", tables={"sweep.csv": None})) == "Sweep"
+    assert page_content.title_of(Contents(tmp_path, "a/b")) == "a/b"
+
+
+def pictures_of(tmp_path, *names):
+    for name in names:
+        Image.new("RGB", (3000, 1000), "white").save(tmp_path / name)
+    return Contents(tmp_path, "", pictures=list(names))
+
+
+def test_large_picture_gets_smaller(tmp_path):
+    source = page_content.sources(pictures_of(tmp_path, "a.png"), set(), page_content.Budget(10**6), [])["a.png"]
+    head, _, data = source.partition(",")
+    assert head == "data:image/png;base64"
+    assert Image.open(io.BytesIO(base64.b64decode(data))).size == (page_content.WIDTH, 367)
+
+
+def test_picture_that_a_figure_replaces_is_left_out(tmp_path):
+    assert page_content.sources(pictures_of(tmp_path, "a.png"), {"a.png"}, page_content.Budget(10**6), []) == {}
+
+
+def test_picture_without_room_is_named(tmp_path):
+    remarks = []
+    assert page_content.sources(pictures_of(tmp_path, "a.png"), set(), page_content.Budget(10), remarks) == {}
+    assert remarks == ["a.png is not shown: the page would become too large."]
+
+
+def test_file_that_is_no_picture_is_named(tmp_path):
+    (tmp_path / "a.png").write_text("no")
+    remarks = []
+    assert (
+        page_content.sources(Contents(tmp_path, "", pictures=["a.png"]), set(), page_content.Budget(99), remarks)
+        == {}
+    )
+    assert remarks[0].startswith("a.png was not read: it is no picture")

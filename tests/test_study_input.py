@@ -1,11 +1,14 @@
 """Axes and study files: what is accepted, and one sentence for everything else."""
 
+import dataclasses
 import math
 
 import pytest
 
-from geometry.design import Design, paper
+from geometry.design import BadInput, Design, paper
+from studies.inputs.quantity_input import UNITS, quantity
 from studies.inputs.study_input import is_study, parse_axes, read_study, study_design
+from studies.inputs.user_input import fabrication_of, nearest, parse_numbers, read_design
 
 
 def test_axes():
@@ -186,3 +189,196 @@ def test_sobol_points_fill_every_cell_of_a_grid(toml):
 def test_a_study_whose_axes_are_misspelt_is_told_so(toml, refused):
     with refused("'axis'", "did you mean axes"):
         is_study(str(toml("[axis]\nD = [6, 8]", "study.toml")))
+
+
+# Numbers with units: what is converted, and one sentence for everything else.
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "result"),
+    [
+        (5, "N", 5.0),
+        ("5", "N", 5.0),
+        ("5 mN", "N", 0.005),
+        ("1e3mN", "N", 1.0),
+        (" .5  kN ", "N", 500.0),
+        ("2 cm", "mm", 20.0),
+        ("50 µm", "mm", 0.05),
+        ("40 %", "1", 0.4),
+        (0.4, "1", 0.4),
+        ("750 kPa", "MPa", 0.75),
+        ("12 kG", "T", 1.2),
+        ("3.125 mV/G", "V/T", 31.25),
+        ("31.25 mV/mT", "V/T", 31.25),
+        ("130 nT/sqrt(Hz)", "T/sqrt(Hz)", 130e-9),
+        ("1.03 g/cm3", "kg/m3", 1030.0),
+        ("30 min", "h", 0.5),
+    ],
+)
+def test_value(value, unit, result):
+    assert quantity("x", value, unit) == pytest.approx(result, rel=1e-15)
+
+
+@pytest.mark.parametrize("value", ["5 mN", "7 mN", "3 mN"])
+def test_decimal_prefixes_leave_no_rounding(value):
+    assert quantity("x", value, "N") == float(value[0]) / 1000
+
+
+@pytest.mark.parametrize("unit", sorted(UNITS))
+def test_every_unit_stands_for_itself(unit):
+    assert unit == "1" or UNITS[unit][unit] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "parts"),
+    [
+        ("5 n", "N", ["x: 'n' is no unit for it", "did you mean N"]),
+        ("5 kg", "N", ["'kg' is no unit", "choose one of N, mN, kN"]),
+        ("5 N", "mm", ["'N' is no unit", "choose one of mm"]),
+        ("5 m m", "mm", ["'m m' is no unit"]),
+        ("five", "N", ["x must be a number in N, such as 5 or \"5 N\"; got 'five'"]),
+        ("", "N", ["must be a number in N"]),
+        ("nan", "N", ["must be a number in N"]),
+        (float("inf"), "N", ["must be a number in N"]),
+        (float("nan"), "N", ["must be a number in N"]),
+        (True, "N", ["must be a number in N", "True"]),
+        ([5], "N", ["must be a number in N"]),
+        (40, "1", ["x must lie between 0 and 5; got 40: write 40 % as 0.4"]),
+        (-1, "N", ["x must lie between 0 and 5 N; got -1 N"]),
+        ("6 kN", "N", ["x must lie between 0 and 5 N; got 6000 N"]),
+    ],
+)
+def test_refusal(value, unit, parts, refused):
+    with refused(*parts):
+        quantity("x", value, unit, 0.0, 5.0)
+
+
+# Designs and numbers that users give: what is accepted, and one sentence for everything else.
+
+
+def test_preset_and_overrides():
+    assert read_design("paper") == paper()
+    assert read_design("paper", ["D = 9", "L=12"]) == dataclasses.replace(paper(), D=9.0, L=12.0)
+
+
+def test_file_fills_from_the_preset(toml):
+    assert read_design(toml("D = 10\nL = 12.5\n")) == dataclasses.replace(paper(), D=10.0, L=12.5)
+    assert read_design(toml('base = "paper"\nE = 2e-1'), ["E=3"]).E == 3.0
+    assert read_design(toml("")) == paper()
+    assert read_design(toml(b"\xef\xbb\xbfD = 10\r\n")).D == 10.0
+
+
+@pytest.mark.parametrize(
+    ("sets", "parts"),
+    [
+        (["magnet_hieght=3"], ["did you mean magnet_height"]),
+        (["d=3"], ["did you mean D"]),
+        (["qqqqqq=3"], ["choose one of D, L, f, E"]),
+        (["D"], ["KEY=VALUE", "'D'"]),
+        (["=3"], ["KEY=VALUE"]),
+        (["D="], ["D must be a finite number"]),
+        (["D=8mm"], ["D must be a finite number", "8mm"]),
+        (["D=nan"], ["D must be a finite number", "nan"]),
+        (["D=-inf"], ["D must be a finite number"]),
+        (["D=1e999"], ["D must be a finite number"]),
+        (["D=True"], ["D must be a finite number"]),
+        (["D=-8"], ["D must lie between 0.1 and 200 mm; got -8 mm"]),
+        (["magnet_diameter=7.9"], ["mm of silicone around it"]),
+    ],
+)
+def test_bad_overrides(sets, parts, refused):
+    with refused(*parts):
+        read_design("paper", sets)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("D = 8\nLL = 9", ["'LL'", "did you mean"]),
+        ("D = true", ["D must be a number", "True"]),
+        ('D = "8"', ["D must be a number", "'8'"]),
+        ("D = nan", ["D must be a finite number"]),
+        ("D = inf", ["D must be a finite number"]),
+        ("D = [8]", ["D must be a number"]),
+        ("[D]\nx = 1", ["D must be a number"]),
+        ("D = 1979-05-27", ["D must be a number"]),
+        ("D = 1" + "0" * 400, ["D must"]),
+        ("D = -8", ["D must lie between"]),
+        ("D = 8\nL = = 9", ["not valid TOML", "line 2"]),
+        ("D = 8\nD = 9", ["not valid TOML", "line 2"]),
+        ("D = " + "[" * 5000, ["not valid TOML"]),
+        ('base = "papre"', ["'papre'", "did you mean paper"]),
+        ("base = 3", ["base must be a string"]),
+        (b"D = 8 # \xff", ["not UTF-8"]),
+        (b"\x00\x01", ["not valid TOML"]),
+    ],
+)
+def test_bad_files(toml, text, parts, refused):
+    with refused(*parts):
+        read_design(toml(text))
+
+
+@pytest.mark.parametrize(
+    ("source", "parts"),
+    [
+        ("papre", ["'papre'", "did you mean paper"]),
+        ("missing.toml", ["missing.toml", "presets: paper"]),
+        ("x" * 5000, ["cannot be read"]),
+        ("a\0b", ["cannot be read"]),
+        ("", [""]),
+    ],
+)
+def test_no_file(source, parts, refused):
+    with refused(*parts):
+        read_design(source)
+
+
+def test_folder_instead_of_file(tmp_path, refused):
+    with refused("is a folder"):
+        read_design(str(tmp_path))
+
+
+def test_ignored_magnet_need_not_fit(refused):
+    small = read_design("paper", ["D=3"], magnet="ignored")
+    assert (small.D, small.magnet_diameter, small.magnet_height) == (3.0, 0.0, 0.0)
+    assert read_design("paper", magnet="ignored") == paper()
+    with refused("silicone around it"):
+        read_design("paper", ["D=3"])
+
+
+@pytest.mark.parametrize("sets", [["magnet_height=-1"], ["D=3", "L=1"], ["magnet_diameter=300"]])
+def test_ignored_magnet_hides_no_other_fault(sets, refused):
+    with refused("must"):
+        read_design("paper", sets, magnet="ignored")
+
+
+def test_numbers():
+    assert parse_numbers("x", " -1, 2e3 ") == [-1.0, 2000.0]
+
+
+def test_nearest():
+    assert nearest("papre", ["paper"]) == "did you mean paper?"
+    assert nearest("zzz", ["D", "L"]) == "choose one of D, L"
+
+
+def test_law_by_option_and_by_file(tmp_path):
+    assert read_design("paper", ["law=yeoh", "yeoh_2=0.5"]).law_numbers == (0.5, 0.0)
+    file = tmp_path / "design.toml"
+    file.write_text('law = "ogden"\nogden_share = 0.25\n')
+    assert read_design(str(file)).law_numbers == (2.0, -2.0, 0.25)
+    with pytest.raises(BadInput, match=r"there is no law 'ogdn': did you mean ogden\?"):
+        read_design("paper", ["law=ogdn"])
+    file.write_text("law = 3\n")
+    with pytest.raises(BadInput, match="law must be a string; got 3"):
+        read_design(str(file))
+
+
+def test_a_design_file_says_how_the_sensor_is_made(toml, refused):
+    path = toml(
+        'L = 10.0\n[fabrication]\nprocess = "sla"\nbase = { shape = "round" }\n[requirements]\nforce_z = 5.0\n'
+    )
+    assert read_design(path).L == 10.0
+    assert fabrication_of(path) == {"process": "sla", "base": {"shape": "round"}}
+    assert fabrication_of("paper") == {}
+    with refused("fabrication: there is no key 'proces'", "did you mean process"):
+        fabrication_of(toml('[fabrication]\nproces = "sla"\n', "other.toml"))
