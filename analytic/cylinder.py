@@ -38,7 +38,7 @@ from types import FunctionType, SimpleNamespace
 import numpy as np
 
 from geometry import compiled as compilation
-from geometry.arrays import Array
+from geometry.arrays import Array, read_only
 
 FAR = 7.0
 """Distance, in circumscribed radii, beyond which the multipole series is used; its truncation error is 7^-20."""
@@ -292,7 +292,7 @@ def _series(moments: list[float]) -> Array:
     both[1, 1 : ORDER + 2] = -np.arange(1, ORDER + 2) * moments
     series = np.zeros((4, len(_N)))
     series[::2], series[1::2, :-1] = both * np.arange(1, len(_N) + 1), both[:, 1:]
-    return series
+    return read_only(series)
 
 
 @lru_cache(maxsize=256)

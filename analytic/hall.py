@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analytic.magnet import cylinder_field, dipole_field, paper_field
 from analytic.parts import AXES, Element, common_values, of_design
-from geometry.arrays import Array, Vector
+from geometry.arrays import Array, Vector, read_only
 from geometry.design import BadInput, Design
 from geometry.loads import Response
 
@@ -289,7 +289,7 @@ def half_sides(direction: Vector) -> tuple[Array, Array]:
     # the axis farthest from the normal gives a well-conditioned direction in the plate
     aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     aside /= 2 * math.sqrt(3) * np.linalg.norm(aside)
-    return aside, np.cross(normal, aside)
+    return read_only((aside, np.cross(normal, aside)))
 
 
 def converted(raw: Array, low: Array, high: Array, step: Array) -> tuple[Array, NDArray[np.bool_]]:

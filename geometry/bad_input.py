@@ -63,7 +63,7 @@ def closest(word: str, words: Iterable[str]) -> str | None:
 def quantity(default: float | None, unit: str, low: float, high: float, text: str = "", **about: Any) -> Any:
     """Return a dataclass field of a number from `low` to `high`, both included, in a unit ("1": a pure number).
 
-    text : description. about : further metadata, such as `whole`: True for a count, which must be an int.
+    text : description. about : further metadata, such as `count`: True for what must be an int.
     """
     metadata = {"unit": unit, "low": low, "high": high, "text": text, **about}
     return dataclasses.field(default=default, metadata=metadata)
@@ -82,7 +82,7 @@ def in_range(spec: dataclasses.Field[Any], value: object) -> float:
     """Return the value of a field made by `quantity`; raise BadInput if its type is wrong or it is out of range."""
     about = spec.metadata
     low, high, unit = about["low"], about["high"], "" if about["unit"] == "1" else f" {about['unit']}"
-    is_count = about.get("whole", False)
+    is_count = about.get("count", False)
     if isinstance(value, bool) or not isinstance(value, int if is_count else (int, float)):
         kind = "whole number" if is_count else "number"
         kind += f" ({about['text']})" if about["text"] else f" from {low:g} to {high:g}{unit}"

@@ -66,7 +66,7 @@ class Base:
     recess: float | None = quantity(None, "mm", 0.0, 10.0)
     recess_gap: float | None = quantity(None, "mm", 0.0, 1.0)
     screw: float | None = quantity(None, "mm", 0.0, 10.0)
-    marks: int = quantity(0, "1", 0, 1, whole=True)
+    marks: int = quantity(0, "1", 0, 1, count=True)
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:

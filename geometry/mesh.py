@@ -118,8 +118,8 @@ def turned(plane: MeshTri2, sectors: int, *, half: bool) -> MeshTet2:
     if half:
         named = np.concatenate(list(boundaries.values()))
         boundaries["symmetry"] = np.setdiff1d(straight.boundary_facets(), named)
-    parts = {name: np.flatnonzero(np.isin(triangle, index)) for name, index in plane.subdomains.items()}
-    return replace(mesh, doflocs=x, _boundaries=boundaries, _subdomains=parts)
+    regions = {name: np.flatnonzero(np.isin(triangle, index)) for name, index in plane.subdomains.items()}
+    return replace(mesh, doflocs=x, _boundaries=boundaries, _subdomains=regions)
 
 
 def _placed(r: Array, z: Array, angle: Array) -> Array:

@@ -74,13 +74,13 @@ class Mold:
     skirt: float | None = quantity(None, "mm", 0.1, 4000.0)
     fit: float | None = quantity(None, "mm", 0.0, 2.0)
     pry_gap: float = quantity(1.0, "mm", 0.0, 100.0)
-    vents: int = quantity(4, "1", 1, 24, whole=True)
+    vents: int = quantity(4, "1", 1, 24, count=True)
     vent_diameter: float | None = quantity(None, "mm", 0.01, 100.0)
     tip_vent: float = quantity(0.0, "mm", 0.0, 10.0)
-    columns: int = quantity(1, "1", 1, 10, whole=True)
-    rows: int = quantity(1, "1", 1, 10, whole=True)
-    split: int = quantity(0, "1", 0, 1, whole=True)
-    marks: int = quantity(0, "1", 0, 1, whole=True)
+    columns: int = quantity(1, "1", 1, 10, count=True)
+    rows: int = quantity(1, "1", 1, 10, count=True)
+    split: int = quantity(0, "1", 0, 1, count=True)
+    marks: int = quantity(0, "1", 0, 1, count=True)
     dowel: float | None = quantity(None, "mm", 0.1, 100.0)
 
     def __post_init__(self) -> None:

@@ -40,7 +40,7 @@ from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.distance import cdist
 from skfem.quadrature import get_quadrature
 
-from geometry.arrays import Array, Ints
+from geometry.arrays import Array, Ints, read_only
 from geometry.bad_input import MeshError
 from geometry.compiled import compiled
 from geometry.design import BadInput, Shape
@@ -101,14 +101,14 @@ def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:
     # an edge radius that equals a, b or 0 up to rounding is set to it: otherwise a curve of almost no length remains
     rho = next((limit for limit in (a, b, 0.0) if abs(rho - limit) < tiny), rho)
     up, down, upper, lower = complex(a - rho, H + b), complex(a - rho, H - b), H + (b - rho), H - (b - rho)
-    parts = [
+    around = [
         Curve("magnet", top, up),
         Curve("magnet", up, complex(a, upper), complex(a - rho, upper), (0.0, math.pi / 2)),
         Curve("magnet", complex(a, upper), complex(a, lower)),
         Curve("magnet", complex(a, lower), down, complex(a - rho, lower), (math.pi / 2, math.pi)),
         Curve("magnet", down, bottom),
     ]
-    return curves + [part for part in parts if part.length >= tiny]
+    return curves + [curve for curve in around if curve.length >= tiny]
 
 
 def _dome(shape: Shape, rim: float | None) -> list[Curve]:
@@ -384,9 +384,7 @@ def _triangulated(unit: Shape, s: Settings) -> tuple[list[Array], Points, Ints, 
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
     silicone, core = _triangles(domain, border, inner, sizing)
-    for array in (*cuts, inner, silicone, core):
-        array.flags.writeable = False
-    return cuts, inner, silicone, core
+    return read_only((cuts, inner, silicone, core))
 
 
 def _cuts(curves: list[Curve], sizing: Grading) -> list[Array]:
@@ -583,9 +581,9 @@ def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) ->
     doflocs = mesh.doflocs.copy()
     doflocs[:, mesh.nvertices + facet] = pairs(border.middle).T
     boundaries = {str(name): np.sort(facet[border.name == name]) for name in np.unique(border.name)}
-    parts = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
-    parts = {name: part for name, part in parts.items() if len(part)}
-    mesh = dataclasses.replace(mesh, doflocs=doflocs, _boundaries=boundaries, _subdomains=parts)
+    regions = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
+    regions = {name: cells for name, cells in regions.items() if len(cells)}
+    mesh = dataclasses.replace(mesh, doflocs=doflocs, _boundaries=boundaries, _subdomains=regions)
     outer = facet[border.name != "magnet"] if len(core) else facet
     if not np.array_equal(np.sort(outer), mesh.boundary_facets()):
         raise MeshError("the section's triangles do not fill its outline: take a smaller size")

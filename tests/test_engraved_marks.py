@@ -5,7 +5,7 @@ import pytest
 from geometry.design import Design
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import DEPTH, mold_marks
-from geometry.fabrication.mold_solids import checks, halves, parts, printable
+from geometry.fabrication.mold_solids import checks, closed_mold, halves, printable
 from geometry.fabrication.printability import standing
 from geometry.mold import Mold, sizes
 
@@ -17,8 +17,8 @@ SMALL = Design(D=4, L=4.5, l0=4.1, magnet_diameter=2, magnet_height=2)
 )
 def test_a_marked_mould_passes_all_checks(design, choices):
     mold = Mold(marks=1, **choices)
-    A, B = parts(design, mold)
-    plain = parts(design, Mold(**choices))
+    A, B = closed_mold(design, mold)
+    plain = closed_mold(design, Mold(**choices))
     pieces = list(halves(design, mold, B).values()) if mold.split else []
     assert [check.name for check in checks(design, mold, A, B, pieces) if not check.passed] == []
     for part, unmarked, over in zip((A, B), plain, (True, False), strict=True):

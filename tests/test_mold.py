@@ -7,7 +7,7 @@ import pytest
 from geometry import cad
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
-from geometry.fabrication.mold_solids import checks, halves, largest_overlap, least_gap, parts, printable
+from geometry.fabrication.mold_solids import checks, closed_mold, halves, largest_overlap, least_gap, printable
 from geometry.fabrication.printability import standing
 from geometry.mold import Mold, pours, sizes
 
@@ -40,7 +40,7 @@ def names(found):
 
 @pytest.mark.parametrize(("design", "mold"), CASES)
 def test_every_check_passes(design, mold):
-    A, B = parts(design, mold)
+    A, B = closed_mold(design, mold)
     assert A.is_valid
     assert B.is_valid
     pieces = list(halves(design, mold, B).values()) if mold.split else []
@@ -81,7 +81,7 @@ def test_the_magnet_fits_the_end_of_the_pocket_exactly(edge):
     import build123d as bd
 
     design = Design(magnet_edge_radius=edge)
-    A, _ = parts(design, Mold())
+    A, _ = closed_mold(design, Mold())
     magnet = cad.magnet(design).mirror(bd.Plane.XY)
     assert cad.overlap(A, magnet) == pytest.approx(magnet.volume, rel=1e-9)
     low = cad.turned([(0, -design.L, 0), (design.R, -design.L, 0), (design.R, -design.H, 0), (0, -design.H, 0)])
@@ -89,7 +89,7 @@ def test_the_magnet_fits_the_end_of_the_pocket_exactly(edge):
 
 
 def test_rim_lies_in_the_base_plane():
-    A, B = parts(Design(), Mold())
+    A, B = closed_mold(Design(), Mold())
     rim = max(B.faces(), key=lambda face: face.center().Z)
     assert all(vertex.Z == 0 for vertex in rim.vertices())
     low, high = (getattr(B.bounding_box(optimal=True), end).Z for end in ("min", "max"))
@@ -101,7 +101,7 @@ def test_an_undercut_is_found():
     import build123d as bd
 
     design, mold = Design(), Mold()
-    A, B = parts(design, mold)
+    A, B = closed_mold(design, mold)
     groove = bd.Solid.make_torus(design.R, 0.2, bd.Plane((0, 0, -3)))
     found = failed(design, mold, A, cad.cut(B, groove))
     assert "overlap while the cast leaves B" in found
@@ -113,8 +113,8 @@ def test_an_undercut_is_found():
 def test_a_long_skirt_is_found():
     design, mold = Design(), Mold(skirt=8.9, pry_gap=0)
     with pytest.raises(BadInput, match=r"skirt \+ pry_gap within B's free height = 9 mm"):
-        parts(design, Mold(skirt=9.1, pry_gap=0))
-    A, B = parts(design, mold)
+        closed_mold(design, Mold(skirt=9.1, pry_gap=0))
+    A, B = closed_mold(design, mold)
     assert failed(design, mold, A, B) == []
     s = sizes(design, mold)
     longer = cad.turned([(s.inner, -8, 0), (s.inner + 3, -8, 0), (s.inner + 3, -9.1, 0), (s.inner, -9.1, 0)])
@@ -125,7 +125,7 @@ def test_a_tight_skirt_thin_wall_and_missing_vents_are_found():
     import build123d as bd
 
     design, mold = Design(), Mold()
-    A, B = parts(design, mold)
+    A, B = closed_mold(design, mold)
     s = sizes(design, mold)
     key = bd.Solid.make_box(1, 1, 1, bd.Plane((s.inner - 0.5, 0, -4)))
     found = failed(design, mold, A.fuse(key).solids()[0], B)
@@ -158,7 +158,7 @@ def test_a_plate_repeats_one_cavity():
     assert len(plate.centres) == 6
     assert {x for x, _ in plate.centres} == {-pitch, 0, pitch}
     assert {y for _, y in plate.centres} == {-pitch / 2, pitch / 2}
-    for A, B, s in ((*parts(design, Mold()), single), (*parts(design, Mold(columns=3, rows=2)), plate)):
+    for A, B, s in ((*closed_mold(design, Mold()), single), (*closed_mold(design, Mold(columns=3, rows=2)), plate)):
         pins = sum(cad.overlap(A, cad.turned(s.pin).moved(location(centre))) for centre in s.centres)
         assert pins == pytest.approx(len(s.centres) * cad.turned_volume(s.pin), rel=1e-12)
         assert cad.overlap(A, B) == 0
@@ -174,7 +174,7 @@ def test_a_half_with_an_undercut_is_found():
     import build123d as bd
 
     design, mold = Design(), Mold(split=1)
-    A, B = parts(design, mold)
+    A, B = closed_mold(design, mold)
     one, other = halves(design, mold, B).values()
     assert (one.volume, other.volume) == pytest.approx((B.volume / 2, B.volume / 2), rel=1e-12)
     assert min(vertex.Y for vertex in one.vertices()) == pytest.approx(0, abs=1e-9)
@@ -185,7 +185,7 @@ def test_a_half_with_an_undercut_is_found():
 
 def test_a_mould_printed_the_wrong_way_up_is_found():
     mold = Mold()
-    A, B = parts(Design(), mold)
+    A, B = closed_mold(Design(), mold)
     assert names(printable("A", solid_files.triangulated(standing(A), 0.02), mold.printing)) == [
         "overhang of A, as printed",
         "widest bridge of A",
@@ -200,9 +200,9 @@ def test_a_mould_printed_the_wrong_way_up_is_found():
 
 def test_a_pocket_that_does_not_fit_is_found():
     loose = Mold(pocket_gap=0.5)
-    assert failed(Design(), loose, *parts(Design(), loose)) == ["gap around the magnet in its pocket"]
+    assert failed(Design(), loose, *closed_mold(Design(), loose)) == ["gap around the magnet in its pocket"]
     other = Design(magnet_height=2.2, magnet_diameter=4.2)
-    found = failed(other, Mold(), *parts(Design(), Mold()))
+    found = failed(other, Mold(), *closed_mold(Design(), Mold()))
     assert {"distance of the magnet's end from the pocket's", "share of the magnet outside its pocket"} <= set(found)
 
 
@@ -252,7 +252,7 @@ def test_a_mould_of_a_beam_of_4_mm_has_vents_that_print_and_passes_all_checks(pr
     design = Design(D=4, L=4.5, l0=4.1, magnet_diameter=diameter, magnet_height=height)
     mold = Mold(process=process)
     assert sizes(design, mold).vent_diameter >= mold.printing.detail - 1e-9
-    assert failed(design, mold, *parts(design, mold)) == []
+    assert failed(design, mold, *closed_mold(design, mold)) == []
 
 
 UP, SIDEWAYS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)

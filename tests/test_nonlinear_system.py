@@ -51,7 +51,7 @@ def half_ball():
     fixed[e.nodes[:, 1] < 1e-9, 1] = True
     core = np.flatnonzero(np.abs(e.nodes).max(axis=1) < 0.5 + 1e-9)
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return System(e, skin, lame(1.0, 0.49), fixed, (core, rigid_inclusion.solid(e.nodes[core], 3)))
+    return System(e, skin, lame(1.0, 0.49), fixed, (core, rigid_inclusion.of_solid(e.nodes[core], 3)))
 
 
 def sensor(harmonics=0):
@@ -175,7 +175,7 @@ def test_rigid_body_motion_gives_no_forces():
     mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet())
     e = elements.build(mesh, axisymmetric=False)
     system = System(e, None, lame(1.0, 0.4998), np.zeros(e.nodes.shape, bool))
-    u = rigid_inclusion.solid(e.nodes - 0.3, 6).displacement(np.array([0.2, -0.1, 0.3, 2.0, -0.7, 0.4]))
+    u = rigid_inclusion.of_solid(e.nodes - 0.3, 6).displacement(np.array([0.2, -0.1, 0.3, 2.0, -0.7, 0.4]))
     q = np.zeros(system.size)
     q[: system.n_free] = u.ravel()
     here = system.assemble(system.state(q), None)
@@ -186,11 +186,11 @@ def test_rigid_body_motion_gives_no_forces():
 @pytest.mark.parametrize("kind", ["axial", "torsion", "harmonic", "planar", "spatial"])
 def test_rigid_motion_derivatives(kind):
     body = {
-        "axial": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), angular_fields.fourier_fields(0)),
-        "torsion": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), angular_fields.torsion_fields()),
-        "harmonic": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), angular_fields.fourier_fields(2)),
-        "planar": lambda: rigid_inclusion.solid(RNG.normal(size=(4, 3)), 3),
-        "spatial": lambda: rigid_inclusion.solid(RNG.normal(size=(4, 3)), 6),
+        "axial": lambda: rigid_inclusion.of_section(RNG.normal(size=(4, 2)), angular_fields.fourier_fields(0)),
+        "torsion": lambda: rigid_inclusion.of_section(RNG.normal(size=(4, 2)), angular_fields.torsion_fields()),
+        "harmonic": lambda: rigid_inclusion.of_section(RNG.normal(size=(4, 2)), angular_fields.fourier_fields(2)),
+        "planar": lambda: rigid_inclusion.of_solid(RNG.normal(size=(4, 3)), 3),
+        "spatial": lambda: rigid_inclusion.of_solid(RNG.normal(size=(4, 3)), 6),
     }[kind]()
     q, force, step = RNG.normal(size=body.size), RNG.normal(size=body.fields.shape[1:]), 1e-6
     for i in range(body.size):
@@ -215,7 +215,7 @@ def stiff_or_rigid(magnet, angles, depth):
     if magnet == "meshed":
         stiff[mesh.subdomains["magnet"]] = 1e5
     glued = elements.boundary_nodes(mesh, "magnet") if magnet == "hole" else NONE
-    body = (glued, rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles)) if magnet == "hole" else None
+    body = (glued, rigid_inclusion.of_section(e.nodes[glued] - [0, shape.H], e.angles)) if magnet == "hole" else None
     system = System(e, skin, (mu * stiff, inverse_K / stiff), fixed, body)
     q = np.zeros(system.size)
     for press in np.linspace(0.1, depth, round(depth / 0.1)):
@@ -259,5 +259,5 @@ def test_a_press_softens_torsion_around_a_rigid_magnet_as_around_a_very_stiff_on
 
 def test_a_magnet_that_turns_about_its_axis_keeps_its_distances():
     arms = np.abs(RNG.normal(size=(4, 2)))
-    u = rigid_inclusion.section(arms, angular_fields.torsion_fields()).displacement(np.array([0.3, 2.0]))
+    u = rigid_inclusion.of_section(arms, angular_fields.torsion_fields()).displacement(np.array([0.3, 2.0]))
     np.testing.assert_allclose(np.hypot(arms[:, 0] + u[:, 0], u[:, 1]), arms[:, 0], rtol=1e-14)

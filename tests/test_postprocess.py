@@ -21,10 +21,10 @@ def test_a_body_that_turns_tilts_by_that_angle(model):
     motion = np.array([0.1, -0.2, 0.3])
     if model == "harmonic":
         d = MeshSpecification(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2).build()
-        u = rigid_inclusion.section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
+        u = rigid_inclusion.of_section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
     else:
         d = MeshSpecification(shape, 0.4998, "ignored", 0.3, 0.3, body="half" if model == "half" else "full").build()
-        u = rigid_inclusion.solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
+        u = rigid_inclusion.of_solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
     shift, tilt = read_pose(d, u, np.zeros(d.system.size))
     np.testing.assert_allclose(shift, [0.1, 0, -0.2], atol=1e-12)
     np.testing.assert_allclose(tilt, [0.3, 0], atol=1e-11)

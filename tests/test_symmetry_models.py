@@ -107,12 +107,12 @@ def test_the_magnet_moves_as_a_solid_does(harmonics):
     """Sine orders contain finite rotations about any axis."""
     angles = angular_fields.fourier_fields(harmonics, sines=True)
     arms, motion = np.array([[0.1, 0.2], [0.3, -0.1]]), 0.3 * np.arange(1, 7)
-    fields = rigid_inclusion.section(arms, angles).displacement(motion)
+    fields = rigid_inclusion.of_section(arms, angles).displacement(motion)
     cartesian = np.einsum("ijt,tjf->tif", angular_fields.rotations(angles.theta), angles.E)
     moved = np.einsum("tif,nf->tni", cartesian, fields).reshape(-1, 3)
     c, s = np.cos(angles.theta)[:, None], np.sin(angles.theta)[:, None]
     places = np.stack([arms[:, 0] * c, arms[:, 0] * s, arms[:, 1] + 0 * c], axis=-1).reshape(-1, 3)
-    np.testing.assert_allclose(moved, rigid_inclusion.solid(places, 6).displacement(motion), atol=1e-12)
+    np.testing.assert_allclose(moved, rigid_inclusion.of_solid(places, 6).displacement(motion), atol=1e-12)
 
 
 def test_the_names_of_the_fields_count_them():

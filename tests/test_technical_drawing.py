@@ -10,7 +10,7 @@ from geometry import cad
 from geometry.base import Base, base, plan
 from geometry.design import Design
 from geometry.fabrication.hall_elements import bodies
-from geometry.fabrication.mold_solids import parts
+from geometry.fabrication.mold_solids import closed_mold
 from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View, sheet
 from geometry.mold import Mold, sizes
 from studies.fabrication import part_drawings
@@ -55,11 +55,11 @@ def _points(piece):
 def test_a_section_has_the_area_of_the_profile():
     design = Design()
     view = View("")
-    view.section(cad.beam(design), "soft")
+    view.cut(cad.beam(design), "soft")
     assert area(view) == pytest.approx(design.D * design.H + math.pi * design.R**2 / 2, rel=1e-4)
     assert view.box == pytest.approx((-4, 4, 0, 9), abs=1e-9)
     hollow = View("")
-    hollow.section(cad.silicone(design), "soft")
+    hollow.cut(cad.silicone(design), "soft")
     edge = (4 - math.pi) * design.magnet_edge_radius**2
     assert area(view) - area(hollow) == pytest.approx(4 * 2 - edge, rel=1e-3)
 
@@ -67,7 +67,7 @@ def test_a_section_has_the_area_of_the_profile():
 def test_a_section_shows_a_small_body_far_from_the_axis_whole():
     design = Design(hall_layout="tmag5273a1", chip_x=30.0)
     view = View("chip")
-    view.section(bodies(design)["tmag5273a1"], "part")
+    view.cut(bodies(design)["tmag5273a1"], "part")
     assert view.box[:2] == pytest.approx((30 - 2.9 / 2, 30 + 2.9 / 2))
 
 
@@ -84,7 +84,7 @@ def sheets(design, mold):
     sensor = {"base": solid, "silicone": cad.silicone(design)}
     if design.shape.has_magnet:
         sensor["magnet"] = cad.magnet(design)
-    A, B = parts(design, mold)
+    A, B = closed_mold(design, mold)
     return {
         **{name.capitalize(): text for name, text in part_drawings.sheets(design, p, sensor, shown).items()},
         "Mould": part_drawings.mold_sheet(design, mold, sizes(design, mold), A, [B]),

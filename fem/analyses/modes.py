@@ -210,7 +210,7 @@ def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr
         single_order.revolve_surface(low.surface, e.angles),
         (low.mu[:, 0], low.inverse_K[:, 0]),
         fixed,
-        (low.glued, rigid_inclusion.section(e.nodes[low.glued] - [0, d.shape.H], e.angles)) if low.rigid else None,
+        (low.glued, rigid_inclusion.of_section(e.nodes[low.glued] - [0, d.shape.H], e.angles)) if low.rigid else None,
         law=low.law,
         prescribed=(np.insert(at_press.u, 1, 0.0, axis=1), held),
     )

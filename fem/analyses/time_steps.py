@@ -32,7 +32,7 @@ from fem.solve.active_set import KeptTangent
 from fem.solve.load_increments import Reached, extrapolate, find_equilibrium, path_at
 from fem.solve.newton import Equilibrium
 from fem.solve.path_state import PathState
-from geometry.arrays import Array
+from geometry.arrays import Array, read_only
 
 CERTAINTY = 2.0
 """Estimated error over its leading term: points of the skin that touch within a step add terms beyond it, up to half
@@ -66,7 +66,7 @@ def product_weights(times: tuple[float, ...], first: int) -> Array:
     powers = np.vander(x, len(at), increasing=True)
     slopes = np.zeros_like(powers)
     slopes[:, 1:] = powers[:, :-1] * np.arange(1, len(at))
-    return np.asarray((powers @ lagrange).T @ (half * weights[:, None] * (slopes @ lagrange)))
+    return read_only(np.asarray((powers @ lagrange).T @ (half * weights[:, None] * (slopes @ lagrange))))
 
 
 @dataclass(frozen=True, slots=True)

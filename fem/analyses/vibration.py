@@ -215,12 +215,12 @@ class ContactPressure:
     Attributes
     ----------
     area : (k,) areas that touch, over D^2; about an axisymmetric press up to a common factor.
-    at_rest : (k,) pressures at rest, over E.
+    static : (k,) pressures at rest, over E.
     by_unknowns, by_motion : changes (k, m) for motions V of the body, and (k, j) for the plate's motions, over E.
     """
 
     area: Array
-    at_rest: Array
+    static: Array
     by_unknowns: Array
     by_motion: Array
 
@@ -241,7 +241,7 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
 
     area = over_lines(np.ones(weights.shape))
     divisor = np.where(area > 0, area, 1.0)
-    at_rest = en * over_lines(overlap) / divisor
+    pressure = en * over_lines(overlap) / divisor
     # the skin's displacement is linear in the unknowns, that of the magnet's surface is not
     normal = plate.frame[2]
     moves = [over_lines(skin.displacement(system.state(state.q + v).u - at_state.u) @ normal) for v in V.T]
@@ -249,12 +249,12 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
     plate_moves = en * np.array([[-normal @ _motion_vector(motion) for motion in block.motions]] * len(area))
     if system.elements.angles.of_one_order:  # the first of its two angles is 0, where the cosine is 1
         cosines = np.cos((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES))
-        at_rest, area, plate_moves = (
-            np.repeat(values[::t], ANGLES, axis=0) for values in (at_rest, area, plate_moves)
+        pressure, area, plate_moves = (
+            np.repeat(values[::t], ANGLES, axis=0) for values in (pressure, area, plate_moves)
         )
         changes = (changes[::t, None] * cosines[:, None]).reshape(len(area), -1)
     touching = area > 0
-    return ContactPressure(area[touching], at_rest[touching], changes[touching], plate_moves[touching])
+    return ContactPressure(area[touching], pressure[touching], changes[touching], plate_moves[touching])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -301,38 +301,38 @@ class VibratingSensor:
     scene : the problem, with the long-term modulus.
     state : the state at rest.
     relaxation : branches of the silicone.
-    parts : linear systems of all motions.
+    reduced_blocks : linear systems of all motions.
     coarser : the same sensor on a coarser mesh, for estimates of errors at any frequency; None without one.
     """
 
     scene: Scene
     state: Solution
     relaxation: Relaxation
-    parts: tuple[_Part, ...]
+    reduced_blocks: tuple[_Part, ...]
     coarser: VibratingSensor | None = None
 
     @property
     def factorisations(self) -> int:
         """Number of factorisations that all frequencies took."""
-        return sum(part.system.factorisations for part in self.parts)
+        return sum(part.system.factorisations for part in self.reduced_blocks)
 
     @property
     def error(self) -> float:
         """Largest error of the reduced bases, relative, see `fem.solve.reduced_basis`."""
-        return max(part.system.error for part in self.parts)
+        return max(part.system.error for part in self.reduced_blocks)
 
     def at(self, frequencies: Sequence[float] | Array) -> Vibration:
         """Return the vibration at frequencies (f,), Hz, in the range for which the sensor was prepared."""
         f = np.asarray(frequencies, dtype=np.float64)
-        answers = [_solve_part(part, self.scene, self.relaxation, f) for part in self.parts]
+        answers = [_solve_part(part, self.scene, self.relaxation, f) for part in self.reduced_blocks]
         columns = (np.concatenate(values, axis=1) for values in zip(*answers, strict=True))
-        return Vibration(f, tuple(motion for part in self.parts for motion in part.block.motions), *columns)
+        return Vibration(f, tuple(motion for part in self.reduced_blocks for motion in part.block.motions), *columns)
 
     def static_stiffness(self) -> dict[str, float]:
         """Return the force along each motion over the motion at rest, N/mm; empty about the free sensor."""
         E, D, still = self.scene.design.E, self.scene.design.D, np.zeros(1)
         stiffness: dict[str, float] = {}
-        for part in self.parts:
+        for part in self.reduced_blocks:
             if part.block.plate is not None:
                 force = part.block.held - part.system.b.T @ part.system.solve(still.astype(complex), still)[0].real
                 stiffness |= {motion: float(force[k, k]) * E * D for k, motion in enumerate(part.block.motions)}
@@ -345,7 +345,7 @@ class VibratingSensor:
             " and ".join(part.block.motions): tuple(
                 float(value) * unit for value in np.sqrt(eigen(part.block.problem.K, part.block.problem.M, count)[0])
             )
-            for part in self.parts
+            for part in self.reduced_blocks
         }
 
 
@@ -443,10 +443,10 @@ def vibrating_sensor(
     if check:
         check_vibration(design, load, band, accuracy)
     relaxation = relaxation_of(design)
-    at_rest = relaxed(design, relaxation)
+    slow = relaxed(design, relaxation)
     free = not load.depth and load.grip is None
     model: Model = "axisymmetric" if free else vibration_model(load)
-    scene = Scene(at_rest, (Load() if free else load,), accuracy, magnet, model)
+    scene = Scene(slow, (Load() if free else load,), accuracy, magnet, model)
     find = functools.partial(_solve_sensor, load=load, band=band, relaxation=relaxation)
     sensor = find(scene)
     return replace(sensor, coarser=solve_coarser(scene, find)) if estimate else sensor
@@ -457,7 +457,7 @@ def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxatio
     # so many frequencies that the solution holds everywhere between them
     f = np.geomspace(*band, 200)
     c, eigenvalues = _coefficients(scene, relaxation, f)
-    parts = []
+    reduced_blocks = []
     for block in blocks:
         system = reduce(block.problem, c, eigenvalues)
         if not system.stability.is_stable:
@@ -465,8 +465,8 @@ def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxatio
             raise NoStateError(f"the state at depth {load.depth:g} mm {how}: take a smaller depth")
         presses = block.plate is not None and block.plate.height is not None
         pressure = read_pressure(block, system.V) if presses else None
-        parts.append(_Part(block, system, pose_slopes(block.state, system.V), pressure))
-    return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, tuple(parts))
+        reduced_blocks.append(_Part(block, system, pose_slopes(block.state, system.V), pressure))
+    return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, tuple(reduced_blocks))
 
 
 def _read_state(state: PathState, scene: Scene, load: Load) -> Solution:
@@ -508,7 +508,7 @@ def _solve_part(
 def _kept_amplitude(pressure: ContactPressure, y: Complex) -> Array:
     """Return the amplitude (f, k) over D at which LOST_AREA of the contact area loses its pressure in a cycle."""
     changes = np.abs(pressure.by_unknowns @ y + pressure.by_motion)
-    amplitudes = pressure.at_rest[:, None] / np.where(changes > 0, changes, np.finfo(float).tiny)
+    amplitudes = pressure.static[:, None] / np.where(changes > 0, changes, np.finfo(float).tiny)
     order = np.argsort(amplitudes, axis=1)
     rising = np.take_along_axis(amplitudes, order, axis=1)
     area = np.cumsum(pressure.area[order], axis=1) / pressure.area.sum()

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.arrays import Array, Ints
+from geometry.arrays import Array, Ints, read_only
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class Angles:
             groups.append((i, k, at, products))
             number[first, second] = number[second, first] = np.arange(at.start, at.stop)
             count = at.stop
-        return FieldPairs(number, groups)
+        return read_only(FieldPairs(number, groups))
 
 
 def orders(harmonics: int) -> range:
@@ -126,7 +126,7 @@ def fourier_fields(harmonics: int, count: int | None = None, *, sines: bool = Fa
     """
     t = count or (1 if harmonics == 0 else max(2 * harmonics + 1, 4))
     theta = np.zeros(1) if t == 1 else (np.arange(2 * t if sines else t) + 0.5) * np.pi / t
-    return fields_at(theta, harmonics, sines=sines)
+    return read_only(fields_at(theta, harmonics, sines=sines))
 
 
 def fields_at(theta: Array, harmonics: int, *, sines: bool = False) -> Angles:

@@ -45,15 +45,15 @@ motion, and this with their pressures; pressures; motion of the magnet; facets o
 def mass(e: Elements, density: float) -> Array:
     """Return the integral of density du . du, shape (m, f, a, f, a)."""
     E = np.einsum("t,tif,tig->fg", e.angles.weights, e.angles.E, e.angles.E)
-    section = np.swapaxes(e.shape, 0, 1) @ ((e.weights * density)[..., None] * e.shape)
-    return np.asarray(np.einsum("fg,mab->mfagb", E, section))
+    meridian = np.swapaxes(e.shape, 0, 1) @ ((e.weights * density)[..., None] * e.shape)
+    return np.asarray(np.einsum("fg,mab->mfagb", E, meridian))
 
 
 def pressure_stiffness(e: Elements, inverse_K: Array) -> Array:
     """Return the integral of -dp dp / K, shape (m, c, n, c, n), for inverse bulk moduli (m, 1)."""
     C, M = e.angles.C, e.pressure_shape
-    section = np.swapaxes(M, 0, 1) @ ((e.weights * inverse_K)[..., None] * M)
-    return -np.einsum("ns,mcd->mcnds", C.T @ (e.angles.weights[:, None] * C), section)
+    meridian = np.swapaxes(M, 0, 1) @ ((e.weights * inverse_K)[..., None] * M)
+    return -np.einsum("ns,mcd->mcnds", C.T @ (e.angles.weights[:, None] * C), meridian)
 
 
 @dataclass(frozen=True, slots=True)

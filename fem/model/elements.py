@@ -21,7 +21,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem.model.angular_fields import Angles, cartesian_fields, fourier_fields, rotations
-from geometry.arrays import Array, Ints
+from geometry.arrays import Array, Ints, read_only
 from geometry.bad_input import MeshError
 
 SAME_PLACE = 1e-9
@@ -160,7 +160,7 @@ def _facet_functions(dim: int, order: int) -> tuple[Array, Array, Array]:
     )
     basis = skfem.CellBasis(reference.init_refdom(), element, intorder=order)
     shape, slopes = _functions(basis)
-    return basis.dx[0], shape, slopes[0]
+    return read_only((basis.dx[0], shape, slopes[0]))
 
 
 def _functions(basis: skfem.CellBasis) -> tuple[Array, Array]:

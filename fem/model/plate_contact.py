@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from fem.model import coulomb_friction
 from fem.model.coulomb_friction import Friction, FrictionTraction
 from fem.model.elements import SAME_PLACE, Surface
-from geometry.arrays import Array
+from geometry.arrays import Array, read_only
 
 KAPPA = 3e3
 SECTION_KAPPA = 10 * KAPPA
@@ -82,9 +82,7 @@ class Plate:
 @functools.lru_cache
 def _frame(tilt: float) -> Array:
     s, c = np.sin(tilt), np.cos(tilt)
-    frame = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-    frame.flags.writeable = False
-    return frame
+    return read_only(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]))
 
 
 def positions_along_plate(surface: Surface, u: Array, plate: Plate) -> Array:

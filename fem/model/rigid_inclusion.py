@@ -54,7 +54,7 @@ class RigidBody:
         return np.asarray(np.tensordot(np.sum(self.fields * force, axis=(1, 2)), _functions(q)[2], axes=1))
 
 
-def solid(arms: Array, size: int) -> RigidBody:
+def of_solid(arms: Array, size: int) -> RigidBody:
     """Return the motion of a solid's nodes at positions (n, 3) from the magnet's centre; planar (3) or spatial
     (6)."""
     shifts = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
@@ -69,7 +69,7 @@ def solid(arms: Array, size: int) -> RigidBody:
     return RigidBody(np.concatenate([shifts, turned.reshape(9, len(arms), 3)]), 6)
 
 
-def section(arms: Array, angles: Angles) -> RigidBody:
+def of_section(arms: Array, angles: Angles) -> RigidBody:
     """Return the motion of a section's nodes at (r, z) (n, 2) from the magnet's centre; axial without harmonics.
 
     With harmonics the space of the fields contains the motion of a solid, whose fields follow from its displacements
@@ -84,7 +84,7 @@ def section(arms: Array, angles: Angles) -> RigidBody:
         return RigidBody(B, angles.fields - 1)
     c, s, t = np.cos(angles.theta), np.sin(angles.theta), len(angles.theta)
     around = np.stack(np.broadcast_arrays(r[:, None] * c, r[:, None] * s, z[:, None]), axis=-1)
-    body = solid(around.reshape(-1, 3), 6 if angles.sines else 3)
+    body = of_solid(around.reshape(-1, 3), 6 if angles.sines else 3)
     displaced = np.einsum("ijt,tjf->tif", rotations(angles.theta), angles.E).reshape(3 * t, -1)
     fields = body.fields.reshape(len(body.fields), len(arms), 3 * t) @ np.linalg.pinv(displaced).T
     return RigidBody(fields, body.size)

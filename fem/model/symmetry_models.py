@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import skfem
@@ -24,15 +24,17 @@ from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.material import Law, lame, neo_hookean
 from fem.model.nonlinear_system import System
 from fem.scene import Scene
-from geometry.arrays import Array
+from geometry.arrays import Array, read_only
 from geometry.design import Shape
 from geometry.loads import Magnet
-from geometry.section import FILLET
-from geometry.section import section as section_mesh
+from geometry.section import FILLET, section
 
 Model = Literal["axisymmetric", "harmonic", "half", "full"]
 
-_section_mesh = functools.lru_cache(maxsize=8)(section_mesh)
+
+@functools.lru_cache(maxsize=8)
+def _section_mesh(shape: Shape, size: float, **settings: Any) -> skfem.MeshTri2:
+    return read_only(section(shape, size, **settings))
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ def _build_section(spec: MeshSpecification) -> Discretisation:
     magnet = None
     if spec.magnet == "rigid":
         held = elements.boundary_nodes(mesh, "magnet")
-        magnet = held, rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles)
+        magnet = held, rigid_inclusion.of_section(e.nodes[held] - [0, shape.H], e.angles)
     dead = distribute_push(skin, fixed.shape, shape.H, spec.push) if spec.push else None
     if spec.glued and spec.rim is not None:
         skin = _release_next_point(skin, shape, spec.rim[0])
@@ -168,7 +170,7 @@ def _build_solid(spec: MeshSpecification) -> Discretisation:
     magnet = None
     if spec.magnet == "rigid":
         held = elements.boundary_nodes(mesh, "magnet")
-        magnet = held, rigid_inclusion.solid(e.nodes[held] - [0, 0, shape.H], 3 if half else 6)
+        magnet = held, rigid_inclusion.of_solid(e.nodes[held] - [0, 0, shape.H], 3 if half else 6)
     symmetry = 2.0 if half else 1.0
     dead = distribute_push(skin, fixed.shape, shape.H, spec.push / symmetry) if spec.push else None
     system = System(e, skin, lame(1.0, spec.nu), fixed, magnet, dead, law=spec.law)
@@ -248,4 +250,4 @@ def _solid_mesh(
 ) -> skfem.MeshTet2:
     from geometry.mesh import tetrahedra
 
-    return tetrahedra(shape, size, tip_size=tip_size, rim=rim, half=half, magnet=magnet)
+    return read_only(tetrahedra(shape, size, tip_size=tip_size, rim=rim, half=half, magnet=magnet))

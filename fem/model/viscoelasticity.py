@@ -431,8 +431,10 @@ class History:
     def overstress(self, dt: float) -> Overstress:
         """Return what a step of length dt, s, adds."""
         if self.law == "finite":
-            parts = zip(self._viscous_steps(dt), self.moduli.tolist(), strict=True)
-            return Overstress(self.long_term, branches=tuple(ViscousBranch(A, b, share) for (A, b), share in parts))
+            branches = zip(self._viscous_steps(dt), self.moduli.tolist(), strict=True)
+            return Overstress(
+                self.long_term, branches=tuple(ViscousBranch(A, b, share) for (A, b), share in branches)
+            )
         e, w = decay(dt / self.times)
         risen = float(self.moduli @ w)
         return Overstress(self.long_term + risen, np.tensordot(e, self.internal, axes=1) - risen * self.last)

@@ -190,43 +190,43 @@ def _distance_from_axis(response: Response, D: float) -> float:
 def describe(solution: Diagnosed, design: Design) -> str:
     """Return the facts of a state in words, with the remedy; empty if there is nothing to report."""
     facts, weak = solution.facts, _describe_weakness(solution.facts, design)
-    parts = []
+    sentences = []
     if facts.stop:
         remedy = weak or "try a smaller load or another accuracy"
-        parts.append(f"stopped at {_describe_load(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
+        sentences.append(f"stopped at {_describe_load(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
     if facts.onset or (solution.status == "unstable" and facts.stability.is_unstable):
-        parts.append(_describe_instability(facts))
+        sentences.append(_describe_instability(facts))
         if solution.model == "axisymmetric" and not facts.creased:
-            parts.append(
+            sentences.append(
                 "the free skin is not compressed far enough to crease, so it cannot be told whether the silicone or "
                 "the mesh is unstable: compare another accuracy"
             )
     if facts.creased:
-        parts.append(
+        sentences.append(
             f"the free skin creases: its stretch normal to itself is {facts.crease_ratio:.2g} times that along it "
             f"(a neo-Hookean solid creases from {CREASE:g} on); the depth at which a crease opens, and the force "
             "beyond, depend on the mesh"
         )
     if weak and not facts.stop:
-        parts.append(weak)
+        sentences.append(weak)
     if facts.remark:
-        parts.append(_describe_remark(facts.remark, solution))
+        sentences.append(_describe_remark(facts.remark, solution))
     if facts.stability.is_unknown and solution.status == "ok":
         reason = "a contact that slips does" if solution.slip_share else "its pivots do"
-        parts.append(f"whether this equilibrium is stable is not known ({reason} not tell)")
+        sentences.append(f"whether this equilibrium is stable is not known ({reason} not tell)")
     if facts.harmonics_missing:
-        parts.append(
+        sentences.append(
             f"so light a touch of so steep a plate needs {facts.harmonics_missing} harmonics more than the most that "
             "a model has: the error estimates are wider; press deeper or tilt less"
         )
     # smaller shares are single corners
     if facts.inverted_share >= 1e-6:
-        parts.append(
+        sentences.append(
             f"{100 * facts.inverted_share:.1g} % of the silicone is inverted (J <= 0) between integration points, "
             "at edges such as the clamp's: forces and the magnet's shift are reliable, "
             "displacements at these edges are not"
         )
-    return "; ".join(parts)
+    return "; ".join(sentences)
 
 
 def _describe_load(load: Load) -> str:

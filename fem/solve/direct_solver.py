@@ -95,9 +95,9 @@ class Stability:
     def is_unknown(self) -> bool:
         return self.verdict == "unknown"
 
-    def __add__(self, other: Stability) -> Stability:
+    def __add__(self, second: Stability) -> Stability:
         """Return the stability against the directions of both; one unstable direction is enough to know it."""
-        known = [each.directions for each in (self, other) if each.directions is not None]
+        known = [each.directions for each in (self, second) if each.directions is not None]
         return UNKNOWN if len(known) < 2 and not any(known) else Stability(sum(known))
 
     def __bool__(self) -> NoReturn:

@@ -179,7 +179,7 @@ def split_by_mesh(scene: Scene) -> list[tuple[Load, ...]]:
     [[0.05], [0.1], [1, 2]]
     """
     D = scene.design.D
-    parts: list[list[Load]] = []
+    runs: list[list[Load]] = []
     present: tuple[float, int] | None = None
     deepest = 0.0
     path_dependent = scene.coulomb is not None
@@ -188,13 +188,13 @@ def split_by_mesh(scene: Scene) -> list[tuple[Load, ...]]:
         straight = straight and not (path_dependent and load.depth < deepest)
         depth = load.depth / D
         graded = mesh_range(scene, depth) if depth > FIRST_TOUCH else present
-        if parts and (not straight or graded == present or not present):
-            parts[-1].append(load)
+        if runs and (not straight or graded == present or not present):
+            runs[-1].append(load)
         else:
-            parts.append([load])
+            runs.append([load])
         present, deepest = graded, load.depth
         straight = straight and not (path_dependent and load.shears_tip)
-    return [tuple(part) for part in parts]
+    return [tuple(run) for run in runs]
 
 
 def mesh_range(scene: Scene, depth: float) -> tuple[float, int]:

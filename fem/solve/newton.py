@@ -162,8 +162,8 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
     system = contact.system
     state = system.admissible(q)
     if state is None:
-        at_rest = system.assemble(system.state(np.zeros(system.size)), None)
-        return Equilibrium(system.state(q), at_rest, 0, "guess_inverted")
+        rest = system.assemble(system.state(np.zeros(system.size)), None)
+        return Equilibrium(system.state(q), rest, 0, "guess_inverted")
     assembly, rate = contact.assemble(state, tangent=not contact.knows(state)), 1.0
     for iteration in range(MOST_ITERATIONS):
         size = reference_size(system, state, assembly)

@@ -102,8 +102,8 @@ class ReducedSystem:
             y[batch] = np.linalg.solve(A, self.b.astype(np.complex128))
         return y
 
-    def extend(self, vectors: Array, problem: Problem, at_rest: Solver, sample: Ints) -> ReducedSystem:
-        """Return the system with vectors (n, j) of `_independent` added; `at_rest` has factorised K."""
+    def extend(self, vectors: Array, problem: Problem, static_solver: Solver, sample: Ints) -> ReducedSystem:
+        """Return the system with vectors (n, j) of `_independent` added; `static_solver` has factorised K."""
         V = np.hstack([self.V, vectors])
         K, R, M = (_times(matrix, vectors) for matrix in (problem.K, problem.R, problem.M))
         loads = np.stack([R, -M], axis=2).reshape(len(V), -1)
@@ -114,7 +114,7 @@ class ReducedSystem:
             R=_bordered(self.R, V.T @ R),
             M=_bordered(self.M, V.T @ M),
             b=V.T @ problem.b,
-            W=np.hstack([self.W, _refined(at_rest, problem.K, loads)[sample]]),
+            W=np.hstack([self.W, _refined(static_solver, problem.K, loads)[sample]]),
         )
 
 
@@ -136,19 +136,19 @@ def reduce(
     best: ReducedSystem | None = None
     # the error's norm is that of 300 displacements, spread over all: all would take as much time as the solutions
     sample = np.unique(np.linspace(0, problem.moving - 1, 300).astype(np.int64))
-    at_rest, moving = Solver(), Solver()
-    at_rest.factorise(problem.K)
-    static, stability = _refined(at_rest, problem.K, problem.b), at_rest.stability(n - problem.moving)
+    static_solver, moving = Solver(), Solver()
+    static_solver.factorise(problem.K)
+    static, stability = _refined(static_solver, problem.K, problem.b), static_solver.stability(n - problem.moving)
     none, no_rows = np.empty((0, 0)), np.empty((len(sample), 0))
     system = ReducedSystem(np.empty((n, 0)), none, none, none, none, no_rows, 1, stability)
     # with the static solutions the slow limit is exact
-    system = system.extend(_independent(static, system.V, problem.moving), problem, at_rest, sample)
+    system = system.extend(_independent(static, system.V, problem.moving), problem, static_solver, sample)
     for rounds in range(1, most_rounds + 1):
         shifted = problem.at(float(c[worst].real), float(eigenvalues[worst]))
         moving.factorise(shifted)
         vectors = _independent(_local_vectors(moving, shifted, problem, residual), system.V, problem.moving)
         if vectors.size:
-            system = system.extend(vectors, problem, at_rest, sample)
+            system = system.extend(vectors, problem, static_solver, sample)
         y = system.solve(c, eigenvalues)
         errors = _errors(static[sample], system.V[sample], system.W, y, c, eigenvalues)
         worst = int(np.argmax(errors))
@@ -170,8 +170,8 @@ def _times(upper: sp.csr_matrix, x: Array) -> Array:
 
 def _residual(problem: Problem, x: Complex, c: complex, eigenvalue: float) -> Array:
     """Return real and imaginary parts (n, 2 k) of b - A x."""
-    parts, k = np.hstack([x.real, x.imag]), x.shape[1]
-    K, R, M = (_times(matrix, parts) for matrix in (problem.K, problem.R, problem.M))
+    columns, k = np.hstack([x.real, x.imag]), x.shape[1]
+    K, R, M = (_times(matrix, columns) for matrix in (problem.K, problem.R, problem.M))
     r = -K - c.real * R + eigenvalue * M
     r[:, :k] += problem.b + c.imag * R[:, k:]
     r[:, k:] -= c.imag * R[:, :k]

@@ -43,7 +43,7 @@ CLOSE = 1e-6
 Box = tuple[tuple[float, ...], tuple[float, ...]]
 
 
-def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid, Solid]:
+def closed_mold(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid, Solid]:
     """Return parts A (lid, skirt, pins, vents) and B (cup and foot) of the closed mould, mm; B is not split.
 
     beam : the solid of the design's beam, if it exists already. Without shrinkage the cavity is made from it, so that

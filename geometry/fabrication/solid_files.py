@@ -105,13 +105,13 @@ def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGL
 
 
 def export(
-    parts: Mapping[str, tuple[Solid, Any]], folder: str | Path, *, colours: Mapping[str, str] | None = None
+    solids: Mapping[str, tuple[Solid, Any]], folder: str | Path, *, colours: Mapping[str, str] | None = None
 ) -> list[dict[str, Any]]:
     """Write NAME.step, NAME.stl and NAME.3mf of every part into an existing folder; lengths in mm.
 
     Parameters
     ----------
-    parts : solids by name, each with its `facets`.
+    solids : by name, each with its `facets`.
     colours : CSS colour names for the STEP files, by the name of the part.
 
     Returns
@@ -125,7 +125,7 @@ def export(
         The folder does not exist or cannot be written.
     """
     written = []
-    for name, (solid, mesh) in parts.items():
+    for name, (solid, mesh) in solids.items():
         contents = {
             "step": step(named(solid, name, (colours or {}).get(name, ""))),
             "stl": mesh.export(file_type="stl"),
@@ -171,11 +171,13 @@ def named(solid: Solid, label: str, colour: str) -> Solid:
     return labelled
 
 
-def assembly(name: str, parts: Mapping[str, tuple[Solid, str]]) -> Any:
+def assembly(name: str, solids: Mapping[str, tuple[Solid, str]]) -> Any:
     """Return one labelled compound of solids, each with its name and its colour."""
     import build123d as bd
 
-    return bd.Compound(label=name, children=[named(solid, label, colour) for label, (solid, colour) in parts.items()])
+    return bd.Compound(
+        label=name, children=[named(solid, label, colour) for label, (solid, colour) in solids.items()]
+    )
 
 
 def _packed(name: str, mesh: Any) -> bytes:

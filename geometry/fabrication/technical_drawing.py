@@ -64,7 +64,7 @@ class View:
     dims: list[Dimension] = field(default_factory=list)
     labels: list[tuple[Point, str, Point]] = field(default_factory=list)
 
-    def section(self, solid: Solid, style: str, *, y: float = 0.0) -> None:
+    def cut(self, solid: Solid, style: str, *, y: float = 0.0) -> None:
         """Add the section of a solid with a plane of constant y, viewed along +y: x to the right, z upwards."""
         import build123d as bd
 

@@ -278,9 +278,9 @@ def _straight(source: _Cells, region: Ints) -> tuple[MeshTet1, Ints]:
     used, t = np.unique(source.cells[:, :4], return_inverse=True)
     corner = np.full(len(source.points), -1)
     corner[used] = np.arange(len(used))
-    parts = {name: np.flatnonzero(region == k) for k, name in enumerate(REGIONS) if (region == k).any()}
+    regions = {name: np.flatnonzero(region == k) for k, name in enumerate(REGIONS) if (region == k).any()}
     p, t = np.ascontiguousarray(source.points[used].T), np.ascontiguousarray(t.reshape(-1, 4).T)
-    mesh = MeshTet1(p, t, _subdomains=parts, sort_t=False)
+    mesh = MeshTet1(p, t, _subdomains=regions, sort_t=False)
     if np.bincount(mesh.t2f.ravel()).max() > 2:
         raise BadInput(f"the cells of the mesh {source.text} overlap: more than two share a facet")
     return mesh, corner

@@ -26,7 +26,7 @@ def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mappi
     bodies : the Hall elements by name.
     """
     side, above = View("Section y = 0"), View("From above")
-    side.section(parts["base"], "rigid")
+    side.cut(parts["base"], "rigid")
     above.projection(parts["base"])
     # projections are slow: both sheets start from copies of the same lines
     sheets = View(side.title, list(side.paths)), View(above.title, list(above.paths))
@@ -40,11 +40,11 @@ def _sensor_sheet(
     design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid], side: View, above: View
 ) -> str:
     """Return the sheet of the assembled sensor; `side` and `above` already show its base."""
-    side.section(parts["silicone"], "soft")
+    side.cut(parts["silicone"], "soft")
     if "magnet" in parts:
-        side.section(parts["magnet"], "magnet")
+        side.cut(parts["magnet"], "magnet")
     for body in bodies.values():
-        side.section(body, "part")
+        side.cut(body, "part")
     R, L, H, half = design.R, design.L, design.H, plan.half
     where = places(design)
     x1, _, z1 = next(iter(where.values()))
@@ -146,8 +146,8 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
     side, above = View(f"Section y = {number(y)}, closed"), View("B from above")
     for piece in pieces:
         # the section of a split B lies just beside its joint, where the halves would share their faces
-        side.section(piece, "rigid", y=y + (1e-3 * s.R if mold.split else 0.0))
-    side.section(A, "lid", y=y)
+        side.cut(piece, "rigid", y=y + (1e-3 * s.R if mold.split else 0.0))
+    side.cut(A, "lid", y=y)
     for piece in pieces:
         above.projection(piece)
     x = max(centre[0] for centre in s.centres)

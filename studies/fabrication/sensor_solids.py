@@ -147,7 +147,7 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
         if choices.base != Base():
             raise
         missing = f"no base and no assembly: {error}"
-    A, B = mold_solids.parts(design, choices.mold, beam)
+    A, B = mold_solids.closed_mold(design, choices.mold, beam)
     halves = mold_solids.halves(design, choices.mold, B) if choices.mold.split else {"mold_b": B}
     return FabricatedSolids(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
 

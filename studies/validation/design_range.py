@@ -157,7 +157,7 @@ def _solids(design: Design) -> Row:
     for body, volume in bodies:
         if not (body.is_valid and abs(float(body.volume) / volume - 1) < 1e-9):
             raise RuntimeError(f"a solid of {body.volume:.9g} mm3 is not valid or has the wrong volume")
-    checks = mold_solids.checks(design, choices, *mold_solids.parts(design, choices))
+    checks = mold_solids.checks(design, choices, *mold_solids.closed_mold(design, choices))
     failed = [check.name for check in checks if not check.passed]
     if failed:
         raise RuntimeError(f"the mould fails its check '{failed[0]}'")

@@ -371,7 +371,7 @@ def slow_limit(_: int) -> tuple[float, ...]:
     """
     sensor = vibrating_sensor(paper(), SHEARED, (1e-6, 1.0), QUICK)
     force, unit = sensor.at([1e-6]).force[0].real, sensor.scene.design.E * sensor.scene.design.D
-    (part,) = sensor.parts
+    (part,) = sensor.reduced_blocks
     state, plate = part.block.state, part.block.plate
     assert plate is not None
     assert plate.height is not None
@@ -474,7 +474,7 @@ def full_solutions(_: int) -> tuple[float, ...]:
     sensor = vibrating_sensor(paper(), GLUED, (1.0, 1000.0), QUICK)
     unit = frequency_unit(sensor.scene.design)
     forces, poses = list[float](), list[float]()
-    for part in sensor.parts:
+    for part in sensor.reduced_blocks:
         for f in (1.0, 600.0, 1000.0):
             g = complex(sensor.relaxation.complex_modulus(2 * np.pi * f)) / sensor.relaxation.rest
             c, eigenvalue = g - 1, (f / unit) ** 2
