@@ -48,8 +48,6 @@ def force_resolution(jacobian_readings: ArrayLike, jacobian_force: ArrayLike, no
     BadInput
         A shape is wrong, or a noise is not positive.
 
-    Examples
-    --------
     Each reading changes with one coordinate: 2 V/mm and 0.5 N/mm turn a noise of 0.01 V into 0.0025 N.
 
     >>> force_resolution(np.diag([2.0, 2.0, 4.0])[None], np.diag([0.5, 0.5, 4.0])[None], [0.01, 0.01, 0.01]).tolist()

@@ -183,8 +183,6 @@ def repulsion(radius: float, height: float, J: float, distance: float) -> float:
     BadInput
         The magnets would overlap.
 
-    Examples
-    --------
     Far away it is that of two dipoles, 3 mu0 m^2 / (4 pi s^4):
 
     >>> m = 1.2 / MU_0 * math.pi * 3.0**2 * 3.0 * 1e-9

@@ -30,8 +30,6 @@ def receptance(frequency: ArrayLike, natural: float, modulus: ArrayLike = 1.0) -
     natural : f0, Hz.
     modulus : g at these frequencies; 1 without damping, 1 + i eta for a constant loss factor.
 
-    Examples
-    --------
     The paper's sensor at 600 Hz, with its natural frequency of 970 Hz and no damping:
 
     >>> round(abs(complex(receptance(600.0, 970.0))), 2)

@@ -39,8 +39,6 @@ def of_sample(noise: float, density: float, bandwidth: float) -> float:
     density : density of the white noise, V/sqrt(Hz).
     bandwidth : noise bandwidth of the low-pass, Hz.
 
-    Examples
-    --------
     >>> of_sample(3e-4, 4e-5, 100.0)
     0.0005
     """
@@ -57,8 +55,6 @@ def of_average(noise: float, step: float = 0.0, floor: float = 0.0, count: int =
     floor : noise floor r, which averaging does not reduce.
     count : number N of samples.
 
-    Examples
-    --------
     Noise far above the step averages; noise far below it does not.
 
     >>> round(of_average(1e-2, 1e-3, count=100), 7), round(of_average(1e-5, 1e-3, count=100), 7)

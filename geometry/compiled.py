@@ -17,14 +17,12 @@ from pathlib import Path
 from typing import Any
 
 
-def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+def compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function by numba; a decorator, with numba's options.
 
     A division by zero gives inf or nan, as in NumPy. Without a wrapper for callers in C, which nobody needs,
     compiling takes a tenth less time.
     """
-    if function is None:
-        return functools.partial(compiled, **options)
     from numba import njit
 
     _announce_compilation()

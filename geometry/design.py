@@ -39,19 +39,6 @@ Gent's formula (1958), E = 0.0981 (56 + 7.66 S) / (0.137505 (254 - 2.54 S))."""
 HALL_LAYOUTS = ("three", *CHIPS, OWN)
 """Three one-axis Hall elements S1, S2 and S3, or one 3-axis chip at the height of S1."""
 
-OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
-    "three": (
-        *("f", "c", "hall_gain", "hall_null", "hall_low", "hall_high"),
-        *("hall_noise", "hall_noise_density", "hall_bandwidth", "hall_noise_floor", "hall_step", "hall_plate"),
-    ),
-    **dict.fromkeys(CHIPS, ("chip_x", "chip_noise")),
-    OWN: (
-        *("chip_x", "chip_noise", "chip_range", "chip_step"),
-        *("chip_length", "chip_width", "chip_height", "chip_plate"),
-    ),
-}
-"""For each layout, the fields that only some layouts use: a chip with a name has the figures of its data sheet."""
-
 POLES = {"down": 1.0, "up": -1.0}
 """Where the magnet's north pole can point, with the sign of its polarisation along -z: down is towards the base."""
 
@@ -382,12 +369,20 @@ class Design:
         return texts
 
 
+_NAMES = [spec.name for spec in dataclasses.fields(Design)]
+OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
+    "three": ("f", "c", *(n for n in _NAMES if n.startswith("hall_") and n not in ("hall_layout", "hall_average"))),
+    **dict.fromkeys(CHIPS, ("chip_x", "chip_noise")),
+    OWN: tuple(n for n in _NAMES if n.startswith("chip_")),
+}
+"""For each layout, the fields that only some layouts use: a chip with a name has the figures of its data sheet."""
+
 _RANGES = tuple(
     (spec, spec.metadata.get("low", math.nan), spec.metadata.get("high", math.nan))
     for spec in dataclasses.fields(Design)
 )
 """The fields of a design, each with its least and largest value; NaN for a name."""
-_VALUES = attrgetter(*(spec.name for spec, _, _ in _RANGES))
+_VALUES = attrgetter(*_NAMES)
 """Returns the values of all fields of a design."""
 
 

@@ -41,9 +41,8 @@ class Mold:
     pocket_gap : radial gap between magnet and pocket; negative for a pocket that grips the magnet.
     pin_edge : fillet radius at the end of the pin. It must not exceed the magnet's edge radius, or the magnet would
         not reach the bottom of the pocket.
-    draft : taper of the pin, wider at the base plane, degrees. The cavity has no draft: a tapered beam would be
-        another sensor, and silicone thins when pulled and so comes off upright walls. The skirt has none either,
-        because its fit relies on parallel walls.
+    draft : taper of the pin, wider at the base plane, degrees. The cavity has none: a tapered beam would be another
+        sensor. The skirt has none either, because its fit relies on parallel walls.
     wall : thickness of B's wall, of A's skirt, and between neighbouring cavities.
     floor : thickness of B's foot, and least thickness between the silicone and the underside.
     lid : thickness of A's lid.
@@ -107,7 +106,7 @@ class Ears:
     ----------
     start, inner, end : x of its end inside B's wall, of its face beside A's skirt, and of its outer end.
     web : z of the ear's top between `start` and `inner`.
-    bolt_x, bolt_z, pin_x, pin_z : places of the holes.
+    bolt_x, bolt_z, pin_x : places of the holes; that of the pin is at half the height.
     """
 
     start: float
@@ -117,7 +116,6 @@ class Ears:
     bolt_x: float
     bolt_z: tuple[float, ...]
     pin_x: float
-    pin_z: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +127,7 @@ class Sizes:
     R, L : radius and length of the cavity.
     pin_radius, pin_edge : radius and fillet radius of the pin at its end; 0 without a magnet.
     pin_depth, pin_top : length of the pin below z = 0, and its radius at z = 0; 0 without a magnet.
-    outer, free : outer radius of B around a cavity, and height of B above its foot.
+    outer : outer radius of B around a cavity.
     floor, bottom : thickness of B's foot, and z of its underside (negative).
     skirt, inner, rim : length of A's skirt below z = 0, its inner radius and its outer radius.
     lid, wall, fit : thickness of A's lid, thickness of walls, and gap between skirt and B.
@@ -146,7 +144,6 @@ class Sizes:
     pin_edge: float
     pin_top: float
     outer: float
-    free: float
     floor: float
     bottom: float
     skirt: float
@@ -214,7 +211,6 @@ def sizes(design: Design, mold: Mold) -> Sizes:
         pin_edge=pin_edge,
         pin_top=pin_top,
         outer=outer,
-        free=free,
         floor=floor,
         bottom=-free - floor,
         skirt=skirt,
@@ -274,7 +270,6 @@ def _ears(far: float, outer: float, rim: float, bottom: float, web: float, hole:
         bolt_x=bolt,
         bolt_z=tuple(bottom + height * (k + 0.5) / count for k in range(count)),
         pin_x=pin,
-        pin_z=bottom / 2,
     )
 
 

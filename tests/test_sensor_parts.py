@@ -121,7 +121,7 @@ def test_pins_and_screws_of_a_split_mould_have_clearance_and_lie_across_the_spli
 
     made = sensor_solids.make_solids(paper(), choices)
     for x, z, radius in (
-        (s.ears.pin_x, s.ears.pin_z, recipe["dowels"]["diameter_mm"] / 2),
+        (s.ears.pin_x, s.bottom / 2, recipe["dowels"]["diameter_mm"] / 2),
         *((s.ears.bolt_x, z, 1.5) for z in s.ears.bolt_z),
     ):
         for side in (1, -1):

@@ -96,7 +96,7 @@ def _ears(s: Sizes) -> tuple[list[Solid], list[Solid]]:
         face = bd.Face(bd.Wire.make_polygon(points))
         ears.append(bd.Solid.extrude(face, bd.Vector(0, -2 * depth, 0)))
         holes += [_teardrop(side * e.bolt_x, z, BOLT_HOLE / 2) for z in e.bolt_z]
-        holes.append(_teardrop(side * e.pin_x, e.pin_z, s.dowel_hole / 2))
+        holes.append(_teardrop(side * e.pin_x, s.bottom / 2, s.dowel_hole / 2))
     return ears, holes
 
 
@@ -169,7 +169,7 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     cast = max(casts, key=lambda piece: float(piece.volume))
     nominal = pours(design, mold)[0]
     error = sum(float(piece.volume) for piece in casts) / nominal / len(s.centres) - 1
-    travel, closed = s.free + s.skirt + s.lid, overlap(A, B)
+    travel, closed = s.skirt + s.lid - s.bottom - s.floor, overlap(A, B)
     results = [
         _none("overlap of A and B in the closed mould", closed / nominal),
         Check("cavity volume against beam minus pin", error, f"|.| <= {ROUNDING:g}", "1", abs(error) <= ROUNDING),

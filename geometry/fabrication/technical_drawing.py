@@ -38,7 +38,7 @@ view, distance of each further one, and length of an arrow."""
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One piece of a path, mm: a line from `start` to `end`, or an arc through `middle`."""
+    """One piece of a path, mm: a line from `start` to `end`, or an arc of at most half a circle through `middle`."""
 
     start: Point
     end: Point
@@ -167,19 +167,14 @@ def _pieces(edges: Iterable[Any], first: int, second: int) -> list[Piece]:
     pieces = []
     for edge in edges:
         circle = edge.geom_type.name == "CIRCLE"
-        # an arc needs one middle point; any other curve is drawn as 32 short lines
-        steps = 2 if circle else 1 if edge.geom_type.name == "LINE" else 32
+        # an arc is drawn as two, because SVG cannot draw a full circle as one; any other curve as 32 short lines
+        steps = 4 if circle else 1 if edge.geom_type.name == "LINE" else 32
         places = [tuple(edge.position_at(k / steps)) for k in range(steps + 1)]
         points = [(place[first], place[second]) for place in places]
-        if not circle:
-            pieces += [Piece(a, b) for a, b in itertools.pairwise(points)]
-        elif math.dist(points[0], points[2]) < 1e-9:
-            # SVG cannot draw a full circle as one arc: two halves
-            quarter, three = (tuple(edge.position_at(k)) for k in (0.25, 0.75))
-            pieces.append(Piece(points[0], points[1], (quarter[first], quarter[second]), edge.radius))
-            pieces.append(Piece(points[1], points[0], (three[first], three[second]), edge.radius))
+        if circle:
+            pieces += [Piece(points[k], points[k + 2], points[k + 1], edge.radius) for k in (0, 2)]
         else:
-            pieces.append(Piece(points[0], points[2], points[1], edge.radius))
+            pieces += [Piece(a, b) for a, b in itertools.pairwise(points)]
     return pieces
 
 
@@ -240,9 +235,7 @@ def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
                 p, q = on(piece.middle)
                 turn = (p - x) * (v - y) - (q - y) * (u - x)
                 r = scale * piece.radius
-                # more than half a circle: the arc's middle is farther from the middle of the chord than one radius
-                deep = math.dist((p, q), ((x + u) / 2, (y + v) / 2)) > r * (1 + 1e-9)
-                words.append(f"A{r:.4f} {r:.4f} 0 {int(deep)} {int(turn > 0)} {u:.4f} {v:.4f}")
+                words.append(f"A{r:.4f} {r:.4f} 0 0 {int(turn > 0)} {u:.4f} {v:.4f}")
     return "".join(words)
 
 

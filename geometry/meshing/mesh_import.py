@@ -7,9 +7,7 @@ The regions are named "silicone" and "magnet", in upper or lower case, by physic
 numbered 0 and 1 by the cell data `region`, as magtip writes them. Without names and numbers, the cells inside the
 magnet form the region "magnet". A mesh without cells inside the magnet has the magnet as a hole.
 
-`by_pytetwild` makes such a mesh by fTetWild (Hu et al., ACM Transactions on Graphics 39, 2020): it shares with the
-meshes of magtip the triangles of the surfaces only, and none of the cells. Repeated calls differ slightly, because
-fTetWild has no seed that can be set.
+`by_pytetwild` makes such a mesh by fTetWild (Hu et al., ACM Transactions on Graphics 39, 2020), which has no seed.
 
 The boundaries are found from the positions of the facets. A set of facets named "base", "skin", "symmetry" or
 "magnet" must agree with these positions.
@@ -88,7 +86,9 @@ def read(
     text = repr(str(path))
     content = _opened(path, text)
     needed = design_digest.of_solid(shape, magnet=magnet != "none")
-    if not design_digest.check(_label(content), needed, f"the mesh {text}") and warn is not None:
+    numbers = {name: np.ravel(values)[0] for name, values in content.field_data.items() if np.size(values) == 1}
+    label = design_digest.from_numbers(numbers)
+    if not design_digest.check(label, needed, f"the mesh {text}") and warn is not None:
         warn(
             f"the mesh {text} does not say for which sensor it was made: only its surfaces (to {100 * OFF:g} % of D) "
             f"and volumes (to {100 * VOLUME:g} %) are checked"
@@ -154,7 +154,7 @@ def _on_surfaces(cells: _Cells, shape: Shape, magnet: MagnetCells) -> MeshTet2:
     straight, corner = _straight(source, region)
     straight = _with_boundaries(straight, source, corner, shape)
     mesh = _linear(straight, source, shape) if source.cells.shape[1] == 4 else _quadratic(straight, source)
-    for name, error in quality(mesh, shape).volume_errors.items():
+    for name, error in quality(mesh, shape)["volume_errors"].items():
         if not abs(error) < VOLUME:
             raise BadInput(
                 f"the volume of the {name} in the mesh {source.text} is wrong by {100 * error:.3g} % (at most "
@@ -175,11 +175,6 @@ def _opened(path: str | Path, text: str) -> Any:
         # meshio's readers raise many kinds of errors on a damaged file, and some of them exit
         reason = "damaged or truncated" if isinstance(error, SystemExit) else str(error) or type(error).__name__
         raise BadInput(f"meshio cannot read the mesh {text} ({reason}): save it in another format") from None
-
-
-def _label(content: Any) -> dict[str, Any]:
-    single = {name: np.ravel(values)[0] for name, values in content.field_data.items() if np.size(values) == 1}
-    return design_digest.from_numbers(single)
 
 
 def _parsed(content: Any, text: str) -> _Cells:

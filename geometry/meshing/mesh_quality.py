@@ -4,7 +4,8 @@ All lengths are in the unit of the `Shape` that is passed in. Points have shape 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import skfem
@@ -15,12 +16,11 @@ from geometry.arrays import Array, Ints
 from geometry.design import Shape
 
 
-@dataclass(frozen=True, slots=True)
-class Quality:
-    """Counts and measures of the quality of a mesh.
+def quality(mesh: skfem.MeshTet2, shape: Shape) -> dict[str, Any]:
+    """Return the quality of a mesh that `geometry.mesh.tetrahedra` made for `shape`.
 
-    Attributes
-    ----------
+    Returns
+    -------
     cells, nodes : counts; the nodes include the middle nodes of edges.
     volumes : volume of each region, in the cube of the mesh's unit.
     volume_errors : relative error of each volume against the exact body.
@@ -30,20 +30,6 @@ class Quality:
     least_jacobian : ratio of the least to the greatest Jacobian determinant of a cell, at the quadrature points of
         order 4; the least ratio of all cells. 1 is a straight cell, 0 a folded one.
     """
-
-    cells: int
-    nodes: int
-    volumes: dict[str, float]
-    volume_errors: dict[str, float]
-    base_error: float
-    gap: float
-    least_shape: float
-    mean_shape: float
-    least_jacobian: float
-
-
-def quality(mesh: skfem.MeshTet2, shape: Shape) -> Quality:
-    """Return the quality of a mesh that `geometry.mesh.tetrahedra` made for `shape`."""
     part = 0.5 if "symmetry" in mesh.boundaries else 1.0
     exact = {"silicone": part * cad.beam_volume(shape)}
     if "magnet" in mesh.boundaries:
@@ -53,24 +39,19 @@ def quality(mesh: skfem.MeshTet2, shape: Shape) -> Quality:
     cells = get_quadrature(skfem.ElementTetP2().refdom, 4)[1] @ np.abs(det)
     volumes = {name: float(cells[index].sum()) for name, index in mesh.subdomains.items()}
     shapes = radius_ratios(mesh.doflocs[:, mesh.t])
-    return Quality(
-        cells=mesh.nelements,
-        nodes=mesh.doflocs.shape[1],
-        volumes=volumes,
-        volume_errors={name: value / exact[name] - 1 for name, value in volumes.items()},
-        base_error=float(np.linalg.norm(_facets(mesh, "base")[1], axis=0).sum() / (part * math.pi * shape.R**2) - 1),
-        gap=max(
-            (
-                float(np.abs(surface(_facets(mesh, name)[0], shape)[0]).max())
-                for name, surface in (("skin", skin), ("magnet", magnet))
-                if name in mesh.boundaries
-            ),
-            default=0.0,
-        ),
-        least_shape=float(shapes.min()),
-        mean_shape=float(shapes.mean()),
-        least_jacobian=float((det.min(axis=0) / det.max(axis=0)).min()),
-    )
+    area = float(np.linalg.norm(_facets(mesh, "base")[1], axis=0).sum())
+    curved = [(name, at) for name, at in (("skin", skin), ("magnet", magnet)) if name in mesh.boundaries]
+    return {
+        "cells": mesh.nelements,
+        "nodes": mesh.doflocs.shape[1],
+        "volumes": volumes,
+        "volume_errors": {name: value / exact[name] - 1 for name, value in volumes.items()},
+        "base_error": area / (part * math.pi * shape.R**2) - 1,
+        "gap": max((float(np.abs(at(_facets(mesh, name)[0], shape)[0]).max()) for name, at in curved), default=0.0),
+        "least_shape": float(shapes.min()),
+        "mean_shape": float(shapes.mean()),
+        "least_jacobian": float((det.min(axis=0) / det.max(axis=0)).min()),
+    }
 
 
 def with_exact_volumes(mesh: skfem.MeshTet2, shape: Shape) -> skfem.MeshTet2:

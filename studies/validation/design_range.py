@@ -203,18 +203,21 @@ def _solid_mesh(design: Design) -> Row:
     mesh = tetrahedra(design.shape, size)
     seconds, cpu = time.perf_counter() - begin, time.process_time() - spent
     measured = quality(mesh, design.shape)
-    right = all(abs(error) < VOLUME for error in measured.volume_errors.values()) and abs(measured.base_error) < BASE
-    if not (right and measured.least_jacobian >= LEAST_JACOBIAN):
+    right = (
+        all(abs(error) < VOLUME for error in measured["volume_errors"].values())
+        and abs(measured["base_error"]) < BASE
+    )
+    if not (right and measured["least_jacobian"] >= LEAST_JACOBIAN):
         raise RuntimeError(f"{measured}")
     return {
-        "tetrahedra": measured.cells,
+        "tetrahedra": measured["cells"],
         "mesh_s": seconds,
         "mesh_cpu_s": cpu,
-        "silicone_volume_error": measured.volume_errors["silicone"],
-        "magnet_volume_error": measured.volume_errors["magnet"],
-        "base_error": measured.base_error,
-        "gap_over_D": measured.gap / design.D,
-        "least_jacobian": measured.least_jacobian,
-        "least_shape": measured.least_shape,
-        "mean_shape": measured.mean_shape,
+        "silicone_volume_error": measured["volume_errors"]["silicone"],
+        "magnet_volume_error": measured["volume_errors"]["magnet"],
+        "base_error": measured["base_error"],
+        "gap_over_D": measured["gap"] / design.D,
+        "least_jacobian": measured["least_jacobian"],
+        "least_shape": measured["least_shape"],
+        "mean_shape": measured["mean_shape"],
     }
