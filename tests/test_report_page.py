@@ -204,13 +204,23 @@ def test_texts_of_files_are_never_executed(page):
     assert "window.hacked" in page.evaluate("document.body.textContent")
 
 
+@pytest.fixture
+def shown_as(page):
+    """Show the page in a theme, on a screen of a width, or as it is printed; afterwards as before."""
+    yield page
+    page.emulate_media(media="null", color_scheme="null")
+    page.set_viewport_size({"width": 1200, "height": 900})
+
+
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_contrast_suffices_in_both_themes(chromium, report, dark):
-    page = opened(chromium, report, color_scheme="dark" if dark else "light")
-    ratios = page.evaluate(CONTRAST)
+def test_contrast_suffices_in_both_themes(shown_as, dark):
+    theme = "dark" if dark else "light"
+    shown_as.emulate_media(color_scheme=theme)
+    wait(shown_as, f"document.documentElement.dataset.theme === '{theme}'")
+    ratios = shown_as.evaluate(CONTRAST)
     assert min(ratios[name] for name in ("--ink", "--soft", "--link")) >= 4.5
     assert min(ratios.values()) >= 3
-    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == (
+    assert shown_as.evaluate("getComputedStyle(document.body).backgroundColor") == (
         "rgb(20, 23, 27)" if dark else "rgb(255, 255, 255)"
     )
 
@@ -223,23 +233,24 @@ def test_button_changes_the_theme(page):
     assert grounds == {"rgb(255, 255, 255)", "rgb(20, 23, 27)"}
 
 
-def test_narrow_screen_does_not_scroll_sideways(chromium, report):
-    page = opened(chromium, report, width=390, height=800)
-    page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
-    wait(page, "document.querySelectorAll('details.data tbody').length > 0")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+def test_narrow_screen_does_not_scroll_sideways(shown_as):
+    shown_as.set_viewport_size({"width": 390, "height": 800})
+    shown_as.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    wait(shown_as, "document.querySelectorAll('details.data tbody').length > 0")
+    assert shown_as.evaluate("document.documentElement.scrollWidth") <= 390
+    shown_as.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = false; })")
 
 
-def test_page_prints_black_on_white_with_all_figures(chromium, report, data):
-    page = opened(chromium, report, color_scheme="dark")
-    pdf = page.pdf(prefer_css_page_size=True)
+def test_page_prints_black_on_white_with_all_figures(shown_as, data):
+    shown_as.emulate_media(color_scheme="dark")
+    pdf = shown_as.pdf(prefer_css_page_size=True)
     assert pdf.startswith(b"%PDF")
-    page.emulate_media(media="print")
-    assert page.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
+    shown_as.emulate_media(media="print")
+    assert shown_as.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
     shown = (
         "[...document.querySelectorAll('figure svg.panel, figure canvas')].filter((n) => n.getClientRects().length)"
     )
-    assert page.evaluate(f"{shown}.length") == len(data["figures"]) + len(data["surfaces"])
+    assert shown_as.evaluate(f"{shown}.length") == len(data["figures"]) + len(data["surfaces"])
 
 
 def test_nothing_is_evaluated(report):

@@ -1,5 +1,7 @@
 """A sweep that is killed twice: nothing that it reported is lost, little is solved again, no process is left."""
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -12,6 +14,7 @@ import pandas as pd
 import pytest
 from worker_tasks import SOLVES, children, gone, until
 
+from studies.cli import commands
 from studies.inputs.option_groups import Selection
 from studies.mechanics import store_actions, store_check
 from studies.output.provenance import ROOT
@@ -54,13 +57,16 @@ class Sweep:
         self.store, self.log, self.rows = (folder / name for name in ("s.sqlite", "solves", "rows.jsonl"))
         self.log.touch()
 
-    def start(self, workers=WORKERS):
+    def words(self, workers):
         words = ["sweep", "paper", "--axis", "L=lin:10:16:6", "--axis", f"depth={','.join(map(str, DEPTHS))}"]
         words += ["--magnet", "ignored", "--accuracy", "quick", "--json", "--store", str(self.store)]
+        return [*words, "--workers", str(workers)]
+
+    def start(self):
         paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
         with self.rows.open("wb") as rows:
             return subprocess.Popen(
-                [sys.executable, "-c", SWEEP, *words, "--workers", str(workers)],
+                [sys.executable, "-c", SWEEP, *self.words(WORKERS)],
                 env={**os.environ, SOLVES: str(self.log), "PYTHONPATH": paths},
                 stdout=rows,
                 stderr=subprocess.DEVNULL,
@@ -86,9 +92,15 @@ class Sweep:
         begun = {round(float(line), 9) for line in self.log.read_text()[before:].splitlines()}
         return Kill(self.printed(), begun, stored, workers, not ended, intact)
 
-    def completed(self, workers):
-        assert self.start(workers).wait() == 0
+    def completed(self):
+        assert self.start().wait() == 0
         return self.printed()
+
+    def undisturbed(self):
+        """The rows of a sweep in this process."""
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            assert commands.run(self.words(0)) == 0
+        return [json.loads(line) for line in said.getvalue().splitlines()]
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +108,7 @@ def swept(tmp_path_factory):
     """Two kills, then the rows of the sweep that goes on, and those of one that nothing disturbs."""
     sweep = Sweep(tmp_path_factory.mktemp("killed"))
     kills = [sweep.killed(solves=3), sweep.killed(rows=1)]
-    return kills, sweep.completed(WORKERS), Sweep(tmp_path_factory.mktemp("whole")).completed(0)
+    return kills, sweep.completed(), Sweep(tmp_path_factory.mktemp("whole")).undisturbed()
 
 
 def test_the_state_of_each_printed_row_is_in_the_store(swept):
