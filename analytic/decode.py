@@ -10,8 +10,6 @@ With A = dB/ds (k, 3), the pose's covariance is P C P' with P = (A'WA)^-1 A'W. C
 the variance of each is that of `analytic.reading_noise`. The condition number is that of A in the 2-norm.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ B_rho and B_z at a distance rho from the magnet's axis and a height Z above its 
 table.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

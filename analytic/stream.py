@@ -1,7 +1,5 @@
 """Decoding of one row of readings at a time, for a real-time loop: thousands of rows per second."""
 
-from __future__ import annotations
-
 from math import isnan, nan
 from typing import NamedTuple
 

@@ -18,8 +18,6 @@ are not `known`. The share of a set of poses in the workspace is their weight by
 poses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

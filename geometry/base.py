@@ -223,8 +223,7 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
 def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
     """Return the outer size of the sensor along x, y, z, and the length of the leads below the base, both in mm.
 
-    The outer size covers base, beam and bodies of the Hall elements, without board and screws. Leads count as
-    `geometry.fabrication.hall_elements.LEAD` long; a maker cuts them to the length needed.
+    The outer size covers base, beam and bodies of the Hall elements, without board and screws.
     """
     top, low = heights(design)
     high = max(design.L, top, plan.recess)

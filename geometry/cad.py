@@ -75,8 +75,7 @@ def turned(profile: Sequence[Corner]) -> Solid:
 
 
 def turned_volume(profile: Sequence[Corner]) -> float:
-    """Return the exact volume of `turned(profile)`, pi times the integral of r² dz, in the cube of the profile's
-    unit.
+    """Return the exact volume of `turned(profile)`, pi times the integral of r² dz.
 
     >>> ball = [(0, 0, 0), (2, 0, 2), (2, 4, 2), (0, 4, 0)]
     >>> round(turned_volume(ball) / (4 / 3 * math.pi * 2**3), 12)

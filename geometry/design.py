@@ -407,8 +407,7 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
 
 
 def paper() -> Design:
-    """Return the sensor of Chathuranga et al., IEEE Sensors Journal 2016, with assumed values where the paper has
-    none.
+    """Return the sensor of Chathuranga et al., IEEE Sensors Journal 2016; what the paper leaves open is assumed.
 
     The assumed magnet height, remanence and l0 reproduce the paper's output of S1 at rest, 2.87 V.
     """

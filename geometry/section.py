@@ -24,14 +24,12 @@ and so do plates that are glued under a tilt, where the edge lies at several rad
 vibrations about a press.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 import skfem
@@ -194,7 +192,7 @@ class Grading:
         _shorten(wanted, x.real.copy(), x.imag.copy(), self.source, self.least, self.growth)
         return wanted
 
-    def reduced(self) -> Grading:
+    def reduced(self) -> Self:
         """Return the grading without sources that have no effect: another source requires less everywhere.
 
         The tip always stays.
@@ -202,7 +200,7 @@ class Grading:
         lengths = self.least + self.growth * cdist(pairs(self.source), pairs(self.source))
         more = (self.least - SMALLEST > lengths.T) & (self.growth >= self.growth[:, None])
         used = np.append(0, 1 + np.flatnonzero(~np.any(more, axis=0)[1:]))
-        return Grading(self.size, self.source[used], self.least[used], self.growth[used])
+        return dataclasses.replace(self, source=self.source[used], least=self.least[used], growth=self.growth[used])
 
 
 @compiled

@@ -20,8 +20,6 @@ Arrays of poses that are given to numba have them in their first axis, all other
 T, angles in rad.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -22,8 +22,6 @@ start of its own: an iteration that moves farther than 2.5 cell diagonals from i
 misfit does not fall to 0.8 of its size in six evaluations, as next to a minimum of the misfit that is no pose.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Literal, NamedTuple, get_args
 

@@ -14,8 +14,6 @@ violate both between them. So n and d are the closest fits for which dn/dw < 0, 
 lines between all samples and rest; `Mechanics.errors` gives their distance from the samples.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable, Iterable

@@ -46,10 +46,8 @@ PROCESSES = {
 }
 
 FLAT = 1e-4
-"""A facet is level if the vertical component of its unit normal differs from 1 by less than this.
-
-The same number is the tolerance of heights, as a fraction of the part's height.
-"""
+"""Difference from 1 of the vertical component of a unit normal, up to which a facet is level; also the tolerance of
+heights, as a fraction of the part's height."""
 
 
 @dataclass(frozen=True, slots=True)
