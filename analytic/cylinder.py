@@ -315,12 +315,12 @@ def cylinder_series(z0: float) -> Array:
     """
     span2 = 1 + z0 * z0
     x, a2 = z0 * z0 / span2, 1 / span2
+    brackets = [a2 * sum(x ** (k - j) for j in range(k + 1)) / (k + 1) for k in range(ORDER // 2 + 1)]
     moments = [0.0] * (ORDER + 1)
     for n in range(1, ORDER + 1, 2):
         total = 0.0
         for k in range(n // 2 + 1):
-            bracket = a2 * sum(x ** (k - j) for j in range(k + 1)) / (k + 1)
-            total += (-1) ** k * math.comb(n, k) * math.comb(2 * n - 2 * k, n) * x ** (n / 2 - k) * bracket
+            total += (-1) ** k * math.comb(n, k) * math.comb(2 * n - 2 * k, n) * x ** (n / 2 - k) * brackets[k]
         moments[n] = total / 2 ** (n + 1)
     return _series(moments)
 

@@ -8,6 +8,7 @@ permeability, of which a value of 1.05 weakens the field by 1.7 % everywhere out
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -236,23 +237,46 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     numbers: dict[tuple[float | str, ...], int] = {}
     # by a dictionary of fields, because the positions would cost a sweep over E more than all else
     site_of = np.array([numbers.setdefault(SITE(design), len(numbers)) for design in designs])
-    site, first = site_of[owner], np.unique(site_of, return_index=True)[1]
-    order = np.argsort(site, kind="stable")
-    posed: NDArray[np.bool_] = np.asarray(np.isfinite(np.hstack([shift, tilt])).all(axis=1))
+    sites = [designs[k] for k in np.unique(site_of, return_index=True)[1]]
+    posed = np.isfinite(np.hstack([shift, tilt])).all(axis=1)
+    posed &= np.array([design.shape.has_magnet for design in sites])[site_of[owner]]
+    order = np.argsort(site_of[owner], kind="stable")
+    rows = order[posed[order]]
     measured = np.full((len(owner), ELEMENTS), np.nan)
-    for all_rows in np.split(order, np.flatnonzero(np.diff(site[order])) + 1):
-        design, rows = designs[first[site[all_rows[0]]]], all_rows[posed[all_rows]]
-        if design.shape.has_magnet and len(rows):
-            elements = of_design(design)
-            points, owners = plates_of(elements)
-            poses = (np.repeat(values[rows], len(points), axis=0) for values in (shift, tilt))
-            b = field_at(np.tile(points, (len(rows), 1)), design, *poses, refuse=False)
-            measured[rows] = means_over_plates(b, elements, owners) / design.polarisation
+    plates = [plates_of(of_design(design)) for design in sites]
+    counts = np.array([len(points) for points, _ in plates])
+    for count in np.unique(counts).tolist():
+        own = rows[counts[site_of[owner[rows]]] == count]
+        measured[own] = _along_elements(sites, plates, site_of[owner[own]], shift[own], tilt[own])
     measured *= np.array([design.polarisation for design in designs])[owner, None]
     measured[np.isnan(measured).any(axis=1)] = np.nan
     gain, null, low, high, _, step, _ = common[owner].T[:, :, None]
     output, saturated = converted(null + gain * measured, low, high, step)
     return BatchReadings(measured, output, saturated)
+
+
+def _along_elements(
+    sites: Sequence[Design], plates: Sequence[tuple[Array, NDArray[np.int64]]], site: NDArray[np.int64],
+    shift: Array, tilt: Array,
+) -> Array:  # fmt: skip
+    """Return what the elements measure over the polarisation, shape (n, 3), in poses that are sorted by their site.
+
+    The plates of all these sites have as many points.
+    """
+    if not len(site):
+        return np.zeros((0, ELEMENTS))
+    start = np.flatnonzero(np.diff(site, prepend=-1))
+    owners = plates[site[0]][1]
+    points = np.array([plates[k][0] - [0.0, 0.0, sites[k].H] for k in site[start]])
+    moved = np.repeat(points, np.diff(start, append=len(site)), axis=0) - shift[:, None]
+    local, turn = FLIP * rotated(moved, -tilt[:, None]), tilt[:, None]
+    for low, high in itertools.pairwise([*start.tolist(), len(site)]):
+        design, part = sites[site[low]], local[low:high]
+        size = design.magnet_diameter / 2, design.magnet_height, design.polarisation
+        part[:] = cylinder_field(part.reshape(-1, 3), *size, refuse=False).reshape(part.shape)
+    b = rotated(FLIP * local, turn).reshape(-1, 3)
+    polarisation = np.array([design.polarisation for design in sites])[site]
+    return np.asarray(means_over_plates(b, of_design(sites[site[0]]), owners) / polarisation[:, None])
 
 
 def means_over_plates(

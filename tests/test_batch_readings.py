@@ -71,18 +71,18 @@ def test_rows_are_single_readings():
 
 
 def test_designs_that_differ_in_remanence_and_gains_share_a_forward_model(monkeypatch):
-    counts, field_at = [], hall.field_at
+    counts, cylinder_field = [], hall.cylinder_field
 
-    def counted(points, design, *pose, refuse):
+    def counted(points, *magnet, refuse):
         counts.append(len(points))
-        return field_at(points, design, *pose, refuse=refuse)
+        return cylinder_field(points, *magnet, refuse=refuse)
 
     changes = [{}, {"E": 3.0}, {"hall_gain": 20.0, "hall_null": 2.0}, {"remanence": 1.0}, {"magnet_north": "up"}]
     designs = [dataclasses.replace(paper(), **change) for change in changes]
     shift, tilt = poses(4)
     owner, shift, tilt = np.repeat(np.arange(5), 4), np.tile(shift, (5, 1)), np.tile(tilt, (5, 1))
     with monkeypatch.context() as patched:
-        patched.setattr(hall, "field_at", counted)
+        patched.setattr(hall, "cylinder_field", counted)
         batch_readings(designs, owner, shift, tilt)
     assert counts == [5 * 4 * 3]
     assert_singles(designs, owner, shift, tilt)
