@@ -10,8 +10,8 @@ from studies.output.goals import Goal, failures
 from studies.sizing import conflicts
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.conflicts import Advice, Conflict, conflict_of, impossible
-from studies.sizing.requirements import LIMITS, Requirements, read_requirements
+from studies.sizing.conflicts import LEAST_EFFORT, Advice, Conflict, conflict_of, demand, impossible
+from studies.sizing.requirements import AT_MOST, LIMITS, Requirements, read_requirements
 from studies.sizing.variant_search import Effort, searched, sorted_parts
 
 FULL = """
@@ -184,6 +184,7 @@ NEEDED = Requirements(
 )
 PARTS = catalogues_of(NEEDED)
 BRIEF = Effort(64, 6)
+STRICT = {"largest_strain": 0.02, "resolution_z": 1e-5, "outer_size": 12.0, "first_mode": 1e4}
 
 
 @pytest.mark.parametrize(("key", "bound"), [("outer_size", 9.0), ("height", 9.0), ("wall", 4.0)])
@@ -233,14 +234,31 @@ def test_advice_without_finite_elements_is_not_given(conflict):
     assert points[-1][1].largest_strain > needed.largest_strain
 
 
-def test_a_looser_requirement_never_gives_a_larger_demand():
-    """Of two resolutions the looser one needs no larger strain."""
-    gives = []
-    for resolution in (0.02, 0.05):
-        needed = dataclasses.replace(NEEDED, largest_strain=0.02, resolution_z=resolution)
-        pools = searched(needed, PARTS, BRIEF, free="largest_strain")
-        gives.append(min(float(pool.F[pool.violation == 0, 0].min(initial=np.inf)) for pool in pools))
-    assert gives[1] <= 1.005 * gives[0]
+@pytest.mark.parametrize("strict", [1.0, 1e-3])
+def test_a_demand_does_not_depend_on_how_much_too_strict_the_requirement_is(strict):
+    needed = dataclasses.replace(NEEDED, resolution_z=1e-3 * strict)
+    assert 0.02 < demand("resolution_z", needed, PARTS, BRIEF) < 0.2
+    forces = dataclasses.replace(NEEDED, force_z=min(50.0 / strict, 1e4), force_x=None)
+    assert 5 < demand("force_z", forces, PARTS, BRIEF) < 50
+
+
+@pytest.mark.parametrize(
+    ("name", "other", "bounds"),
+    [
+        ("largest_strain", "force_x", (2.0, 1.0)),
+        ("resolution_z", "height", (16.0, 25.0)),
+        ("outer_size", "largest_strain", (0.3, 0.5)),
+        ("first_mode", "stability_margin", (2.0, 1.0)),
+    ],
+)
+def test_a_looser_requirement_never_gives_a_larger_demand(name, other, bounds):
+    """Of two bounds of another requirement the looser one, which comes last, demands no more."""
+    # else a smaller force along the plate is asked for under lighter presses, too
+    base = dataclasses.replace(NEEDED, press_with_shear=2.5, **{name: STRICT[name]})
+    tight, loose = (
+        demand(name, dataclasses.replace(base, **{other: bound}), PARTS, LEAST_EFFORT) for bound in bounds
+    )
+    assert loose <= 1.005 * tight if name in AT_MOST else loose >= tight / 1.005
 
 
 def test_sentence_and_rows():

@@ -544,9 +544,10 @@ class _Rated:
         """Return `Performance.ask`."""
         deepest = surrogate_range.deepest(*self.sensors.beam[:, :3].T)
         end = np.fmax(deep, states[0].depth.max(axis=1))
-        press = np.minimum(DEEPER * end, deepest)
+        # a load that is not reached is asked as far as the surrogate goes
+        press = np.fmin(DEEPER * end, deepest)
         aside = self.loads[:, 1] > 0 if sheared else np.ones(len(self.loads), dtype=np.bool_)
-        low = np.maximum(states[1].depth[:, aside].min(axis=1) / DEEPER, surrogate_range.SHALLOWEST_SHEAR)
+        low = np.fmax(states[1].depth[:, aside].min(axis=1) / DEEPER, surrogate_range.SHALLOWEST_SHEAR)
         high = np.maximum(press, 1.02 * low)
         if not sheared:
             return np.column_stack([press, low, high, np.full((len(low), SOLVED_DEPTHS), NO_SHEAR)])
@@ -556,7 +557,7 @@ class _Rated:
         inside = np.clip(depth, soft.low, soft.high)
         shear = soft.shears_of(inside, np.repeat(force[:, None], SOLVED_DEPTHS, axis=1))
         most = surrogate_range.farthest(self.sensors.beam[:, 0])[:, None]
-        return np.column_stack([press, low, high, np.clip(DEEPER * shear, 0.01, most)])
+        return np.column_stack([press, low, high, np.fmax(np.fmin(DEEPER * shear, most), 0.01)])
 
 
 def _filled(values: Array) -> Array:

@@ -16,26 +16,27 @@ from typing import Any
 
 import numpy as np
 
+from geometry.bad_input import BadInput
 from geometry.messages import Progress
 from studies.mechanics import surrogate_range
 from studies.output.records import FlatRow
 from studies.sizing.candidate_variables import Candidates, Space
 from studies.sizing.catalogues import Catalogues
 from studies.sizing.front_solves import FrontPoint
-from studies.sizing.requirements import LIMITS, Requirements
+from studies.sizing.requirements import AT_LEAST, AT_MOST, LIMITS, Requirements
 from studies.sizing.variant_search import Effort, Found, Rating, searched, sorted_parts
 
-AT_MOST = ("resolution_z", "resolution_x", "largest_strain", "drift_per_K", "hysteresis", "outer_size", "height")
-AT_LEAST = ("force_z", "force_x", "stability_margin", "first_mode", "wall")
-"""Requirements that bound a variant from above and from below, and can give."""
-LEAST_EFFORT = Effort(256, 12)
+LEAST_EFFORT = Effort(256, 24)
 """Effort of the search for how far one requirement would have to give."""
+NEVER = 20.0
+"""Logarithm of a miss from which on a requirement is not met by anything that gives."""
 AGAIN = 3
 """How often a requirement is loosened further if a search with it finds nothing."""
 ADVICES = 3
 """Requirements that are tried, those first of which the nearest candidates miss least."""
-SLACK = 0.02
-"""How much more than found a requirement gives, relative to its bound, so that a search can come into it."""
+SLACK, FURTHER = 0.02, 1.3
+"""How much more than found a requirement gives, relative to what was found, so that a search can come into it; and
+how much more it gives each time that this is not enough."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,20 +214,16 @@ def _could_give(needed: Requirements, found: list[Found]) -> list[str]:
 def _advice(name: str, needed: Requirements, catalogues: Catalogues, effort: Effort, solve: Solve) -> Advice | None:
     """Return how far a requirement would have to give, after a search with it; None if nothing is found."""
     unit, value = LIMITS[name].metadata["unit"], float(_bound(needed, name)["value"])
-    quick = dataclasses.replace(LEAST_EFFORT, seed=effort.seed)
-    pools = searched(needed, catalogues, quick, free=name)
-    best = [float(pool.F[pool.violation == 0, 0].min()) for pool in pools if (pool.violation == 0).any()]
-    if not best:
+    reached = demand(name, needed, catalogues, dataclasses.replace(LEAST_EFFORT, seed=effort.seed))
+    if not math.isfinite(reached):
         return None
-    give = min(best) + SLACK
+    # how many times too strict the requirement is
+    gives = max(reached / value if name in AT_MOST else value / reached, 1.0) * (1 + SLACK)
     for _ in range(AGAIN):
-        to = _rounded(value * (1 + give) if name in AT_MOST else value * (1 - give), up=name in AT_MOST)
-        if not to > 0:
-            return None
+        to = _rounded(value * gives if name in AT_MOST else value / gives, up=name in AT_MOST)
         try:
-            changed: dict[str, Any] = {name: to}
-            loose = dataclasses.replace(needed, **changed)
-        except ValueError:
+            loose = _with_bound(needed, name, to)
+        except BadInput:
             return None
         again = searched(loose, catalogues, effort, first_met=True)
         met = [pool for pool in again if (pool.violation == 0).any()]
@@ -234,8 +231,26 @@ def _advice(name: str, needed: Requirements, catalogues: Catalogues, effort: Eff
             points = solve(met[0].candidates.take(met[0].front[:1]), loose)
             if points and points[0].status == "ok":
                 return Advice(name, value, unit, to)
-        give = 1.3 * give + SLACK
+        gives = (1 + FURTHER * (gives - 1)) * (1 + SLACK)
     return None
+
+
+def demand(name: str, needed: Requirements, catalogues: Catalogues, effort: Effort) -> float:
+    """Return the strictest bound of a requirement with which candidates meet all others; NaN if none meets them."""
+    loosest = needed
+    if name in AT_MOST:
+        # so that nothing, such as the range of D, rests on the bound that gives
+        most = 0.99 * getattr(needed, name.replace("resolution", "force")) if "resolution" in name else math.inf
+        loosest = _with_bound(needed, name, min(LIMITS[name].metadata["high"], most))
+    pools = searched(loosest, catalogues, effort, free=name)
+    missed = min(float(pool.F[pool.violation == 0, 0].min(initial=math.inf)) for pool in pools)
+    bound = _bound(loosest, name)["value"]
+    return bound * math.exp(missed if name in AT_MOST else -missed) if missed < NEVER else math.nan
+
+
+def _with_bound(needed: Requirements, name: str, bound: float) -> Requirements:
+    changed: dict[str, Any] = {name: bound}
+    return dataclasses.replace(needed, **changed)
 
 
 def _rounded(value: float, *, up: bool) -> float:

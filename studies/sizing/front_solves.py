@@ -26,10 +26,12 @@ from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load
+from studies.mechanics import surrogate_range
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.solve_plan import Solver
 from studies.output.records import FlatRow
-from studies.sizing.candidate_performance import LEAST, Performance, margins, performance
+from studies.sizing.beam_curves import SOLVED_DEPTHS
+from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, margins, performance
 from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spread
@@ -276,6 +278,11 @@ def solved_points(candidates: Candidates, needed: Requirements, solver: Solver) 
     predicted, cautious = (performance(sensors, beams, needed, caution=ca, dense=True) for ca in (0.0, 1.0))
     ask = np.fmax(cautious.ask, predicted.ask)
     ask[:, 1] = np.fmin(cautious.ask[:, 1], predicted.ask[:, 1])
+    # where no press reaches the force, finite elements go as far as the surrogate does
+    deepest = surrogate_range.deepest(*sensors.beam[:, :3].T)[:, None]
+    shears = np.full((len(sensors), SOLVED_DEPTHS), NO_SHEAR)
+    least = np.full_like(deepest, surrogate_range.SHALLOWEST_SHEAR)
+    ask = np.where(np.isnan(ask), np.hstack([deepest, least, deepest, shears]), ask)
     fem = FemBeams(designs, solver)
     solved, worse = (performance(sensors, fem, needed, caution=ca, ask=ask, dense=True) for ca in (0.0, 1.0))
     return [_point(k, candidates, predicted, cautious, solved, worse) for k in range(len(candidates))]

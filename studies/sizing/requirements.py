@@ -64,6 +64,9 @@ size = 1
 """A file of requirements with all keys."""
 VERSION = 1
 """Newest version of the format of requirements."""
+AT_MOST = ("resolution_z", "resolution_x", "largest_strain", "drift_per_K", "hysteresis", "outer_size", "height")
+AT_LEAST = ("force_z", "force_x", "stability_margin", "first_mode", "wall")
+"""Requirements that bound a variant from above and from below, and can give."""
 CATALOGUES = ("magnets", "hall_parts", "silicones")
 """Kinds of parts, each with a shipped catalogue."""
 OBJECTIVES = ("range", "resolution", "size")

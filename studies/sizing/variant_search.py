@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.sizing.candidate_performance import Performance, performance
+from studies.sizing.candidate_performance import LEAST, Performance, performance
 from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
 from studies.sizing.catalogues import Catalogues
-from studies.sizing.requirements import Requirements
+from studies.sizing.requirements import AT_LEAST, Requirements
 from studies.sizing.sensor_arrays import sensors_of
 
 RESOLUTION = 0.005
@@ -46,6 +46,8 @@ IMPOSSIBLE, FAR = 100.0, 0.25
 """Violation of an impossible candidate, and relative miss of a length from which on nothing else is computed."""
 FORCES = ("force_z", "force_x")
 """Required forces, in the order of the shares of a candidate."""
+LEAST_SHARE = 1e-3
+"""Least share of a required force that is tried where this force gives."""
 UNMET = 0.6
 """Share of the generations after which a search without a candidate that meets all requirements ends."""
 
@@ -127,7 +129,8 @@ class Rating:
 
     Parameters
     ----------
-    free : a requirement that is not held; the search then makes its miss small, in place of the objectives.
+    free : a requirement that is not held; the search then makes the logarithm of its miss small, in place of the
+        objectives.
     """
 
     def __init__(self, needed: Requirements, free: str = "") -> None:
@@ -168,8 +171,11 @@ class Rating:
         if not self.free:
             return objectives(dict(result.values), self.needed)
         if self.free in FORCES:
-            return np.asarray(1 - candidates.share[:, [FORCES.index(self.free)]])
-        return np.asarray(np.maximum(-result.margins[self.free], 0.0)[:, None])
+            return np.asarray(-np.log(candidates.share[:, [FORCES.index(self.free)]]))
+        way, margin = 1 if self.free in AT_LEAST else -1, result.margins[self.free]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.log(np.where(margin > LEAST, 1 + way * margin, np.nan))
+        return np.asarray(np.nan_to_num(-way * ratio, nan=1e6, posinf=1e6)[:, None])
 
     def _short(self, candidates: Candidates) -> Array:
         """Return by how much lengths miss their bounds, relative to these, but for the free one."""
@@ -236,7 +242,7 @@ def _shares(space: Space, count: int, seed: int) -> Array:
     """Return shares of the forces, spread where one of them is free."""
     share = np.ones((count, 2))
     for k, low in space.free.items():
-        share[:, k] = np.random.default_rng(seed + 1).uniform(low, 1.0, count)
+        share[:, k] = low ** np.random.default_rng(seed + 1).random(count)
     return share
 
 
@@ -300,9 +306,8 @@ def _varied(found: Found, count: int, random: np.random.Generator) -> Candidates
         choices[:, k] = np.where(other < 0.07, random.integers(start, last, count), choices[:, k])
     share = pool.share[first].copy()
     for k, low in space.free.items():
-        share[:, k] = np.clip(
-            share[:, k] + 10 ** random.uniform(-3, -0.5, count) * random.standard_normal(count), low, 1.0
-        )
+        growth = np.exp(10 ** random.uniform(-3, -0.5, count) * random.standard_normal(count))
+        share[:, k] = np.clip(share[:, k] * growth, low, 1.0)
     return space.rounded(choices, _within(space, choices, lengths), share)
 
 
@@ -320,7 +325,8 @@ def _within(space: Space, choices: Ints, lengths: Array) -> Array:
 def _neighbours(pool: Found) -> Candidates:
     """Return the neighbours of the front: one step of the grid along each length, and each other part."""
     chosen = pool.front
-    if not len(chosen):
+    # a front of one objective is a single candidate
+    if not len(chosen) or pool.F.shape[1] == 1:
         chosen = np.lexsort((pool.F.sum(axis=1), pool.violation))[: POLISHED // 4]
     if len(chosen) > POLISHED:
         chosen = chosen[spread(pool.F[chosen], POLISHED)]
@@ -394,7 +400,7 @@ def searched(
     free : a requirement that is not held, see `Rating`; of a force, candidates take a share.
     first_met : end with the first candidate that meets all requirements.
     """
-    least = {"force_z": max(needed.least_press / needed.force_z, 0.05), "force_x": 0.02}
+    least = {"force_z": max(needed.least_press / needed.force_z, LEAST_SHARE), "force_x": LEAST_SHARE}
     kinds = spaces(needed, catalogues, {FORCES.index(free): least[free]} if free in FORCES else None)
     found: list[Found] = []
     ratings = [Rating(needed, free) for _ in kinds]
