@@ -10,8 +10,8 @@ The paper: Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7).
 import math
 
 from analytic import buckling
-from analytic.press_terms import Press, Terms, press
-from analytic.shear_terms import ShearState, cantilever, shear_response
+from analytic.press_terms import Terms, press
+from analytic.shear_terms import shear_response
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load
 
@@ -39,11 +39,6 @@ def solve(design: Design, load: Load, level: str = "paper") -> Response:
     ----------
     load : upright plate or grip; `outside` returns the reasons why a level is not calibrated for it.
     level : one of `LEVELS`.
-
-    Returns
-    -------
-    Response
-        Force F_N positive in compression; the magnet's shift and tilt; contact radius.
 
     Raises
     ------
@@ -123,7 +118,9 @@ def _paper(design: Design, load: Load) -> Response:
     area = math.pi * (design.D * load.depth - load.depth**2)
     normal = design.E * area * load.depth / design.L
     stiffness = cantilever_stiffness(design)
-    share = _sticking_share(load, normal, stiffness)
+    # the force that a fully sheared tip needs, and the largest one that friction carries
+    full, limit = stiffness * load.shear, math.inf if load.tip_is_held else (load.coulomb or 0.0) * normal
+    share = 1.0 if full <= limit else limit / full
     tip_x, tip_y = share * load.shear_x, share * load.shear_y
     ratio = design.H / design.L
     return Response(
@@ -144,16 +141,6 @@ def cantilever_stiffness(design: Design) -> float:
     return 3 * buckling.bending_stiffness(design) / design.L**3
 
 
-def _sticking_share(load: Load, normal: float, stiffness: float) -> float:
-    """Share of the sideways motion of plate or grip that the tip follows, 0 to 1."""
-    if load.tip_is_held:
-        return 1.0
-    if load.coulomb is None:
-        return 0.0
-    full, limit = stiffness * load.shear, load.coulomb * normal
-    return 1.0 if full <= limit else limit / full
-
-
 def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
     if load.coulomb is not None:
         raise BadInput(
@@ -166,7 +153,7 @@ def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
         return Response((0.0, 0.0, pressed.force), (0.0, 0.0, -pressed.below), 0.0, pressed.contact_radius)
     if load.grip is None and not load.depth > 0:
         raise BadInput("a shear with friction stick needs a depth above 0 mm: at depth 0 nothing is in contact")
-    answer = _shear_state(design, load, terms, pressed)
+    answer = shear_response(design, load.depth, size, terms, pressed, load.grip)
     x, y = load.shear_x / size, load.shear_y / size
     return Response(
         force=(x * answer.force, y * answer.force, answer.press),
@@ -175,12 +162,6 @@ def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
         contact_radius=pressed.contact_radius,
         tilt_y=y * answer.tilt,
     )
-
-
-def _shear_state(design: Design, load: Load, terms: Terms, pressed: Press) -> ShearState:
-    if not terms.tip:
-        return cantilever(design, load.shear, pressed)
-    return shear_response(design, load.depth, load.shear, terms, pressed, load.grip)
 
 
 def _buckling_remarks(design: Design, load: Load, level: str) -> list[str]:
@@ -192,7 +173,7 @@ def _buckling_remarks(design: Design, load: Load, level: str) -> list[str]:
     if load.friction == "stick":
         if not terms.tip:
             return []
-        answer = _shear_state(design, load, terms, pressed)
+        answer = shear_response(design, load.depth, load.shear, terms, pressed)
         return [
             *([] if answer.stable else ["the beam would buckle sideways even if the tip stuck to the plate"]),
             *([] if answer.press > 0 else ["the tip leans so far that the press force vanishes"]),

@@ -7,7 +7,6 @@ The field is that of a sharp-edged cylinder magnet in air. It ignores the edge r
 permeability, of which a value of 1.05 weakens the field by 1.7 % everywhere outside.
 """
 
-import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analytic.magnet import cylinder_field, dipole_field, paper_field
 from analytic.parts import AXES, Element, common_values, of_design
-from geometry.arrays import Array, Vector, read_only
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Response
 
@@ -230,9 +229,7 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
         field is infinite.
     """
     if not len(owner):
-        return BatchReadings(
-            np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS), dtype=np.bool_)
-        )
+        return BatchReadings(*np.zeros((2, 0, ELEMENTS)), np.zeros((0, ELEMENTS), dtype=np.bool_))
     common = np.array([common_values(design) for design in designs])
     numbers: dict[tuple[float | str, ...], int] = {}
     # by a dictionary of fields, because the positions would cost a sweep over E more than all else
@@ -246,8 +243,8 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     plates = [plates_of(of_design(design)) for design in sites]
     counts = np.array([len(points) for points, _ in plates])
     for count in np.unique(counts).tolist():
-        own = rows[counts[site_of[owner[rows]]] == count]
-        measured[own] = _along_elements(sites, plates, site_of[owner[own]], shift[own], tilt[own])
+        alike = rows[counts[site_of[owner[rows]]] == count]
+        measured[alike] = _along_elements(sites, plates, site_of[owner[alike]], shift[alike], tilt[alike])
     measured *= np.array([design.polarisation for design in designs])[owner, None]
     measured[np.isnan(measured).any(axis=1)] = np.nan
     gain, null, low, high, _, step, _ = common[owner].T[:, :, None]
@@ -299,21 +296,16 @@ def plates_of(elements: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
     for k, element in enumerate(elements):
         corners = [element.position]
         if element.plate:
-            aside, across = (element.plate * half for half in half_sides(element.direction))
-            corners = [tuple(element.position + i * aside + j * across) for i in (-1, 1) for j in (-1, 1)]
+            normal = np.array(element.direction)
+            # the axis farthest from the normal gives a well-conditioned direction in the plate
+            aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+            # from the centre to a Gauss point of a side of length 1
+            aside /= 2 * math.sqrt(3) * np.linalg.norm(aside)
+            x, y = element.plate * aside, element.plate * np.cross(normal, aside)
+            corners = [tuple(element.position + i * x + j * y) for i in (-1, 1) for j in (-1, 1)]
         points += corners
         owners += [k] * len(corners)
     return np.array(points, dtype=np.float64).reshape(-1, 3), np.array(owners, dtype=np.int64)
-
-
-@functools.cache
-def half_sides(direction: Vector) -> tuple[Array, Array]:
-    """Return the two vectors, shape (3,), along the sides of a plate of side 1 from its centre to a Gauss point."""
-    normal = np.array(direction)
-    # the axis farthest from the normal gives a well-conditioned direction in the plate
-    aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    aside /= 2 * math.sqrt(3) * np.linalg.norm(aside)
-    return read_only((aside, np.cross(normal, aside)))
 
 
 def converted(raw: Array, low: Array, high: Array, step: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -54,7 +54,13 @@ def cylinder_field(points: ArrayLike, radius: float, height: float, J: float, *,
     x = _points(points)
     B, bad = cylinder.computed(x, float(radius), float(height) / 2, float(J))
     if bad >= 0 and refuse:
-        raise _undefined(x[bad])
+        if not np.isfinite(x[bad]).all():
+            raise BadInput("points must be finite; got a NaN or an infinity")
+        where = ", ".join(f"{v + 0.0:g}" for v in x[bad])
+        raise BadInput(
+            f"the field is infinite on the magnet's rim (r = radius, |z| = height/2), where ({where}) mm lies in the "
+            "magnet's frame: move the point off it"
+        )
     return B
 
 
@@ -154,17 +160,6 @@ def _points(points: ArrayLike) -> Array:
     if x.ndim != 2 or x.shape[1] != 3:
         raise BadInput(f"points must have shape (n, 3); got {x.shape}")
     return x
-
-
-def _undefined(point: Array) -> BadInput:
-    """Return the error for a point (3,), mm, that has no field: on the rim, or not finite."""
-    if np.isfinite(point).all():
-        where = ", ".join(f"{v + 0.0:g}" for v in point)
-        return BadInput(
-            f"the field is infinite on the magnet's rim (r = radius, |z| = height/2), where ({where}) mm lies in the "
-            "magnet's frame: move the point off it"
-        )
-    return BadInput("points must be finite; got a NaN or an infinity")
 
 
 def repulsion(radius: float, height: float, J: float, distance: float) -> float:

@@ -25,10 +25,7 @@ from geometry.design import Design
 def receptance(frequency: ArrayLike, natural: float, modulus: ArrayLike = 1.0) -> NDArray[np.complex128]:
     """Return x k / F of the oscillator at frequencies, Hz; 1 for a slow load.
 
-    Parameters
-    ----------
-    natural : f0, Hz.
-    modulus : g at these frequencies; 1 without damping, 1 + i eta for a constant loss factor.
+    natural : f0, Hz. modulus : g at these frequencies; 1 without damping, 1 + i eta for a constant loss factor.
 
     The paper's sensor at 600 Hz, with its natural frequency of 970 Hz and no damping:
 

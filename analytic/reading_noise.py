@@ -31,13 +31,7 @@ import math
 
 
 def of_sample(noise: float, density: float, bandwidth: float) -> float:
-    """Return the standard deviation of one sample before the converter.
-
-    Parameters
-    ----------
-    noise : standard deviation of a noise of any spectrum that is independent from sample to sample, V (or T).
-    density : density of the white noise, V/sqrt(Hz).
-    bandwidth : noise bandwidth of the low-pass, Hz.
+    """Return s of one sample before the converter: noise n, V (or T), density e, V/sqrt(Hz), bandwidth B, Hz.
 
     >>> of_sample(3e-4, 4e-5, 100.0)
     0.0005
@@ -46,14 +40,7 @@ def of_sample(noise: float, density: float, bandwidth: float) -> float:
 
 
 def of_average(noise: float, step: float = 0.0, floor: float = 0.0, count: int = 1) -> float:
-    """Return the standard deviation of the average of samples; the equations are above.
-
-    Parameters
-    ----------
-    noise : standard deviation s of one sample before the converter, V (or T).
-    step : step q of the converter; 0 for none.
-    floor : noise floor r, which averaging does not reduce.
-    count : number N of samples.
+    """Return sigma of an average: noise s of one sample, V (or T), step q (0: none), floor r, count N of samples.
 
     Noise far above the step averages; noise far below it does not.
 

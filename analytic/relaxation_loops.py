@@ -60,10 +60,7 @@ class Loop:
 def loop(relaxation: Relaxation, frequency: float, waveform: Waveform = "triangle", hold: float = 0.0) -> Loop:
     """Return the loop of a viscoelastic spring in steady cycles.
 
-    Parameters
-    ----------
-    frequency : cycles per second without the rests, Hz: 1 / (2 h).
-    hold : rest at each end of the stroke, s.
+    frequency : cycles per second without the rests, Hz: 1 / (2 h). hold : rest at each end of the stroke, s.
 
     >>> half = Relaxation((0.5,), (1.0,))
     >>> round(loop(half, 0.5 / np.pi, "sine").hysteresis, 6), round(float(np.sin(np.arctan(0.25 / 0.75))), 6)

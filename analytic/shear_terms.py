@@ -95,6 +95,8 @@ def shear_response(
     design: Design, depth: float, shear: float, terms: Terms, pressed: Press, grip: float | None = None
 ) -> ShearState:
     """Solve for a shear at a depth, whose press is `pressed`, or of a grip of the topmost part of the tip; in mm."""
+    if not terms.tip:
+        return cantilever(design, shear, pressed)
     column = _column(design, pressed, terms, grip)
     if terms.finite and grip is None:
         column, bent, P, sink = _inclined(design, column, depth, shear, pressed, terms)

@@ -81,8 +81,6 @@ def test_no_slope_at_all_and_no_pose():
     ("J", "K", "noise", "words"),
     [
         (np.ones((1, 2, 3)), np.ones((1, 3, 3)), np.ones(2), "m of at least 3"),
-        (np.ones((1, 3, 3)), np.ones((2, 3, 3)), np.ones(3), r"must have shape \(1, 3, 3\)"),
-        (np.ones((1, 3, 3)), np.ones((1, 3, 3)), np.ones(4), "the noise must have shape"),
         (np.ones((1, 3, 3)), np.ones((1, 3, 3)), np.array([1, 0, 1]), "must be above 0; got 0"),
     ],
 )

@@ -15,7 +15,6 @@ SHAPE = paper().shape
 CALLS = {
     "analytic.cylinder.cylinder_series": (0.5,),
     "analytic.cylinder.disc_series": (),
-    "analytic.hall.half_sides": ((1.0, 0.0, 0.0),),
     "fem.analyses.time_steps.product_weights": ((0.0, 1.0, 2.0), 0),
     "fem.model.angular_fields.fourier_fields": (2,),
     "fem.model.elements._facet_functions": (2, 5),
