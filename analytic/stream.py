@@ -26,8 +26,6 @@ class Sample(NamedTuple):
 class Stream:
     """Decoder of a time series, one row at a time; of several poses it chooses the one nearest to the last.
 
-    Parameters
-    ----------
     coder : as returned by `analytic.decode.decoder`.
     """
 

@@ -182,8 +182,6 @@ def known(coder: Decoder, shift: Array) -> Bools:
 def equal_readings(coder: Decoder, shift: Array, readings: Array) -> tuple[NDArray[np.int64], Array]:
     """Return the number of poses with the readings of each given pose, and the distance to the farthest of them, mm.
 
-    Parameters
-    ----------
     shift, readings : poses, shape (3, n), mm, and their readings, shape (k, n), T; none at a rail.
     """
     decoded = decode.decode(coder, readings.T)

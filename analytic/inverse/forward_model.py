@@ -114,8 +114,6 @@ def _kernel(design: Design, elements: Sequence[Element], tau: Tilt, mode: Mode) 
 def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
     """Return the readings at shifts of the magnet, and their slopes.
 
-    Parameters
-    ----------
     shift : shape (3, n), mm.
 
     Returns
@@ -146,8 +144,6 @@ def readings_at(forward: Forward, shift: Array) -> Array:
 def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple[Array, Array]:
     """Return the slopes of the elements' readings B.n by small displacements and rotations of the magnet.
 
-    Parameters
-    ----------
     shift, tilt : pose about which the magnet moves, mm and rad, as in `analytic.hall.field_at`.
 
     Returns

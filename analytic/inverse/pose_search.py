@@ -198,8 +198,6 @@ def _maps(corners: Array, alike: NDArray[np.bool_]) -> Array:
 def poses_of(field: Array, forward: Forward, table: StartTable, goal: Goal) -> tuple[Status, Array, Array]:
     """Return the status of one row of readings, and shifts (n, 3), mm, and slopes (n, k, 3), T/mm, of all its poses.
 
-    Parameters
-    ----------
     field : B.n of each element, or |B|, shape (k,), T.
     """
     status, shifts, slopes = search(field, forward.kernel, table, goal)

@@ -73,8 +73,6 @@ def of_formula(solve: Callable[[Load], Response], depth: float, shear: float) ->
     solve : response of the model to a load.
     depth, shear : largest depth and shear of the samples, mm.
 
-    Examples
-    --------
 
     >>> from analytic.beam import solve
     >>> from geometry.design import paper
@@ -150,8 +148,6 @@ def force_and_load(mechanics: Mechanics, shift: Array, *, contact: bool = True) 
     no force: where the depth is 0 and no normal force presses the magnet down, force and load are 0, whatever the
     polynomial of the lateral force gives.
 
-    Parameters
-    ----------
     contact : False for the polynomials as they are.
 
     Returns
