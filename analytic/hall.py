@@ -229,7 +229,8 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
         field is infinite.
     """
     if not len(owner):
-        return BatchReadings(*np.zeros((2, 0, ELEMENTS)), np.zeros((0, ELEMENTS), dtype=np.bool_))
+        empty = np.zeros((0, ELEMENTS))
+        return BatchReadings(empty, empty, empty > 0)
     common = np.array([common_values(design) for design in designs])
     numbers: dict[tuple[float | str, ...], int] = {}
     # by a dictionary of fields, because the positions would cost a sweep over E more than all else
