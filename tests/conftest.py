@@ -71,7 +71,7 @@ def own_cache(tmp_path_factory):
 def small_pictures():
     """Pictures of figures have fewer pixels and are drawn sooner."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "SCALE", 1.5)
+        patch.setattr(figures, "SCALE", 0.75)
         yield
 
 
