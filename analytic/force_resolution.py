@@ -85,13 +85,9 @@ def _deviations(weighted: Array, K: Array) -> Array:
 
 
 def at_shifts(forward: Forward, mechanics: Mechanics, shift: Array) -> Array:
-    """Return the force resolution at shifts of the magnet, shape (n, 3), N, with q the shift; NaN without noise.
+    """Return the force resolution, shape (n, 3), N, at shifts of the magnet (n, 3), mm, as q; NaN without noise.
 
-    Parameters
-    ----------
     forward : elements, each with a noise above 0, and the tilt; saturated elements do not change with the pose.
-    mechanics : force as a function of the shift.
-    shift : shape (n, 3), mm.
     """
     noise = np.array([element.noise_T for element in forward.elements])
     if not noise.all():

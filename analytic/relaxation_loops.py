@@ -102,15 +102,15 @@ def _largest_of_sine(relaxation: Relaxation, half: float, hold: float) -> float:
     """Return the largest force of a stroke over k0 X; it comes before the end of the stroke."""
     if not hold:
         return abs(complex(relaxation.complex_modulus(np.pi / half))) / 2
+    from scipy.optimize import minimize_scalar
+
     g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     s = np.pi * tau / half
-    time = np.linspace(half / 2, half, 2001)[:, None]
-    angle = np.pi * time / half
-    branches = np.sin(angle) - s * np.cos(angle) + s * _rested(tau, half, hold) * np.exp(-time / tau)
-    force = -relaxation.rest / 2 * np.cos(angle[:, 0]) + (g / 2 * s / (1 + s**2) * branches).sum(axis=1)
-    best = int(force.argmax())
-    if not 0 < best < len(force) - 1:
-        return float(force[best])
-    # the vertex of the parabola through three neighbours
-    left, middle, right = force[best - 1 : best + 2]
-    return float(middle + (right - left) ** 2 / (8 * (2 * middle - left - right)))
+
+    def opposite(time: float) -> float:
+        angle = np.pi * time / half
+        branches = np.sin(angle) - s * np.cos(angle) + s * _rested(tau, half, hold) * np.exp(-time / tau)
+        return float(relaxation.rest / 2 * np.cos(angle) - (g / 2 * s / (1 + s**2)) @ branches)
+
+    found = minimize_scalar(opposite, bounds=(half / 2, half), method="bounded", options={"xatol": 1e-9 * half})
+    return -float(found.fun)

@@ -82,8 +82,7 @@ class Bent:
     stable: bool
 
 
-def cantilever(design: Design, shear: float, pressed: Press) -> ShearState:
-    """Solve Timoshenko's cantilever with a free tip."""
+def _cantilever(design: Design, shear: float, pressed: Press) -> ShearState:
     L, H, B, S = design.L, design.H, buckling.bending_stiffness(design), buckling.shear_stiffness(design)
     Q = shear * buckling.sideways_stiffness(design)
     shift = Q * (H**2 * (3 * L - H) / (6 * B) + H / S)
@@ -96,7 +95,7 @@ def shear_response(
 ) -> ShearState:
     """Solve for a shear at a depth, whose press is `pressed`, or of a grip of the topmost part of the tip; in mm."""
     if not terms.tip:
-        return cantilever(design, shear, pressed)
+        return _cantilever(design, shear, pressed)
     column = _column(design, pressed, terms, grip)
     if terms.finite and grip is None:
         column, bent, P, sink = _inclined(design, column, depth, shear, pressed, terms)

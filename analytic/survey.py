@@ -90,7 +90,11 @@ class Survey:
     @property
     def folded(self) -> bool:
         """Whether det J has different signs at neighbouring usable poses."""
-        return _sign_changes(self.sign.reshape(self.counts), self.usable.reshape(self.counts))
+        for axis in range(3):
+            sign, usable = (np.moveaxis(v.reshape(self.counts), axis, 0) for v in (self.sign, self.usable))
+            if ((sign[1:] != sign[:-1]) & usable[1:] & usable[:-1]).any():
+                return True
+        return False
 
 
 def survey(
@@ -156,7 +160,7 @@ def at_poses(
         magnet_hits=magnet_hits,
         wall_hits=wall_hits,
         grounded=grounded,
-        sign=determinant_sign(coder, slopes),
+        sign=np.sign(np.linalg.det(np.einsum("ik,jkn->nij", coder.table.basis, slopes))).astype(np.int8),
         condition=decode.condition(slopes),
         noise_mm=noise_mm,
         noise_N=noise_N,
@@ -220,12 +224,6 @@ def collisions(coder: Decoder, shift: Array, tilt: Array, clearance: float = 0.0
     return np.array(magnet), np.array(wall), np.asarray(grounded)
 
 
-def determinant_sign(coder: Decoder, slopes: Array) -> NDArray[np.int8]:
-    """Return the sign of det J, shape (n,), from slopes dB/ds (3, k, n)."""
-    det = np.linalg.det(np.einsum("ik,jkn->nij", coder.table.basis, slopes))
-    return np.asarray(np.sign(det), dtype=np.int8)
-
-
 def _noise(coder: Decoder, shift: Array, slopes: Array) -> tuple[Array, Array, Array]:
     """Return the standard deviations of shift, mm, and force, N, along their worst directions, each of shape (n,).
 
@@ -262,15 +260,6 @@ def _weights(counts: tuple[int, int, int]) -> Array:
         rule[[0, -1]] = 0.5
         rules.append(rule / rule.sum())
     return np.asarray(np.einsum("i,j,k->ijk", *rules).ravel())
-
-
-def _sign_changes(sign: NDArray[np.int8], usable: Bools) -> bool:
-    """Return whether the sign differs between two neighbours on the grid that are both usable."""
-    for axis in range(3):
-        signs, valid = (np.moveaxis(v, axis, 0) for v in (sign, usable))
-        if ((signs[1:] != signs[:-1]) & valid[1:] & valid[:-1]).any():
-            return True
-    return False
 
 
 def least_difference(coder: Decoder, surveyed: Survey, apart: float) -> float:
