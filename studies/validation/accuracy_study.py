@@ -36,7 +36,7 @@ from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
-from studies.validation.error_study_cases import TANGENT_SCENES, Trial
+from studies.validation.error_study_cases import TANGENT_SCENES, Trial, answers_by
 from studies.validation.pages import Row
 from studies.web import verdict_figures
 
@@ -140,25 +140,18 @@ def solved(
         model: Model = "auto" if one.trial.scene in ("press", "deep") else "harmonic"
         own = FemModel(one.level.name, one.level, "half" if one.trial.model == "half" else model)
         pairs.append((own, FemModel("reference", one.reference, model)))
-    models = dict.fromkeys([*(own for own, _ in pairs), *(reference for _, reference in pairs)])
-    found: dict[FemModel, pd.DataFrame] = {}
     begins = np.array([one.trial.loads[-1].shears_tip and not load.shears_tip for one, load in paths])
-    for k, model_of in enumerate(models):
-        needed = np.array([model_of in pair for pair in pairs])
-        told = part(progress, k / len(models), (k + 1) / len(models), model_of.name)
-        rows, quantities = asked.iloc[np.flatnonzero(needed & ~begins)], ["force", "shift", "tilt"]
-        answers = cases.answer(rows, [model_of], quantities=quantities, store=store, progress=told)
+    found = []
+    for k, models in enumerate(zip(*pairs, strict=True)):
+        rows, told = np.flatnonzero(~begins), part(progress, k / 2, (k + 1) / 2)
+        answers = answers_by([models[row] for row in rows], asked.iloc[rows], ["force", "shift", "tilt"], store, told)
         # an unstable press is the exact answer of a tip that is held on the axis
-        held = (answers["status"] == "unstable") & (model_of.model == "auto")
+        held = (answers["status"] == "unstable") & [models[row].model == "auto" for row in rows]
         answers.loc[held, ["status", "message"]] = "ok", ""
-        answers.columns = answers.columns.str.removeprefix("fem_")
         answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
-        firsts = {k: _begin(paths[k][0].trial, model_of) for k in np.flatnonzero(needed & begins).tolist()}
-        found[model_of] = pd.concat([answers, pd.DataFrame.from_dict(firsts, orient="index")])
-    first, second = (
-        pd.concat([found[model].loc[[k]] for k, model in enumerate(each)]) for each in zip(*pairs, strict=True)
-    )
-    return first, second
+        firsts = {row: _begin(paths[row][0].trial, models[row]) for row in np.flatnonzero(begins).tolist()}
+        found.append(pd.concat([answers, pd.DataFrame.from_dict(firsts, orient="index")]).sort_index())
+    return found[0], found[1]
 
 
 @cache

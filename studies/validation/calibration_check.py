@@ -59,22 +59,13 @@ def mechanics_of(designs: Sequence[Design], store: Path | None, progress: Progre
     loads = [Load(depth=d, shear_x=d * s, friction="stick") for d in DEPTHS.tolist() for s in SHEARS.tolist()]
     asked = cases.table((design, load, "rigid") for design in designs for load in loads)
     asked["shear_mm"] = [load.shear_x for _ in designs for load in loads]
-    found = cases.answer(
-        asked, ["fem:quick"], quantities=["force", "shift", "tilt"], store=store, progress=progress
-    ).to_dict("records")
-    laws = []
-    for k in range(len(designs)):
-        own = zip(loads, found[k * len(loads) : (k + 1) * len(loads)], strict=True)
-        laws.append(of_samples((load, _response(load, row)) for load, row in own if row["status"] == "ok"))
-    return laws
-
-
-def _response(load: Load, row: Row) -> Response:
-    if not load.shear:
-        return Response((0.0, 0.0, row["fem_force_N"]), (0.0, 0.0, row["fem_shift_z_mm"]), 0.0, 0.0)
-    force = row["fem_force_x_N"], 0.0, row["fem_force_N"]
-    shift = row["fem_shift_x_mm"], 0.0, row["fem_shift_z_mm"]
-    return Response(force, shift, row["fem_tilt_rad"], 0.0)
+    quantities = ["force", "shift", "tilt"]
+    found = cases.answer(asked, ["fem:quick"], quantities=quantities, store=store, progress=progress)
+    names = ["fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_shift_z_mm", "fem_tilt_rad"]
+    states = zip(loads * len(designs), found["status"] == "ok", found[names].to_numpy().tolist(), strict=True)
+    samples = [(load, Response((x, 0.0, z), (u, 0.0, w), tilt, 0.0), ok) for load, ok, (x, z, u, w, tilt) in states]
+    parts = (samples[k : k + len(loads)] for k in range(0, len(samples), len(loads)))
+    return [of_samples((load, response) for load, response, ok in part if ok) for part in parts]
 
 
 def bench_rows(made: MadeSensors, law: Mechanics, shift: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -107,14 +98,10 @@ def truth_of(made: MadeSensors, un: sensor_fit.Unknowns, base: Design) -> dict[s
     """Return the true values of a made sensor's unknowns; the ambient field is 0."""
     (design,) = made.designs
     assert design is not None
-    values = {
-        "modulus": design.E / base.E,
-        "remanence": design.remanence / base.remanence,
-        "wider_diameter": design.magnet_diameter - base.magnet_diameter,
-        "wider_height": design.magnet_height - base.magnet_height,
-        "stand_zero": STAND_ZERO,
-        "stand_compliance": STAND_COMPLIANCE,
-    }
+    values = {"modulus": design.E / base.E, "remanence": design.remanence / base.remanence}
+    values |= {"stand_zero": STAND_ZERO, "stand_compliance": STAND_COMPLIANCE}
+    for name in ("diameter", "height"):
+        values[f"wider_{name}"] = getattr(design, f"magnet_{name}") - getattr(base, f"magnet_{name}")
     values |= {f"magnet_{axis}": v for axis, v in zip("xyz", made.magnet_offset[0].tolist(), strict=True)}
     values |= {f"tilt_{axis}": v for axis, v in zip("xy", made.magnet_tilt[0].tolist(), strict=True)}
     for i, name in enumerate(("S1", "S2", "S3")):
@@ -189,8 +176,7 @@ def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str) -> Resul
     shares = each.groupby("name", sort=False).agg(
         inside_percent=("inside", lambda own: 100 * own.mean()), deviation=("deviation", "median")
     )
-    few = float((frame.rmse_N / frame.quadratic_rmse_N).median())
-    many = float((frame.rmse_N / frame.quadratic_3000_rmse_N).median())
+    few, many = (float((frame.rmse_N / frame[f"quadratic{rows}_rmse_N"]).median()) for rows in ("", "_3000"))
     n, goals = len(frame), list[Goal]()
     told = [("forces", float(frame.inside_percent.mean())), ("all unknowns", 100 * float(each.inside.mean()))]
     # of a few sensors the share of one unknown is chance

@@ -21,12 +21,13 @@ from studies.cases import FemModel
 from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
+from studies.validation.error_study_cases import answers_by
 
 FILES = ("CROSSCHECK.md", "crosscheck.csv")
 COMPONENTS = {
-    "force": ("fem_force_x_N", "fem_force_y_N", "fem_force_N"),
-    "shift": ("fem_shift_x_mm", "fem_shift_y_mm", "fem_shift_z_mm"),
-    "tilt": ("fem_tilt_rad", "fem_tilt_y_rad"),
+    "force": ("force_x_N", "force_y_N", "force_N"),
+    "shift": ("shift_x_mm", "shift_y_mm", "shift_z_mm"),
+    "tilt": ("tilt_rad", "tilt_y_rad"),
     "sideways": ("sideways_N",),
 }
 """Columns of the components of each quantity that is compared."""
@@ -61,10 +62,12 @@ def upright(number: int) -> Load:
 def tilted_loads() -> Iterator[Case]:
     """Yield the loads of TILTED, each at the depth of the design's upright case."""
     for row in pd.read_csv(TILTED, dtype={"friction": str}).itertuples():
-        number, friction = int(row.design), row.friction
-        shear = (
-            0.0 if friction == "none" else error_study_cases.rounded(SHEAR * error_study_cases.designs()[number].D)
+        number, friction, whole = (
+            int(row.design),
+            row.friction,
+            SHEAR * error_study_cases.designs()[int(row.design)].D,
         )
+        shear = 0.0 if friction == "none" else error_study_cases.rounded(whole)
         x, y = (0.0, shear) if row.across else (shear, 0.0)
         mu: Any = friction if friction in ("none", "stick") else float(friction)
         yield number, Load(upright(number).depth, x, y, mu, plate_tilt=round(math.radians(row.tilt_deg), 6))
@@ -79,20 +82,17 @@ def solved(
     """
     asked = cases.table((error_study_cases.designs()[n], load, magnet_of(n)) for n, load in chosen)
     x, y = (np.array([load.direction[k] for _, load in chosen]) for k in (0, 1))
-    whole = np.array([turns([load]) for _, load in chosen])
     richer = replace(accuracy, name="one harmonic more", harmonics=accuracy.harmonics + 1)
-
-    def by(model: FemModel, rows: Any, begin: float, end: float) -> pd.DataFrame:
-        quantities, told = ["force", "shift", "tilt"], part(progress, begin, end, model.name)
-        found = cases.answer(asked[rows], [model], quantities=quantities, store=store, progress=told)
-        return found.assign(sideways_N=found.fem_force_x_N * x[rows] + found.fem_force_y_N * y[rows])
-
-    every = np.full(len(chosen), True)
-    harmonic = by(FemModel("harmonic", accuracy, "harmonic"), every, 0.0, 0.2)
-    one_more = by(FemModel("harmonic", richer, "harmonic"), every, 0.2, 0.4)
-    half = [by(FemModel("half", accuracy, "half"), ~whole, 0.4, 0.8)] if not whole.all() else []
-    full = [by(FemModel("full", accuracy, "full"), whole, 0.8, 1.0)] if whole.any() else []
-    return [harmonic, pd.concat([*half, *full]).sort_index(), one_more]
+    models = [
+        [FemModel("harmonic", accuracy, "harmonic")] * len(chosen),
+        [FemModel("solid", accuracy, "full" if turns([load]) else "half") for _, load in chosen],
+        [FemModel("harmonic", richer, "harmonic")] * len(chosen),
+    ]
+    found = []
+    for k, own in enumerate(models):
+        table = answers_by(own, asked, ["force", "shift", "tilt"], store, part(progress, k / 3, (k + 1) / 3))
+        found.append(table.assign(sideways_N=table.force_x_N * x + table.force_y_N * y))
+    return found
 
 
 def compared(chosen: list[Case], harmonic: pd.DataFrame, solid: pd.DataFrame, one_more: pd.DataFrame) -> pd.DataFrame:

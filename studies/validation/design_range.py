@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
+import skfem
 from scipy.stats import qmc
 
+from fem.accuracy import QUICK, STANDARD
 from geometry.design import BadInput, Design
+from geometry.mesh import tetrahedra
+from geometry.meshing.mesh_quality import quality
 from geometry.messages import Progress
+from geometry.section import section
 from studies.output.goals import Goal, failures
 from studies.output.result import Result, Table
 from studies.validation import pages
@@ -43,10 +49,8 @@ where a step was not reached or did not pass; errors are relative."""
 
 def samples(count: int) -> list[Row]:
     """Return the sampled designs; a larger count only appends designs."""
-    points = qmc.Sobol(5, seed=SEED).random_base2(math.ceil(math.log2(max(count, 2))))
-    return [_sample([min(max((float(x) - END) / (1 - 2 * END), 0.0), 1.0) for x in point]) for point in points][
-        :count
-    ]
+    points = qmc.Sobol(5, seed=SEED).random_base2(math.ceil(math.log2(max(count, 2))))[:count]
+    return [_sample(x) for x in np.clip((points - END) / (1 - 2 * END), 0.0, 1.0).tolist()]
 
 
 def _sample(x: list[float]) -> Row:
@@ -62,9 +66,8 @@ def _sample(x: list[float]) -> Row:
     wide = _down(least * (max(most, least) / least) ** x[2])
     tall = _down(ratio * wide)
     edge = _down(x[4] * min(wide, tall) / 4) if x[4] else 0.0
-    L = D / 2 + stem
-    sizes = {"D": D, "L": round(L, 6), "magnet_diameter": wide, "magnet_height": tall, "magnet_edge_radius": edge}
-    return sizes | {"l0": round(L + 1, 6)}
+    sizes = {"D": D, "L": round(D / 2 + stem, 6), "magnet_diameter": wide, "magnet_height": tall}
+    return sizes | {"magnet_edge_radius": edge, "l0": round(D / 2 + stem + 1, 6)}
 
 
 def _down(value: float) -> float:
@@ -80,24 +83,18 @@ def run(progress: Progress, count: int) -> Result:
     """Examine each design."""
     if not 1 <= count <= MOST:
         raise BadInput(f"--count must lie between 1 and {MOST}; got {count}")
-    return pages.collected(_examined(progress, count), result)
-
-
-def _examined(progress: Progress, count: int) -> Iterator[Row]:
-    for number, sample in enumerate(samples(count)):
-        progress(number / count, f"design {number}")
-        yield examine(number, sample)
+    chosen = pages.told(progress, list(enumerate(samples(count))), lambda case: f"design {case[0]}")
+    return pages.collected((examine(number, sample) for number, sample in chosen), result)
 
 
 def result(rows: Sequence[Row]) -> Result:
     """Return the result of examined designs."""
     title, spread = "Range of designs", summary(rows)
-    names = ("design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra")
-    heads = {
-        name: name.removesuffix("_mm").replace("_", " ") for name in (*names, "mesh_s", "least_jacobian", "message")
-    }
+    names = ["design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra"]
+    names += ["mesh_s", "least_jacobian", "message"]
     counts = [sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")]
-    about = {"rows": rows, "counts": counts, "spread": spread, "heads": heads}
+    about: Row = {"rows": rows, "counts": counts, "spread": spread}
+    about["heads"] = {name: name.removesuffix("_mm").replace("_", " ") for name in names}
     return Result(
         title=title,
         records=rows,
@@ -110,10 +107,9 @@ def result(rows: Sequence[Row]) -> Result:
 
 def summary(rows: Sequence[Row]) -> list[Row]:
     """Return least, median and greatest magnitude of each measured quantity over the designs that have a value."""
-    sizes = (
-        pd.DataFrame(rows, columns=list(COLUMNS)).drop(columns=STEPS).astype(float).abs().dropna(axis=1, how="all")
-    )
-    table = sizes.agg(["min", "median", "max"]).T.set_axis(["least", "median", "greatest"], axis=1)
+    sizes = pd.DataFrame(rows, columns=list(COLUMNS)).drop(columns=STEPS).astype(float).abs()
+    table = sizes.dropna(axis=1, how="all").agg(["min", "median", "max"]).T
+    table.columns = ["least", "median", "greatest"]
     return pages.records(table.rename_axis("quantity").reset_index())
 
 
@@ -166,12 +162,7 @@ def _solids(design: Design) -> Row:
 
 def _section(design: Design) -> Row:
     """Mesh the (r, z) section with the magnet as a hole; check its volume of revolution and its angles."""
-    import numpy as np
-    import skfem
-
-    from fem.accuracy import STANDARD
     from geometry import cad
-    from geometry.section import section
 
     shape = design.shape
     begin = time.perf_counter()
@@ -184,40 +175,26 @@ def _section(design: Design) -> Row:
     angles = np.angle((np.roll(corners, 1, axis=0) - corners) / (np.roll(corners, -1, axis=0) - corners))
     if not (abs(error) < VOLUME and angles.min() > 0):
         raise RuntimeError(f"a volume error of {error:.2g}, a least angle of {angles.min():.2g} rad")
-    return {
-        "section_ms": 1e3 * seconds,
-        "triangles": mesh.nelements,
-        "section_volume_error": error,
-        "least_angle_rad": float(np.abs(angles).min()),
-    }
+    row = {"section_ms": 1e3 * seconds, "triangles": mesh.nelements, "section_volume_error": error}
+    return row | {"least_angle_rad": float(np.abs(angles).min())}
 
 
 def _solid_mesh(design: Design) -> Row:
     """Mesh the half body with its magnet by tetrahedra."""
-    from fem.accuracy import QUICK
-    from geometry.mesh import tetrahedra
-    from geometry.meshing.mesh_quality import quality
-
     size = QUICK.solid_size * design.D
     begin, spent = time.perf_counter(), time.process_time()
     mesh = tetrahedra(design.shape, size)
     seconds, cpu = time.perf_counter() - begin, time.process_time() - spent
     measured = quality(mesh, design.shape)
-    right = (
-        all(abs(error) < VOLUME for error in measured["volume_errors"].values())
-        and abs(measured["base_error"]) < BASE
-    )
+    errors = measured["volume_errors"]
+    right = all(abs(error) < VOLUME for error in errors.values()) and abs(measured["base_error"]) < BASE
     if not (right and measured["least_jacobian"] >= LEAST_JACOBIAN):
         raise RuntimeError(f"{measured}")
-    return {
+    row = {
         "tetrahedra": measured["cells"],
         "mesh_s": seconds,
         "mesh_cpu_s": cpu,
-        "silicone_volume_error": measured["volume_errors"]["silicone"],
-        "magnet_volume_error": measured["volume_errors"]["magnet"],
-        "base_error": measured["base_error"],
         "gap_over_D": measured["gap"] / design.D,
-        "least_jacobian": measured["least_jacobian"],
-        "least_shape": measured["least_shape"],
-        "mean_shape": measured["mean_shape"],
     }
+    row |= {f"{name}_volume_error": errors[name] for name in ("silicone", "magnet")}
+    return row | {name: measured[name] for name in ("base_error", "least_jacobian", "least_shape", "mean_shape")}

@@ -10,9 +10,13 @@ from __future__ import annotations
 
 import csv
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pandas as pd
 
 from fem.accuracy import Accuracy
 from fem.analyses.stability import DEEPEST
@@ -20,6 +24,10 @@ from fem.results.error_estimates import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, 
 from fem.scene import Model
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
+from geometry.messages import Progress
+from studies import cases
+from studies.cases import FemModel
+from studies.simulation.compare import part
 
 SAMPLED, DESIGNS = Path(__file__).with_name("error_designs.csv"), 12
 DEPTHS = (0.03, 0.1, PRESS_DEPTH)
@@ -123,3 +131,21 @@ def reference(scene: str, fineness: int = 1) -> Accuracy:
         return Accuracy(name, size, 0.05, 0.001, 0.02, harmonics, friction_step_factor)
     size, patch, harmonics = ((0.09, 0.003, 3), (0.06, 0.0015, 5), (0.045, 0.00075, 6))[fineness]
     return Accuracy(name, size, 0.05, patch, 0.02, harmonics)
+
+
+def answers_by(
+    models: Sequence[str | FemModel],
+    asked: pd.DataFrame,
+    quantities: Sequence[str],
+    store: Path | None,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Return the answers to each row of a table of cases by its own model, under names without that of the model."""
+    parts, different = [], list(dict.fromkeys(models))
+    for k, model in enumerate(different):
+        rows = np.flatnonzero([model == own for own in models])
+        name = model if isinstance(model, str) else model.name
+        told = part(progress, k / len(different), (k + 1) / len(different), name)
+        parts.append(cases.answer(asked.iloc[rows], [model], quantities=quantities, store=store, progress=told))
+        parts[-1].columns = parts[-1].columns.str.replace(r"^(fem|analytic|surrogate)_", "", regex=True)
+    return pd.concat(parts).sort_index()

@@ -12,7 +12,7 @@ import csv
 import functools
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -196,13 +196,8 @@ def _sample(i: int, rng: np.random.Generator, a: Accuracy) -> Case:
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
     """Solve and judge all cases."""
-    return pages.collected(_examined(progress, cases(quick=quick)), result)
-
-
-def _examined(progress: Progress, chosen: Sequence[Case]) -> Iterator[Row]:
-    for i, case in enumerate(chosen):
-        progress(i / len(chosen), case.name)
-        yield examine(case)
+    chosen = pages.told(progress, cases(quick=quick), lambda case: case.name)
+    return pages.collected(map(examine, chosen), result)
 
 
 def result(rows: Sequence[Row]) -> Result:

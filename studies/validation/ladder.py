@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,16 +35,12 @@ SIZES = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_
 
 def designs() -> list[Design]:
     """Return the paper's design and nine others in order of L/D."""
-    return [paper(), *(_design(**row) for row in rows_of(Path(__file__).with_name("ladder_designs.csv")))]
-
-
-def _design(D: float, L_over_D: float, magnet_diameter_over_D: float, magnet_height_over_D: float) -> Design:
-    L, edge = L_over_D * D, 0.0125 * D if magnet_diameter_over_D else 0.0
-    magnet: dict[str, Any] = {
-        "magnet_diameter": magnet_diameter_over_D * D,
-        "magnet_height": magnet_height_over_D * D,
-    }
-    return Design(D=D, L=L, l0=L, f=D, magnet_edge_radius=edge, **magnet)
+    found = [paper()]
+    for row in rows_of(Path(__file__).with_name("ladder_designs.csv")):
+        D, L, wide, high = (row["D"] * factor for factor in (1.0, *list(row.values())[1:]))
+        edge = 0.0125 * D if wide else 0.0
+        found.append(Design(D=D, L=L, l0=L, f=D, magnet_diameter=wide, magnet_height=high, magnet_edge_radius=edge))
+    return found
 
 
 def run(progress: Progress, accuracy: str, count: int, store: Path | None = None) -> Result:
@@ -99,12 +94,8 @@ def compare(states: list[tuple[int, Design, Load]], found: pd.DataFrame, level: 
     refused, lost = one.force_z_N.isna(), fem.force_z_N.isna()
     place["status"] = np.select([lost, refused], ["not_converged", "refused"], "ok")
     place["message"] = np.where(lost | refused, found["message"], "")
-    R, shear, cantilever = (
-        pd.Series(values)
-        for values in zip(
-            *((d.R, load.shear_x, buckling.sideways_stiffness(d)) for _, d, load in states), strict=True
-        )
-    )
+    R, shear = (pd.Series(values) for values in zip(*((d.R, load.shear_x) for _, d, load in states), strict=True))
+    cantilever = pd.Series([buckling.sideways_stiffness(design) for _, design, _ in states])
     sheared = shear > 0
     # the formula's press force before each shear is that of the press to the same depth
     before = one.force_z_N.where(~sheared).groupby([place["design"], place["depth_over_D"]]).transform("first")
@@ -125,8 +116,8 @@ def means(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     """Return number of states and root mean squares of the errors, percent, of groups; NaN where no state has one."""
     errors = (rows[[f"{name}_error" for name in ERRORS]] ** 2).assign(**rows[by])
     groups = errors.groupby(by, sort=False)
-    found = 100 * groups.mean() ** 0.5
-    return found.add_suffix("_percent").assign(states=groups.size()).reset_index()
+    found = (100 * groups.mean() ** 0.5).add_suffix("_percent").assign(states=groups.size()).reset_index()
+    return found[[*by, "states", *(f"{name}_error_percent" for name in ERRORS)]]
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
@@ -140,21 +131,14 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
         "in its own range": (rows.outside == "") & (rows.level != "paper"),
     }
     solved = rows.status == "ok"
-    parts = [
-        means(rows[inside & solved].assign(region=region), ["level", "region"]) for region, inside in regions.items()
-    ]
-    table = pd.concat(parts)
-    table["level"] = pd.Categorical(table["level"], beam.LEVELS)
-    return table.sort_values("level", kind="stable").astype({"level": str}).pipe(_ordered, ["level", "region"])
+    place = ["level", "region"]
+    table = pd.concat(means(rows[inside & solved].assign(region=region), place) for region, inside in regions.items())
+    return table.sort_values("level", kind="stable", key=lambda names: names.map(beam.LEVELS.index))
 
 
 def by_design(rows: pd.DataFrame, level: str) -> pd.DataFrame:
     """Return the errors of one level for each design."""
-    return _ordered(means(rows[(rows.level == level) & (rows.status == "ok")], list(SIZES)), list(SIZES))
-
-
-def _ordered(table: pd.DataFrame, first: list[str]) -> pd.DataFrame:
-    return table[[*first, "states", *(f"{name}_error_percent" for name in ERRORS)]]
+    return means(rows[(rows.level == level) & (rows.status == "ok")], list(SIZES))
 
 
 def goals(rows: pd.DataFrame) -> list[Goal]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import skfem
@@ -29,7 +30,7 @@ from fem.model.angular_fields import Angles
 from fem.model.elements import Elements
 from fem.model.symmetry_models import on_axis
 from geometry.arrays import Array
-from studies.validation.static_problems import SKIN, Mask, body, solve
+from studies.validation.static_problems import SKIN, body, solve
 
 ORDER, ANGLES = 6, 8
 """Quadrature order on the section, and number of angles, of the rule that integrates body forces and errors."""
@@ -110,8 +111,13 @@ def errors(n: int, name: str) -> tuple[float, float]:
     e = elements.build(mesh, axisymmetric=case.axisymmetric, harmonics=case.harmonics)
     exact = _nodal(case, e)
     rule = _rule(case, mesh, e)
-    dead = _loads(case, mesh, e, rule)
-    system = body(e, _held(case, e), 1.0, 0.0, dead=dead, moved=exact)
+    # prescribed are all sides but the upper face, and on the axis the fields that must vanish there
+    low, high, first = e.nodes < SKIN, e.nodes[:, :-1] > 1 - SKIN, 1 if case.axisymmetric else 0
+    side = np.asarray(low[:, first:].any(axis=1) | high.any(axis=1))
+    fixed = np.repeat(side[:, None], e.angles.fields, axis=1)
+    if case.axisymmetric:
+        fixed[np.ix_(low[:, 0], ~on_axis(case.harmonics))] = True
+    system = body(e, fixed, 1.0, 0.0, dead=_loads(case, mesh, e, rule), moved=exact)
     state = solve(system, exact).state
     p = np.zeros((len(e.nodes), e.angles.pressures))
     p[system.corner_nodes] = state.p
@@ -132,20 +138,6 @@ def _nodal(case: Case, e: Elements) -> Array:
     return np.asarray(np.einsum("t,tif,nti->nf", w, turned, u) / np.einsum("t,tif->f", w, turned**2))
 
 
-def _held(case: Case, e: Elements) -> Mask:
-    """Return which displacements are prescribed (nodes, fields).
-
-    They are those of all sides but the upper face, and on the axis the fields that must vanish there.
-    """
-    low, high = e.nodes < SKIN, e.nodes[:, :-1] > 1 - SKIN
-    first = 1 if case.axisymmetric else 0
-    side = np.asarray(low[:, first:].any(axis=1) | high.any(axis=1))
-    fixed = np.repeat(side[:, None], e.angles.fields, axis=1)
-    if case.axisymmetric:
-        fixed[np.ix_(low[:, 0], ~on_axis(case.harmonics))] = True
-    return fixed
-
-
 def _turned(angles: Angles) -> Array:
     """Return the displacement along x, y, z per unit of each field at the angles of a section, (t, 3, fields)."""
     c, s = np.cos(angles.theta)[:, None], np.sin(angles.theta)[:, None]
@@ -153,8 +145,7 @@ def _turned(angles: Angles) -> Array:
     return np.stack([c * r - s * t, s * r + c * t, z], axis=1)
 
 
-@dataclass(frozen=True, slots=True)
-class _Rule:
+class _Rule(NamedTuple):
     """Quadrature points (m, q, dim), weights (m, q), shape functions (q, a), and directions of the fields."""
 
     points: Array
@@ -169,10 +160,7 @@ class _Rule:
 
 
 def _mesh(dim: int, n: int) -> skfem.Mesh:
-    """Return the unit square or cube with its inner vertices moved off the regular grid.
-
-    On a regular grid errors may cancel and show an order that general meshes do not have.
-    """
+    """Return the unit square or cube with its inner vertices off the regular grid, on which errors may cancel."""
     grid = np.linspace(0, 1, n + 1)
     flat = (skfem.MeshTri if dim == 2 else skfem.MeshTet).init_tensor(*[grid] * dim)
     bump = 0.06 * np.prod(np.sin(np.pi * flat.p), axis=0) * np.cos(np.arange(1, dim + 1)[:, None] + 3 * flat.p)
@@ -200,9 +188,8 @@ def _rule(case: Case, mesh: skfem.Mesh, e: Elements) -> _Rule:
     solid = np.stack([r * c, r * s, np.broadcast_to(z, (*z.shape[:-1], ANGLES))], axis=-1)
     around = (weights[..., None] / (2 * np.pi) * a.weights).reshape(len(points), -1)
     E, C = np.tile(_turned(a), (len(N), 1, 1)), np.tile(a.C, (len(N), 1))
-    return _Rule(
-        solid.reshape(len(points), -1, 3), around, np.repeat(N, ANGLES, axis=0), np.repeat(N1, ANGLES, axis=0), E, C
-    )
+    N, N1 = (np.repeat(each, ANGLES, axis=0) for each in (N, N1))
+    return _Rule(solid.reshape(len(points), -1, 3), around, N, N1, E, C)
 
 
 def _loads(case: Case, mesh: skfem.Mesh, e: Elements, rule: _Rule) -> Array:

@@ -13,12 +13,11 @@ from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from analytic.viscoelastic_contact import indentation
-from fem.accuracy import LEVELS, QUICK
+from fem.accuracy import QUICK
 from fem.analyses.modes import frequency_unit, modes
 from fem.analyses.timed_path import TimeControl, TimedLoad, TimedState, ViscousLaw, follow
 from fem.analyses.vibration import Block, VibratingSensor, build_block, build_blocks, vibrating_sensor
@@ -38,7 +37,7 @@ from geometry.design import Design, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation, relaxation_of
 from studies.mechanics import resonance_peaks
-from studies.validation.static_problems import LEVEL, SKIN, Mask, solve
+from studies.validation.static_problems import LEVEL, SKIN, Mask, faces, sheared, solve, tetrahedra
 
 TWO = Relaxation((0.3, 0.2), (0.5, 4.0))
 """Branches of the cubes, with the shear modulus 1 in the fast limit."""
@@ -46,12 +45,6 @@ OGDEN_PA, EXPONENTS = (6.3e5, 1.2e3, -1e4), (1.3, 5.0, -2.0)
 """Constants of the Ogden law of Holzapfel's block: mu_i, Pa, and alpha_i."""
 SLOW = 1e-7
 """1/K of cubes, small enough for their volume and large enough to determine the pressure."""
-
-
-def cube() -> elements.Elements:
-    """Return a unit cube of six tetrahedra for each eighth."""
-    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, 2)] * 3))
-    return elements.build(mesh, axisymmetric=False)
 
 
 def stresses(
@@ -75,26 +68,14 @@ def stresses(
         yield np.asarray(answer.assembly.forces.T @ (e.nodes + answer.state.u))
 
 
-def sheared(amount: float, e: elements.Elements) -> Array:
-    """Return the displacements u_x = amount z."""
-    u = np.zeros(e.nodes.shape)
-    u[:, 0] = amount * e.nodes[:, 2]
-    return u
-
-
-def _faces(e: elements.Elements) -> Mask:
-    outer = np.asarray(((e.nodes < SKIN) | (e.nodes > 1 - SKIN)).any(axis=1))
-    return np.repeat(outer[:, None], 3, axis=1)
-
-
 def relaxing_cube(_: int) -> tuple[float, ...]:
     """Return sigma_xz and sigma_xx - sigma_zz over mu0 G(t)/G(0) of a cube sheared at once, after 0, 0.3, 3 s."""
-    e = cube()
+    e = tetrahedra(1)
     motion = [(dt, sheared(0.8, e)) for dt in (0.0, 0.3, 2.7)]
     moduli = TWO.modulus([0.0, 0.3, 3.0])
     parts = [
         (sigma[0, 2] / G, (sigma[0, 0] - sigma[2, 2]) / G)
-        for sigma, G in zip(stresses(e, _faces(e), material.neo_hookean, TWO, motion), moduli, strict=True)
+        for sigma, G in zip(stresses(e, faces(e), material.neo_hookean, TWO, motion), moduli, strict=True)
     ]
     return tuple(float(value) for pair in parts for value in pair)
 
@@ -105,7 +86,7 @@ def turned_cube(_: int) -> tuple[float, ...]:
     The difference is over the largest stress, for both laws. The cube turns by 2 rad about the axis (1, 2, 2) / 3 in
     eight steps, through which its shear goes to 0.6 and back.
     """
-    e, axis = cube(), np.array([1.0, 2.0, 2.0]) / 3
+    e, axis = tetrahedra(1), np.array([1.0, 2.0, 2.0]) / 3
     amounts = 0.6 * np.sin(math.pi / 8 * np.arange(1, 9))
     turns = [Rotation.from_rotvec(2 / 8 * i * axis).as_matrix() for i in range(1, 9)]
     upright = [(0.2, sheared(float(amount), e)) for amount in amounts]
@@ -113,7 +94,7 @@ def turned_cube(_: int) -> tuple[float, ...]:
 
     def difference(viscous: ViscousLaw) -> float:
         first, second = (
-            np.array(list(stresses(e, _faces(e), material.neo_hookean, TWO, motion, viscous)))
+            np.array(list(stresses(e, faces(e), material.neo_hookean, TWO, motion, viscous)))
             for motion in (upright, turned)
         )
         back = [R.T @ sigma @ R for R, sigma in zip(turns, second, strict=True)]
@@ -127,11 +108,11 @@ def cyclic_cube(n: int) -> tuple[float, float]:
 
     A cycle has n steps; the last of six is read.
     """
-    e, size, omega = cube(), 1e-3, 0.4 * math.pi
+    e, size, omega = tetrahedra(1), 1e-3, 0.4 * math.pi
     dt, count = 2 * math.pi / omega / n, 6 * n
     times = dt * np.arange(1, count + 1)
     motion = [(dt, sheared(size * math.sin(omega * t), e)) for t in times]
-    stress = np.array([sigma[0, 2] for sigma in stresses(e, _faces(e), material.neo_hookean, TWO, motion)])
+    stress = np.array([sigma[0, 2] for sigma in stresses(e, faces(e), material.neo_hookean, TWO, motion)])
     measured = 2j * (stress[-n:] / size * np.exp(-1j * omega * times[-n:])).mean()
     exact = complex(TWO.complex_modulus(omega))
     return float(measured.real / exact.real), float(measured.imag / exact.imag)
@@ -144,7 +125,7 @@ def holzapfel_block(n: int) -> tuple[float, float]:
     of the three others, in n steps each; then it is held. tau = 0.4 and 0.2 s, and both branches are as stiff as the
     silicone at rest (beta = 1).
     """
-    e = cube()
+    e = tetrahedra(1)
     slow = sum(mu * a for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True)) / 2
     shares = tuple(mu * a / 2 / slow for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True))
 
@@ -157,10 +138,8 @@ def holzapfel_block(n: int) -> tuple[float, float]:
     steps = [4 / n] * (4 * n) + [16 / n] * (n // 4)
     branches = Relaxation((1 / 3, 1 / 3), (0.4, 0.2))
     motion = [(dt, e.nodes * [0.0, 0.0, strain]) for dt, strain in zip(steps, strains, strict=True)]
-    axial = [
-        slow * float(sigma[2, 2] - sigma[0, 0])
-        for sigma in stresses(e, fixed, law, branches, motion, instantaneous=3.0)
-    ]
+    found = stresses(e, fixed, law, branches, motion, instantaneous=3.0)
+    axial = [slow * float(sigma[2, 2] - sigma[0, 0]) for sigma in found]
     return axial[4 * n - 1], 1 - axial[-1] / axial[4 * n - 1]
 
 
@@ -180,10 +159,8 @@ def held_beam(_: int) -> tuple[float, ...]:
     """Return F(t) / F(0) over G(t) / G(0) of the silicone beam pressed by 1 mm at once, at 0.3 and 2 s."""
     design, times = silicone(), (0.0, 0.3, 2.0)
     loads = [TimedLoad(t, Load(1.0)) for t in times]
-    forces = [
-        one.response.force[2]
-        for one in _solved(follow(design, loads, QUICK, magnet="ignored", steps=TimeControl(kappa=1e6)))
-    ]
+    path = follow(design, loads, QUICK, magnet="ignored", steps=TimeControl(kappa=1e6))
+    forces = [one.response.force[2] for one in _solved(path)]
     moduli = relaxation_of(design).modulus(times)
     return tuple(float(force / forces[0] / G) for force, G in zip(forces[1:], moduli[1:], strict=True))
 
@@ -191,18 +168,16 @@ def held_beam(_: int) -> tuple[float, ...]:
 def indented_half_space(n: int) -> tuple[float, ...]:
     """Return the force of a ramp and of its release over Lee and Radok's and Ting's, with the mesh's error removed.
 
-    The beam without magnet touches a plate by 1e-4 mm within 1 s, which goes back at the same speed: at 0.5 and 1 s,
-    and at 1.1 s. The mesh's error is that of the elastic beam at the full depth.
+    The beam without magnet touches a plate by 1e-4 mm within 1 s, which goes back at the same speed. The mesh's error
+    is that of the elastic beam at the full depth.
     """
     design, top = silicone(), 1e-4
     times, depths = np.array([0.0, 0.5, 1.0, 1.1]), top * np.array([0.0, 0.5, 1.0, 0.9])
     loads = [TimedLoad(float(t), Load(float(d))) for t, d in zip(times[1:], depths[1:], strict=True)]
-    states = _solved(
-        follow(design, loads, LEVELS[LEVEL[n - 1]], magnet="ignored", steps=TimeControl(largest_step=0.01))
-    )
+    states = _solved(follow(design, loads, LEVEL[n - 1], magnet="ignored", steps=TimeControl(largest_step=0.01)))
     G0 = design.E / 3
     exact, _ = indentation(relaxation_of(design), G0, design.R, times, depths)
-    elastic = solve_load(design, Load(top), LEVELS[LEVEL[n - 1]], magnet="ignored").response.force[2]
+    elastic = solve_load(design, Load(top), LEVEL[n - 1], magnet="ignored").response.force[2]
     mesh = elastic / (16 / 3 * math.sqrt(design.R) * G0 * top**1.5)
     return tuple(float(one.response.force[2] / force / mesh) for one, force in zip(states, exact[1:], strict=True))
 
@@ -331,19 +306,13 @@ def point_cycle(law: ViscousLaw, rate: float, n: int) -> tuple[Array, Array]:
 
 
 def _stored(history: History, point: PointState) -> Array:
-    """Return the stored energy of each point."""
     alone = np.eye(point.J.size).reshape(-1, *point.J.shape)
     return np.array([history.stored(replace(point, weights=weights)) for weights in alone])
 
 
 def signs(law: ViscousLaw, n: int) -> tuple[Array, Array]:
-    """Return the least work of a cycle over its moved work, and the least dissipation of a step over the most work.
-
-    Returns
-    -------
-    tuple
-        Two (points,), over all `RATES`.
-    """
+    """Return the least work of a cycle over its moved work, and the least dissipation of a step over the most work,
+    each (points,), over all `RATES`."""
     cycles = [point_cycle(law, rate, n) for rate in RATES]
     closed = [work.sum(axis=0) / np.abs(work).sum(axis=0) for work, _ in cycles]
     steps = [lost.min(axis=0) / np.abs(work).max(axis=0) for work, lost in cycles]

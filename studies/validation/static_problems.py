@@ -47,12 +47,7 @@ def body(
 ) -> System:
     """Return a system without magnet and plate.
 
-    Parameters
-    ----------
-    fixed : degrees of freedom with prescribed displacement, shape (nodes, fields).
-    mu, inverse_K : shear modulus, and inverse of the bulk modulus.
-    dead : nodal dead loads, shape (nodes, fields).
-    moved : prescribed displacements, shape (nodes, fields).
+    `fixed` displacements are prescribed, as `moved` says; `dead` are nodal loads; all have shape (nodes, fields).
     """
     return System(e, None, (mu, inverse_K), fixed, dead=dead, prescribed=None if moved is None else (moved, None))
 
@@ -68,8 +63,7 @@ def solve(system: System, u: Array | None = None, q: Array | None = None) -> Equ
     start = np.zeros(system.size) if q is None else q
     if u is not None:
         start[: system.n_free] = u[system.free]
-    solver = Solver()
-    answer = newton(system, solver, start, None)
+    answer = newton(system, Solver(), start, None)
     if not answer.converged:
         raise SolveFailed(STOPPED[answer.reason])
     return answer
@@ -149,15 +143,10 @@ def reese_block(
     """Return the compression, %, at a block's centre under dead pressures p/p0 (p0 = 4 MPa) on the middle of its top.
 
     By symmetry a quarter of the block is solved, as n^3 bricks of six tetrahedra each, n a multiple of 4; the load
-    covers three quarters of the bricks along an edge. mu = 80.194, lambda = 400889.806 MPa. The top does not move
-    sideways, so that a dead load and a pressure that follows the surface are the same.
-
-    Parameters
-    ----------
-    levels : pressures p/p0, multiples of 20.
-    mirrored : cut the bricks along the diagonals that fall from the middle of the block instead of those that rise.
-    order : order of the elements' quadrature; default: that of `fem`.
-    own_energy : use Reese's energy, mu/2 (I1 - 3 - 2 ln J) + lambda/2 (J - 1)^2, instead of the isochoric law.
+    covers three quarters of the bricks along an edge. The top does not move sideways, so that a dead load and a
+    pressure that follows the surface are the same. `levels` are multiples of 20. If `mirrored`, the bricks are cut
+    along the diagonals that fall from the middle of the block; `order` is that of the quadrature; `own_energy` is
+    Reese's, mu/2 (I1 - 3 - 2 ln J) + lambda/2 (J - 1)^2, instead of the isochoric law.
     """
     mu, lam = 80.194, 400889.806
     inner = 3 * n // 4
@@ -180,8 +169,7 @@ def reese_block(
 
 
 def _coupled(strain: material.Arrays, mu: Array, p: Array, out: material.Arrays, /) -> None:
-    """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added: a
-    `fem.model.material.Law`.
+    """Write energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added (`material.Law`).
 
     W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T.
     """
@@ -233,52 +221,51 @@ def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
     return tuple(pressures)
 
 
-def sphere_pressure(stretch: float) -> float:
-    """Return the closed form of `thick_sphere`: Bower, solidmechanics.org, section 4.2.
-
-    >>> [round(sphere_pressure(stretch), 7) for stretch in (1.25, 2.0)]
-    [0.5518685, 0.8069266]
-    """
-    outer = np.cbrt(1 + (stretch**3 - 1) / 8)
-    return float((4 / outer + outer**-4 - 4 / stretch - stretch**-4) / 2)
-
-
 def homogeneous_states(_: int) -> tuple[float, ...]:
-    """Return stresses and energies of homogeneous states, in the order of verify_problems.toml."""
-    cubes = [stretched_cube(2.0, mode)[0] for mode in ("uniaxial", "equibiaxial", "planar")]
-    return (*cubes, stretched_cylinder(2.0)[0], *sheared_cube(0.8), turned_cylinder(2.0, 1.0)[0])
+    """Return stresses and energies of homogeneous states, in the order of verify_problems.toml.
 
-
-def stretched_cube(stretch: float, mode: str) -> tuple[float]:
-    """Return the nominal stress P_xx / mu of an incompressible unit cube of tetrahedra with three symmetry planes.
-
-    The cube is stretched along x and free along z. Along y it is free (uniaxial), stretched as along x (equibiaxial)
-    or held (planar).
+    Bodies are incompressible: a unit cube of tetrahedra with three symmetry planes that is stretched to twice its
+    length along x, and along y is free (uniaxial), stretched as along x (equibiaxial) or held (planar); a cylinder,
+    two triangles, that is stretched along its axis; a sheared cube; a stretched and turned cylinder.
     """
-    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, 2)] * 3))
-    e = elements.build(mesh, axisymmetric=False)
-    along = {"uniaxial": stretch**-0.5, "equibiaxial": stretch, "planar": 1.0}[mode]
-    exact = e.nodes * (np.array([stretch, along, 1 / (stretch * along)]) - 1)
-    end = e.nodes > 1 - SKIN
-    fixed = (e.nodes < SKIN) | (end & [True, mode != "uniaxial", False])
-    answer = solve(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
-    return (float(answer.assembly.forces[end[:, 0], 0].sum()),)
-
-
-def stretched_cylinder(stretch: float) -> tuple[float]:
-    """Return the nominal stress P_zz / mu of an incompressible cylinder, two triangles, stretched along its axis."""
+    stretch, e = 2.0, tetrahedra(1)
+    stresses = []
+    for along, free in ((stretch**-0.5, True), (stretch, False), (1.0, False)):
+        exact, end = e.nodes * (np.array([stretch, along, 1 / (stretch * along)]) - 1), e.nodes > 1 - SKIN
+        fixed = (e.nodes < SKIN) | (end & [True, not free, False])
+        answer = solve(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
+        stresses.append(float(answer.assembly.forces[end[:, 0], 0].sum()))
     e = elements.build(square(1), axisymmetric=True)
-    exact = e.nodes * (np.array([stretch**-0.5, stretch]) - 1)
-    end = e.nodes[:, 1] > 1 - SKIN
+    exact, top = e.nodes * (np.array([stretch**-0.5, stretch]) - 1), e.nodes[:, 1] > 1 - SKIN
     fixed = e.nodes < SKIN
-    fixed[end, 1] = True
+    fixed[top, 1] = True
     answer = solve(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
-    return (float(answer.assembly.forces[end, 1].sum()) / math.pi,)
+    stresses.append(float(answer.assembly.forces[top, 1].sum()) / math.pi)
+    return (*stresses, *sheared_cube(0.8), turned_cylinder(2.0, 1.0)[0])
+
+
+def tetrahedra(n: int) -> Elements:
+    """Return the unit cube of tetrahedra, n bricks along an edge."""
+    return elements.build(
+        skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, n + 1)] * 3)), axisymmetric=False
+    )
+
+
+def faces(e: Elements) -> Mask:
+    """Return the degrees of freedom (nodes, 3) on the faces of the unit cube."""
+    outer = np.asarray(((e.nodes < SKIN) | (e.nodes > 1 - SKIN)).any(axis=1))
+    return np.repeat(outer[:, None], 3, axis=1)
+
+
+def sheared(amount: float, e: Elements) -> Array:
+    """Return the displacements u_x = amount z."""
+    u = np.zeros(e.nodes.shape)
+    u[:, 0] = amount * e.nodes[:, 2]
+    return u
 
 
 def turned_cylinder(stretch: float, angle: float, harmonics: int = 2) -> tuple[float, float]:
-    """Return energy per volume over mu, and the largest nodal force, of a cylinder stretched along x, rotated about
-    y.
+    """Return energy per volume over mu, and largest nodal force, of a cylinder stretched along x, rotated about y.
 
     The Fourier elements have no pressure; volumes are preserved. The affine map A = Q U has the fields w_-1 = A_xz z,
     w_0 = ((A_xx + A_yy) / 2 - 1) r, w_-2 = (A_xx - A_yy) r / 2, z_0 = (A_zz - 1) z, z_1 = A_zx r.
@@ -302,13 +289,9 @@ def sheared_cube(shear: float) -> tuple[float, float]:
 
     The mean stresses follow from the nodal forces, V sigma_ij = sum f_i x_j. A small 1/K > 0 determines p.
     """
-    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, 3)] * 3))
-    e = elements.build(mesh, axisymmetric=False)
-    exact = np.zeros(e.nodes.shape)
-    exact[:, 0] = shear * e.nodes[:, 2]
-    sides = np.asarray(((e.nodes < SKIN) | (e.nodes > 1 - SKIN)).any(axis=1))
-    fixed = np.repeat(sides[:, None], 3, axis=1)
-    answer = solve(body(e, fixed, 1.0, 1e-3, moved=exact), exact)
+    e = tetrahedra(2)
+    exact = sheared(shear, e)
+    answer = solve(body(e, faces(e), 1.0, 1e-3, moved=exact), exact)
     sigma = answer.assembly.forces.T @ (e.nodes + answer.state.u)
     return float(sigma[0, 2]), float(sigma[0, 0] - sigma[2, 2])
 
@@ -335,10 +318,10 @@ def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
     clamp change the answer by terms of order (D / L)^2, so that the elastica is the limit of large L / D.
     """
     system, e = cylinder(slenderness, 0.0, across=2, along=slenderness)
-    unit, tip = system.dead * INERTIA / slenderness**2, _tip(e)
+    unit = system.dead * INERTIA / slenderness**2
     steps = sorted({*np.linspace(0, max(loads), 9)[1:], *loads})
     answers = dict(zip(steps, ramp(system, unit, steps), strict=True))
-    motions = [_tip_motion(answers[load].state, tip) for load in loads]
+    motions = [tip_motion(e, answers[load].state) for load in loads]
     return tuple(value / slenderness for w, u in motions for value in (w, -u))
 
 
@@ -355,7 +338,7 @@ def tip_stiffness(n: int, nu: float, *, slenderness: int = 0, bonded: bool = Tru
     system, e = cylinder(slenderness, nu, across=rows, along=rows * slenderness, bonded=bonded)
     force = SMALL / slenderness**2
     system.dead = force * system.dead
-    deflection = _tip_motion(solve(system).state, _tip(e))[0]
+    deflection = tip_motion(e, solve(system).state)[0]
     return force / deflection * compliance(slenderness, nu)
 
 
@@ -434,21 +417,17 @@ def cylinder(
     return body(e, fixed, *lame(1.0, nu), dead=load), e
 
 
-def _tip(e: Elements) -> int:
-    """Return the node where the axis meets the end."""
-    return int(np.argmax(e.nodes[:, 1] - 1e3 * e.nodes[:, 0]))
-
-
-def _tip_motion(state: State, tip: int) -> tuple[float, float]:
-    """Return the displacement along x and z of a node on the axis: the fields w_-1 and z_0."""
+def tip_motion(e: Elements, state: State) -> tuple[float, float]:
+    """Return the displacement along x and z of the node where the axis meets the end: the fields w_-1 and z_0."""
+    tip = int(np.argmax(e.nodes[:, 1] - 1e3 * e.nodes[:, 0]))
     k = list(angular_fields.orders(HARMONICS))
     return float(state.u[tip, k.index(-1)]), float(state.u[tip, len(k)])
 
 
 # The paper's sensor: Hertz's limit, the error of the plate's penalty, the field of the magnet
 
-LEVEL = ("quick", "standard", "fine")
-"""Accuracy levels by the mesh numbers 1, 2 and 3."""
+LEVEL = tuple(LEVELS.values())
+"""Accuracy levels quick, standard and fine by the mesh numbers 1, 2 and 3, less 1."""
 
 
 def magnet_field(_: int) -> tuple[float, ...]:
@@ -465,7 +444,7 @@ def hertz(n: int) -> tuple[float, ...]:
     design, depths = paper(), (1e-6, 1e-5, 1e-4)
     ratios = []
     for depth in depths:
-        state = trace(design, [Load(depth=depth)], LEVELS[LEVEL[n - 1]], magnet="ignored", estimate=False)[0]
+        state = trace(design, [Load(depth=depth)], LEVEL[n - 1], magnet="ignored", estimate=False)[0]
         if state.status != "ok":
             raise SolveFailed(state.message)
         constant = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R)
@@ -477,14 +456,10 @@ def hertz(n: int) -> tuple[float, ...]:
 def penalty(n: int, depth: float, magnet: Magnet) -> float:
     """Return the force on the paper's sensor at level n with the penalty SECTION_KAPPA over that on a rigid plate.
 
-    The force is solved with 1, 3 and 10 times the penalty. It is linear in the inverse of the penalty, so that a line
-    through the three forces gives that on a rigid plate, at inverse 0.
-
-    Parameters
-    ----------
-    depth : of the press, over D.
+    The `depth` is over D. The force is solved with 1, 3 and 10 times the penalty. It is linear in the inverse of the
+    penalty, so that a line through the three forces gives that on a rigid plate, at inverse 0.
     """
-    design, size = paper(), LEVELS[LEVEL[n - 1]].section_size
+    design, size = paper(), LEVEL[n - 1].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
     path = Path(PathModels(MeshSpecification(shape, design.nu, magnet, size, tip)))

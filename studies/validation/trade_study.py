@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import math
 import time
 import tomllib
@@ -38,7 +39,7 @@ from studies.cases import FemModel
 from studies.mechanics import surrogate_response
 from studies.simulation.compare import part
 from studies.validation import bench, pages
-from studies.validation.error_study_cases import Trial, rounded, rows_of
+from studies.validation.error_study_cases import Trial, answers_by, rounded, rows_of
 from studies.validation.pages import Row
 from studies.validation.verify import richardson
 
@@ -257,24 +258,17 @@ def run(
 def answers(
     wanted: Sequence[tuple[str | FemModel, Trial]], store: Path | None, progress: Progress | None
 ) -> list[list[Row]]:
-    """Return the answers of a model to the loads of a trial, for each pair; finite elements at once for a model."""
-    found: list[list[Row]] = [[] for _ in wanted]
-    models = list(dict.fromkeys(model for model, _ in wanted))
-    for k, model in enumerate(models):
-        places = [(n, load) for n, (own, trial) in enumerate(wanted) if own == model for load in trial.loads]
-        asked = cases.table((wanted[n][1].design, load, wanted[n][1].magnet) for n, load in places)
-        name = model if isinstance(model, str) else model.name
-        told = part(progress, k / len(models), (k + 1) / len(models), name)
-        # without shear_mm the engine would leave out what is zero by symmetry
-        asked["shear_mm"] = [load.shear_x for _, load in places]
-        quantities = ["force", "shift", "tilt", "readings"]
-        table = cases.answer(asked, [model], quantities=quantities, store=store, progress=told)
-        # an unstable press is the exact answer of a tip that is held on the axis
-        table.loc[(table["status"] == "unstable") & (table["shear_mm"] == 0), ["status", "message"]] = "ok", ""
-        table.columns = table.columns.str.replace(r"^(fem|analytic|surrogate)_", "", regex=True)
-        for (n, _), row in zip(places, pages.records(table), strict=True):
-            found[n].append(row)
-    return found
+    """Return the answers of a model to the loads of a trial, for each pair."""
+    states = [(model, trial, load) for model, trial in wanted for load in trial.loads]
+    asked = cases.table((trial.design, load, trial.magnet) for _, trial, load in states)
+    # without shear_mm the engine would leave out what is zero by symmetry
+    asked["shear_mm"] = [load.shear_x for *_, load in states]
+    quantities = ["force", "shift", "tilt", "readings"]
+    table = answers_by([model for model, *_ in states], asked, quantities, store, progress)
+    # an unstable press is the exact answer of a tip that is held on the axis
+    table.loc[(table["status"] == "unstable") & (table["shear_mm"] == 0), ["status", "message"]] = "ok", ""
+    rows = iter(pages.records(table))
+    return [list(itertools.islice(rows, len(trial.loads))) for _, trial in wanted]
 
 
 def components(design: Design, load: Load, answer: Row) -> Components:

@@ -7,7 +7,6 @@ import time
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -71,11 +70,11 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
 
 
 def evaluate(target: Row, done: float = 0.0, progress: Progress = lambda share, text: None) -> list[Row]:
-    """Comparisons of one target; a problem that finds no solution fails with the reason in `message`.
+    """Return comparisons of one target; a problem that finds no solution fails with the reason in `message`.
 
-    Parameters
-    ----------
-    done : share of the targets solved before, for the progress.
+    `done` is the share of the targets solved before. `computed` is the value on the finest mesh, or the order of
+    convergence if that is checked; `extrapolated` and `order` are limit and order of Richardson's extrapolation; NaN
+    where nothing was computed.
     """
     begin, message, meshes = time.perf_counter(), "", target["meshes"]
     values: list[Sequence[float]] = []
@@ -88,39 +87,23 @@ def evaluate(target: Row, done: float = 0.0, progress: Progress = lambda share, 
             break
     words = {"seconds": time.perf_counter() - begin, "meshes": "-".join(map(str, meshes))}
     words |= {"source": target["source"], "note": target.get("note", ""), "message": message}
-    return [
-        _comparison(target, quantity, [answer[i] for answer in values]) | words
-        for i, quantity in enumerate(target["quantities"])
-    ]
-
-
-def _comparison(target: Row, quantity: Sequence[Any], family: Sequence[float]) -> Row:
-    """Compare a quantity's values on the family of meshes, the finest last, with the published one.
-
-    `computed` is the value on the finest mesh, or the order of convergence if that is checked; `extrapolated` and
-    `order` are limit and order of Richardson's extrapolation; NaN where nothing was computed.
-    """
-    name, published, *given = quantity
-    tolerance = given[0] if given else target["relative"] * abs(published)
-    computed, judged = family[-1] if family else NAN, target.get("judged", "finest")
-    extrapolated, order = richardson(target["meshes"], family)
-    if judged == "order" and family:
-        (n0, n1), (e0, e1) = target["meshes"][-2:], family[-2:]
-        computed, extrapolated = math.log(e0 / e1) / math.log(n1 / n0), NAN
-        order = computed
-    checked = extrapolated if judged == "extrapolated" and math.isfinite(extrapolated) else computed
-    return {
-        "target": target["name"],
-        "quantity": name,
-        "published": published,
-        "computed": computed,
-        "extrapolated": extrapolated,
-        "order": order,
-        "error_percent": 100 * (checked - published) / published,
-        "tolerance_percent": 100 * tolerance / published,
-        "judged": judged,
-        "passed": abs(checked - published) <= tolerance,
-    }
+    rows, way = [], target.get("judged", "finest")
+    for i, (name, published, *given) in enumerate(target["quantities"]):
+        family = [answer[i] for answer in values]
+        tolerance = given[0] if given else target["relative"] * abs(published)
+        computed = family[-1] if family else NAN
+        extrapolated, order = richardson(meshes, family)
+        if way == "order" and family:
+            (n0, n1), (e0, e1) = meshes[-2:], family[-2:]
+            computed = order = math.log(e0 / e1) / math.log(n1 / n0)
+            extrapolated = NAN
+        checked = extrapolated if way == "extrapolated" and math.isfinite(extrapolated) else computed
+        row: Row = {"target": target["name"], "quantity": name, "published": published, "computed": computed}
+        row |= {"extrapolated": extrapolated, "order": order}
+        row |= {"error_percent": 100 * (checked - published) / published}
+        row |= {"tolerance_percent": 100 * tolerance / published, "judged": way}
+        rows.append(row | {"passed": abs(checked - published) <= tolerance} | words)
+    return rows
 
 
 def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
