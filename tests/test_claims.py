@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from analytic import beam, hall
+from analytic.lookup import Grid
 from geometry.design import paper
 from geometry.loads import Response
 from studies.cli import entry_point
@@ -219,6 +220,10 @@ def test_each_cause_is_its_own_part(changed, part):
     assert claim_errors.share(rows, part) == approx(100, abs=0.1)
     parts = rows["tilt_N"] + rows["geometry_N"] + rows["force_law_N"]
     assert parts.to_numpy() == approx(rows["error_N"].to_numpy())
+
+
+def test_the_papers_table_has_the_entries_of_its_workspace():
+    assert math.prod(Grid(3.0, 3.0, 0.01).shape) == claims.VALUES["entries"]
 
 
 # Verdicts on figures that stand on either side of a claim

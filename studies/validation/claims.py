@@ -8,23 +8,39 @@ in one cell, verdict, text with the reasons, commands that show parts of it, and
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
+import statistics
+import time
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 
-from geometry.design import paper
+from analytic import beam
+from analytic.magnet import cylinder_field
+from analytic.relaxation_loops import loop
+from fem import equilibrium
+from fem.accuracy import QUICK, STANDARD, Accuracy
+from fem.analyses.modes import modes, spring_mass
+from geometry.design import Design, paper
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
+from geometry.relaxation import relaxation_of
+from studies.mechanics import loading_cycles
+from studies.mechanics.cycle_motion import Motion
 from studies.output import records
 from studies.output.result import Result, Table
+from studies.sensing import layout_uniqueness
+from studies.simulation import vibration_report
 from studies.simulation.compare import part
 from studies.simulation.comparison_findings import spans
-from studies.validation import claim_errors, claim_figures, pages, sensor_figures
+from studies.validation import claim_errors, claim_figures, pages
 from studies.validation.claim_errors import (
     BOUND,
     CLAIMED,
@@ -38,42 +54,16 @@ from studies.validation.claim_errors import (
 )
 from studies.validation.pages import Row
 
-WORDS = pages.TEMPLATES / "claims.toml"
+WORDS: dict[str, Any] = tomllib.loads((pages.TEMPLATES / "claims.toml").read_text("utf-8"))
+"""Each claim with the words of its answer, and the values that all of them share."""
+VALUES: dict[str, Any] = WORDS.pop("values") | {"moduli": MODULI, "published": PUBLISHED, "friction": FRICTION}
 FILES = (
     *("CLAIMS.md", "claims.csv", "heights.csv", "presses.csv", "shears.csv", "parts.csv", "modulus_and_height.png"),
     *("figure_6.png", "figure_8.png", "figure_9.png", "figure_11.png", "figure_12.png"),
 )
 PERCENT = 100 * BOUND
-ROUNDED_N = 0.5
-"""Largest difference between a force and the whole number of newtons that the paper gives for it."""
-LARGE = 10.0
-"""Error in % above which an error counts as much larger than the 5 % that the paper claims for presses."""
-NEAR = 0.05
-"""Relative difference up to which two frequencies count as the same."""
-FREQUENCY, BAND = 970.0, 600.0
-"""The paper's natural frequency, and the highest frequency at which it used its sensor, Hz (section V.C)."""
-HALF_POWER = 0.5**0.5
-"""Share of its slow reading to which a sensor's reading falls at the end of its band, as is usual."""
-NEODYMIUM = (1.0, 1.4)
-"""Polarisations of neodymium magnets, T."""
-LOSSES, FULL_SCALE = (0.01, 0.5), 10.0
-"""Loss factors from resilient silicones to those that are made to damp; the paper's bound of the hysteresis, %."""
-CONSTANTS: dict[str, Any] = {
-    "moduli": MODULI,
-    "published": PUBLISHED,
-    "friction": FRICTION,
-    "entries": sensor_figures.table_entries(),
-    "claimed": FREQUENCY,
-    "band": BAND,
-    "half_power": HALF_POWER,
-    "losses": LOSSES,
-    "neodymium": NEODYMIUM,
-    "vibration_depth": sensor_figures.VIBRATION_DEPTH,
-    "factor": sensor_figures.FACTOR,
-    "depth": sensor_figures.CYCLE_DEPTH,
-    "speed": sensor_figures.CYCLE_SPEED,
-}
-"""What the words of all answers may name; the paper gives neither its plate's friction nor the speed of a loading."""
+MU0 = 4e-7 * math.pi
+"""Permeability of air in the paper's Table II; with its magnetisation M = 1 it is also the polarisation mu0 M, T."""
 Verdict = Literal["reproduced", "refuted", "not decidable"]
 PRINTED = ["claim", "paper", "computed", "verdict"]
 """Columns of the printed table and of claims.csv."""
@@ -91,10 +81,10 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
     stuck = [rows for rows in conditions if rows.magnet.iloc[0] == "rigid" and rows.depth_mm.iloc[0]]
     splits = [claim_errors.split(rows) for rows in stuck]
     told = [part(progress, *ends) or progress for ends in ((0.85, 0.88), (0.88, 0.97), (0.97, 1.0))]
-    modes = sensor_figures.mode_rows(extent.accuracy, told[0])
-    layouts = pd.DataFrame(sensor_figures.layout_rows(extent.layouts, told[1]))
-    costs = sensor_figures.cost_rows(extent.reference, told[2])
-    factor = sensor_figures.factor_figures()
+    vibrations = mode_rows(extent.accuracy, told[0])
+    layouts = pd.DataFrame(layout_rows(extent.layouts, told[1]))
+    costs = cost_rows(extent.reference, told[2])
+    factor = factor_figures()
     best_E = float(heights.best_E_MPa[heights.magnet_height_mm == states.preset.height].iloc[0])
     answers = [
         at_each_depth(heights),
@@ -104,9 +94,9 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         tilt_as_cause(splits),
         uniqueness(layouts),
         largest_forces(states),
-        frequency(modes, sensor_figures.formula_frequencies()),
-        band(modes, sensor_figures.response_figures(extent.accuracy)),
-        hysteresis(sensor_figures.loop_figures()),
+        frequency(vibrations, formula_frequencies()),
+        band(vibrations, response_figures(extent.accuracy)),
+        hysteresis(loop_figures()),
         hall_factor(factor),
         offset(factor),
         cost(costs),
@@ -155,11 +145,11 @@ def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Any =
 
 
 def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: Any) -> Row:
-    """Return the answer to a claim of WORDS, whose templates get CONSTANTS, figures and these values."""
-    words = _words()[claim]
+    """Return the answer to a claim of WORDS, whose templates get VALUES, figures and these values."""
+    words = WORDS[claim]
 
     def said(text: str) -> str:
-        return " ".join(pages.filled(text, time=_time, **(CONSTANTS | dict(figures) | values)).split())
+        return " ".join(pages.filled(text, time=_time, **(VALUES | dict(figures) | values)).split())
 
     return {
         "claim": words["claim"],
@@ -170,11 +160,6 @@ def answer(claim: str, found: Verdict, figures: Mapping[str, float], **values: A
         "commands": [said(command) for command in words["commands"]],
         "figures": {name: getattr(value, "item", lambda value=value: value)() for name, value in figures.items()},
     }
-
-
-@functools.cache
-def _words() -> dict[str, Any]:
-    return tomllib.loads(WORDS.read_text("utf-8"))
 
 
 def _time(seconds: float) -> str:
@@ -262,7 +247,7 @@ def largest_forces(states: States) -> Row:
         figures[f"error_percent_at_{force:g}_N_with_magnet"] = at[1]
         forces.append({"E": E, "force": force, "depth": depth, "errors": at})
     reaches = [_largest_force_within(press) for press in states.presses if press.complete]
-    as_claimed = [all(abs(E * each - force) <= ROUNDED_N for E, force in CLAIMED) for each in reaches]
+    as_claimed = [all(abs(E * each - force) <= VALUES["rounded_N"] for E, force in CLAIMED) for each in reaches]
     return answer(
         "largest_forces",
         verdict(holds=all(as_claimed), holds_for_other_values=any(as_claimed), figures=reaches),
@@ -294,7 +279,7 @@ def shear_force(tips: pd.DataFrame, best_E: float) -> Row:
     worst = stuck.worst_error_percent.abs()
     return answer(
         "shear_force",
-        verdict(holds=worst.min() > LARGE, figures=worst),
+        verdict(holds=worst.min() > VALUES["large"], figures=worst),
         {"least_worst_error_percent": worst.min(), "largest_worst_error_percent": worst.max()},
         tips=pages.records(tips),
         gripped=next(iter(gripped), None),
@@ -341,7 +326,9 @@ def frequency(rows: Sequence[Row], formulas: dict[str, float]) -> Row:
         "spring_mass_Hz": formulas["third_of_silicone"],
         "spring_mass_with_magnet_Hz": formulas["with_magnet"],
     }
-    found = verdict(holds=abs(free["bending_Hz"] / FREQUENCY - 1) <= NEAR, figures=[free["bending_Hz"]])
+    found = verdict(
+        holds=abs(free["bending_Hz"] / VALUES["claimed"] - 1) <= VALUES["near"], figures=[free["bending_Hz"]]
+    )
     return answer("frequency", found, figures, free=free, bare=bare, pressed=pressed, **formulas)
 
 
@@ -358,18 +345,23 @@ def band(rows: Sequence[Row], vibration: Row) -> Row:
     figures |= {"relative_reading_x_at_600": along_x, "accurate_with_loss_to_Hz": accurate}
     figures |= records.known({"resonance_Hz": vibration["resonance_Hz"], "resonance_Q": vibration["Q"]})
     found = verdict(
-        holds=min(slow, accurate) >= BAND,
-        holds_for_other_values=not min(along_z, along_x) < HALF_POWER,
+        holds=min(slow, accurate) >= VALUES["band"],
+        holds_for_other_values=not min(along_z, along_x) < VALUES["half_power"],
         figures=[slow, accurate, along_z, along_x],
     )
-    return answer("band", found, figures, pressed_depth=deepest, inside=min(free, pressed) < BAND, **vibration)
+    return answer(
+        "band", found, figures, pressed_depth=deepest, inside=min(free, pressed) < VALUES["band"], **vibration
+    )
 
 
 def hysteresis(figures: Row) -> Row:
     """Answer the claim on hysteresis."""
     loss_factor = figures["loss_factor"]
-    allowed, sine = (FULL_SCALE * loss_factor / figures[name] for name in ("fem_percent", "sine_percent"))
-    bounds = {"holds": min(allowed, sine) >= LOSSES[1], "holds_for_other_values": max(allowed, sine) >= LOSSES[0]}
+    allowed, sine = (VALUES["full_scale"] * loss_factor / figures[name] for name in ("fem_percent", "sine_percent"))
+    bounds = {
+        "holds": min(allowed, sine) >= VALUES["losses"][1],
+        "holds_for_other_values": max(allowed, sine) >= VALUES["losses"][0],
+    }
     own = {"loss_factor": loss_factor, "gap_percent": figures["fem_percent"]}
     own |= {"allowed_loss_factor": allowed, "allowed_loss_factor_sine": sine}
     return answer("hysteresis", verdict(**bounds, figures=[allowed, sine]), own, **figures)
@@ -381,7 +373,7 @@ def hysteresis(figures: Row) -> Row:
 def hall_factor(figures: Row) -> Row:
     """Answer the claim on the conversion factor of a Hall element."""
     polarisation = figures["polarisation_T"]
-    found = verdict(holds=NEODYMIUM[0] <= polarisation <= NEODYMIUM[1], figures=[polarisation])
+    found = verdict(holds=VALUES["neodymium"][0] <= polarisation <= VALUES["neodymium"][1], figures=[polarisation])
     return answer("hall_factor", found, {name: figures[name] for name in ("polarisation_T", "rest_V", "face_V")})
 
 
@@ -403,3 +395,151 @@ def cost(rows: Sequence[Row]) -> Row:
     values = {"rows": rows, "paper": formulas, "fastest": fastest, "ratio": ratio}
     values["finite"] = next(row for row in others if row["model"].endswith("finite"))
     return answer("cost", verdict(holds=ratio > 1, figures=[ratio]), figures, **values)
+
+
+# Figures of the claims that do not concern the beam's forces: readings, frequencies, Hall factor, and cost
+
+
+def _quiet(share: float, text: str) -> None:
+    """Tell no progress."""
+
+
+def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> list[Row]:
+    """Return the share of poses whose readings another pose gives too, for each layout and form of the readings.
+
+    A layout is a height of the magnet, and a height c of S2 and S3, mm; l0 follows from what S1 reads at rest.
+    """
+    rows = []
+    for k, ((height, c), form) in enumerate(product(layouts, layout_uniqueness.FORMS)):
+        progress(
+            k / len(layouts) / len(layout_uniqueness.FORMS), f"readings of a magnet {height:g} mm high, c = {c:g} mm"
+        )
+        design = dataclasses.replace(claim_errors.with_magnet(height), c=c)
+        figures = layout_uniqueness.alike_figures(design, form)
+        place = {"magnet_height_mm": height, "l0_mm": design.l0, "c_mm": c, "readings": form}
+        rows.append(place | {"ambiguous_percent": figures["alike_percent"], "apart_mm": figures["alike_apart_mm"]})
+    return rows
+
+
+def loop_figures() -> Row:
+    """Return the gap at mid-stroke over full scale of a slow loading cycle, percent, with the preset's loss factor.
+
+    It is that of the second cycle of a press by viscoelastic finite elements at level quick, and that of the steady
+    cycle of a viscoelastic spring, of a triangle and of a sine.
+    """
+    design = paper()
+    motion = Motion(VALUES["depth"], 0.0, "none", VALUES["speed"] / (2 * VALUES["depth"]), cycles=2)
+    static = loading_cycles.Static(None, None)
+    cycles = loading_cycles.run(design, motion, "prony", static, "quick", "rigid", 1e-3, _quiet)
+    relaxation = relaxation_of(design)
+    spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))
+    found = {"loss_factor": design.loss_factor, "fem_percent": cycles.loops[-1]["gap_percent"]}
+    return found | {"spring_percent": 100 * spring, "sine_percent": 100 * sine}
+
+
+def mode_rows(accuracy: Accuracy, progress: Progress) -> list[Row]:
+    """Return the frequencies of the paper's sensor, free and pressed by 1 mm, with and without the magnet."""
+    rows, magnets = [], get_args(Magnet)
+    for k, (depth, magnet) in enumerate(product((0.0, 1.0), magnets)):
+        progress(k / 4, "frequencies")
+        result = modes(paper(), magnet, 6, depth=depth, accuracy=accuracy)
+        first = {f"{name}_Hz": result.frequency[result.shape.index(name)] for name in ("bending", "axial")}
+        rows.append({"magnet": magnet, "depth_mm": depth, **first})
+    return rows
+
+
+def formula_frequencies() -> dict[str, float]:
+    """Return frequencies of a mass on an axial spring EA/L, Hz, by three readings of the mass."""
+    light, heavy = spring_mass(paper())
+    # all of the silicone as a free mass, in place of a third of it as in Rayleigh's rod
+    return {"third_of_silicone": light, "with_magnet": heavy, "all_silicone": light / math.sqrt(3)}
+
+
+def response_figures(accuracy: Accuracy) -> Row:
+    """Return what `magtip response` says of the paper's sensor with the loss factor of the preset.
+
+    along_z and along_x are readings per N at 600 Hz over those at 1 Hz: of S1 by a force along z, of S2 by one along
+    x. The resonance is that of the magnet under a force along x, None if there is none. Up to accurate_Hz both change
+    by less than 5 %.
+    """
+    design, load, band = paper(), Load(VALUES["vibration_depth"], friction="stick"), tuple(VALUES["vibration_band"])
+    result = vibration_report.run(design, load, (band[0], band[1]), 2, "rigid", accuracy.name, [], _quiet)
+    z, x = (next(one for one in result.records if one["motion"] == axis) for axis in "zx")
+    read = [(z, z["element"].index("S1")), (x, x["element"].index("S2"))]
+    gains = [motion["relative_reading_at_600"][k] or math.nan for motion, k in read]
+    flat = [motion["accurate_per_N_Hz"][k] for motion, k in read]
+    return {
+        "loss_factor": design.loss_factor,
+        "along_z": gains[0],
+        "along_x": gains[1],
+        "resonance_Hz": next(iter(x["resonance_per_N_Hz"]), None),
+        "Q": next(iter(x["resonance_per_N_Q"]), None),
+        "accurate_Hz": min((one for one in flat if one is not None), default=band[1]),
+    }
+
+
+def factor_figures() -> Row:
+    """Return what the paper's factor and its magnetisation M = 1 imply.
+
+    rest_mT is the flux density at S1 that 2.87 V mean for an SS495A, polarisation_T that of a magnet whose field
+    gives an SS495A the voltages of the factor. rest_V and face_V are the change of S1's voltage by the factor at the
+    preset's distance, and if S1 touched the magnet's face; pairs are heights of the magnet and distances l0 that give
+    2.87 V for J = 1.2 T, mm.
+    """
+    design = paper()
+
+    def by_factor(distance: float) -> float:
+        point = np.array([[0.0, 0.0, distance]])
+        return float(
+            VALUES["factor"] * cylinder_field(point, design.magnet_diameter / 2, design.magnet_height, MU0)[0, 2]
+        )
+
+    return {
+        "rest_mT": 1e3 * (claim_errors.S1_AT_REST - design.hall_null) / design.hall_gain,
+        "polarisation_T": VALUES["factor"] * MU0 / design.hall_gain,
+        "rest_V": by_factor(design.l0),
+        "face_V": by_factor(design.magnet_height / 2),
+        "pairs": [(height, claim_errors.with_magnet(height).l0) for height in (1.0, 2.0, 3.0, 4.0)],
+    }
+
+
+def cost_rows(reference: Accuracy, progress: Progress) -> list[Row]:
+    """Measure the formulas and two levels of the finite elements, without error estimates, on this machine.
+
+    A row has the median CPU time of a press to 1 mm, and the error of the force at several depths that is largest in
+    magnitude, %, against forces at an accuracy `reference`.
+    """
+    design, loads = paper(), [Load(depth) for depth in VALUES["cost_depths"]]
+    progress(0.0, "cost of the models")
+    exact = _forces(design, loads, reference)
+    rows: list[Row] = []
+
+    def add(model: str, seconds: float, forces: list[float]) -> None:
+        worst = max((100 * (force / true - 1) for force, true in zip(forces, exact, strict=True)), key=abs)
+        rows.append({"model": model, "seconds": seconds, "worst_error_percent": worst})
+
+    for level in beam.LEVELS:
+        forces = [beam.solve(design, load, level).force[2] for load in loads]
+        seconds = _cpu(functools.partial(beam.solve, design, Load(1.0), level), calls=200)
+        add(f"formulas, level {level}", seconds, forces)
+    for accuracy in (QUICK, STANDARD):
+        progress(0.5, f"cost of the finite elements, level {accuracy.name}")
+        forces = _forces(design, loads, accuracy)
+        seconds = _cpu(functools.partial(_forces, design, [Load(1.0)], accuracy), calls=1)
+        add(f"finite elements, level {accuracy.name}", seconds, forces)
+    return rows
+
+
+def _forces(design: Design, loads: list[Load], accuracy: Accuracy) -> list[float]:
+    return [state.response.force[2] for state in equilibrium.trace(design, loads, accuracy, estimate=False)]
+
+
+def _cpu(call: Callable[[], object], calls: int) -> float:
+    """Return the median CPU time of one call, s, from three measurements of some calls each."""
+    times = []
+    for _ in range(3):
+        begin = time.process_time()
+        for _ in range(calls):
+            call()
+        times.append((time.process_time() - begin) / calls)
+    return statistics.median(times)
