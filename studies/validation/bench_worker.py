@@ -50,8 +50,9 @@ def trace(spec: Answer) -> Answer:
         loads = [Load(**load) for load in given["loads"]]
         accuracy = replace(STANDARD, name="bench", **given["accuracy"])
         design = replace(paper(), **given.get("design", {}))
-        model, magnet = given["model"], given["magnet"]
-        return equilibrium.trace(design, loads, accuracy, magnet=magnet, model=model, estimate=False)
+        return equilibrium.trace(
+            design, loads, accuracy, magnet=given["magnet"], model=given["model"], estimate=False
+        )
 
     # that of a solid is of a section with harmonics, which loads the same compiled functions
     model = "harmonic" if spec["model"] in ("half", "full") else spec["model"]
@@ -59,15 +60,11 @@ def trace(spec: Answer) -> Answer:
     tenth = [{k: v / 10 if k in ("depth", "shear_x") else v for k, v in load.items()} for load in own]
     small = {**spec, "model": model, "loads": tenth, "accuracy": WARM, "design": OTHER}
     found, cost = timed(lambda: states(small), lambda: states(spec))
-    bad = [s for s in found if s.status != "ok"]
-    return cost | {
-        "status": bad[0].status if bad else "ok",
-        "message": bad[0].message if bad else "",
-        "forces_N": [s.response.force for s in found],
-        "tilts_rad": [(s.response.tilt,) for s in found if s.load.shear_x],
-        "dofs": found[-1].dofs,
-        "iterations": sum(s.newton_iterations for s in found),
-    }
+    bad = next((s for s in found if s.status != "ok"), None)
+    answer = {"forces_N": [s.response.force for s in found], "dofs": found[-1].dofs}
+    answer |= {"tilts_rad": [(s.response.tilt,) for s in found if s.load.shear_x]}
+    answer |= {"iterations": sum(s.newton_iterations for s in found)}
+    return cost | answer | ({"status": bad.status, "message": bad.message} if bad else {})
 
 
 def tangent(spec: Answer) -> Answer:
@@ -86,24 +83,20 @@ def tangent(spec: Answer) -> Answer:
 
 def field(spec: Answer) -> Answer:
     """Compute the field of the paper's magnet at normally distributed points, standard deviation 6 mm."""
-    design = paper()
+    design, version = paper(), ""
     points = np.random.default_rng(1).normal(size=(spec["points"], 3)) * 6
-    version = ""
+    solve: Callable[[Any], Any]
     if spec["task"] == "magpylib":
         import magpylib
 
         size = 1e-3 * design.magnet_diameter, 1e-3 * design.magnet_height
         source = magpylib.magnet.Cylinder(polarization=(0, 0, design.remanence), dimension=size)
-        version = str(magpylib.__version__)
-
-        def solve(x: Any) -> Any:
-            return source.getB(1e-3 * x)
+        solve, version = lambda x: source.getB(1e-3 * x), str(magpylib.__version__)
     else:
         from analytic.magnet import cylinder_field
 
-        def solve(x: Any) -> Any:
-            return cylinder_field(x, design.magnet_diameter / 2, design.magnet_height, design.remanence)
-
+        magnet = design.magnet_diameter / 2, design.magnet_height, design.remanence
+        solve = lambda x: cylinder_field(x, *magnet)  # noqa: E731
     return timed(lambda: solve(points[:2000].copy()), lambda: solve(points))[1] | {"version": version}
 
 

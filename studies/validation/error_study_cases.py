@@ -11,9 +11,8 @@ from __future__ import annotations
 import csv
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -48,15 +47,11 @@ SHALLOW = 0.1 / PRESS_DEPTH
 """Smaller depth of a small shear, over the larger one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
+class Trial(NamedTuple):
     """One path of loads on one design.
 
-    Attributes
-    ----------
-    number : number of the design; 0 is the paper's.
-    scene : press, deep, stick, far, friction or grip, or one of TANGENT_SCENES, whose loads are depths: for scene
-        critical the deepest one of the search.
+    `number` is that of the design, 0 the paper's; `scene` is press, deep, stick, far, friction or grip, or one of
+    TANGENT_SCENES, whose loads are depths: for scene critical the deepest one of the search.
     """
 
     number: int
@@ -80,24 +75,18 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     design = designs()[number]
     D = design.D
     first, most = press_limits(design, magnet)
-    depth = rounded(min(STICK[0] * D, first))
-    loads: tuple[Load, ...]
-    if scene == "press":
-        loads = tuple(Load(depth=rounded(d / DEPTHS[-1] * first)) for d in DEPTHS)
-    elif scene == "deep":
-        loads = tuple(Load(depth=rounded(first + part * (most - first))) for part in DEEP)
-    elif scene in ("stick", "far"):
-        shears = STICK[1] if scene == "stick" else FAR
-        loads = tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in shears)
-    elif scene in TANGENT_SCENES:
-        room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
-        depths = {"critical": (DEEPEST * room,), "small shear": (SHALLOW * first, first), "modes": (0.0, first)}
-        loads = tuple(Load(depth=rounded(each)) for each in depths[scene])
-    elif scene == "friction":
-        loads = tuple(Load(depth=depth, shear_x=rounded(x * D), friction=RUB[1]) for x in RUB[0])
+    depth, room = rounded(min(STICK[0] * D, first)), design.L - design.magnet_height * (magnet == "rigid")
+    depths = {"press": [d / DEPTHS[-1] * first for d in DEPTHS], "deep": [first + d * (most - first) for d in DEEP]}
+    depths |= {"critical": [DEEPEST * room], "small shear": [SHALLOW * first, first], "modes": [0.0, first]}
+    shears = {"stick": STICK[1], "far": FAR, "friction": RUB[0]}
+    if scene in depths:
+        loads = [Load(depth=rounded(each)) for each in depths[scene]]
+    elif scene in shears:
+        mu = RUB[1] if scene == "friction" else "stick"
+        loads = [Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in shears[scene]]
     else:
-        loads = (Load(grip=rounded(GRIP[0] * D), shear_x=rounded(GRIP[1] * D)),)
-    return Trial(number, design, magnet, scene, model, loads)
+        loads = [Load(grip=rounded(GRIP[0] * D), shear_x=rounded(GRIP[1] * D))]
+    return Trial(number, design, magnet, scene, model, tuple(loads))
 
 
 @functools.cache
@@ -118,19 +107,20 @@ def rounded(value: float) -> float:
     return float(f"{value:.4g}")
 
 
+MESHES = {
+    "press": ((0.025, 0.001, 0), (0.018, 0.001, 0), (0.013, 0.001, 0)),
+    "tangent": ((0.045, 0.002, 1), (0.028, 0.001, 1), (0.02, 0.0007, 1)),
+    "friction": ((0.09, 0.001, 3, 1.0), (0.06, 0.001, 4, 0.5), (0.045, 0.001, 5, 0.35)),
+    "shear": ((0.09, 0.003, 3), (0.06, 0.0015, 5), (0.045, 0.00075, 6)),
+}
+"""Size and patch over D, harmonics and friction step factor of references: rough, usual and finer."""
+
+
 def reference(scene: str, fineness: int = 1) -> Accuracy:
     """Return the accuracy of the reference: fineness 1; 0 is coarser, for a quick run; 2 is finer, to check 1."""
-    name = ("rough", "reference", "finer")[fineness]
-    if scene in ("press", "deep"):
-        return Accuracy(name, (0.025, 0.018, 0.013)[fineness], 0.05, 0.001, 0.02, 0)
-    if scene in TANGENT_SCENES:
-        size, patch = ((0.045, 0.002), (0.028, 0.001), (0.02, 0.0007))[fineness]
-        return Accuracy(name, size, 0.05, patch, 0.02, 1)
-    if scene == "friction":
-        size, harmonics, friction_step_factor = ((0.09, 3, 1.0), (0.06, 4, 0.5), (0.045, 5, 0.35))[fineness]
-        return Accuracy(name, size, 0.05, 0.001, 0.02, harmonics, friction_step_factor)
-    size, patch, harmonics = ((0.09, 0.003, 3), (0.06, 0.0015, 5), (0.045, 0.00075, 6))[fineness]
-    return Accuracy(name, size, 0.05, patch, 0.02, harmonics)
+    kinds = {"press": "press", "deep": "press", "friction": "friction"} | dict.fromkeys(TANGENT_SCENES, "tangent")
+    size, patch, *more = MESHES[kinds.get(scene, "shear")][fineness]
+    return Accuracy(("rough", "reference", "finer")[fineness], size, 0.05, patch, 0.02, *more)  # type: ignore[arg-type]
 
 
 def answers_by(

@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -147,12 +147,18 @@ def unseen(solver: Solver, count: int, critical: int, seed: int) -> Unseen:
 
 
 def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
-    """Return the states of beams at random depths and shears; those of the first do not depend on the others.
+    """Return the states of beams at random depths, spread in their root, and shears, RANDOM_DEPTHS and RANDOM_SHEARS.
 
     All have an estimate of the finite elements' own error, which the coarser mesh gives where answers have none.
     """
-    depths = random_depths(beams, np.random.default_rng((seed, 1)))
-    sideways = random_shears(beams, np.random.default_rng((seed, 2)))
+    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(deepest(beams))[:, None]
+    share = np.sort(np.random.default_rng((seed, 1)).random((len(beams), RANDOM_DEPTHS)), axis=1)
+    depths = np.asarray(np.round((low + (high - low) * share) ** 2, 6))
+    least = surrogate_range.SHEAR_NODES[0] / 2
+    share = np.sort(
+        least + (1 - least) * np.random.default_rng((seed, 2)).random((len(beams), RANDOM_SHEARS)), axis=1
+    )
+    sideways = np.asarray(np.round(share * surrogate_range.farthest(beams.L)[:, None], 6))
     press = presses(solver, beams, depths)
     sheared = shear_depth(beams, press)
     other = solver.coarser()
@@ -162,20 +168,6 @@ def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
         compared(first_modes(solver, beams), first_modes(other, beams)),
         compared(shears(solver, beams, sheared, sideways), shears(other, beams, sheared, sideways)),
     )
-
-
-def random_shears(beams: Beams, rng: np.random.Generator) -> Array:
-    """Return random shears of beams over D, shape (n, RANDOM_SHEARS), rising."""
-    least = surrogate_range.SHEAR_NODES[0] / 2
-    part = np.sort(least + (1 - least) * rng.random((len(beams), RANDOM_SHEARS)), axis=1)
-    return np.asarray(np.round(part * surrogate_range.farthest(beams.L)[:, None], 6))
-
-
-def random_depths(beams: Beams, rng: np.random.Generator) -> Array:
-    """Return random depths of beams over D, spread in their root, shape (n, RANDOM_DEPTHS), rising."""
-    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(deepest(beams))
-    share = np.sort(rng.random((len(beams), RANDOM_DEPTHS)), axis=1)
-    return np.asarray(np.round((low + (high[:, None] - low) * share) ** 2, 6))
 
 
 def widest(surrogate: Surrogate, pool: Beams, count: int) -> Beams:
@@ -235,8 +227,19 @@ def errors(surrogate: Surrogate, states: TrainingSet) -> pd.DataFrame:
     The error, the half width of the 90 % interval and the error of the finite elements themselves (NaN if it is
     unknown) are in percent of the yardstick.
     """
-    predicted = _predicted(surrogate, states.beams)
-    tables = [*_presses(states, predicted), *_shears(states, predicted), _modes(states, predicted)]
+    b, press, shear = states.beams, states.press, states.shear
+    predicted = _predicted(surrogate, b)
+    tables = []
+    for name, quantity in predicted.press(press["depth"]).items():
+        rod = 1 - quantity.value if name == "sideways_ratio" else quantity.value
+        column = {"force": "force_z", "shift": "shift_z"}.get(name, name)
+        tables.append(_rows(b, PRESS_KIND, name, press, column, quantity, rod))
+    found = predicted.shear(shear["depth"], shear["shear"], beyond_stable=True)
+    rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
+    tables += [_rows(b, SHEAR_KIND, name, shear, name, quantity, rods[name]) for name, quantity in found.items()]
+    mode = predicted.first_mode(density_ratio(b))
+    frequency = Quantity(mode.value[:, None], mode.half_width[:, None])
+    tables.append(_rows(b, MODE_KIND, "frequency", states.mode, "frequency", frequency, frequency.value))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -280,7 +283,9 @@ def _scaled(group: Group, kind: str, rows: pd.DataFrame) -> Group:
             quantiles[name] = values
         elif wanted[0] == PRESS_KIND:
             # light and deep presses apart: the error of a light one is that of the contact's mesh
-            deep = _shares(own) > HALF
+            low = np.sqrt(surrogate_range.SHALLOWEST)
+            high = np.sqrt(surrogate_range.deepest(*(own[name].to_numpy() for name in BEAM)))
+            deep = (np.sqrt(own.depth_over_D.to_numpy()) - low) / (high - low) > HALF
             factors = [_factors(own[part]) for part in (~deep, deep)]
             quantiles[name] = values * np.where(prediction.root_shares() > HALF, factors[1], factors[0])
         else:
@@ -295,35 +300,6 @@ def _factors(rows: pd.DataFrame) -> Array:
     first, worst = beams.first(), beams["score"].max().to_numpy()
     region = prediction.beam_region(*(first[name].to_numpy() for name in BEAM))
     return quantiles_by_region(worst[:, None], region, prediction.REGIONS)
-
-
-def _shares(rows: pd.DataFrame) -> Array:
-    """Return where the depth of each press lies in the range of the depths, 0 to 1 in the roots."""
-    low = np.sqrt(surrogate_range.SHALLOWEST)
-    high = np.sqrt(surrogate_range.deepest(*(rows[name].to_numpy() for name in BEAM)))
-    return np.asarray((np.sqrt(rows.depth_over_D.to_numpy()) - low) / (high - low))
-
-
-def _presses(states: TrainingSet, predicted: prediction.Beams) -> Iterator[pd.DataFrame]:
-    press = states.press
-    for name, quantity in predicted.press(press["depth"]).items():
-        rod = 1 - quantity.value if name == "sideways_ratio" else quantity.value
-        column = {"force": "force_z", "shift": "shift_z"}.get(name, name)
-        yield _rows(states.beams, PRESS_KIND, name, press, column, quantity, rod)
-
-
-def _shears(states: TrainingSet, predicted: prediction.Beams) -> Iterator[pd.DataFrame]:
-    shear = states.shear
-    found = predicted.shear(shear["depth"], shear["shear"], beyond_stable=True)
-    rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
-    for name, quantity in found.items():
-        yield _rows(states.beams, SHEAR_KIND, name, shear, name, quantity, rods[name])
-
-
-def _modes(states: TrainingSet, predicted: prediction.Beams) -> pd.DataFrame:
-    quantity = predicted.first_mode(density_ratio(states.beams))
-    column = Quantity(quantity.value[:, None], quantity.half_width[:, None])
-    return _rows(states.beams, MODE_KIND, "frequency", states.mode, "frequency", column, column.value)
 
 
 def _rows(
@@ -372,51 +348,37 @@ REGIONS: dict[str, Callable[[pd.DataFrame], Any]] = {
     f"slender, L/D above {SLENDER:g}": lambda rows: rows.L_over_D > SLENDER,
     "slender, thin magnet": lambda rows: (rows.L_over_D > SLENDER) & (rows.magnet_height_over_D <= THICK),
     f"thick magnet, above {THICK:g} D": lambda rows: rows.magnet_height_over_D > THICK,
-    "wide thin magnet": lambda rows: _wide_thin(rows),
-    f"wide thin magnet, L/D to {SLENDER:g}": lambda rows: _wide_thin(rows) & (rows.L_over_D <= SLENDER),
+    "wide thin magnet": lambda rows: (rows.magnet_diameter_over_D > WIDE) & (rows.magnet_height_over_D <= THICK),
+    f"wide thin magnet, L/D to {SLENDER:g}": lambda rows: (
+        REGIONS["wide thin magnet"](rows) & (rows.L_over_D <= SLENDER)
+    ),
     DEEPER: lambda rows: rows.kind.isin(["press", "shear"]) & (rows.depth_over_D > DEEP),
     "nu below 0.49": lambda rows: rows.nu < 0.49,
 }
 
 
-def _wide_thin(rows: pd.DataFrame) -> Any:
-    return (rows.magnet_diameter_over_D > WIDE) & (rows.magnet_height_over_D <= THICK)
-
-
 def summaries(rows: pd.DataFrame) -> list[Row]:
-    """Return the statistics of each quantity in each region: over all first, then region by region."""
-    table = []
-    quantities = rows[["kind", "quantity"]].drop_duplicates()
-    for region, inside in REGIONS.items():
-        own = rows[inside(rows)]
-        for kind, name in quantities.itertuples(index=False):
-            some = own[(own.kind == kind) & (own.quantity == name)]
-            if not some.empty:
-                table.append({"kind": kind, "quantity": name, "region": region, **_summary(some)})
-    return table
-
-
-def _summary(rows: pd.DataFrame) -> Row:
-    """Return the statistics of a quantity; NaN if any error is unknown.
+    """Return the statistics of each quantity in each region, over all first; NaN if any error is unknown.
 
     `covered_beams_percent` is the share of beams of which every interval holds the truth; its goal,
     `least_covered_percent`, is the least share that is likely if nine of ten beams are covered.
     """
-    sizes = rows.error_percent.abs().to_numpy()
-    covered = scores(rows) <= 1.0
-    beams = rows.assign(covered=covered).groupby("beam")["covered"].all()
-    return {
-        "beams": len(beams),
-        "states": len(rows),
-        "median_percent": float(np.median(sizes)),
-        "p95_percent": float(np.percentile(sizes, 95)),
-        "largest_percent": float(sizes.max()),
-        "covered_percent": 100 * float(covered.mean()),
-        "interval_percent": float(np.median(rows.interval_percent.to_numpy())),
-        "fem_error_percent": float(np.median(rows.fem_error_percent.to_numpy())),
-        "covered_beams_percent": 100 * int(beams.sum()) / len(beams),
-        "least_covered_percent": 100 * least_covered(len(beams)) / len(beams),
-    }
+    table: list[Row] = []
+    quantities = rows[["kind", "quantity"]].drop_duplicates().itertuples(index=False)
+    for (region, inside), (kind, name) in itertools.product(REGIONS.items(), quantities):
+        some = rows[inside(rows) & (rows.kind == kind) & (rows.quantity == name)]
+        if some.empty:
+            continue
+        sizes, covered = some.error_percent.abs().to_numpy(), scores(some) <= 1.0
+        beams = some.assign(covered=covered).groupby("beam")["covered"].all()
+        row: Row = {"kind": kind, "quantity": name, "region": region, "beams": len(beams), "states": len(some)}
+        row |= {"median_percent": float(np.median(sizes)), "p95_percent": float(np.percentile(sizes, 95))}
+        row |= {"largest_percent": float(sizes.max()), "covered_percent": 100 * float(covered.mean())}
+        for column in ("interval_percent", "fem_error_percent"):
+            row[column] = float(np.median(some[column].to_numpy()))
+        row["covered_beams_percent"] = 100 * int(beams.sum()) / len(beams)
+        table.append(row | {"least_covered_percent": 100 * least_covered(len(beams)) / len(beams)})
+    return table
 
 
 def least_covered(count: int) -> int:

@@ -114,22 +114,16 @@ def _loads(number: int, kind: Kind, design: Design, magnet: Magnet) -> tuple[Loa
 
 @functools.cache
 def designs() -> tuple[Design, ...]:
-    """Return the chosen designs, the paper's first."""
-    return (paper(), *(_design(**row) for row in rows_of(DESIGNS)))
-
-
-def _design(
-    D: float, L_over_D: float, magnet_diameter_over_D: float, magnet_height_over_D: float, nu: float, law: str
-) -> Design:
-    """Return a design; its Hall elements lie as in the paper's sensor, over D."""
-    L = rounded(L_over_D * D)
-    magnet: dict[str, Any] = {
-        "magnet_diameter": rounded(magnet_diameter_over_D * D),
-        "magnet_height": rounded(magnet_height_over_D * D),
-        "magnet_edge_radius": rounded(0.1 * magnet_height_over_D * D),
-    }
-    elements: dict[str, Any] = {"l0": rounded(L - D / 2 + 0.275 * D), "f": rounded(0.625 * D), "c": rounded(0.25 * D)}
-    return Design(D=D, L=L, nu=nu, **magnet, **elements, **LAWS.get(law, {}))
+    """Return the chosen designs, the paper's first; Hall elements lie as in the paper's sensor, over D."""
+    found = [paper()]
+    for row in rows_of(DESIGNS):
+        D, wide, high = row["D"], row["magnet_diameter_over_D"], row["magnet_height_over_D"]
+        L = rounded(row["L_over_D"] * D)
+        magnet = {"magnet_diameter": wide * D, "magnet_height": high * D, "magnet_edge_radius": 0.1 * high * D}
+        elements = {"l0": L - D / 2 + 0.275 * D, "f": 0.625 * D, "c": 0.25 * D}
+        sizes: dict[str, Any] = {name: rounded(value) for name, value in (magnet | elements).items()}
+        found.append(Design(D=D, L=L, nu=row["nu"], **sizes, **LAWS.get(row["law"], {})))
+    return tuple(found)
 
 
 @functools.cache
