@@ -108,7 +108,6 @@ def run(progress: Progress, plan: Plan, processes: Processes = Processes(), stor
 
 
 def result(table: Columns, design: Design) -> Result:
-    """Return what follows from the table of a sweep over a design."""
     pairs = product(beam_cells.bodies(table), QUANTITIES)
     grids = [grid for body, kind in pairs if (grid := beam_cells.cells(table, body, kind)).row.size]
     nu = max(grid.body.nu for grid in grids)
@@ -152,7 +151,6 @@ class Block(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of cells."""
         return (self.last_load - self.first_load + 1) * (self.last_length - self.first_length + 1)
 
 
@@ -397,7 +395,6 @@ SLENDER = ("L/D below 1.1", "L/D 1.1 to 2", "L/D above 2")
 
 
 def slender(ratio: Array) -> pd.Categorical:
-    """Return the range of L/D of beams, one of SLENDER."""
     return pd.Categorical.from_codes((ratio >= 1.1).astype(int) + (ratio > 2), SLENDER)
 
 
@@ -443,7 +440,6 @@ def _parts(design: Design, fem: Array, tilt: Array, formula: Array) -> Array:
 
 
 def sensor(table: Columns, row: int, design: Design) -> Design:
-    """Return the sensor of a row of a table that was swept over a design."""
     names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     sizes: dict[str, Value] = {name: float(table[f"{name}_mm"][row]) for name in names if f"{name}_mm" in table}
     return varied(design, sizes | {"nu": float(table["nu"][row])})

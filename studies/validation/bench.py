@@ -96,7 +96,6 @@ class Bench:
 
 
 def parts() -> list[tuple[str, Callable[[Bench], None]]]:
-    """Return the parts of the bench by name."""
     kinds: tuple[tuple[str, Callable[..., None]], ...] = (("case", measure_case), ("pair", by_turns))
     return [(spec["key"], functools.partial(run, spec=spec)) for kind, run in kinds for spec in SPECS[kind]]
 
@@ -154,7 +153,6 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
 
 
 def machine() -> dict[str, str]:
-    """Return the machine of the measurements: processor, system and load."""
     file = Path("/proc/cpuinfo")
     named = re.findall(r"^model name\s*:(.*)", file.read_text("utf-8") if file.exists() else "", flags=re.MULTILINE)
     processor = next(iter(named), platform.processor() or platform.machine())
@@ -521,5 +519,4 @@ def force(printed: str) -> tuple[float, float]:
 
 
 def iterations(said: str) -> int:
-    """Return how many iterations CalculiX tells of on standard output."""
     return len(re.findall(r"^ iteration +\d+", said, flags=re.MULTILINE))

@@ -34,7 +34,6 @@ WARM = {"section_size": 0.25, "section_patch": 0.03, "harmonics": 2}
 
 
 def main(text: str) -> None:
-    """Do what a specification says and print the answer."""
     spec = json.loads(text)
     tasks = {"trace": trace, "small shear": tangent, "modes": tangent, "field": field, "magpylib": field}
     print(json.dumps(tasks[spec["task"]](spec)))
@@ -118,7 +117,6 @@ def cpu() -> tuple[float, float]:
 
 
 def peak() -> float:
-    """Return the largest resident memory so far, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 
 

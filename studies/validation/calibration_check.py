@@ -111,7 +111,6 @@ def truth_of(made: MadeSensors, un: sensor_fit.Unknowns, base: Design) -> dict[s
 
 
 def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
-    """Calibrate made sensors and judge the intervals."""
     count, variants = (QUICK_SENSORS, QUICK_VARIANTS) if quick else (SENSORS, VARIANTS)
     base = paper()
     made = made_sensors(base, tolerances(), count, SEED)
@@ -171,7 +170,6 @@ def _judge(
 
 
 def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str) -> Result:
-    """Return the result of judged sensors."""
     frame, each = pd.DataFrame(judged), pd.DataFrame(unknowns)
     shares = each.groupby("name", sort=False).agg(
         inside_percent=("inside", lambda own: 100 * own.mean()), deviation=("deviation", "median")

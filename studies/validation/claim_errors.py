@@ -80,7 +80,6 @@ class Press(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether every depth was reached."""
         return bool(np.isfinite(self.force).all())
 
     @property
@@ -102,7 +101,6 @@ class States(NamedTuple):
 
     @property
     def preset(self) -> Press:
-        """The presses of the preset's magnet."""
         return next(press for press in self.presses if press.height == paper().magnet_height)
 
 
@@ -248,7 +246,6 @@ def error_of_largest(predicted: Array, force: Array, E: float) -> float:
 
 
 def moduli(count: int = 97) -> Array:
-    """Return the searched moduli, MPa, evenly spaced in the logarithm."""
     return np.geomspace(*MODULI, count)
 
 

@@ -219,7 +219,6 @@ def of_largest(heights: pd.DataFrame, states: States) -> Row:
 
 
 def voltage(heights: pd.DataFrame, own_height: float) -> Row:
-    """Answer the claim on the voltage of S1 against F_N."""
     own = heights[heights.magnet_height_mm == own_height].iloc[0]
     figures = {
         "S1_error_percent": own.S1_error_percent,
@@ -289,7 +288,6 @@ def shear_force(tips: pd.DataFrame, best_E: float) -> Row:
 
 
 def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Row:
-    """Answer the claim that the ignored tilt causes the error of F_mu."""
     # a condition of the tip without a sheared state has an unknown share, and leaves the claim open
     shares = [claim_errors.share(rows, "tilt_N") for rows in splits]
     least, largest = (pick(shares) if shares else math.nan for pick in (np.nanmin, np.nanmax))
@@ -299,7 +297,6 @@ def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Row:
 
 
 def uniqueness(layouts: pd.DataFrame) -> Row:
-    """Answer the claim that the readings are unique to each location."""
     place = ["magnet_height_mm", "c_mm"]
     shares = layouts.ambiguous_percent
     own = (layouts[place] == layouts[place].iloc[0]).all(axis=1)
@@ -314,7 +311,6 @@ def uniqueness(layouts: pd.DataFrame) -> Row:
 
 
 def frequency(rows: Sequence[Row], formulas: dict[str, float]) -> Row:
-    """Answer the claim on the natural frequency."""
     free, bare = (
         next(row for row in rows if row["magnet"] == magnet and not row["depth_mm"])
         for magnet in ("rigid", "ignored")
@@ -355,7 +351,6 @@ def band(rows: Sequence[Row], vibration: Row) -> Row:
 
 
 def hysteresis(figures: Row) -> Row:
-    """Answer the claim on hysteresis."""
     loss_factor = figures["loss_factor"]
     allowed, sine = (VALUES["full_scale"] * loss_factor / figures[name] for name in ("fem_percent", "sine_percent"))
     bounds = {
@@ -371,14 +366,12 @@ def hysteresis(figures: Row) -> Row:
 
 
 def hall_factor(figures: Row) -> Row:
-    """Answer the claim on the conversion factor of a Hall element."""
     polarisation = figures["polarisation_T"]
     found = verdict(holds=VALUES["neodymium"][0] <= polarisation <= VALUES["neodymium"][1], figures=[polarisation])
     return answer("hall_factor", found, {name: figures[name] for name in ("polarisation_T", "rest_V", "face_V")})
 
 
 def offset(figures: Row) -> Row:
-    """Answer the claim on the offset of S1."""
     pairs = figures["pairs"]
     below = sum(l0 > paper().H for _, l0 in pairs)
     own = {f"l0_mm_at_{height:g}_mm": l0 for height, l0 in pairs} | {"rest_mT": figures["rest_mT"]}
@@ -387,7 +380,6 @@ def offset(figures: Row) -> Row:
 
 
 def cost(rows: Sequence[Row]) -> Row:
-    """Answer the claim that the model is simple and faster than finite elements."""
     formulas, *others = rows
     fastest = min((row for row in rows if row["model"].startswith("finite elements")), key=lambda row: row["seconds"])
     ratio = fastest["seconds"] / formulas["seconds"]

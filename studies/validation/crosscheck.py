@@ -140,7 +140,6 @@ def compared(chosen: list[Case], harmonic: pd.DataFrame, solid: pd.DataFrame, on
 
 
 def result(table: pd.DataFrame) -> Result:
-    """Return the result of compared loads."""
     rows = pages.records(table)
     loads = "loads" if (table.tilt_deg != 0).any() else "designs"
     failed = [f"design {number}" for number in table.design[~table.agree]]

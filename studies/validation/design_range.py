@@ -80,7 +80,6 @@ def _down(value: float) -> float:
 
 
 def run(progress: Progress, count: int) -> Result:
-    """Examine each design."""
     if not 1 <= count <= MOST:
         raise BadInput(f"--count must lie between 1 and {MOST}; got {count}")
     chosen = pages.told(progress, list(enumerate(samples(count))), lambda case: f"design {case[0]}")
@@ -88,7 +87,6 @@ def run(progress: Progress, count: int) -> Result:
 
 
 def result(rows: Sequence[Row]) -> Result:
-    """Return the result of examined designs."""
     title, spread = "Range of designs", summary(rows)
     names = ["design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra"]
     names += ["mesh_s", "least_jacobian", "message"]

@@ -103,7 +103,6 @@ def rows_of(table: Path) -> list[dict[str, Any]]:
 
 
 def rounded(value: float) -> float:
-    """Return a value rounded to four digits."""
     return float(f"{value:.4g}")
 
 

@@ -116,7 +116,6 @@ class Case:
 
 
 def press(*depths: float) -> tuple[Load, ...]:
-    """Return a path of presses to these depths, mm."""
     return tuple(Load(depth=depth) for depth in depths)
 
 
@@ -171,13 +170,11 @@ def _changes(words: str) -> dict[str, float]:
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
-    """Solve and judge all cases."""
     chosen = pages.told(progress, cases(quick=quick), lambda case: case.name)
     return pages.collected(map(examine, chosen), result)
 
 
 def result(rows: Sequence[Row]) -> Result:
-    """Return the result of judged cases."""
     heads = {"scene": "case", "status": "status", "seconds": "s", "check": "check", "measured": "measured"}
     heads |= {"bound": "bound", "inside_out_share": "inverted", "verdict": "verdict", "message": "message"}
     marked = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in rows]
@@ -270,7 +267,6 @@ def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> 
 
 
 def force(solution: Solution) -> float:
-    """Return the normal force, N."""
     return solution.response.force[2]
 
 
@@ -287,7 +283,6 @@ def apart(one: Solution, other: Solution) -> float:
 
 
 def hertz(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare the force at first touch with Hertz's."""
     last, design = states[-1], case.design
     reference = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R) * last.load.depth**1.5
     return Measurement("force against Hertz 1882", off(force(last), reference))
@@ -381,7 +376,6 @@ def alone(case: Case, states: Sequence[Solution]) -> Measurement:
 
 
 def half_model(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare the normal force with that of the half model on tetrahedra."""
     return Measurement("force against the half model", off(force(states[-1]), force(follow(case, model="half"))))
 
 

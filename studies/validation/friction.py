@@ -43,7 +43,6 @@ SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
-    """Run all checks; if quick, on coarser meshes and without tetrahedra."""
     curves: list[list[Solution]] = []
     loop: list[Solution] = []
     level = COARSE if quick else QUICK

@@ -137,7 +137,6 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_design(rows: pd.DataFrame, level: str) -> pd.DataFrame:
-    """Return the errors of one level for each design."""
     return means(rows[(rows.level == level) & (rows.status == "ok")], list(SIZES))
 
 
@@ -152,7 +151,6 @@ def goals(rows: pd.DataFrame) -> list[Goal]:
 
 
 def result(rows: pd.DataFrame) -> Result:
-    """Return the result of compared states."""
     title, posed, best = "Errors of the formulas, root mean square", goals(rows), beam.LEVELS[-1]
     heads = {f"{name}_error_percent": f"{name.replace('_', ' ')} %" for name in ERRORS}
     regions, designs = (pages.records(table) for table in (summary(rows), by_design(rows, best)))

@@ -6,6 +6,7 @@ Branches and laws are those of `fem.model.viscoelasticity`. Times are in s.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -20,7 +21,7 @@ from analytic.viscoelastic_contact import indentation
 from fem.accuracy import QUICK
 from fem.analyses.modes import frequency_unit, modes
 from fem.analyses.timed_path import TimeControl, TimedLoad, TimedState, ViscousLaw, follow
-from fem.analyses.vibration import Block, VibratingSensor, build_block, build_blocks, vibrating_sensor
+from fem.analyses.vibration import VibratingSensor, build_block, build_blocks, vibrating_sensor
 from fem.equilibrium import solve as solve_load
 from fem.model import elements, material, plate_contact, viscoelasticity
 from fem.model.nonlinear_system import System
@@ -68,16 +69,12 @@ def stresses(
         yield np.asarray(answer.assembly.forces.T @ (e.nodes + answer.state.u))
 
 
-def relaxing_cube(_: int) -> tuple[float, ...]:
+def relaxing_cube(_: int) -> list[float]:
     """Return sigma_xz and sigma_xx - sigma_zz over mu0 G(t)/G(0) of a cube sheared at once, after 0, 0.3, 3 s."""
     e = tetrahedra(1)
     motion = [(dt, sheared(0.8, e)) for dt in (0.0, 0.3, 2.7)]
-    moduli = TWO.modulus([0.0, 0.3, 3.0])
-    parts = [
-        (sigma[0, 2] / G, (sigma[0, 0] - sigma[2, 2]) / G)
-        for sigma, G in zip(stresses(e, faces(e), material.neo_hookean, TWO, motion), moduli, strict=True)
-    ]
-    return tuple(float(value) for pair in parts for value in pair)
+    found = zip(stresses(e, faces(e), material.neo_hookean, TWO, motion), TWO.modulus([0.0, 0.3, 3.0]), strict=True)
+    return [value for sigma, G in found for value in (sigma[0, 2] / G, (sigma[0, 0] - sigma[2, 2]) / G)]
 
 
 def turned_cube(_: int) -> tuple[float, ...]:
@@ -155,17 +152,16 @@ def _solved(states: Iterator[TimedState]) -> list[TimedState]:
     return passed
 
 
-def held_beam(_: int) -> tuple[float, ...]:
+def held_beam(_: int) -> Array:
     """Return F(t) / F(0) over G(t) / G(0) of the silicone beam pressed by 1 mm at once, at 0.3 and 2 s."""
     design, times = silicone(), (0.0, 0.3, 2.0)
     loads = [TimedLoad(t, Load(1.0)) for t in times]
     path = follow(design, loads, QUICK, magnet="ignored", steps=TimeControl(kappa=1e6))
-    forces = [one.response.force[2] for one in _solved(path)]
-    moduli = relaxation_of(design).modulus(times)
-    return tuple(float(force / forces[0] / G) for force, G in zip(forces[1:], moduli[1:], strict=True))
+    forces = np.array([one.response.force[2] for one in _solved(path)])
+    return np.asarray((forces / forces[0] / relaxation_of(design).modulus(times))[1:])
 
 
-def indented_half_space(n: int) -> tuple[float, ...]:
+def indented_half_space(n: int) -> Array:
     """Return the force of a ramp and of its release over Lee and Radok's and Ting's, with the mesh's error removed.
 
     The beam without magnet touches a plate by 1e-4 mm within 1 s, which goes back at the same speed. The mesh's error
@@ -179,7 +175,7 @@ def indented_half_space(n: int) -> tuple[float, ...]:
     exact, _ = indentation(relaxation_of(design), G0, design.R, times, depths)
     elastic = solve_load(design, Load(top), LEVEL[n - 1], magnet="ignored").response.force[2]
     mesh = elastic / (16 / 3 * math.sqrt(design.R) * G0 * top**1.5)
-    return tuple(float(one.response.force[2] / force / mesh) for one, force in zip(states, exact[1:], strict=True))
+    return np.array([one.response.force[2] for one in states]) / exact[1:] / mesh
 
 
 def limits(_: int) -> tuple[float, ...]:
@@ -195,9 +191,8 @@ def limits(_: int) -> tuple[float, ...]:
         exact = solve_load(elastic, Load(1.0), QUICK).response.force[2]
         for law in ("prony", "finite"):
             kappa = SECTION_KAPPA * elastic.E / design.E
-            (state,) = _solved(
-                follow(design, [TimedLoad(duration, Load(1.0))], QUICK, law=law, steps=TimeControl(kappa=kappa))
-            )
+            loads = [TimedLoad(duration, Load(1.0))]
+            (state,) = _solved(follow(design, loads, QUICK, law=law, steps=TimeControl(kappa=kappa)))
             ratios.append(state.response.force[2] / exact)
     return tuple(ratios)
 
@@ -401,36 +396,26 @@ def correspondence(_: int) -> tuple[float, ...]:
     g = relaxation.complex_modulus(2 * np.pi * np.array([0.1, 10.0, 1000.0])) / relaxation.rest
     scene = Scene(design, (Load(depth=0.5, friction="stick"),), QUICK, "ignored")
     for pressed in build_blocks(scene)[1]:
-        block = _undeformed(scene, pressed)
+        d, q = pressed.state.d, np.zeros(len(pressed.state.q))
+        if pressed.motions == ("x",):  # this model has the press as prescribed displacements and pressures
+            rest = np.zeros(d.system.fixed.shape), np.zeros((len(d.system.corner_nodes), 2))
+            d = replace(d, system=d.system.with_prescribed(*rest))
+        # the contact area is that of a press, but the state is undeformed
+        block = build_block(scene, replace(pressed.state, d=d, q=q), pressed.plate, pressed.motions)
         system, problem = block.state.d.system, block.problem
-        springs, R = (
-            problem.K.data - system.assemble(system.state(block.state.q), None).tangent.data,
-            problem.R.copy(),
-        )
-        R.data += springs
-        relaxing = replace(problem, R=R)
+        R = problem.R.copy()
+        R.data += problem.K.data - system.assemble(system.state(block.state.q), None).tangent.data
         # the first frequency is that of the static stiffness
         factors = np.concatenate([[1.0], g])
-        reduced = reduce(relaxing, factors - 1, np.zeros(len(factors)))
+        reduced = reduce(replace(problem, R=R), factors - 1, np.zeros(len(factors)))
         y = reduced.solve(factors - 1, np.zeros(len(factors)))
         Z = factors * block.held[0, 0] - factors**2 * (reduced.b.T @ y)[:, 0, 0]
         answers.append(1 + float(np.abs(Z[1:] / (Z[0].real * g) - 1).max()))
     return tuple(answers)
 
 
-def _undeformed(scene: Scene, pressed: Block) -> Block:
-    """Return the block whose contact area is that of a press, but whose state is undeformed."""
-    d, q = pressed.state.d, np.zeros(len(pressed.state.q))
-    if pressed.motions == ("x",):  # this model has the press as prescribed displacements and pressures
-        at_rest = d.system.with_prescribed(np.zeros(d.system.fixed.shape), np.zeros((len(d.system.corner_nodes), 2)))
-        d = replace(d, system=at_rest)
-    return build_block(scene, replace(pressed.state, d=d, q=q), pressed.plate, pressed.motions)
-
-
 def reciprocity_and_passivity(_: int) -> tuple[float, ...]:
-    """Return 1 plus the largest asymmetry of the impedance about a sheared state, and the share of frequencies at
-    which every motion of the plate takes up work.
-    """
+    """Return 1 plus the asymmetry of a sheared sensor's impedance, and how often the plate only takes up work."""
     force = vibrating_sensor(paper(), SHEARED, (1.0, 1000.0), QUICK).at(np.geomspace(1.0, 1000.0, 60)).force
     impedance = force[:, :, [1, 0]]
     work = np.linalg.eigvalsh((impedance.imag + impedance.imag.transpose(0, 2, 1)) / 2)
@@ -438,23 +423,22 @@ def reciprocity_and_passivity(_: int) -> tuple[float, ...]:
     return 1 + float(differences.max()), float(np.mean(work.min(axis=1) > 0))
 
 
-def full_solutions(_: int) -> tuple[float, ...]:
+def full_solutions(_: int) -> Array:
     """Return 1 plus the relative difference of the reduced basis to full solutions: force, and pose of the magnet."""
     sensor = vibrating_sensor(paper(), GLUED, (1.0, 1000.0), QUICK)
     unit = frequency_unit(sensor.scene.design)
-    forces, poses = list[float](), list[float]()
-    for part in sensor.reduced_blocks:
-        for f in (1.0, 600.0, 1000.0):
-            g = complex(sensor.relaxation.complex_modulus(2 * np.pi * f)) / sensor.relaxation.rest
-            c, eigenvalue = g - 1, (f / unit) ** 2
-            x = full_solution(part.block.problem, c, eigenvalue)
-            y = part.system.solve(np.array([c]), np.array([eigenvalue]))[0]
-            full = part.block.held - part.block.problem.b.T @ x
-            reduced = part.block.held - part.system.b.T @ y
-            pose = pose_slopes(part.block.state, x.real) + 1j * pose_slopes(part.block.state, x.imag)
-            forces.append(float(np.abs(reduced - full).max() / np.abs(full).max()))
-            poses.append(float(np.abs(part.pose @ y - pose).max() / np.abs(pose).max()))
-    return 1 + float(np.max(forces)), 1 + float(np.max(poses))
+    differences = []
+    for part, f in itertools.product(sensor.reduced_blocks, (1.0, 600.0, 1000.0)):
+        g = complex(sensor.relaxation.complex_modulus(2 * np.pi * f)) / sensor.relaxation.rest
+        c, eigenvalue = g - 1, (f / unit) ** 2
+        x = full_solution(part.block.problem, c, eigenvalue)
+        y = part.system.solve(np.array([c]), np.array([eigenvalue]))[0]
+        full = part.block.held - part.block.problem.b.T @ x
+        reduced = part.block.held - part.system.b.T @ y
+        pose = pose_slopes(part.block.state, x.real) + 1j * pose_slopes(part.block.state, x.imag)
+        pairs = (reduced, full), (part.pose @ y, pose)
+        differences.append([np.abs(a - b).max() / np.abs(b).max() for a, b in pairs])
+    return np.asarray(1 + np.max(differences, axis=0))
 
 
 def full_solution(problem: Problem, c: complex, eigenvalue: float) -> Complex:

@@ -23,12 +23,10 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 def records(table: pd.DataFrame) -> list[Row]:
-    """Return the rows of a table."""
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return the text of a file of `templates`."""
     return page_templates.rendered(TEMPLATES / template, **values)
 
 

@@ -147,7 +147,6 @@ def solve(given: Any) -> dict[str, Any]:
 
 
 def main(path: str) -> None:
-    """Solve what a file holds and print the answer."""
     with np.load(path) as given:
         arrays = dict(given)
     begin = time.process_time()

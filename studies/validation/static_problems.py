@@ -258,7 +258,6 @@ def faces(e: Elements) -> Mask:
 
 
 def sheared(amount: float, e: Elements) -> Array:
-    """Return the displacements u_x = amount z."""
     u = np.zeros(e.nodes.shape)
     u[:, 0] = amount * e.nodes[:, 2]
     return u
@@ -430,10 +429,9 @@ LEVEL = tuple(LEVELS.values())
 """Accuracy levels quick, standard and fine by the mesh numbers 1, 2 and 3, less 1."""
 
 
-def magnet_field(_: int) -> tuple[float, ...]:
+def magnet_field(_: int) -> Array:
     """Return B_z on the axis of a magnet of 4 x 4 mm and 1.2 T, mT, 5, 6, 7 and 8 mm from its centre."""
-    field = cylinder_field([[0, 0, z] for z in (5.0, 6.0, 7.0, 8.0)], 2.0, 4.0, 1.2)
-    return tuple(1e3 * float(value) for value in field[:, 2])
+    return np.asarray(1e3 * cylinder_field([[0, 0, z] for z in (5.0, 6.0, 7.0, 8.0)], 2.0, 4.0, 1.2)[:, 2])
 
 
 def hertz(n: int) -> tuple[float, ...]:

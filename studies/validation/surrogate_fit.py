@@ -50,8 +50,6 @@ LEAST_DROP = 1e-4
 
 
 class TrainingSet(NamedTuple):
-    """Beams with all their states."""
-
     beams: Beams
     press: States
     mode: States
@@ -64,7 +62,6 @@ class TrainingSet(NamedTuple):
         return TrainingSet(self.beams[rows], *({name: q[rows] for name, q in part.items()} for part in self[1:]))
 
     def joined(self, other: TrainingSet) -> TrainingSet:
-        """Return the beams of both."""
         pairs = zip(self[1:], other[1:], strict=True)
         parts = ({name: np.concatenate([q, two[name]]) for name, q in one.items()} for one, two in pairs)
         return TrainingSet(joined(self.beams, other.beams), *parts)
@@ -101,7 +98,6 @@ def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict
 
 
 def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
-    """Return the surrogate of training beams."""
     b = states.beams
     x = prediction.features(b.L, b.diameter, b.height, b.nu, b.edge)
     region, regions = prediction.beam_region(b.L, b.diameter, b.height), prediction.REGIONS

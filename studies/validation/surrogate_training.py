@@ -61,7 +61,6 @@ def in_range(beams: Beams) -> NDArray[np.bool_]:
 
 
 def deepest(beams: Beams) -> Array:
-    """Return the deepest presses of the surrogate over D."""
     return np.asarray(surrogate_range.deepest(beams.L, beams.diameter, beams.height))
 
 
@@ -157,12 +156,10 @@ def _scaled(unit: Array) -> Beams:
 
 
 def _walled(beams: Beams) -> NDArray[np.bool_]:
-    """Return which beams have enough silicone around their magnets."""
     return np.asarray(surrogate_range.wall(beams.L, beams.diameter, beams.height, beams.edge) >= LEAST_WALL)
 
 
 def joined(*parts: Beams) -> Beams:
-    """Return the beams of all parts."""
     return np.concatenate(parts).view(np.recarray)
 
 

@@ -225,7 +225,6 @@ def _region(state: Row) -> str:
 
 
 def load_of(state: Row) -> Load:
-    """Return the load of a state."""
     return Load(depth=state["depth_mm"], shear_x=state["shear_mm"], friction=state["friction"])
 
 

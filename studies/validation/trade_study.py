@@ -183,7 +183,6 @@ class Run(NamedTuple):
 
     @property
     def model_of_cases(self) -> str | FemModel:
-        """The model for the engine."""
         if self.model in CALCULATED:
             return self.level if self.model == "formula" else SURROGATE
         return FemModel(self.level, LEVELS[self.level], self.trial.model)

@@ -47,7 +47,6 @@ def solved(target: Row, n: int) -> list[float]:
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
-    """Solve all targets; a record for each quantity."""
     chosen = targets(quick=quick)
     rows: list[Row] = []
     for i, target in enumerate(chosen):

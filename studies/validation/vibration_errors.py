@@ -70,7 +70,6 @@ def cases(*, quick: bool = False) -> list[Case]:
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
-    """Solve and judge all cases."""
     chosen, judged = cases(quick=quick), list[Row]()
     truth = replace(REFERENCE, section_size=0.06, section_patch=0.003, harmonics=3) if quick else REFERENCE
     for i, case in enumerate(chosen):
@@ -171,7 +170,6 @@ def goals(judged: Sequence[Row]) -> list[Goal]:
 
 
 def result(judged: Sequence[Row]) -> Result:
-    """Return the result of judged cases."""
     posed, title, table = goals(judged), "Errors of vibrations", summary(judged)
     page = {"verdict": verdict(posed), "posed": list(map(str, posed)), "summary": table, "reference": REFERENCE}
     return Result(
