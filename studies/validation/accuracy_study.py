@@ -418,13 +418,7 @@ def result(states: pd.DataFrame, *, quick: bool) -> Result:
         "physics": ", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
     }
     tables = {"Estimates": estimates, "Levels": levels}
-    return Result(
-        title="Accuracy",
-        records=[*estimates, *levels],
-        shown=[Table(title=title, rows=table, first=first) for title, table in tables.items()],
-        tables={"accuracy": rows, "error_rules": rules(states)},
-        digits=9,
-        files={"errors.png": partial(picture, rows=rows, draw=verdict_figures.accuracy)},
-        pages={"ACCURACY.md": pages.rendered("accuracy.md.j2", **page)},
-        failures=failures(posed),
-    )
+    more: Row = {"records": [*estimates, *levels], "tables": {"error_rules": rules(states)}, "digits": 9}
+    more["shown"] = [Table(title=title, rows=table, first=first) for title, table in tables.items()]
+    files = {"errors.png": partial(picture, rows=rows, draw=verdict_figures.accuracy)}
+    return pages.study("accuracy", "Accuracy", rows, page, files=files, failures=failures(posed), **more)

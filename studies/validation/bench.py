@@ -42,7 +42,7 @@ from geometry.messages import Progress
 from geometry.section import section
 from studies.output import provenance
 from studies.output.goals import Goal, failures, page_lines
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -131,15 +131,9 @@ def result(bench: Bench, about: Mapping[str, str], rows: Sequence[Row]) -> Resul
         filled = [name for name in COLUMNS if name in HEADS and any(row[name] not in (None, "") for row in own)]
         tables[case.capitalize()] = own, {name: HEADS[name] for name in filled}
     page = {"verdict": page_lines(goals(rows)), "tables": tables, "about": {**about, **bench.versions}}
-    return Result(
-        title="Speed",
-        records=rows,
-        shown=[Table(title="Speed", rows=rows, brief=BRIEF)],
-        tables={"bench": rows},
-        pages={"BENCH.md": pages.rendered("bench.md.j2", **page)},
-        remarks=[f"{row['case']}: {row['message']}" for row in rows if row["message"]],
-        failures=failures(goals(rows)),
-    )
+    remarks = [f"{row['case']}: {row['message']}" for row in rows if row["message"]]
+    lost = failures(goals(rows))
+    return pages.study("bench", "Speed", rows, page, look={"brief": BRIEF}, remarks=remarks, failures=lost)
 
 
 def goals(rows: Sequence[Row]) -> list[Goal]:

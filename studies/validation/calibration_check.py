@@ -184,17 +184,9 @@ def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str) -> Resul
     goals.append(Goal("RMSE over that of a quadratic regression, both from 30 rows, median", few, 1 / 3, n))
     goals.append(Goal("RMSE from 30 rows over that of a quadratic regression from 3000, median", many, 1.0, n))
     table = [{"unknown": name, **row} for name, row in shares.to_dict("index").items()]
-    page = pages.rendered(
-        "calibrations.md.j2", verdict=verdict(goals), goals=list(map(str, goals)), table=table, sensors=n,
-        source=source, median=pages.records(frame.drop(columns="sensor").median().to_frame().T),
-    )  # fmt: skip
+    page = {"verdict": verdict(goals), "goals": list(map(str, goals)), "table": table, "sensors": n, "source": source}
+    page["median"] = pages.records(frame.drop(columns="sensor").median().to_frame().T)
     title = "Calibrations of made sensors"
-    return Result(
-        title=title,
-        records=judged,
-        shown=[Table(title=title, rows=table), *map(str, goals[-2:]), str(goals[0])],
-        tables={"calibrations": judged, "unknowns": unknowns},
-        digits=5,
-        pages={"CALIBRATIONS.md": page},
-        failures=failures(goals),
-    )
+    shown = [Table(title=title, rows=table), *map(str, goals[-2:]), str(goals[0])]
+    more: Row = {"tables": {"unknowns": unknowns}, "digits": 5}
+    return pages.study("calibrations", title, judged, page, shown=shown, failures=failures(goals), **more)

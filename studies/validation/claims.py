@@ -35,7 +35,7 @@ from geometry.relaxation import relaxation_of
 from studies.mechanics import loading_cycles
 from studies.mechanics.cycle_motion import Motion
 from studies.output import records
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.sensing import layout_uniqueness
 from studies.simulation import vibration_report
 from studies.simulation.compare import part
@@ -113,13 +113,15 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
     }
     tables = {"heights": heights, "presses": states.pressed[PRESSES], "shears": states.sheared[SHEARS]}
     tables["parts"] = pd.concat(splits)
-    return Result(
-        title="The paper's claims",
+    return pages.study(
+        "claims",
+        "The paper's claims",
+        printed,
+        page,
+        look={"first": ("claim", "verdict")},
         records=answers,
-        shown=[Table(title="The paper's claims", rows=printed, first=("claim", "verdict"))],
-        tables={"claims": printed} | {name: pages.records(table) for name, table in tables.items()},
+        tables={name: pages.records(table) for name, table in tables.items()},
         files=claim_figures.pictures(states, best_E),
-        pages={"CLAIMS.md": pages.rendered("claims.md.j2", **page)},
     )
 
 

@@ -18,7 +18,7 @@ from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies import cases
 from studies.cases import FemModel
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
 from studies.validation.error_study_cases import answers_by
@@ -152,11 +152,7 @@ def result(table: pd.DataFrame) -> Result:
         own = table[table[f"{name}_agree"].notna() | (table.status != "ok")]
         tables[name] = pages.records(own), heads
     brief = pages.records(table.drop(columns=[f"{name}_agree" for name in COMPONENTS]))
-    return Result(
-        title="Harmonic model against tetrahedra",
-        records=rows,
-        shown=[Table(title="Harmonic model against tetrahedra", rows=brief, places=("design",))],
-        tables={"crosscheck": rows},
-        pages={"CROSSCHECK.md": pages.rendered("crosscheck.md.j2", rows=rows, loads=loads, tables=tables)},
-        failures=pages.failed(failed, len(rows), f"{loads} disagree", ", "),
-    )
+    page = {"rows": rows, "loads": loads, "tables": tables}
+    failures = pages.failed(failed, len(rows), f"{loads} disagree", ", ")
+    title, look = "Harmonic model against tetrahedra", {"places": ("design",)}
+    return pages.study("crosscheck", title, rows, page, brief, look, failures=failures)

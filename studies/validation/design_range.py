@@ -18,7 +18,7 @@ from geometry.meshing.mesh_quality import quality
 from geometry.messages import Progress
 from geometry.section import section
 from studies.output.goals import Goal, failures
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -87,20 +87,13 @@ def run(progress: Progress, count: int) -> Result:
 
 
 def result(rows: Sequence[Row]) -> Result:
-    title, spread = "Range of designs", summary(rows)
+    spread = summary(rows)
     names = ["design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra"]
     names += ["mesh_s", "least_jacobian", "message"]
     counts = [sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")]
     about: Row = {"rows": rows, "counts": counts, "spread": spread}
     about["heads"] = {name: name.removesuffix("_mm").replace("_", " ") for name in names}
-    return Result(
-        title=title,
-        records=rows,
-        shown=[Table(title=title, rows=spread)],
-        tables={"range": rows},
-        pages={"RANGE.md": pages.rendered("range.md.j2", **about)},
-        failures=failures(goals(rows)),
-    )
+    return pages.study("range", "Range of designs", rows, about, spread, failures=failures(goals(rows)))
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:

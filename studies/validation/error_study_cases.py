@@ -82,7 +82,7 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     if scene in depths:
         loads = [Load(depth=rounded(each)) for each in depths[scene]]
     elif scene in shears:
-        mu = RUB[1] if scene == "friction" else "stick"
+        mu: Any = RUB[1] if scene == "friction" else "stick"
         loads = [Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in shears[scene]]
     else:
         loads = [Load(grip=rounded(GRIP[0] * D), shear_x=rounded(GRIP[1] * D))]

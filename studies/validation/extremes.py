@@ -179,17 +179,11 @@ def result(rows: Sequence[Row]) -> Result:
     heads |= {"bound": "bound", "inside_out_share": "inverted", "verdict": "verdict", "message": "message"}
     marked = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in rows]
     failed, lost = ([row["scene"] for row in rows if row["verdict"] == name] for name in ("fail", "not judged"))
-    page = pages.rendered("extremes.md.j2", rows=marked, heads=heads, failed=len(failed), lost=len(lost))
+    page = {"rows": marked, "heads": heads, "failed": len(failed), "lost": len(lost)}
     failures = pages.failed(lost, len(rows), "cases yield no measurement")
-    return Result(
-        title="Extremes",
-        records=rows,
-        shown=[line(row) for row in rows],
-        tables={"extremes": rows},
-        digits=9,
-        pages={"EXTREMES.md": page},
-        failures=failures + pages.failed(failed, len(rows), "cases fail"),
-    )
+    failures += pages.failed(failed, len(rows), "cases fail")
+    lines = [line(row) for row in rows]
+    return pages.study("extremes", "Extremes", rows, page, shown=lines, digits=9, failures=failures)
 
 
 def examine(case: Case) -> Row:

@@ -19,7 +19,7 @@ from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.output.figures import Figure, Guide, Look, plot, save
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -75,16 +75,10 @@ def result(checks: Sequence[Row], curves: Sequence[Sequence[Solution]], loop: Se
     heads = {name: name for name in ("check", "quantity", "value", "expected")}
     heads |= {"off": "relative difference", "bound": "bound", "passed": "passed"}
     missed = [check["quantity"] for check in checks if not check["passed"]]
-    return Result(
-        title="Friction",
-        records=checks,
-        shown=[Table(title="Friction", rows=checks, first=("quantity", "value", "expected", "passed"))],
-        tables={"friction": checks},
-        digits=9,
-        files={"friction.png": lambda path: save(path, draw_friction(curves, loop))},
-        pages={"FRICTION.md": pages.rendered("friction.md.j2", rows=checks, heads=heads)},
-        failures=pages.failed(missed, len(checks), "checks fail"),
-    )
+    files = {"friction.png": lambda path: save(path, draw_friction(curves, loop))}
+    failures = pages.failed(missed, len(checks), "checks fail")
+    page, look = {"rows": checks, "heads": heads}, {"first": ("quantity", "value", "expected", "passed")}
+    return pages.study("friction", "Friction", checks, page, look=look, digits=9, files=files, failures=failures)
 
 
 def _check(check: str, quantity: str, value: float, expected: float, bound: float) -> Row:

@@ -16,7 +16,7 @@ from geometry.messages import Progress
 from studies import cases
 from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.error_study_cases import rows_of
 from studies.web import verdict_figures
@@ -151,27 +151,14 @@ def goals(rows: pd.DataFrame) -> list[Goal]:
 
 
 def result(rows: pd.DataFrame) -> Result:
-    title, posed, best = "Errors of the formulas, root mean square", goals(rows), beam.LEVELS[-1]
+    posed, best, records = goals(rows), beam.LEVELS[-1], pages.records(rows)
     heads = {f"{name}_error_percent": f"{name.replace('_', ' ')} %" for name in ERRORS}
     regions, designs = (pages.records(table) for table in (summary(rows), by_design(rows, best)))
     stopped = rows[rows.message != ""].drop_duplicates(["design", "message"])
-    records = pages.records(rows)
-    page = pages.rendered(
-        "ladder.md.j2",
-        verdict=page_lines(posed),
-        summary=regions,
-        regions={name: name for name in ("level", "region", "states")} | heads,
-        best=best,
-        designs=designs,
-        heads={name: name for name in (*SIZES, "states")} | heads,
-        stopped=sorted(f"design {row.design}: {row.message}" for row in stopped.itertuples()),
-    )
-    return Result(
-        title=title,
-        records=records,
-        shown=[Table(title=title, rows=regions)],
-        tables={"ladder": records},
-        files={"ladder.png": partial(picture, rows=records, draw=verdict_figures.ladder)},
-        pages={"LADDER.md": page},
-        failures=failures(posed),
-    )
+    page = {"verdict": page_lines(posed), "summary": regions, "best": best, "designs": designs}
+    page["regions"] = {name: name for name in ("level", "region", "states")} | heads
+    page["heads"] = {name: name for name in (*SIZES, "states")} | heads
+    page["stopped"] = sorted(f"design {row.design}: {row.message}" for row in stopped.itertuples())
+    files = {"ladder.png": partial(picture, rows=records, draw=verdict_figures.ladder)}
+    title = "Errors of the formulas, root mean square"
+    return pages.study("ladder", title, records, page, regions, files=files, failures=failures(posed))

@@ -175,7 +175,7 @@ def indented_half_space(n: int) -> Array:
     exact, _ = indentation(relaxation_of(design), G0, design.R, times, depths)
     elastic = solve_load(design, Load(top), LEVEL[n - 1], magnet="ignored").response.force[2]
     mesh = elastic / (16 / 3 * math.sqrt(design.R) * G0 * top**1.5)
-    return np.array([one.response.force[2] for one in states]) / exact[1:] / mesh
+    return np.asarray([one.response.force[2] for one in states] / exact[1:] / mesh)
 
 
 def limits(_: int) -> tuple[float, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,9 +11,9 @@ import pandas as pd
 from geometry.messages import Progress
 from studies.output import page_templates
 from studies.output.page_templates import filled, listed
-from studies.output.result import collected
+from studies.output.result import Result, Table, collected
 
-__all__ = ["Row", "collected", "failed", "filled", "listed", "records", "rendered", "told"]
+__all__ = ["Row", "collected", "failed", "filled", "listed", "records", "rendered", "study", "told"]
 
 Case = TypeVar("Case")
 
@@ -40,3 +40,22 @@ def told(progress: Progress, chosen: Sequence[Case], name: Callable[[Case], str]
     for i, case in enumerate(chosen):
         progress(i / len(chosen), name(case))
         yield case
+
+
+def study(
+    name: str,
+    title: str,
+    rows: Sequence[Row],
+    page: Mapping[str, Any],
+    printed: Sequence[Row] | None = None,
+    look: Mapping[str, Any] = {},
+    **more: Any,
+) -> Result:
+    """Return the result of a study: rows in NAME.csv, and NAME.md from its template and the values of `page`.
+
+    The terminal shows the table `printed` (default: the rows) with the fields `look`; `more` are fields of `Result`.
+    """
+    tables = {name: rows} | more.pop("tables", {})
+    shown = [Table(title=title, rows=rows if printed is None else printed, **look)]
+    text = {f"{name.upper()}.md": rendered(f"{name}.md.j2", **page)}
+    return Result(title=title, tables=tables, pages=text, **({"records": rows, "shown": shown} | more))

@@ -62,25 +62,21 @@ class Plate:
         self.pressed = self.points[..., 0] > first if self.height == np.inf else self._overlap() > 0
         self.height, self.stiffness = height, stiffness
 
-    def force(self) -> float:
-        return float(np.sum(self._pressure()))
-
     def _overlap(self) -> Any:
         return self.points[..., 0] + self.field[0].values[self.edges, 0] @ self.shape.T - self.height
 
-    def _active(self) -> Any:
-        return self._overlap() > 0 if self.pressed is None else self.pressed
-
-    def _pressure(self) -> Any:
-        return np.where(self._active(), self.weights * self.stiffness * self._overlap(), 0.0)
+    def pressure(self) -> Any:
+        """Forces at the Gauss points."""
+        overlap = self._overlap()
+        active = overlap > 0 if self.pressed is None else self.pressed
+        return np.where(active, self.weights * self.stiffness * overlap, 0.0)
 
     def _vector(self, field: Any = None, parallel: bool = False) -> Any:
-        values = self._pressure() @ self.shape
-        rows = 2 * self.edges.ravel()
+        values, rows = self.pressure() @ self.shape, 2 * self.edges.ravel()
         return coo_matrix((values.ravel(), (rows, 0 * rows)), shape=(self.size, 1)).tocsr()
 
     def _matrix(self, field: Any = None, parallel: bool = False) -> Any:
-        weights = self.weights * self.stiffness * self._active()
+        weights = self.weights * self.stiffness * (self._overlap() > 0 if self.pressed is None else self.pressed)
         values = np.einsum("eq,qa,qb->eab", weights, self.shape, self.shape)
         rows = np.broadcast_to(2 * self.edges[:, :, None], values.shape)
         columns = np.broadcast_to(2 * self.edges[:, None, :], values.shape)
@@ -108,17 +104,15 @@ def put_right() -> bool:
     return wrong
 
 
-def oriented(points: Any, cells: Any) -> Any:
-    """Cells turned so that all have a positive area."""
-    a, b = (points[cells[:, k]] - points[cells[:, 0]] for k in (1, 2))
-    turned = a[:, 0] * b[:, 1] < a[:, 1] * b[:, 0]
-    return np.where(turned[:, None], cells[:, [0, 2, 1, 5, 4, 3]], cells)
-
-
 def solve(given: Any) -> dict[str, Any]:
     """Follow the depths; FElupe's axis of rotation is x, so a point is (z, r) here."""
     points = np.ascontiguousarray(given["points"][:, ::-1])
-    mesh = fem.Mesh(points, oriented(points, given["cells"]), "triangle6")
+    cells = given["cells"]
+    a, b = (points[cells[:, k]] - points[cells[:, 0]] for k in (1, 2))
+    # cells are turned so that all have a positive area
+    turned = a[:, 0] * b[:, 1] < a[:, 1] * b[:, 0]
+    cells = np.where(turned[:, None], cells[:, [0, 2, 1, 5, 4, 3]], cells)
+    mesh = fem.Mesh(points, cells, "triangle6")
     region = fem.RegionQuadraticTriangle(mesh)
     x = fem.FieldsMixed(region, n=3, axisymmetric=True)
     E, nu, R, L = (float(given[name]) for name in ("E_MPa", "nu", "R_mm", "L_mm"))
@@ -142,7 +136,7 @@ def solve(given: Any) -> dict[str, Any]:
         last = depth
         found = fem.newtonraphson(x0=x, items=items, tol=TOLERANCE, maxiter=40, verbose=False, **options)
         x, iterations = found.x, iterations + found.iterations
-        forces.append([0.0, 0.0, plate.force()])
+        forces.append([0.0, 0.0, float(np.sum(plate.pressure()))])
     return {"forces_N": forces, "iterations": iterations, "dofs": sum(x.fieldsizes)}
 
 

@@ -56,14 +56,12 @@ def held(needed: Requirements, effort: Effort, times: int = 10) -> tuple[bool, s
     F = random_objectives(needed, parts, times * rated)
     if not any((pool.violation == 0).any() for pool in found):
         return not len(F), f"none of {rated} candidates, and {len(F)} of {times} times as many random ones, meet all"
+    drawn = f"{times * rated} random candidates of each kind"
     if not len(F):
-        return (
-            False,
-            f"none of {times * rated} random candidates of each kind meets all requirements: nothing is shown",
-        )
+        return False, f"none of {drawn} meets all requirements: nothing is shown"
     beyond, longer = gains(whole_front(found)[1], F, needed)
-    said = f"{len(F)} of {times * rated} random candidates of each kind meet all requirements; the best of them is "
-    said += f"{100 * beyond:.2g} % beyond the best variant, and {100 * longer:.2g} % beyond an end of the front"
+    said = f"{len(F)} of {drawn} meet all requirements; the best of them is {100 * beyond:.2g} % beyond the best "
+    said += f"variant, and {100 * longer:.2g} % beyond an end of the front"
     return max(beyond, longer) < ALLOWED, said
 
 

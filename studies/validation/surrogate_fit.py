@@ -29,7 +29,7 @@ with P the precision of `GaussianProcess.inverse` and m the number of coefficien
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,29 +100,35 @@ def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict
 def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
     b = states.beams
     x = prediction.features(b.L, b.diameter, b.height, b.nu, b.edge)
-    region, regions = prediction.beam_region(b.L, b.diameter, b.height), prediction.REGIONS
-    outputs = press_outputs(states.press)
+    region = prediction.beam_region(b.L, b.diameter, b.height)
+    outputs = press_outputs(states.press) | {"frequency": np.log(states.mode["frequency"])}
+    kinds = {"press": (PRESS, x), "strain": (STRAIN, x)}
+    kinds["mode"] = ("frequency",), prediction.mode_features(x, density_ratio(b))
     groups: dict[str, Group] = {}
     left_out: dict[str, Array] = {}
-    for name, quantities in (("press", PRESS), ("strain", STRAIN)):
-        y = np.hstack([outputs[quantity] for quantity in quantities])
-        process = fitted(x, y)
-        predicted, g = process.left_out()
-        own = dict(zip(quantities, np.split(predicted, len(quantities), axis=1), strict=True))
+    for name, (quantities, points) in kinds.items():
+        process, forms, g = _trained(points, outputs, quantities)
+        left_out |= forms
         quantiles = {
-            quantity: quantiles_by_region(np.abs(1 - np.exp(outputs[quantity] - logs)) / g[:, None], region, regions)
-            for quantity, logs in own.items()
+            quantity: quantiles_by_region(np.abs(1 - np.exp(outputs[quantity] - logs)) / g, region)
+            for quantity, logs in forms.items()
         }
-        left_out |= own
         if name == "strain":
-            widths = (g[:, None] * quantiles["sideways_ratio"][region]).mean(axis=1)
-            quantiles[prediction.CRITICAL] = _critical_quantiles(
-                states.press["depth"], outputs["sideways_ratio"], left_out["sideways_ratio"], widths, region
-            )
-        groups[name] = Group(process, quantities, surrogate_range.PRESS_NODES, quantiles)
-    groups["mode"] = _mode_group(x, b, states.mode["frequency"], region)
-    groups |= _shear_groups(states, x, left_out, region)
-    return Surrogate(groups, about)
+            widths = (g * quantiles["sideways_ratio"][region]).mean(axis=1)
+            ratios = outputs["sideways_ratio"], forms["sideways_ratio"]
+            quantiles[prediction.CRITICAL] = _critical_quantiles(states.press["depth"], *ratios, widths, region)
+        groups[name] = Group(process, quantities, 1 if name == "mode" else surrogate_range.PRESS_NODES, quantiles)
+    return Surrogate(groups | _shear_groups(states, x, left_out, region), about)
+
+
+def _trained(
+    points: Array, outputs: Mapping[str, Array], quantities: Sequence[str]
+) -> tuple[GaussianProcess, dict[str, Array], Array]:
+    """Return the process of some outputs, what it predicts of each point from all others, and the spreads, (n, 1)."""
+    process = fitted(points, np.hstack([outputs[quantity] for quantity in quantities]))
+    predicted, g = process.left_out()
+    forms = np.split(predicted, len(quantities), axis=1)
+    return process, dict(zip(quantities, forms, strict=True)), g[:, None]
 
 
 def _critical_quantiles(
@@ -141,15 +147,7 @@ def _critical_quantiles(
     # a beam without a critical depth by both has no error
     exists = (one < depth[:, -1]) | (other < depth[:, -1])
     scores = np.abs(one - other) / (one * widths)
-    return quantiles_by_region(scores[exists, None], region[exists], prediction.REGIONS)
-
-
-def _mode_group(x: Array, beams: Beams, mode: Array, region: NDArray[np.int64]) -> Group:
-    features, y = prediction.mode_features(x, density_ratio(beams)), np.log(mode)
-    process = fitted(features, y)
-    predicted, g = process.left_out()
-    scores = np.abs(1 - np.exp(y - predicted)) / g[:, None]
-    return Group(process, ("frequency",), 1, {"frequency": quantiles_by_region(scores, region, prediction.REGIONS)})
+    return quantiles_by_region(scores[exists, None], region[exists])
 
 
 def _shear_groups(
@@ -160,28 +158,23 @@ def _shear_groups(
     depth, s = shear["depth"][:, :1], shear["shear"]
     outputs = shear_outputs(shear, L, press_at(states.beams, press_outputs(states.press), depth))
     points = prediction.shear_features(x, depth[:, 0])
-    forms: dict[str, Array] = {}
-    spreads: dict[str, Array] = {}
-    processes: dict[str, GaussianProcess] = {}
-    for name, quantities in (("shear", POSE), ("shear_skin", SKIN)):
-        processes[name] = fitted(points, np.hstack([outputs[quantity] for quantity in quantities]))
-        predicted, g = processes[name].left_out()
-        forms |= dict(zip(quantities, np.split(predicted, len(quantities), axis=1), strict=True))
-        spreads |= dict.fromkeys(quantities, g)
+    parts = {name: _trained(points, outputs, own) for name, own in (("shear", POSE), ("shear_skin", SKIN))}
+    forms = {quantity: logs for _, own, _ in parts.values() for quantity, logs in own.items()}
+    spreads = {quantity: g for _, own, g in parts.values() for quantity in own}
     values = prediction.shear_values(forms, L, depth, s, press_at(states.beams, left_out, depth))
     rods = prediction.yardsticks(values)
     truth = {name: -shear[name] if name == "shift_z" else shear[name] for name in SHEAR}
     where = prediction.shear_region(region, depth[:, 0])
     quantiles = {
         name: quantiles_by_region(
-            np.abs(values[name] - truth[name]) / (rods[name] * spreads[name][:, None]), where, 2 * prediction.REGIONS
+            np.abs(values[name] - truth[name]) / (rods[name] * spreads[name]), where, 2 * prediction.REGIONS
         )
         for name in SHEAR
     }
     nodes = len(surrogate_range.SHEAR_NODES)
     return {
-        name: Group(processes[name], quantities, nodes, {quantity: quantiles[quantity] for quantity in quantities})
-        for name, quantities in (("shear", POSE), ("shear_skin", SKIN))
+        name: Group(process, tuple(own), nodes, {quantity: quantiles[quantity] for quantity in own})
+        for name, (process, own, _) in parts.items()
     }
 
 
@@ -214,7 +207,7 @@ def conformal_quantile(scores: Array) -> Array:
     return np.asarray(np.sort(np.nan_to_num(scores, nan=np.inf), axis=0)[rank - 1])
 
 
-def quantiles_by_region(scores: Array, region: NDArray[np.int64], regions: int) -> Array:
+def quantiles_by_region(scores: Array, region: NDArray[np.int64], regions: int = prediction.REGIONS) -> Array:
     """Return the quantiles of scores (n, nodes) in each region, shape (regions, nodes)."""
     parts = [scores[region == k] for k in range(regions)]
     return np.array([conformal_quantile(own if len(own) >= FEWEST else scores) for own in parts])

@@ -299,7 +299,7 @@ def _factors(rows: pd.DataFrame) -> Array:
     beams = rows.assign(score=scores(rows)).groupby("beam", sort=False)
     first, worst = beams.first(), beams["score"].max().to_numpy()
     region = prediction.beam_region(*(first[name].to_numpy() for name in BEAM))
-    return quantiles_by_region(worst[:, None], region, prediction.REGIONS)
+    return quantiles_by_region(worst[:, None], region)
 
 
 def _rows(

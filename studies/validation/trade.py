@@ -120,16 +120,18 @@ def result(
         "worst": sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"]),
         "lost": pages.records(states[~states.status.isin(["ok", "refused"])]),
     }
-    return Result(
-        title="Cost and error",
+    return pages.study(
+        "trade",
+        "Cost and error",
+        rows,
+        page,
         records=[*records, *(confirmation if kinds else [])],
         shown=shown,
-        tables={"trade": rows} | ({"confirm": results} if results else {}),
+        tables={"confirm": results} if results else {},
         files={
             "model_choice.json": lambda path: write_text(path, text),
             "trade.png": partial(picture, rows=rows, draw=verdict_figures.trade),
         },
-        pages={"TRADE.md": pages.rendered("trade.md.j2", **page)},
         failures=failures(goals(results, kinds)) if kinds else (),
     )
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.output.text_tables import cell
 from studies.validation import manufactured_solutions, motion_problems, pages, static_problems
 from studies.validation.pages import Row
@@ -56,16 +56,10 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
     heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}
     missed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
-    first = ("target", "quantity", "computed", "published", "passed")
-    return Result(
-        title="Verification",
-        records=rows,
-        shown=[Table(title="Verification", rows=printed, brief=DETAILS, first=first)],
-        tables={"verify": rows},
-        digits=12,
-        pages={"VERIFY.md": pages.rendered("verify.md.j2", rows=rows, shown=shown, heads=heads)},
-        failures=pages.failed(missed, len(rows), "targets are missed", ", "),
-    )
+    look = {"brief": DETAILS, "first": ("target", "quantity", "computed", "published", "passed")}
+    failures = pages.failed(missed, len(rows), "targets are missed", ", ")
+    page = {"rows": rows, "shown": shown, "heads": heads}
+    return pages.study("verify", "Verification", rows, page, printed, look, digits=12, failures=failures)
 
 
 def evaluate(target: Row, done: float = 0.0, progress: Progress = lambda share, text: None) -> list[Row]:

@@ -19,7 +19,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.output.goals import Goal, missed, verdict
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.simulation import response_curves
 from studies.simulation.response_curves import Complex, Curves
 from studies.validation import pages
@@ -170,14 +170,7 @@ def goals(judged: Sequence[Row]) -> list[Goal]:
 
 
 def result(judged: Sequence[Row]) -> Result:
-    posed, title, table = goals(judged), "Errors of vibrations", summary(judged)
+    posed, table = goals(judged), summary(judged)
     page = {"verdict": verdict(posed), "posed": list(map(str, posed)), "summary": table, "reference": REFERENCE}
-    return Result(
-        title=title,
-        records=judged,
-        shown=[Table(title=title, rows=table)],
-        tables={"vibration_errors": judged},
-        digits=4,
-        pages={"VIBRATION_ERRORS.md": pages.rendered("vibration_errors.md.j2", **page)},
-        failures=list(map(str, missed(posed))),
-    )
+    lost = list(map(str, missed(posed)))
+    return pages.study("vibration_errors", "Errors of vibrations", judged, page, table, digits=4, failures=lost)
