@@ -65,13 +65,7 @@ DEPTHS, BODIES = (0.06, 0.2), (0.0, 0.25)
 
 
 def plan_of(study: Path) -> Plan:
-    """Return the plan of a study file.
-
-    Raises
-    ------
-    BadInput
-        The file is no study, or lacks a model or an axis.
-    """
+    """Return the plan of a study file; BadInput if it lacks a model or an axis."""
     plan = sweep_request.plan_of(str(study), sweep_request.Options())
     why, allowed = "", (*CELL, *WITH_HEIGHT)
     if len(plan.fem) != 1 or not set(beam.LEVELS) <= set(plan.formulas):
@@ -96,12 +90,7 @@ def plan_of(study: Path) -> Plan:
 
 
 def run(progress: Progress, plan: Plan, processes: Processes = Processes(), store: Path | None = None) -> Result:
-    """Run the sweep of a plan and return what follows from it.
-
-    Parameters
-    ----------
-    store : file of solved states; default: the user's.
-    """
+    """Run the sweep of a plan and return what follows from it."""
     with sweep_request.sweep(plan, None, progress, processes, store) as batches:
         tables = list(batches)
     return result({name: np.concatenate([each[name] for each in tables]) for name in tables[0]}, plan.design)

@@ -101,13 +101,7 @@ def parts() -> list[tuple[str, Callable[[Bench], None]]]:
 
 
 def run(progress: Progress, bench: Bench, cases: Sequence[str] = ()) -> Result:
-    """Measure the parts of these names; without names all.
-
-    Raises
-    ------
-    BadInput
-        A case has another name.
-    """
+    """Measure the parts of these names; without names all."""
     names = [name for name, _ in parts()]
     if unknown := [name for name in cases if name not in names]:
         raise BadInput(f"--cases takes {', '.join(names)}; got {unknown[0]}")
@@ -310,13 +304,7 @@ class Ended(NamedTuple):
 def measure(
     command: Sequence[str], folder: Path | None = None, env: Mapping[str, str] | None = None, limit: float = LIMIT_S
 ) -> Ended:
-    """Run a command on one thread and return what it used; beyond the limit in seconds it is stopped.
-
-    Raises
-    ------
-    BadInput
-        This system does not count what processes use.
-    """
+    """Run a command on one thread and return what it used; beyond the limit in seconds it is stopped."""
     if os.name != "posix":
         raise BadInput("bench needs Linux or macOS, which count what processes use: run it there")
     with tempfile.TemporaryDirectory() as own:
@@ -498,13 +486,7 @@ def _faces(mesh: Any, cells: Any, L: float, reach: float) -> list[str]:
 
 
 def force(printed: str) -> tuple[float, float]:
-    """Return time of the last increment in a .dat file and the whole beam's force at it, N.
-
-    Raises
-    ------
-    ValueError
-        There is none.
-    """
+    """Return time and whole force, N, of the last increment in a .dat file; ValueError without any."""
     found = re.findall(r"total force .*time\s+(\S+)\s+\S+\s+\S+\s+(\S+)", printed)
     if not found:
         raise ValueError("CalculiX printed no force")

@@ -165,11 +165,6 @@ def press_of(design: Design, rows: pd.DataFrame) -> Press:
 def with_magnet(height: float) -> Design:
     """Return the paper's sensor with a magnet of this height, mm, and l0 such that S1 reads 2.87 V at rest.
 
-    Raises
-    ------
-    BadInput
-        The magnet does not fit the beam.
-
     >>> with_magnet(2.0).l0
     7.21
     """
@@ -195,12 +190,7 @@ def rest_distance(design: Design) -> float:
 
 
 def s1_output(design: Design, sinking: Array, field: hall.Field = "exact") -> Array:
-    """Return the output of S1 for an upright magnet that has sunk, shape (n,), V, without rails.
-
-    Parameters
-    ----------
-    sinking : shape (n,), mm.
-    """
+    """Return the output of S1 for an upright magnet that has sunk by (n,), mm: shape (n,), V, without rails."""
     position = np.array(hall.elements(design)[0][:1]).repeat(len(sinking), axis=0)
     shift = np.column_stack([np.zeros((len(sinking), 2)), -sinking])
     return np.asarray(design.hall_null - design.hall_gain * hall.field_at(position, design, shift, field=field)[:, 2])

@@ -126,13 +126,9 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
 
 
 def verdict(*, holds: bool, holds_for_other_values: bool = False, figures: Any = ()) -> Verdict:
-    """Return the verdict on a claim that depends on values which the paper does not give.
+    """Return the verdict on a claim that holds for all values which the paper leaves open, or for some of them.
 
-    Parameters
-    ----------
-    holds : whether the claim holds for all values that the paper leaves open.
-    holds_for_other_values : whether it holds for some of them.
-    figures : those that the other two compare; the claim is not decidable if one is unknown, or if there is none.
+    It is not decidable if one of the figures that are compared is unknown, or if there is none.
 
     >>> verdict(holds=False, holds_for_other_values=True, figures=[3.0])
     'not decidable'

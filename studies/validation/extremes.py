@@ -247,13 +247,7 @@ def path(case: Case) -> list[Solution]:
 
 
 def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> Solution:
-    """Return the last state of a path that differs from the case in loads, changes, magnet or model.
-
-    Raises
-    ------
-    StoppedError
-        The path stopped before its last load.
-    """
+    """Return the last state of a path that differs from the case in loads, changes, magnet or model."""
     last = path(replace(case, loads=tuple(loads or case.loads), **other))[-1]  # type: ignore[arg-type]
     if last.status not in ("ok", "unstable"):
         raise StoppedError(last.message, last)

@@ -53,13 +53,7 @@ def body(
 
 
 def solve(system: System, u: Array | None = None, q: Array | None = None) -> Equilibrium:
-    """Solve by Newton's method from nodal displacements u (nodes, dim) without pressure, or from unknowns q.
-
-    Raises
-    ------
-    SolveFailed
-        Newton's method does not converge.
-    """
+    """Solve by Newton's method from nodal displacements u (nodes, dim) without pressure, or from unknowns q."""
     start = np.zeros(system.size) if q is None else q
     if u is not None:
         start[: system.n_free] = u[system.free]

@@ -62,12 +62,7 @@ FEWEST = 4
 def run(
     progress: Progress, *, designs: int, confirm: bool, quick: bool, command: str, store: Path | None = None
 ) -> Result:
-    """Measure every model on the first designs; the rule follows, and is confirmed on random designs if asked.
-
-    Parameters
-    ----------
-    command : that model_choice.json names.
-    """
+    """Measure every model on the first designs; the rule follows, and is confirmed on random designs if asked."""
     if not 2 <= designs <= trade_study.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_study.STUDIED}; got {designs}")
     origin = made(command, versions())
@@ -85,12 +80,7 @@ def run(
 def result(
     states: pd.DataFrame, rule: Sequence[Statement], results: Sequence[Row], kinds: Sequence[Kind], origin: str
 ) -> Result:
-    """Return the result of states and a rule.
-
-    Parameters
-    ----------
-    results, kinds : of the confirmation, and the kinds that were to be confirmed; empty without it.
-    """
+    """Return the result of states and a rule; results and kinds to be confirmed are empty without confirmation."""
     table, confirmation = cells(states), summary(results)
     records = [{name: value for name, value in row.items() if not name.startswith("worst_")} for row in table]
     first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")

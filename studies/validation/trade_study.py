@@ -191,13 +191,10 @@ class Run(NamedTuple):
 def plan(
     count: int = STUDIED, *, quick: bool = False, confirm: bool = False
 ) -> tuple[list[Run], dict[tuple[int, Kind], str]]:
-    """Return all runs, and the fineness of the reference of each design and kind.
+    """Return all runs on the first `count` designs, and the fineness of the reference of each design and kind.
 
-    Parameters
-    ----------
-    count : number of the chosen designs.
-    quick : presses and glued shears by the section models at level quick only, with coarser references.
-    confirm : all that the rule can choose for the random designs in place of the chosen ones.
+    If `quick`, these are presses and glued shears by the section models at level quick, with coarser references; to
+    `confirm` the rule, all that it can choose for the random designs.
     """
     finenesses: dict[tuple[int, Kind], str] = {}
     runs: list[Run] = []
