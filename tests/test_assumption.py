@@ -217,19 +217,6 @@ def found(values):
     return assumption.findings(values, grids, assumption.share_rows(values, grids), [])
 
 
-def sentence(values, word):
-    """The only finding with a word."""
-    (line,) = [line for line in found(values) if word in line]
-    return line
-
-
-def test_sentences_on_failures():
-    values = table(ERROR, critical_depth_mm=[0.2 * D] * 9)
-    values["fem_force_N"][4] = np.nan
-    assert sentence(values, "slides freely on").startswith("3 of 8 presses")
-    assert "did not reach 1, and 0 are impossible" in sentence(values, "cells the finite elements")
-
-
 # Errors of the readings: each part has its own cause, and their sum is the whole
 
 

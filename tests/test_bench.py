@@ -307,7 +307,3 @@ def test_a_peer_is_held_against_magtip_at_equal_error(monkeypatch, seconds, erro
     monkeypatch.setattr(bench, "felupe_press", lambda *_: ("a mesh", lambda: answer(error, seconds)))
     bench.add_peer(own, case, case["peers"][0], lambda: answer(0, 1.0))
     assert (own.rows[0]["faster"], own.rows[0]["met"]) == (seconds, met)
-
-
-def test_the_machine_is_named():
-    assert "cores" in bench.machine()["machine"]

@@ -15,7 +15,7 @@ from geometry.design import paper
 from geometry.loads import Response
 from studies.cli import entry_point
 from studies.validation import claim_errors, claims
-from studies.validation.claim_errors import HEIGHT_FIGURES, TIP_FIGURES, Press, States, Voltages, formula, height_row
+from studies.validation.claim_errors import TIP_FIGURES, Press, States, Voltages, formula, height_row
 from studies.validation.claims import verdict
 
 VERDICTS = {
@@ -282,23 +282,6 @@ def test_presses(force, each, largest, voltage):
     assert claims.at_each_depth(rows)["verdict"] == each
     assert claims.of_largest(rows, states(force))["verdict"] == largest
     assert claims.voltage(rows, 2.0)["verdict"] == voltage
-
-
-def test_the_band_of_moduli_is_in_the_sentence():
-    figures = (0.58, 0.61, 0.6, 3.0, 42.0, -70.0, 0.25, 1.0, 60.0, 25.0, 7.0, 9.0, 6.0)
-    row = {"magnet_height_mm": 2.0, "l0_mm": 7.2, "reached_mm": 3.0, "status": "ok"} | dict(
-        zip(HEIGHT_FIGURES, figures, strict=True)
-    )
-    text = claims.of_largest(pd.DataFrame([row]), states(formula(DEPTH)))["text"]
-    assert "E from 0.58 to 0.61 MPa with a magnet 2 mm high" in text
-    taller = row | {"magnet_height_mm": 2.5, "E_from_MPa": NAN, "E_to_MPa": NAN}
-    text = claims.of_largest(pd.DataFrame([row, taller]), states(formula(DEPTH)))["text"]
-    assert "no modulus makes it true with a magnet of 2.5 mm." in text
-    failed = taller | {"magnet_height_mm": 3.0, "error_percent_of_largest": NAN, "status": "not_converged"}
-    text = claims.of_largest(pd.DataFrame([row, taller, failed]), states(formula(DEPTH)))["text"]
-    assert "with a magnet of 2.5 mm." in text, "a height whose presses failed is unknown"
-    none = row | {"E_from_MPa": NAN, "E_to_MPa": NAN}
-    assert "for no modulus" in claims.of_largest(pd.DataFrame([none]), states(formula(DEPTH)))["text"]
 
 
 def test_forces_at_the_same_depth_are_proportional_to_E():

@@ -50,11 +50,10 @@ from studies.validation.surrogate_training import (
     deepest,
     density_ratio,
     first_modes,
-    presses,
+    motions,
     random_beams,
     regional_beams,
     shear_depth,
-    shears,
     training_beams,
 )
 
@@ -131,9 +130,9 @@ def build(extent: Extent, store: Store, processes: Processes, progress: Progress
 
 def training_states(solver: Solver, beams: Beams) -> TrainingSet:
     """Return the states of training beams: at the nodes of the surrogate."""
-    press = presses(solver, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
+    press = motions(solver, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
     mode = first_modes(solver, beams)
-    shear = shears(solver, beams, shear_depth(beams, press), surrogate_range.shears(beams.L))
+    shear = motions(solver, beams, shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
     return TrainingSet(beams, press, mode, shear)
 
 
@@ -159,14 +158,14 @@ def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
         least + (1 - least) * np.random.default_rng((seed, 2)).random((len(beams), RANDOM_SHEARS)), axis=1
     )
     sideways = np.asarray(np.round(share * surrogate_range.farthest(beams.L)[:, None], 6))
-    press = presses(solver, beams, depths)
-    sheared = shear_depth(beams, press)
+    press = motions(solver, beams, depths)
+    sheared = shear_depth(beams, press)[:, None]
     other = solver.coarser()
     return TrainingSet(
         beams,
-        compared(press, presses(other, beams, depths)),
+        compared(press, motions(other, beams, depths)),
         compared(first_modes(solver, beams), first_modes(other, beams)),
-        compared(shears(solver, beams, sheared, sideways), shears(other, beams, sheared, sideways)),
+        compared(motions(solver, beams, sheared, sideways), motions(other, beams, sheared, sideways)),
     )
 
 

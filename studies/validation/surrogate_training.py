@@ -171,28 +171,22 @@ def compared(states: States, coarse: States) -> States:
     return {f"{name}_error": np.abs(q - coarse[name]) for name, q in states.items() if name in coarse} | dict(states)
 
 
-def presses(solver: Solver, beams: Beams, depths: Array) -> States:
-    """Return the states of frictionless presses to depths over D, shape (n, k), rising."""
-    scenes = [
-        Scene(design(beams[k]), tuple(Load(depth=float(x) * DIAMETER_MM) for x in row), solver.accuracy)
-        for k, row in enumerate(depths)
-    ]
-    return _states(depths, np.zeros_like(depths), solver.answers(scenes))
-
-
-def shears(solver: Solver, beams: Beams, depth: Array, shears: Array) -> States:
-    """Return the states of glued shears, over D, shape (n, k), rising, each at one depth, shape (n,)."""
+def motions(solver: Solver, beams: Beams, depth: Array, shear: Array | float = 0.0) -> States:
+    """Return the states of frictionless presses, or of glued shears, by paths over D, shapes (n, k), rising."""
+    depth, shear = np.broadcast_arrays(depth, shear)
+    glued, D = bool(shear.any()), DIAMETER_MM
     scenes = []
-    for k, row in enumerate(shears):
-        at = float(depth[k]) * DIAMETER_MM
-        loads = tuple(Load(depth=at, shear_x=float(x) * DIAMETER_MM, friction="stick") for x in row)
-        scenes.append(Scene(design(beams[k]), loads, solver.accuracy, model="harmonic"))
-    return _states(np.broadcast_to(depth[:, None], shears.shape), shears, solver.answers(scenes))
+    for beam, depths, shears in zip(beams, depth.tolist(), shear.tolist(), strict=True):
+        loads = (
+            Load(d * D, x * D, friction="stick" if glued else "none") for d, x in zip(depths, shears, strict=True)
+        )
+        scenes.append(Scene(design(beam), tuple(loads), solver.accuracy, model="harmonic" if glued else "auto"))
+    return _states(depth, shear, solver.answers(scenes))
 
 
 def critical_depths(solver: Solver, beams: Beams) -> States:
     """Return the critical depths over D, at most the deepest press of the surrogate; NaN where a search fails."""
-    scenes = [Scene(design(beams[k]), (Load(depth=1.0),), solver.accuracy) for k in range(len(beams))]
+    scenes = [Scene(design(beam), (Load(depth=1.0),), solver.accuracy) for beam in beams]
     found = []
     for (answer,), most in zip(solver.answers(scenes, "critical depth"), deepest(beams).tolist(), strict=True):
         depth = answer.values.get("critical_depth_over_D")
@@ -204,12 +198,11 @@ def critical_depths(solver: Solver, beams: Beams) -> States:
 
 def first_modes(solver: Solver, beams: Beams) -> States:
     """Return the lowest natural frequencies of the unloaded beams over `frequency_unit`."""
-    rest, ratios = (Load(depth=0.0),), density_ratio(beams)
     scenes = []
-    for k in range(len(beams)):
-        one = design(beams[k])
-        one = replace(one, magnet_density=float(ratios[k]) * one.density)
-        scenes.append(Scene(one, rest, solver.accuracy, model="axisymmetric"))
+    for beam, ratio in zip(beams, density_ratio(beams).tolist(), strict=True):
+        one = design(beam)
+        one = replace(one, magnet_density=ratio * one.density)
+        scenes.append(Scene(one, (Load(depth=0.0),), solver.accuracy, model="axisymmetric"))
     lowest = [(answer.values.get("frequency") or [np.nan])[0] for (answer,) in solver.answers(scenes, "modes")]
     return _single("frequency", lowest)
 
