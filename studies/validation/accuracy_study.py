@@ -146,7 +146,7 @@ def solved(
         rows, told = np.flatnonzero(~begins), part(progress, k / 2, (k + 1) / 2)
         answers = answers_by([models[row] for row in rows], asked.iloc[rows], ["force", "shift", "tilt"], store, told)
         # an unstable press is the exact answer of a tip that is held on the axis
-        held = (answers["status"] == "unstable") & [models[row].model == "auto" for row in rows]
+        held = (answers["status"] == "unstable") & np.array([models[row].model == "auto" for row in rows])
         answers.loc[held, ["status", "message"]] = "ok", ""
         answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
         firsts = {row: _begin(paths[row][0].trial, models[row]) for row in np.flatnonzero(begins).tolist()}
