@@ -143,16 +143,9 @@ def result(table: pd.DataFrame) -> Result:
     rows = pages.records(table)
     loads = "loads" if (table.tilt_deg != 0).any() else "designs"
     failed = [f"design {number}" for number in table.design[~table.agree]]
-    where = ("design", "magnet", "depth_mm", "shear_mm", "shear_y_mm", "tilt_deg", "friction", "status")
-    parts = ("difference", "harmonic_estimate", "half_estimate", "one_harmonic_more")
-    tables: dict[str, Any] = {}
-    for name in COMPONENTS:
-        heads = {key: key for key in where}
-        heads |= {f"{name}_{each}_percent": each.replace("_", " ") for each in parts} | {f"{name}_agree": "agree"}
-        own = table[table[f"{name}_agree"].notna() | (table.status != "ok")]
-        tables[name] = pages.records(own), heads
+    shown = {name: table[table[f"{name}_agree"].notna() | (table.status != "ok")] for name in COMPONENTS}
     brief = pages.records(table.drop(columns=[f"{name}_agree" for name in COMPONENTS]))
-    page = {"rows": rows, "loads": loads, "tables": tables}
+    page = {"rows": rows, "loads": loads, "tables": {name: pages.records(own) for name, own in shown.items()}}
     failures = pages.failed(failed, len(rows), f"{loads} disagree", ", ")
     title, look = "Harmonic model against tetrahedra", {"places": ("design",)}
     return pages.study("crosscheck", title, rows, page, brief, look, failures=failures)

@@ -88,12 +88,8 @@ def run(progress: Progress, count: int) -> Result:
 
 def result(rows: Sequence[Row]) -> Result:
     spread = summary(rows)
-    names = ["design", "D_mm", "L_mm", "magnet_diameter_mm", "magnet_height_mm", "wall_mm", "status", "tetrahedra"]
-    names += ["mesh_s", "least_jacobian", "message"]
-    counts = [sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")]
-    about: Row = {"rows": rows, "counts": counts, "spread": spread}
-    about["heads"] = {name: name.removesuffix("_mm").replace("_", " ") for name in names}
-    return pages.study("range", "Range of designs", rows, about, spread, failures=failures(goals(rows)))
+    page = {"rows": rows, "spread": spread}
+    return pages.study("range", "Range of designs", rows, page, spread, failures=failures(goals(rows)))
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:

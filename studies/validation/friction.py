@@ -72,12 +72,10 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
 
 def result(checks: Sequence[Row], curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> Result:
     """Return the result of some checks, with the curves and the cycle of shear that it draws."""
-    heads = {name: name for name in ("check", "quantity", "value", "expected")}
-    heads |= {"off": "relative difference", "bound": "bound", "passed": "passed"}
     missed = [check["quantity"] for check in checks if not check["passed"]]
     files = {"friction.png": lambda path: save(path, draw_friction(curves, loop))}
     failures = pages.failed(missed, len(checks), "checks fail")
-    page, look = {"rows": checks, "heads": heads}, {"first": ("quantity", "value", "expected", "passed")}
+    page, look = {"rows": checks}, {"first": ("quantity", "value", "expected", "passed")}
     return pages.study("friction", "Friction", checks, page, look=look, digits=9, files=files, failures=failures)
 
 

@@ -152,12 +152,9 @@ def goals(rows: pd.DataFrame) -> list[Goal]:
 
 def result(rows: pd.DataFrame) -> Result:
     posed, best, records = goals(rows), beam.LEVELS[-1], pages.records(rows)
-    heads = {f"{name}_error_percent": f"{name.replace('_', ' ')} %" for name in ERRORS}
     regions, designs = (pages.records(table) for table in (summary(rows), by_design(rows, best)))
     stopped = rows[rows.message != ""].drop_duplicates(["design", "message"])
     page = {"verdict": page_lines(posed), "summary": regions, "best": best, "designs": designs}
-    page["regions"] = {name: name for name in ("level", "region", "states")} | heads
-    page["heads"] = {name: name for name in (*SIZES, "states")} | heads
     page["stopped"] = sorted(f"design {row.design}: {row.message}" for row in stopped.itertuples())
     files = {"ladder.png": partial(picture, rows=records, draw=verdict_figures.ladder)}
     title = "Errors of the formulas, root mean square"

@@ -53,12 +53,10 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         rows += evaluate(target, i / len(chosen), progress)
     printed = [row | {name: cell(row[name], 6) for name in PRECISE} for row in rows]
     shown = [row | {"": "pass" if row["passed"] else f"**fail** {row['message']}".strip()} for row in printed]
-    heads = {name: name for name in ("target", "quantity", "published", "computed", "extrapolated", "order")}
-    heads |= {"error_percent": "error %", "tolerance_percent": "allowed %", "": "", "meshes": "meshes"}
     missed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
     look = {"brief": DETAILS, "first": ("target", "quantity", "computed", "published", "passed")}
     failures = pages.failed(missed, len(rows), "targets are missed", ", ")
-    page = {"rows": rows, "shown": shown, "heads": heads}
+    page = {"rows": rows, "shown": shown}
     return pages.study("verify", "Verification", rows, page, printed, look, digits=12, failures=failures)
 
 
