@@ -41,22 +41,16 @@ from studies.simulation import vibration_report
 from studies.simulation.compare import part
 from studies.simulation.comparison_findings import spans
 from studies.validation import claim_errors, claim_figures, pages
-from studies.validation.claim_errors import (
-    BOUND,
-    CLAIMED,
-    FRICTION,
-    MODULI,
-    PUBLISHED,
-    Extent,
-    Press,
-    States,
-    formula,
-)
+from studies.validation.claim_errors import BOUND, CLAIMED, MODULI, PUBLISHED, Press, States, formula
 from studies.validation.pages import Row
 
 WORDS: dict[str, Any] = tomllib.loads((pages.TEMPLATES / "claims.toml").read_text("utf-8"))
 """Each claim with the words of its answer, and the values that all of them share."""
-VALUES: dict[str, Any] = WORDS.pop("values") | {"moduli": MODULI, "published": PUBLISHED, "friction": FRICTION}
+VALUES: dict[str, Any] = WORDS.pop("values") | {
+    "moduli": MODULI,
+    "published": PUBLISHED,
+    "friction": claim_errors.FRICTION,
+}
 FILES = (
     *("CLAIMS.md", "claims.csv", "heights.csv", "presses.csv", "shears.csv", "parts.csv", "modulus_and_height.png"),
     *("figure_6.png", "figure_8.png", "figure_9.png", "figure_11.png", "figure_12.png"),
@@ -73,7 +67,7 @@ PRESSES = ["magnet_height_mm", "depth_mm", "fem_force_N", "fem_shift_z_mm"]
 
 def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -> Result:
     """Test the paper's claims; states are taken from the store (default: the user's), and added to it."""
-    extent = claim_errors.QUICK_EXTENT if quick else Extent()
+    extent = claim_errors.QUICK_EXTENT if quick else claim_errors.Extent()
     states = claim_errors.solve(extent, store, part(progress, 0.0, 0.85))
     heights = pd.DataFrame([claim_errors.height_row(press) for press in states.presses])
     conditions = [rows for _, rows in states.sheared.groupby("tip", sort=False)]

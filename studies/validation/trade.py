@@ -31,21 +31,11 @@ from studies.output.text_tables import cell as number
 from studies.simulation.compare import part
 from studies.validation import pages, trade_study
 from studies.validation.pages import Row
-from studies.validation.trade_study import (
-    CALCULATED,
-    CLEAR,
-    KINDS,
-    QUANTITIES,
-    QUICK_KINDS,
-    SHIPPED,
-    SOLIDS,
-    SURROGATE,
-    Kind,
-)
+from studies.validation.trade_study import CALCULATED, KINDS, QUANTITIES, SURROGATE, Kind
 from studies.web import verdict_figures
 
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
-LEVELS = (*beam.LEVELS, SHIPPED, "quick", "standard", "fine")
+LEVELS = (*beam.LEVELS, trade_study.SHIPPED, "quick", "standard", "fine")
 MODELS = ("formula", "surrogate", "axisymmetric", "harmonic", "half", "full")
 COUNTED = ("force", "shift", "tilt", "readings", "sideways")
 """Quantities that a tolerance bounds."""
@@ -74,7 +64,7 @@ def run(
     random = trade_study.run(second, designs, quick=quick, confirm=True, store=store)
     results = list(confirmed(random, rule))
     states = pd.concat([states, random], ignore_index=True)
-    return result(states, rule, results, QUICK_KINDS if quick else KINDS, origin)
+    return result(states, rule, results, trade_study.QUICK_KINDS if quick else KINDS, origin)
 
 
 def result(
@@ -148,7 +138,7 @@ def _cell(own: pd.DataFrame) -> Row:
         row |= {f"{name}_median_percent": middle, f"{name}_p95_percent": high}
     counted, bars = (inside[[f"{name}_{kind}_percent" for name in COUNTED]].to_numpy() for kind in ("error", "bar"))
     known = np.isfinite(counted)
-    unclear = CLEAR * bars[known] > counted[known]
+    unclear = trade_study.CLEAR * bars[known] > counted[known]
     worst = _spread(inside[[f"{name}_error_percent" for name in COUNTED]].max(axis=1))
     # the surrogate refuses most paths outside its range as a whole, at no cost
     refused = (own.model == SURROGATE) & (own.status == "refused")
@@ -209,7 +199,7 @@ def statements(states: pd.DataFrame) -> list[Statement]:
 
 
 def _region(state: Row) -> str:
-    if state["model"] in SOLIDS:
+    if state["model"] in trade_study.SOLIDS:
         return ANY_REGION
     trial = trade_study.trial(state["design"], state["kind"], "auto", confirm=state["confirming"])
     name = model_choice.region(trial.design, load_of(state), trial.magnet, state["kind"]).name
