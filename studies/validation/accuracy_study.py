@@ -6,8 +6,6 @@ their estimates, are analysed here. A row of accuracy.csv is a state: design, lo
 of the reference, then error and estimate of each quantity.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cache, partial

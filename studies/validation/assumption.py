@@ -17,8 +17,6 @@ and S3 together. `dipole` is what a dipole in place of (3) would add to the fiel
 are in the base of the sensor; L changes the distance to the magnet. A state whose pose is unknown has no parts.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial

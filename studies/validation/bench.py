@@ -14,8 +14,6 @@ wants many iterations, so that a second setting takes a smaller one. That change
 it, by an amount that counts as error.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import math

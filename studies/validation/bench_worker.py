@@ -11,8 +11,6 @@ count this process and its children. `SPEC` is one of:
     {"task": "magpylib", "points"}           the same by magpylib
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import sys

@@ -10,8 +10,6 @@ can apply.
 Each sensor is calibrated from 30 rows, and decodes others. Quadratic regressions get the same 30 rows, and 3000.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

@@ -10,8 +10,6 @@ tilt), the shift gives the tip's displacement (delta = dx L/H, the geometry of a
 force by (6). The error splits into the same three parts, in order: tilt, geometry, force law.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

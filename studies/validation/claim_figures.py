@@ -1,7 +1,5 @@
 """The paper's Figures 6, 8, 9, 11 and 12 from both models, and a map over E and the magnet's height."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 

@@ -6,8 +6,6 @@ of the answers are in templates/claims.toml. An answer has claim and paper's val
 in one cell, verdict, text with the reasons, commands that show parts of it, and its figures.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

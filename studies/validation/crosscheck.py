@@ -1,7 +1,5 @@
 """Comparison of the harmonic model on the section with models of tetrahedra, by their own error estimates."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

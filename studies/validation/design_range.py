@@ -1,7 +1,5 @@
 """Solids, moulds and meshes of designs sampled over all input ranges."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ rules was chosen on the even-numbered designs; their constants were then widened
 also given for the odd designs alone.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 from collections.abc import Sequence

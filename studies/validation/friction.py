@@ -1,7 +1,5 @@
 """Checks of Coulomb friction against theory: onset of slip, full slip, cycles of shear, other models."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

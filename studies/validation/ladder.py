@@ -1,7 +1,5 @@
 """Every level of the formulas beside finite elements: ten designs, presses and shears of a glued plate."""
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import product
 from pathlib import Path

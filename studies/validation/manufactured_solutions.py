@@ -16,8 +16,6 @@ integrated with a separate quadrature rule, so that only the solved problem uses
 orders of convergence in the L2 norm are 3 for the displacement (P2) and 2 for the pressure (P1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple

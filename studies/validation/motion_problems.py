@@ -3,8 +3,6 @@
 Branches and laws are those of `fem.model.viscoelasticity`. Times are in s.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Tables and pages of the studies of validation: one writer for all of them, words in `templates`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar

@@ -5,8 +5,6 @@ parts and lengths evenly, and says how far the best of them are beyond the front
 or if none of them meets the requirements, which shows nothing.
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

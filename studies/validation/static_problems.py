@@ -6,8 +6,6 @@ stated otherwise. If displacements are prescribed and a closed form exists, Newt
 displacement field and solves for the pressures and for balance of forces.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Sequence

@@ -11,8 +11,6 @@ finite elements at the level of training, whose own error is estimated: an inter
 if it holds every value that this estimate allows. A beam is covered if the intervals of all of its states hold it.
 """
 
-from __future__ import annotations
-
 import itertools
 import tempfile
 import time

@@ -13,8 +13,6 @@ an error of their own. Answers bring estimates of it for force, shift and tilt; 
 for the difference from the same state on the coarser mesh (`compared`).
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -3,8 +3,6 @@
 templates/trade.md.j2 says how a bound follows from errors. States are the rows of trade.csv (`trade_study`).
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence

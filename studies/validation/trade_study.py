@@ -10,8 +10,6 @@ CPU seconds and memory of the whole path. The answers are those of the one engin
 itself, for finite elements in a process of its own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import itertools

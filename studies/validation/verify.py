@@ -1,7 +1,5 @@
 """Published and closed-form problems, solved on families of meshes and checked against fixed tolerances."""
 
-from __future__ import annotations
-
 import math
 import time
 import tomllib

@@ -1,7 +1,5 @@
 """True errors of vibrations, compared with a much finer mesh, and whether their estimates hold."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
