@@ -1,11 +1,8 @@
 """Calibrations of made sensors whose truth is known: do intervals hold, and what do a few presses give?
 
-Sensors are drawn from the tolerances, as `magtip sensitivity` draws them. Their mechanics are finite elements at
-another accuracy and of another law than the estimator's surrogate: Yeoh, with another nu and other sizes of the
-magnet. Sensors share the mechanics of a few designs, which differ in what tolerances change, and have everything else
-of their own. The stand gives way and has a zero; forces scatter and have a hysteresis: they are larger in half of the
-rows, on the way down, and smaller in the others. Rows are at random depths and shears that a plate with friction 1
-can apply.
+templates/calibrations.md.j2 says how sensors and stands are made. Sensors share the mechanics of a few designs, which
+differ in what tolerances change, and have everything else of their own; forces are larger in half of the rows, on the
+way down, and smaller in the others.
 
 Each sensor is calibrated from 30 rows, and decodes others. Quadratic regressions get the same 30 rows, and 3000.
 """

@@ -5,10 +5,9 @@ have the widest intervals, one after the other: every one narrows the intervals 
 Random beams at random depths and shears scale the intervals, and other such beams are the test, and serve for nothing
 else. Both have the same number of beams in each region, so that none is judged by the others.
 
-Errors are in percent of the yardstick of the quantity: of the value itself, of the length of the vector of force or
-shift in a shear, of the loss 1 - k/k_0 of the sideways stiffness, of the critical depth. They are differences from
-finite elements at the level of training, whose own error is estimated: an interval counts as holding the truth only
-if it holds every value that this estimate allows. A beam is covered if the intervals of all of its states hold it.
+Errors are in percent of the yardstick of the quantity, as templates/surrogate.md.j2 says. An interval counts as
+holding the truth only if it holds every value that the estimated error of the finite elements allows. A beam is
+covered if the intervals of all of its states hold it.
 """
 
 import itertools

@@ -3,8 +3,7 @@
 A Gaussian process extrapolates badly. So training begins with the corners of the range, and the scrambled Sobol
 points that follow are stretched beyond it and cut at its faces: two of three lie on a face. Later points fill the
 gaps between the first ones. Beams of calibration and test are independent random points, the same number in each
-region of the beams, so that no region's intervals rest on a handful of beams: within a region they are drawn as a
-user's would be, and training has not seen them.
+region of the beams, so that no region's intervals rest on a handful of beams.
 
 States are presses, first modes, critical depths and glued shears, from the store or solved. A shear begins at a depth
 between `SHALLOWEST_SHEAR` and the deepest press, but before the tip would buckle sideways: beyond that depth an
