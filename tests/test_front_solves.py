@@ -13,7 +13,17 @@ from geometry.loads import Load
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.solve_plan import Processes, Solver
 from studies.sizing.candidate_performance import FIGURES, LEAST
-from studies.sizing.front_solves import COMPARED, FemBeams, FrontPoint, _judged, largest_differences, ranked
+from studies.sizing.candidate_variables import Space
+from studies.sizing.catalogues import catalogues_of
+from studies.sizing.front_solves import (
+    COMPARED,
+    FemBeams,
+    FrontPoint,
+    _judged,
+    largest_differences,
+    ranked,
+    solved_points,
+)
 from studies.sizing.requirements import Requirements
 
 
@@ -116,6 +126,15 @@ def sheared():
     depth, shear = np.array([[0.1, 0.1, np.nan]]), np.array([[0.1, 0.05, 0.1]])
     with temporary() as memory:
         yield FemBeams([paper()], Solver(memory, Processes(0), None, QUICK)).shear(depth, shear)
+
+
+def test_a_force_that_no_press_reaches_is_missed():
+    parts = {"magnets": ("5x3 N45",), "silicones": ("Dragon Skin 30",), "hall_parts": ("DRV5055A2",)}
+    needed = Requirements(force_z=5000.0, **parts)
+    drawn = Space(needed, catalogues_of(needed)).candidates(np.zeros((1, 3), dtype=int), np.full((1, 5), 0.5))
+    with temporary() as memory:
+        (point,) = solved_points(drawn, needed, Solver(memory, Processes(0), None, QUICK))
+    assert point.reason.startswith("force_z is missed by 100 %")
 
 
 def test_a_load_without_a_depth_has_no_response(sheared):

@@ -330,7 +330,8 @@ def _point(
 def _judged(point: FrontPoint) -> FrontPoint:
     """Return a point with its status: which requirements it misses."""
     missed = {name: value for name, value in point.margins.items() if not value >= 0}
-    reasons = [f"{n} is not known" if v == LEAST else f"{n} is missed by {-100 * v:.2g} %" for n, v in missed.items()]
+    by = {name: f"{-100 * value:.{'2g' if value > -0.99 else '0f'}} %" for name, value in missed.items()}
+    reasons = [f"{n} is not known" if v == LEAST else f"{n} is missed by {by[n]}" for n, v in missed.items()]
     reason = "; ".join(filter(None, [point.reason, *reasons]))
     return replace(point, status="failed" if reason else "ok", reason=reason)
 
