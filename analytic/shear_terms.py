@@ -161,6 +161,14 @@ def bend(design: Design, column: Column, P: float) -> Bent:
     )
 
 
+def softening(design: Design) -> float:
+    """Return -dk/dP at P = 0, 1/mm: how a press lowers the stiffness against a shear, by level finite at D/8."""
+    terms = Terms(tip=True, magnet=True, finite=True)
+    pressed = press(design, design.D / 8, terms)
+    column, more = _column(design, pressed, terms, None), 1e-4 * pressed.force
+    return (bend(design, column, 0.0).force - bend(design, column, more).force) / more
+
+
 def trigonometric_ratios(x: float) -> tuple[float, float, float]:
     """sin(x)/x, (1 - cos x)/x^2 and (x - sin x)/x^3; near 0 by their series."""
     if x < 0.03:

@@ -7,6 +7,8 @@ import numpy as np
 
 from analytic.decode import Decoder, Status, nearest_of, rows_of, state
 from analytic.inverse.pose_search import poses_of
+from analytic.time_series import TimeSeries, zero_offset
+from geometry.arrays import Array
 
 __all__ = ["Sample", "Stream"]
 
@@ -32,21 +34,37 @@ class Stream:
     def __init__(self, coder: Decoder) -> None:
         self.coder = coder
         self.last = np.zeros(3)
+        self.offset = np.zeros(len(coder.sigma))
+        self._past: TimeSeries | None = None
 
-    def step(self, field: tuple[float, ...]) -> Sample:
+    def zero(self, fields: Array) -> None:
+        """Take rows of readings (n, k), T, at any moment for those of the sensor at rest."""
+        self.offset = zero_offset(self.coder, fields)
+
+    def step(self, field: tuple[float, ...], time: float = nan) -> Sample:
         """Decode one row of readings, B.n of each element, T.
+
+        Parameters
+        ----------
+        time : of the row, s: the row is compared with those before it, and the force is that of a silicone that
+            relaxes (`analytic.time_series`). Without times it is that of slow loading.
 
         Raises
         ------
         BadInput
             The number of readings differs from the number of elements.
         """
-        (row,) = rows_of(self.coder, [field])
+        (row,) = rows_of(self.coder, [field]) + self.offset
+        status: Status
         status, poses, _ = poses_of(row, self.coder.forward, self.coder.table, self.coder.goal)
-        if not len(poses):
-            return Sample(status, (nan,) * 3, (nan,) * 2, (nan,) * 3, 0)
-        self.last = poses[nearest_of(poses, self.last)]
-        tilt, force, _, _ = state(self.coder, self.last[:, None])
-        pulls = status == "ok" and self.coder.mechanics is not None and isnan(force[2, 0])
-        (x, y, z), (rx, ry), (f_x, f_y, f_n) = (values.ravel().tolist() for values in (self.last, tilt, force))
-        return Sample("tension" if pulls else status, (x, y, z), (rx, ry), (f_x, f_y, f_n), len(poses))
+        if len(poses):
+            self.last = poses[nearest_of(poses, self.last)]
+        shift = self.last if len(poses) else np.full(3, nan)
+        tilt, force, load, _ = state(self.coder, shift[:, None])
+        if status == "ok" and self.coder.mechanics is not None and isnan(force[2, 0]):
+            status = "tension"
+        if not isnan(time):
+            self._past = self._past or TimeSeries(self.coder)
+            status, force = self._past.step(time, row, status, force[:, 0], load[:, 0])
+        (x, y, z), (rx, ry), (f_x, f_y, f_n) = (values.ravel().tolist() for values in (shift, tilt, force))
+        return Sample(status, (x, y, z), (rx, ry), (f_x, f_y, f_n), len(poses))

@@ -675,6 +675,7 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         ("--responses", decoding.responses),
         ("--tolerance", decoding.tolerances),
         ("--units", decoding.units),
+        ("--zero", decoding.zero),
         ("--ignore-tilt", decoding.ignore_tilt),
     ):
         if given:

@@ -180,8 +180,8 @@ def decode(
     readings, file, here = decoding.readings, decoding.file, Destination(as_json=as_json)
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
-    if readings is not None and out is not None:
-        raise BadInput("--out works with --file only: leave it out")
+    if readings is not None and (out is not None or decoding.zero is not None):
+        raise BadInput(f"{'--zero' if out is None else '--out'} works with --file only: leave it out")
     atomic_files.check_apart([out], [source, file, decoding.responses, decoding.calibration])
     design = design_of(source, sets)
     if decoding.calibration is not None:

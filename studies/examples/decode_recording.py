@@ -1,8 +1,8 @@
 """Decode a recording of the three Hall voltages, row after row: where is the magnet, and which force acts?
 
 `recording.csv` holds a press to 1.5 mm and then a shear to 1.2 mm of a plate that sticks, sampled every 50 ms. Tilt
-and force follow from the magnet's shift by the formulas of level finite, which know the rigid magnet.
-`magtip decode paper --file recording.csv --level finite` gives the same as a table.
+and force of slow loading follow from the magnet's shift by the formulas of level finite, which know the rigid magnet;
+`stream.step(field, time)` adds what the silicone relaxes, as `magtip decode paper --file recording.csv` does.
 """
 
 from __future__ import annotations

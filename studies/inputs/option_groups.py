@@ -316,7 +316,11 @@ class Decoding:
         Readings a,b,c in the order S1,S2,S3 (of a chip: -z,x,y), V or T as --units says.
     file
         CSV file with the columns `S1_V,S2_V,S3_V` (or `S1_T` and so on), of a chip `chip_-z_T,chip_x_T,chip_y_T`,
-        decoded row by row as a stream.
+        decoded row by row as a stream. With a column `time_s`, forces are those of a silicone that relaxes, and rows
+        that repeat, are missing or jump are marked; without it they are those of slow loading.
+    zero
+        Times FROM,TO of the file, s, in which the sensor is at rest: the mean of these readings is taken for those at
+        rest.
     units
         Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output.
     level
@@ -336,6 +340,7 @@ class Decoding:
 
     readings: str | None = None
     file: Path | None = None
+    zero: str | None = None
     units: Literal["T", "V"] | None = None
     level: str | None = None
     responses: Path | None = None

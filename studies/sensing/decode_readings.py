@@ -24,10 +24,12 @@ from analytic import beam
 from analytic.decode import decode, decoder, exceeded_limit, field_of, poses_outside
 from analytic.inverse import response_surface
 from analytic.parts import columns
+from analytic.time_series import RelaxingForce, TimeSeries, zero_offset
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, tilts_of
-from studies.inputs import state_files, user_input
+from geometry.relaxation import Relaxation, relaxation_of
+from studies.inputs import state_files, table_input, user_input
 from studies.inputs.option_groups import Decoding
 from studies.output import atomic_files, console, page_templates
 from studies.output.records import FlatRow
@@ -55,10 +57,14 @@ WHY = {
     "not_finite": "a reading is missing or not a finite number",
     "tension": "the pose is known but its load is not, because the plate would have to pull on the tip there:"
     " give states over more depths and shears",
+    "frozen": "an element repeats its reading without its noise, so the load is not known: check the element and its"
+    " wiring",
+    "after_gap": "rows are missing before it; the force takes the motion between for straight",
+    "jump": "a reading changed ten times as much as in the rows before: an impact, a reset or a disturbance",
     "uncalibrated": "the force may be one of the tolerances of a built sensor at rest: calibrate the sensor",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
-WITH_POSE = {"ok", "ambiguous", "uncalibrated"}
+WITH_POSE = {"ok", "ambiguous", "uncalibrated", "after_gap", "jump"}
 """Statuses with a pose and a load."""
 NO_CONTACT = (
     "the plate does not touch the tip at this pose (depth 0), so the load is 0: the shift of {:.2g} mm sideways "
@@ -243,6 +249,11 @@ POSE_COLUMNS = ["status", "shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", 
 LOAD_COLUMNS = ["force_x_N", "force_y_N", "force_z_N", "depth_mm", "shear_mm", "shear_y_mm"]
 COLUMNS = [*POSE_COLUMNS, *LOAD_COLUMNS, "condition", "multiplicity", "level"]
 """Columns that decoding adds to a table of readings."""
+TIME_COLUMNS = ["relaxing_x_N", "relaxing_y_N", "relaxing_z_N", "law_error_N"]
+"""Columns that it adds to one with `time_s`: the part of the force that slow loading does not have, and how much the
+force changes with a `doubted` law."""
+HALF, TENTH = 0.5, 0.1
+"""Share by which an assumed loss factor, and measured branches, may be off in `law_error_N`."""
 MOST_SEARCHED = 2000
 """Number of rows out of the workspace whose poses are searched outside it: a limit of the time, not of the result."""
 MANY = 500
@@ -280,34 +291,112 @@ def decode_file(
     head, rows, values = read_rows(
         decoding.file,
         heads[unit],
-        COLUMNS,
+        [*COLUMNS, *TIME_COLUMNS],
         holes=True,
         instead={f"--units {second_unit}": heads[second_unit]} if elements[0].unit == "V" else {},
     )
-    field = in_tesla(elements, values, unit)
+    field, times = in_tesla(elements, values, unit), _times(decoding, head, rows)
+    if decoding.zero is not None:
+        field = field + _zero(coder, field, times, decoding.zero)
     with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
         if progress is not None:
             progress(0.0, f"poses of {len(rows)} rows")
-        decoded = decode(coder, field, follow=True)
-    statuses, said = check(field, decoded)
+        decoded = slow = decode(coder, field, follow=True)
+    statuses, said = check(field, slow)
+    names, relaxing = COLUMNS, np.empty((len(rows), 0))
+    if times is not None:
+        decoded, statuses, relaxing = _over_time(coder, field, times, slow, statuses)
+        names = [*COLUMNS[:-2], *TIME_COLUMNS, *COLUMNS[-2:]]
+        said = [*said, *_law_sentences(coder.forward.design, relaxing)]
     tilt, tilt_y = tilts_of(*decoded.tilt.T)
-    numbers = np.column_stack([decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition])
+    numbers = np.column_stack([
+        decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing,
+    ])  # fmt: skip
     if as_json and target is None:
         lines = zip(field.tolist(), statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True)
         console.report(
             [
-                {"row": k, "readings_T": b} | dict(zip(COLUMNS, (status, *line, many, level), strict=True))
+                {"row": k, "readings_T": b} | dict(zip(names, (status, *line, many, level), strict=True))
                 for k, (b, status, line, many) in enumerate(lines, 1)
             ],
             as_json=True,
         )
-        return _result(coder, decoded, field, level, statuses, said, printed=True)
-    text = _as_csv(head, rows, zip(statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True), level)
+        return _result(coder, slow, field, level, statuses, said, printed=True)
+    text = _as_csv(
+        [*head, *names], rows, zip(statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True), level
+    )
     if target is None:
         print(text, end="", flush=True)
     else:
         atomic_files.write_text(target, text)
-    return _result(coder, decoded, field, level, statuses, said, printed=target is None)
+    return _result(coder, slow, field, level, statuses, said, printed=target is None)
+
+
+def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Array | None:
+    """Return the column time_s, s, shape (n,), of a table; None without one."""
+    if "time_s" not in head:
+        if decoding.zero is not None:
+            raise BadInput(f"--zero needs the time of each row: {decoding.file} has no column time_s")
+        return None
+    at, last = head.index("time_s"), -math.inf
+    times = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        value = table_input.number(row[at])
+        if value is None or not last < value < math.inf:
+            raise BadInput(
+                f"{decoding.file}, row {k + 1}: time_s must be a number of s above that of the row before; got "
+                f"{row[at]!r}"
+            )
+        times[k] = last = value
+    return times
+
+
+def _zero(coder: Decoder, field: Array, times: Array | None, text: str) -> Array:
+    """Return what to add to the readings (n, k), T, that are those of the sensor at rest at times "FROM,TO", s."""
+    ends = user_input.parse_numbers("--zero", text)
+    assert times is not None
+    if len(ends) != 2 or not ends[0] < ends[1]:
+        raise BadInput(f"--zero takes two times FROM,TO in s, the first one before the second; got {text!r}")
+    inside = (ends[0] <= times) & (times <= ends[1])
+    if not np.isfinite(field[inside]).any(axis=0).all():
+        raise BadInput(
+            f"--zero {text}: no row with readings lies in this time; the rows go from {times[0]:g} to {times[-1]:g} s"
+        )
+    return zero_offset(coder, field[inside])
+
+
+def _over_time(
+    coder: Decoder, field: Array, times: Array, decoded: Decoded, statuses: list[Status]
+) -> tuple[Decoded, list[Status], Array]:
+    """Return decoded rows with the forces of a silicone that relaxes, their statuses, and `TIME_COLUMNS` (n, 4)."""
+    design, past = coder.forward.design, TimeSeries(coder)
+    doubted = [RelaxingForce(design, branches) for branches in doubted_branches(design)]
+    force, found, others = np.empty(decoded.force.shape), list(statuses), []
+    for k, row in enumerate(zip(times.tolist(), field, statuses, decoded.force, decoded.load, strict=True)):
+        time, _, _, slow, load = row
+        found[k], force[k] = past.step(*row)
+        unknown = found[k] == "frozen"
+        others.append([law.step(time, slow * (math.nan if unknown else 1.0), load[1:]) - force[k] for law in doubted])
+    off = np.linalg.norm(np.array(others).reshape(len(force), -1, 3), axis=2).max(axis=1, initial=0.0)
+    off[np.isnan(force[:, 2])] = np.nan
+    load = np.where(np.isnan(force[:, 2:]), np.nan, decoded.load)
+    return dataclasses.replace(decoded, force=force, load=load), found, np.column_stack([force - decoded.force, off])
+
+
+def doubted_branches(design: Design) -> list[Relaxation]:
+    """Return the branches of an assumed loss factor that is off by HALF, or measured ones that are off by TENTH."""
+    known = relaxation_of(design)
+    off = TENTH if design.prony else HALF
+    grown = [np.array(known.shares) / known.rest * (1 + sign * off) for sign in (-1, 1)]
+    # the modulus of slow loading stays: shares of the long-term modulus grow, not those of the instantaneous one
+    return [Relaxation(tuple((g / (1 + g.sum())).tolist()), known.times, known.covered) for g in grown]
+
+
+def _law_sentences(design: Design, relaxing: Array) -> list[str]:
+    if not relaxation_of(design).times or not np.isfinite(relaxing).any():
+        return []
+    part, off = float(np.nanmax(np.linalg.norm(relaxing[:, :3], axis=1))), float(np.nanmax(relaxing[:, 3]))
+    return sentences("law", most=part, off=off, design=design, tenth=100 * TENTH)
 
 
 def _as_csv(
@@ -316,7 +405,7 @@ def _as_csv(
     """Return the rows of a table with `COLUMNS` added, all digits of numbers, and an empty cell for no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*head, *COLUMNS])
+    writer.writerow(head)
     for row, (status, line, many) in zip(rows, found, strict=True):
         writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many, level])
     return text.getvalue()
