@@ -51,12 +51,16 @@ class RelaxingForce:
     ----------
     design : its loss factor or branches, and which modulus E is.
     branches : others than those of the design.
+
+    Attributes
+    ----------
+    slow : force of slow loading over that of the design's E.
     """
 
     def __init__(self, design: Design, branches: Relaxation | None = None) -> None:
         branches = relaxation_of(design) if branches is None else branches
         self._times, self._grown = np.array(branches.times), np.array(branches.shares) / branches.rest
-        self._slow, self._softening = moduli(design)[1] / design.E, softening(design)
+        self.slow, self._softening = moduli(design)[1] / design.E, softening(design)
         self._time, self._last, self._parts = math.nan, np.zeros(3), np.zeros((len(self._times), 3))
 
     def step(self, time: float, force: Array, shear: Array) -> Array:
@@ -67,7 +71,7 @@ class RelaxingForce:
         force, shear : force (3,) by the design's E without relaxation, and shear (2,) of the plate; NaN where they
             are not known, which gives NaN and is bridged by a straight line.
         """
-        slow = self._slow * np.asarray(force, dtype=float)
+        slow = self.slow * np.asarray(force, dtype=float)
         if not np.isfinite(slow).all():
             return np.full(3, np.nan)
         leaning = self._softening * np.append(np.nan_to_num(shear), 0.0)
@@ -130,7 +134,9 @@ class TimeSeries:
         word = self._checks.word(time, row)
         if word == "frozen":
             return word, np.full(3, np.nan)
-        return word if status in ("ok", "uncalibrated") and word != "ok" else status, self._force.step(time, force, load[1:])
+        return word if status in ("ok", "uncalibrated") and word != "ok" else status, self._force.step(
+            time, force, load[1:]
+        )
 
 
 def zero_offset(coder: Decoder, fields: Array) -> Array:

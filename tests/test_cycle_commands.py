@@ -140,7 +140,7 @@ def cycles(force_out=1.0, loop=LOOP):
         z = force_out if stop.phase == "out" else 1.0
         response = Response(force=(0.0, 0.0, z), shift=(0.0, 0.0, 0.0), tilt=0.0, contact_radius=1.0)
         state = TimedState(stop.timed.time, stop.timed.load, response, "ok", "", 0.0, 0.0, 0.0, 0.0, 0.0, 1, 1, 1)
-        states.append(CycleState(stop, state, True, (0.0, 0.0, 0.0), 0.0))
+        states.append(CycleState(stop, state, True, (0.0, 0.0, 0.0), 0.0, 0.0))
     return Cycles("prony", "ok", "", states, [loop], "V", 1.0)
 
 

@@ -25,7 +25,7 @@ def state_at(stop) -> TimedState:
 
 def test_a_force_is_decoded_in_strokes_but_not_in_the_press_before_them():
     path = stops(Motion(0.5, 0.2, "stick", 1.0, cycles=1))
-    curve = StaticCurve(np.array([-0.2, 0.2]), outputs_of(paper(), SHIFTS, TILTS))
+    curve = StaticCurve(np.array([[-0.2, 1.0, -0.2], [0.2, 1.0, 0.2]]), outputs_of(paper(), SHIFTS, TILTS), 0)
     states = with_readings(paper(), [(stop, state_at(stop), True) for stop in path], curve)
     shears = np.array([stop.timed.load.shear_x for stop in path])
     decoded = np.array([one.decoded for one in states])
@@ -42,7 +42,7 @@ def test_a_force_that_lags_has_a_gap_above_zero_whatever_the_direction(shear):
         lag = 0.01 * np.sign(shear) * {"in": 1, "out": -1}.get(stop.phase, 0)
         force = (state.load.shear_x + lag, 0.0, 1.0)
         state = dataclasses.replace(state, response=dataclasses.replace(state.response, force=force))
-        states.append(CycleState(stop, state, True, np.zeros(3), np.nan))
+        states.append(CycleState(stop, state, True, np.zeros(3), np.nan, np.nan))
     (row,) = loops_of(motion, states)
     assert row["gap_N"] == pytest.approx(0.02)
     assert row["gap_percent"] > 0

@@ -3,7 +3,7 @@
 Gap and full scale of a loop are those of the paper's Figure 13: the difference of the forces on both ways at
 mid-stroke, over the difference of the largest and the least force. The decoded force is read from the outputs by the
 sensor's static inverse: the point nearest to them on the curve of outputs that slow, fully relaxed loading passes
-through, and the force there.
+through, and the force there. The observed force adds what the silicone relaxes (`analytic.time_series`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 
 from analytic.hall import batch_readings
 from analytic.relaxation_loops import loop
+from analytic.time_series import RelaxingForce
 from fem.analyses.timed_path import TimedState
 from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
@@ -49,19 +50,20 @@ MOST_LOSS = 1.0
 Loop = dict[str, Any]
 """The loop of one cycle, a row of loops.csv: largest force along the motion and its difference to the least one
 (full scale); gap of the forces at mid-stroke, in and out; area, the work of the plate; what silicone and friction
-dissipated (the rest was stored, or, if negative, stored before and released); gap of the decoded force, and its
-largest difference from the force, in percent of full scale, None without a magnet."""
+dissipated (the rest was stored, or, if negative, stored before and released); gap of the decoded force, and largest
+difference of the decoded and of the observed force from the force, percent of full scale, None without a magnet."""
 
 
 @dataclass(frozen=True, slots=True)
 class CycleState:
-    """A state with its place in the cycle, the elements' outputs (V, or T for a chip), and the decoded force."""
+    """A state with its place in the cycle, the elements' outputs (V, or T for a chip), decoded and observed force."""
 
     stop: Stop
     state: TimedState
     at_stop: bool
     outputs: Array
     decoded: float
+    observed: float
 
     def row(self, unit: str) -> FlatRow:
         """Return the row of cycle.csv."""
@@ -78,6 +80,7 @@ class CycleState:
             "contact_radius_mm": r.contact_radius,
             **{f"S{i}_{unit}": float(value) for i, value in enumerate(self.outputs, 1)},
             "decoded_force_N": self.decoded,
+            "observed_force_N": self.observed,
             "time_error": s.time_error,
             "work_mJ": s.work,
             "stored_mJ": s.stored,
@@ -88,20 +91,28 @@ class CycleState:
 
 @dataclass(frozen=True, slots=True)
 class StaticCurve:
-    """Forces (n,) along the motion of slow loading, and the outputs (n, 3) of the elements; None without a magnet."""
+    """States of slow loading along the motion.
 
-    forces: Array
+    Attributes
+    ----------
+    loads : force along x and along z, N, and shear, mm, shape (n, 3).
+    outputs : of the elements, shape (n, 3).
+    axis : column of the force along the motion in `loads`.
+    """
+
+    loads: Array
     outputs: Array
+    axis: int
 
     def decode(self, outputs: Array) -> Array:
-        """Return the forces (m,) of outputs (m, 3): those of the nearest points of the curve."""
+        """Return the loads (m, 3) of outputs (m, 3): those of the nearest points of the curve."""
         begin, along = self.outputs[:-1], np.diff(self.outputs, axis=0)
         length = np.maximum((along**2).sum(axis=1), 1e-300)
         share = np.clip(np.einsum("mnk,nk->mn", outputs[:, None] - begin, along) / length, 0, 1)
         off = ((outputs[:, None] - begin - share[..., None] * along) ** 2).sum(axis=2)
         best = off.argmin(axis=1)
         part = share[np.arange(len(outputs)), best]
-        return np.asarray(self.forces[best] + part * np.diff(self.forces)[best])
+        return np.asarray(self.loads[best] + part[:, None] * np.diff(self.loads, axis=0)[best])
 
 
 def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
@@ -116,13 +127,17 @@ def with_readings(
     """Return the states with their outputs and decoded forces."""
     shifts = np.array([state.response.shift for _, state, _ in passed])
     outputs = outputs_of(design, shifts, np.array([state.response.tilt for _, state, _ in passed]))
-    decoded = np.full(len(passed), np.nan) if curve is None else curve.decode(outputs)
+    loads, axis = (np.full((len(passed), 3), np.nan), 0) if curve is None else (curve.decode(outputs), curve.axis)
     # the curve is that of the strokes: it knows no press before a shear
-    decoded[[stop.phase == "press" and not state.load.shear_x for stop, state, _ in passed]] = np.nan
-    return [
-        CycleState(stop, state, at_stop, one, float(force))
-        for (stop, state, at_stop), one, force in zip(passed, outputs, decoded, strict=True)
-    ]
+    loads[[stop.phase == "press" and not state.load.shear_x for stop, state, _ in passed]] = np.nan
+    law = RelaxingForce(design)
+    law.step(0.0, np.zeros(3), np.zeros(2))
+    states = []
+    for (stop, state, at_stop), one, load in zip(passed, outputs, loads, strict=True):
+        x, z, shear = load
+        observed = law.step(state.time, np.array([x, 0.0, z]) / law.slow, np.array([shear, 0.0]))[[0, 2]]
+        states.append(CycleState(stop, state, at_stop, one, float(load[axis]), float(observed[axis])))
+    return states
 
 
 def loops_of(motion: Motion, states: Sequence[CycleState]) -> list[Loop]:
@@ -146,7 +161,9 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
     # forces count along the first way of the plate
     way = -1.0 if motion.shear < 0 else 1.0
     force = way * np.array([one.state.response.force[axis] for one in own])
-    decoded = way * np.array([one.decoded for one in own])
+    decoded, observed = (
+        way * np.array(values) for values in zip(*((s.decoded, s.observed) for s in own), strict=True)
+    )
     # a shear passes its ends outside of a cycle too
     gap, scale = _gap(own, force), _scale(force, None if before is None else way * before.response.force[axis])
     known = bool(np.isfinite(decoded).all())
@@ -165,6 +182,7 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
         if known and np.ptp(decoded)
         else None,
         "decoded_error_percent": 100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
+        "observed_error_percent": 100 * float(np.abs(observed - force).max()) / scale if known and scale else None,
     }
 
 
@@ -278,8 +296,9 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
     solved = trace(design, loads, LEVELS[accuracy], magnet=magnet, estimate=False)
     if len(solved) < CURVE or solved[-1].status not in ("ok", "unstable"):
         return Static(None, None, solved[-1].message.split(";")[0] or solved[-1].status)
-    axis, relaxed = 0 if motion.shear else 2, moduli(design)[1] / design.E
-    force = relaxed * np.array([0.0, *(state.response.force[axis] for state in solved)])
+    relaxed = moduli(design)[1] / design.E
+    rows = [(*(relaxed * state.response.force[i] for i in (0, 2)), state.load.shear_x) for state in solved]
+    load = np.array([(0.0, 0.0, 0.0), *rows])
     shift = np.array([np.zeros(3), *(state.response.shift for state in solved)])
     tilt = np.array([0.0, *(state.response.tilt for state in solved)])
     # estimated at the end alone, by a solve of its own: estimates at all loads would take twice as long as the curve
@@ -287,17 +306,17 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
     error = estimates.sideways if motion.shear else estimates.force
     if motion.shear:
         # at shear 0 the pressed sensor is between both sides, which are mirror images
-        shift[0] = (0.0, 0.0, 2 * shift[1, 2] - shift[2, 2])
+        shift[0], load[0, 1] = (0.0, 0.0, 2 * shift[1, 2] - shift[2, 2]), 2 * load[1, 1] - load[2, 1]
         mirror = shift[:0:-1] * [-1, 1, 1]
-        force, shift, tilt = (
-            np.concatenate([-force[:0:-1], force]),
+        load, shift, tilt = (
+            np.concatenate([load[:0:-1] * [-1, 1, -1], load]),
             np.concatenate([mirror, shift]),
             np.concatenate([-tilt[:0:-1], tilt]),
         )
-    force, shift, tilt = (_extended(one, both=bool(motion.shear)) for one in (force, shift, tilt))
+    load, shift, tilt = (_extended(one, both=bool(motion.shear)) for one in (load, shift, tilt))
     outputs = outputs_of(design, shift, tilt)
     known = bool(np.isfinite(outputs).all())
-    return Static(StaticCurve(force, outputs) if known else None, error)
+    return Static(StaticCurve(load, outputs, 0 if motion.shear else 1) if known else None, error)
 
 
 def _extended(values: Array, *, both: bool) -> Array:
