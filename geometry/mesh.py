@@ -119,7 +119,7 @@ def turned(plane: MeshTri2, sectors: int, *, half: bool) -> MeshTet2:
         named = np.concatenate(list(boundaries.values()))
         boundaries["symmetry"] = np.setdiff1d(straight.boundary_facets(), named)
     regions = {name: np.flatnonzero(np.isin(triangle, index)) for name, index in plane.subdomains.items()}
-    return replace(mesh, doflocs=x, _boundaries=boundaries, _subdomains=regions)
+    return replace(mesh, doflocs=x).with_boundaries(boundaries).with_subdomains(regions)
 
 
 def _placed(r: Array, z: Array, angle: Array) -> Array:

@@ -581,7 +581,7 @@ def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) ->
     boundaries = {str(name): np.sort(facet[border.name == name]) for name in np.unique(border.name)}
     regions = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
     regions = {name: cells for name, cells in regions.items() if len(cells)}
-    mesh = dataclasses.replace(mesh, doflocs=doflocs, _boundaries=boundaries, _subdomains=regions)
+    mesh = dataclasses.replace(mesh, doflocs=doflocs).with_boundaries(boundaries).with_subdomains(regions)
     outer = facet[border.name != "magnet"] if len(core) else facet
     if not np.array_equal(np.sort(outer), mesh.boundary_facets()):
         raise MeshError("the section's triangles do not fill its outline: take a smaller size")

@@ -361,3 +361,37 @@ print("scipy.spatial.transform._rotation" in sys.modules)
 def test_a_deferred_module_is_imported_where_it_is_used():
     done = subprocess.run([sys.executable, "-c", USES], capture_output=True, text=True, check=True)
     assert done.stdout.split() == 3 * ["False", "True"]
+
+
+def touched(tree):
+    """What a module uses that is not its to use: private names of others, the collector, the environment."""
+    here = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and of_itself(node)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.keyword) and (node.arg or "").startswith("_"):
+            yield node.arg
+        elif isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.endswith("__"):
+            # a named tuple's _replace is public
+            yield from () if of_itself(node) or node.attr in {*here, "_replace"} else [node.attr]
+        elif isinstance(node, (ast.Import, ast.ImportFrom)) and "gc" in top(node):
+            yield "gc"
+        elif isinstance(node, ast.Attribute) and ast.unparse(node) in ("os.environ", "os.putenv", "os.unsetenv"):
+            yield node.attr
+
+
+def of_itself(node):
+    return isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+
+
+def test_physics_touches_neither_private_names_nor_collector_nor_environment():
+    physics = [path for path in FILES if path.relative_to(ROOT).parts[0] != "studies"]
+    found = {name(path): sorted(set(touched(tree_of(path)))) for path in physics}
+    # the number of threads that the user allows is read
+    assert {path: names for path, names in found.items() if names} == {"geometry/compiled.py": ["environ"]}
+
+
+def test_what_is_not_a_modules_own_is_seen():
+    source = (
+        "import gc\nimport os\nos.environ['A'] = 'b'\nf(_x=1)\ny = face._bounds()\n"
+        "class A:\n    def g(self, a):\n        self._b = a._b\n"
+    )
+    assert sorted(touched(ast.parse(source))) == ["_bounds", "_x", "environ", "gc"]

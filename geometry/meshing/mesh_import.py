@@ -275,7 +275,7 @@ def _straight(source: _Cells, region: Ints) -> tuple[MeshTet1, Ints]:
     corner[used] = np.arange(len(used))
     regions = {name: np.flatnonzero(region == k) for k, name in enumerate(REGIONS) if (region == k).any()}
     p, t = np.ascontiguousarray(source.points[used].T), np.ascontiguousarray(t.reshape(-1, 4).T)
-    mesh = MeshTet1(p, t, _subdomains=regions, sort_t=False)
+    mesh = MeshTet1(p, t, sort_t=False).with_subdomains(regions)
     if np.bincount(mesh.t2f.ravel()).max() > 2:
         raise BadInput(f"the cells of the mesh {source.text} overlap: more than two share a facet")
     return mesh, corner
@@ -310,7 +310,7 @@ def _with_boundaries(mesh: MeshTet1, source: _Cells, corner: Ints, shape: Shape)
         sides["magnet"] = rest[hole]
     for name, facets in source.sides.items():
         _check_names(name, mesh, sides.get(name, rest[:0]), corner[facets], source.text)
-    return replace(mesh, _boundaries=sides)
+    return mesh.with_boundaries(sides)
 
 
 def _flat_sides(mesh: MeshTet1, tolerance: float, half: bool) -> dict[str, Ints]:
@@ -368,7 +368,7 @@ def _linear(mesh: MeshTet1, source: _Cells, shape: Shape) -> MeshTet2:
         on["edge"] = np.intersect1d(*(dofs.get_facet_dofs(facets[side]).all() for side in (lid, ~lid)))
     vertices = {name: nodes[nodes < mesh.nvertices] for name, nodes in on.items()}
     straight = MeshTet2.from_mesh(replace(mesh, doflocs=_projected(mesh.p, vertices, shape)))
-    straight = replace(straight, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+    straight = straight.with_boundaries(mesh.boundaries).with_subdomains(mesh.subdomains)
     bend = _projected(straight.doflocs, on, shape) - straight.doflocs
     middles, share = straight.dofs.element_dofs[4:], np.ones(bend.shape[1])
     # 0.75^20 of the way to the curved surface is none
@@ -432,7 +432,7 @@ def _quadratic(mesh: MeshTet1, source: _Cells) -> MeshTet2:
         raise BadInput(f"cells of the mesh {source.text} have different nodes on a shared edge: merge equal nodes")
     x = straight.doflocs.copy()
     x[:, mesh.nvertices :] = source.points[number[mesh.nvertices :]].T
-    curved = MeshTet2(x, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains, sort_t=False)
+    curved = MeshTet2(x, mesh.t, sort_t=False).with_boundaries(mesh.boundaries).with_subdomains(mesh.subdomains)
     det = determinants(curved)
     folded = (det[4:] <= 0).any(axis=0) | ~np.isfinite(det).all(axis=0)
     if folded.any():
