@@ -190,12 +190,14 @@ def readings_of_sensors(
     values = np.empty((*shift.shape[:2], len(share)))
     by_shift, by_turn = np.empty((2, *(values.shape if slopes else (len(points), 0, len(share))), 3))
     arrays = tuple(map(np.ascontiguousarray, (points, normals, half, series, shift, axis)))
-    _read_sensors(*arrays, owners, share, NO_TILT, disc_series(), values, by_shift, by_turn)
+    _read_sensors(arrays, (owners, share, NO_TILT, disc_series()), (values, by_shift, by_turn))
     return values, by_shift, by_turn
 
 
 @compiled
-def _read_sensors(points, normals, half, series, shift, axis, owners, share, tau, disc, values, by_shift, by_turn):
+def _read_sensors(of_sensors, common, answers):
+    points, normals, half, series, shift, axis = of_sensors
+    (owners, share, tau, disc), (values, by_shift, by_turn) = common, answers
     for s in range(len(points)):
         magnet = half[s, 0], half[s, 1], -1.0, series[s], disc
         kernel = (points[s], normals[s], owners, share, tau, False, *magnet)
