@@ -129,3 +129,12 @@ def test_forces_beyond_the_mechanics_have_no_shift(level_law):
     )
     assert np.isfinite([u[0], w[0]]).all()
     assert np.isnan([u[1:], w[1:]]).all()
+
+
+def test_shears_at_few_depths_do_not_oscillate_between_them():
+    depths = [Load(depth) for depth in (0.2, 0.4, 0.7, 0.9, 1.0, 1.3)]
+    shears = [Load(depth, shear, friction="stick") for depth in (0.4, 0.8, 1.2) for shear in (0.3, 0.7, 1.2)]
+    law = response_surface.of_samples((load, beam.solve(paper(), load, "finite")) for load in (*depths, *shears))
+    truth = beam.solve(paper(), Load(1.0, 0.5, friction="stick"), "finite")
+    force, *_ = response_surface.force_and_load(law, np.array([truth.shift]).T)
+    assert_allclose(force[0, 0], truth.force[0], rtol=0.02)

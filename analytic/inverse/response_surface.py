@@ -110,11 +110,13 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
         raise BadInput("the states must contain both presses and shears: add the missing ones")
     U, r = u * u, np.cbrt(-w)
     # half as many powers as depths: a polynomial through all samples would oscillate between them
-    high = min(ORDERS[1], 1 + len(set(np.round(depth, 9)) - {0.0}) // 2)
+    high, high_sheared = (
+        min(ORDERS[1], 1 + len(set(np.round(depth[some], 9)) - {0.0}) // 2) for some in (slice(None), moved)
+    )
     wide = min(ORDERS[0], len(set(np.round(shear, 9)) - {0.0}) - 1)
     # tilt, lateral force and shear are 0 at u = 0 for any coefficients, so only sheared samples determine them
     tau, lateral, sheared = (
-        _least_squares(U[moved], sunk[moved], values[moved] / u[moved], (wide, max(high - 1, 0)))
+        _least_squares(U[moved], sunk[moved], values[moved] / u[moved], (wide, max(high_sheared - 1, 0)))
         for sunk, values in ((w, tilt), (w, f_t), (r, shear))
     )
     leans = polyval2d(U[moved], w[moved], tau)
