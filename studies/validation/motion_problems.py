@@ -76,11 +76,7 @@ def relaxing_cube(_: int) -> list[float]:
 
 
 def turned_cube(_: int) -> tuple[float, ...]:
-    """Return 1 less the difference of a turned sheared cube's stresses, turned back, to those of a sheared cube.
-
-    The difference is over the largest stress, for both laws. The cube turns by 2 rad about the axis (1, 2, 2) / 3 in
-    eight steps, through which its shear goes to 0.6 and back.
-    """
+    """Return 1 less the difference of a turned sheared cube's stresses, turned back, to those of a sheared cube."""
     e, axis = tetrahedra(1), np.array([1.0, 2.0, 2.0]) / 3
     amounts = 0.6 * np.sin(math.pi / 8 * np.arange(1, 9))
     turns = [Rotation.from_rotvec(2 / 8 * i * axis).as_matrix() for i in range(1, 9)]
@@ -99,10 +95,7 @@ def turned_cube(_: int) -> tuple[float, ...]:
 
 
 def cyclic_cube(n: int) -> tuple[float, float]:
-    """Return storage and loss modulus of a cube in small cyclic shear, 0.2 Hz, over the exact ones.
-
-    A cycle has n steps; the last of six is read.
-    """
+    """Return storage and loss modulus of a cube in small cyclic shear, 0.2 Hz, over the exact ones."""
     e, size, omega = tetrahedra(1), 1e-3, 0.4 * math.pi
     dt, count = 2 * math.pi / omega / n, 6 * n
     times = dt * np.arange(1, count + 1)
@@ -114,12 +107,7 @@ def cyclic_cube(n: int) -> tuple[float, float]:
 
 
 def holzapfel_block(n: int) -> tuple[float, float]:
-    """Return the Cauchy stress of Holzapfel's block at 16 s, Pa, and the share of it that has relaxed at 20 s.
-
-    A cube of 0.1 m is moved along z by A sin(pi t / 2), with A = 0.01 m in the first cycle and 0.01 m more in each
-    of the three others, in n steps each; then it is held. tau = 0.4 and 0.2 s, and both branches are as stiff as the
-    silicone at rest (beta = 1).
-    """
+    """Return the Cauchy stress of Holzapfel's block at 16 s, Pa, and the share of it that has relaxed at 20 s."""
     e = tetrahedra(1)
     slow = sum(mu * a for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True)) / 2
     shares = tuple(mu * a / 2 / slow for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True))
@@ -160,11 +148,7 @@ def held_beam(_: int) -> Array:
 
 
 def indented_half_space(n: int) -> Array:
-    """Return the force of a ramp and of its release over Lee and Radok's and Ting's, with the mesh's error removed.
-
-    The beam without magnet touches a plate by 1e-4 mm within 1 s, which goes back at the same speed. The mesh's error
-    is that of the elastic beam at the full depth.
-    """
+    """Return the force of a ramp and its release over Lee and Radok's and Ting's, without the mesh's error."""
     design, top = silicone(), 1e-4
     times, depths = np.array([0.0, 0.5, 1.0, 1.1]), top * np.array([0.0, 0.5, 1.0, 0.9])
     loads = [TimedLoad(float(t), Load(float(d))) for t, d in zip(times[1:], depths[1:], strict=True)]
@@ -177,10 +161,7 @@ def indented_half_space(n: int) -> Array:
 
 
 def limits(_: int) -> tuple[float, ...]:
-    """Return the forces of a very fast and of a very slow press by 1 mm over those of elastic solves, law by law.
-
-    The plate's springs follow the modulus of the design, so a slow press has those of the elastic design here.
-    """
+    """Return the forces of a very fast and of a very slow press by 1 mm over those of elastic solves, law by law."""
     design, ratios = silicone(0.4998), []
     mu, bulk = design.E / (2 * (1 + design.nu)), design.E / (3 * (1 - 2 * design.nu))
     for share, duration in ((1.0, 1e-6), (0.5, 1e7)):
@@ -223,12 +204,7 @@ Friction = float | Literal["none", "stick"]
 
 @functools.lru_cache
 def touched_beam(n: int, law: ViscousLaw, friction: Friction) -> tuple[float, float]:
-    """Return 1 less the largest error of the energy balance over the largest work, and 1 less negative dissipation.
-
-    Without friction a plate presses the beam by 1 mm and goes back, in n time steps each way. With friction it moves
-    after a quick press by 0.5 mm to one side, where a cycle begins, to the other and back, in n time steps each way;
-    the error is that of the cycle. The dissipation is that of the silicone and of slip.
-    """
+    """Return 1 less the largest error of the energy balance over the work, and 1 less negative dissipation."""
     accuracy = replace(QUICK, section_size=0.3, section_patch=0.1, harmonics=1)
     loads, begin = [TimedLoad(1.0, Load(1.0)), TimedLoad(2.0, Load(0.0))], 0.0
     if friction != "none":
@@ -327,10 +303,7 @@ STEP = 1e-5
 
 
 def slow_limit(_: int) -> tuple[float, ...]:
-    """Return force per mm of the slowest vibration over the slope of the force of nonlinear solves, along z and x.
-
-    The solves move the plate to both sides of a press and shear with the long-term modulus; the contact is frozen.
-    """
+    """Return force per mm of the slowest vibration over the slope of the force of nonlinear solves, along z and x."""
     sensor = vibrating_sensor(paper(), SHEARED, (1e-6, 1.0), QUICK)
     force, unit = sensor.at([1e-6]).force[0].real, sensor.scene.design.E * sensor.scene.design.D
     (part,) = sensor.reduced_blocks
@@ -352,10 +325,7 @@ def slow_limit(_: int) -> tuple[float, ...]:
 
 
 def undamped_resonances(_: int) -> tuple[float, ...]:
-    """Return frequencies at which the motion of an elastic sensor changes its sign over its natural frequencies.
-
-    Free and pressed, axial and bending.
-    """
+    """Return frequencies at which the motion of an elastic sensor changes its sign over its natural frequencies."""
     ratios = []
     for load in (Load(), GLUED):
         natural = modes(paper(), count=8, depth=load.depth, accuracy=QUICK, estimate=False)
@@ -371,10 +341,7 @@ def undamped_resonances(_: int) -> tuple[float, ...]:
 
 
 def half_power_width(_: int) -> tuple[float, ...]:
-    """Return the half-power width of the free sensor's bending resonance over its frequency and the loss factor.
-
-    Without a load there is no geometric stiffness, and all stiffness of an incompressible solid relaxes.
-    """
+    """Return the half-power width of the free sensor's bending resonance over its frequency and the loss factor."""
     loss = 0.01
     sensor = vibrating_sensor(replace(paper(), loss_factor=loss), Load(), (100.0, 1000.0), QUICK)
     peak = resonance_peaks.peaks(lambda f: np.abs(sensor.at(f).shift[:, 1, 0]), 100.0, 1000.0)[0]
@@ -383,12 +350,7 @@ def half_power_width(_: int) -> tuple[float, ...]:
 
 
 def correspondence(_: int) -> tuple[float, ...]:
-    """Return 1 plus the relative difference of K*(omega) to K G*(omega) / G(infinity), along z and x.
-
-    The beam is all silicone with nu = 0.5 and without mass. The contact area of a press is glued to the plate, and
-    the beam vibrates about its undeformed state, which has no geometric stiffness. The springs of the plate, which do
-    not relax in a sensor, relax with the silicone here: their compliance must not count.
-    """
+    """Return 1 plus the relative difference of K*(omega) to K G*(omega) / G(infinity), along z and x."""
     design, answers = replace(paper(), nu=0.5), []
     relaxation = relaxation_of(design)
     g = relaxation.complex_modulus(2 * np.pi * np.array([0.1, 10.0, 1000.0])) / relaxation.rest

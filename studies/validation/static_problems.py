@@ -1,7 +1,7 @@
 """Published and closed-form problems of equilibrium: blocks, membranes, spheres, clamped cylinders, contact.
 
-Each function takes the number n of elements along a side (unless its docstring says otherwise) and returns the
-published quantities. Stresses are in units of the shear or Young's modulus and lengths in units of the body, unless
+verify_problems.toml describes them. Each function takes the number n of elements along a side (unless that table says
+otherwise) and returns the published quantities. Stresses are in units of the shear or Young's modulus and lengths in units of the body, unless
 stated otherwise. If displacements are prescribed and a closed form exists, Newton's method starts from that
 displacement field and solves for the pressures and for balance of forces.
 """
@@ -96,11 +96,7 @@ def square(n: int, move: Callable[[Array], Array] | None = None) -> skfem.MeshTr
 
 
 def cook(n: int) -> tuple[float]:
-    """Return the tip deflection u_y(48, 60), mm, of Cook's membrane in plane strain.
-
-    E = 3 MPa, incompressible, dead traction of 0.05 MPa upwards on the right edge; n x n quadrilaterals, each cut in
-    two triangles.
-    """
+    """Return the tip deflection u_y(48, 60), mm, of Cook's membrane in plane strain."""
     mesh = square(n, lambda x: np.stack([48 * x[0], 44 * x[0] + x[1] * (44 - 28 * x[0])]))
     mesh = mesh.with_boundaries({"right": lambda x: x[0] > 48 - SKIN})
     e = elements.build(mesh, axisymmetric=False)
@@ -112,11 +108,7 @@ def cook(n: int) -> tuple[float]:
 
 
 def bonded_cylinder(n: int, S: float) -> tuple[float]:
-    """Return the apparent modulus E_a / E of an incompressible disc bonded to two plates.
-
-    The disc has radius R = 1, height 2 h and shape factor S = R / (4 h). The strain is small (1e-6). The section of
-    the upper half has n x n rectangles, cut in two, which become smaller towards plate and rim.
-    """
+    """Return the apparent modulus E_a / E of an incompressible disc bonded to two plates."""
     h, press = 1 / (4 * S), 1e-6
     mesh = square(n, lambda x: np.stack([1 - (1 - x[0]) ** 1.6, h * (1 - (1 - x[1]) ** 1.6)]))
     e = elements.build(mesh, axisymmetric=True)
@@ -132,14 +124,7 @@ def bonded_cylinder(n: int, S: float) -> tuple[float]:
 def reese_block(
     n: int, levels: tuple[int, ...], *, mirrored: bool = False, order: int | None = None, own_energy: bool = False
 ) -> tuple[float, ...]:
-    """Return the compression, %, at a block's centre under dead pressures p/p0 (p0 = 4 MPa) on the middle of its top.
-
-    By symmetry a quarter of the block is solved, as n^3 bricks of six tetrahedra each, n a multiple of 4; the load
-    covers three quarters of the bricks along an edge. The top does not move sideways, so that a dead load and a
-    pressure that follows the surface are the same. `levels` are multiples of 20. If `mirrored`, the bricks are cut
-    along the diagonals that fall from the middle of the block; `order` is that of the quadrature; `own_energy` is
-    Reese's, mu/2 (I1 - 3 - 2 ln J) + lambda/2 (J - 1)^2, instead of the isochoric law.
-    """
+    """Return the compression, %, of a block's centre under dead pressures p/p0 (p0 = 4 MPa) on mid-top."""
     mu, lam = 80.194, 400889.806
     inner = 3 * n // 4
     side = np.append(np.linspace(0, 0.5, inner + 1), np.linspace(0.5, 1, n - inner + 1)[1:])
@@ -188,11 +173,7 @@ def reese_formulations(n: int) -> list[float]:
 
 
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
-    """Return the pressure p / mu that expands the hole of an incompressible sphere, radii 1 and 2, by each stretch.
-
-    The quarter section has n elements through the wall and 2 n around, on curved edges. The nodes of the hole are
-    displaced radially; the pressure is the radial sum of their reactions over half the area of the hole.
-    """
+    """Return the pressure p / mu that widens the hole of an incompressible sphere, radii 1 and 2, by each stretch."""
 
     def polar(x: Array) -> Array:
         radius, angle = 1 + x[0], np.pi / 2 * x[1]
@@ -214,12 +195,7 @@ def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
 
 
 def homogeneous_states(_: int) -> tuple[float, ...]:
-    """Return stresses and energies of homogeneous states, in the order of verify_problems.toml.
-
-    Bodies are incompressible: a unit cube of tetrahedra with three symmetry planes that is stretched to twice its
-    length along x, and along y is free (uniaxial), stretched as along x (equibiaxial) or held (planar); a cylinder,
-    two triangles, that is stretched along its axis; a sheared cube; a stretched and turned cylinder.
-    """
+    """Return stresses and energies of homogeneous states, in the order of verify_problems.toml."""
     stretch, e = 2.0, tetrahedra(1)
     stresses = []
     for along, free in ((stretch**-0.5, True), (stretch, False), (1.0, False)):
@@ -303,11 +279,7 @@ SMALL = 1e-7
 
 
 def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
-    """Return deflection w / L and shortening u / L at the tip of a cylinder of given L / D for each P L^2 / (E I).
-
-    With nu = 0 the clamp does not hinder the contraction of the section. Shear, finite strain and warping at the
-    clamp change the answer by terms of order (D / L)^2, so that the elastica is the limit of large L / D.
-    """
+    """Return deflection w / L and shortening u / L at the tip of a cylinder of given L / D for each P L^2 / (E I)."""
     system, e = cylinder(slenderness, 0.0, across=2, along=slenderness)
     unit = system.dead * INERTIA / slenderness**2
     steps = sorted({*np.linspace(0, max(loads), 9)[1:], *loads})
@@ -317,14 +289,7 @@ def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def tip_stiffness(n: int, nu: float, *, slenderness: int = 0, bonded: bool = True) -> float:
-    """Return the tip stiffness at small strain over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A)).
-
-    The radius has n rows of elements; without a slenderness it has 4, and n is L / D.
-
-    Timoshenko's clamp lets the cross-section change its shape. A bonded base does not: it stiffens about one diameter
-    of the beam, and more so for larger nu. If not bonded, the base only stays plane with its centre fixed, and the
-    reaction is a uniform traction on it.
-    """
+    """Return the tip stiffness at small strain over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A))."""
     rows, slenderness = (n, slenderness) if slenderness else (4, n)
     system, e = cylinder(slenderness, nu, across=rows, along=rows * slenderness, bonded=bonded)
     force = SMALL / slenderness**2
@@ -427,10 +392,7 @@ def magnet_field(_: int) -> Array:
 
 
 def hertz(n: int) -> tuple[float, ...]:
-    """Return the force over Hertz's 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at d = 1e-6, 1e-5, 1e-4 mm, and its exponent.
-
-    The body is the paper's beam without its magnet, at level n.
-    """
+    """Return the force over Hertz's 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at d = 1e-6, 1e-5, 1e-4 mm, and its exponent."""
     design, depths = paper(), (1e-6, 1e-5, 1e-4)
     ratios = []
     for depth in depths:
@@ -444,11 +406,7 @@ def hertz(n: int) -> tuple[float, ...]:
 
 
 def penalty(n: int, depth: float, magnet: Magnet) -> float:
-    """Return the force on the paper's sensor at level n with the penalty SECTION_KAPPA over that on a rigid plate.
-
-    The `depth` is over D. The force is solved with 1, 3 and 10 times the penalty. It is linear in the inverse of the
-    penalty, so that a line through the three forces gives that on a rigid plate, at inverse 0.
-    """
+    """Return the force on the paper's sensor at level n with the penalty SECTION_KAPPA over that on a rigid plate."""
     design, size = paper(), LEVEL[n - 1].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
