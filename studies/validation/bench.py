@@ -3,15 +3,6 @@
 bench_cases.toml says what is measured and what is promised, templates/bench.md.j2 how. Programs run in processes of
 their own on one thread: magtip, FElupe in its own environment, CalculiX. CPU seconds and peak memory are what the
 operating system counts for a process and its descendants.
-
-CalculiX gets the half model's press as an input deck (templates/calculix.inp.j2): a second-order tetrahedral mesh of
-y >= 0 with clamped base and symmetry plane, pressed by a rigid plate, a single C3D8 all of whose nodes are moved. The
-energy of *HYPERELASTIC, NEO HOOKE, C10 (I1 - 3) + (J - 1)^2 / D1, is that of magtip with C10 = mu / 2 and D1 = 2 / K.
-What was chosen for CalculiX: C3D10, because C3D10T treats nothing but temperatures otherwise; linear penalty contact
-of faces with faces, or of nodes with a face; one increment, which CalculiX shortens where it must; the solver of its
-build (SPOOLES in Debian's). C3D10 has no pressure of its own: with the sensor's Poisson's ratio it is too stiff and
-wants many iterations, so that a second setting takes a smaller one. That changes the material, and the force with
-it, by an amount that counts as error.
 """
 
 import functools

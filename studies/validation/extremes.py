@@ -50,17 +50,12 @@ LENGTHS = ("D", "L", "f", "l0", "c", *NO_MAGNET)
 HARMONICS = replace(QUICK, section_size=0.2, harmonics=8)
 HEIGHTS = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 """Heights of the smaller magnets beside the largest, mm."""
-WIDE = 3.0
-"""Factor by which the inverted share on a finer grid of points may exceed the share that the state reports."""
-SHORT = 0.02
-"""Largest share of the load by which a new path to the last converged state may stop before it."""
-SAME = 1e-6
-"""Largest relative difference of force and energy between the last converged state and a new path to it."""
+WIDE, SHORT, SAME = 3.0, 0.02, 1e-6
 RUBBED, RUBBED_SHORT = 1e-2, 0.05
-"""SAME and SHORT with Coulomb friction, where force and last state depend on the increments of the path."""
+"""Factor by which the inverted share on a finer grid of points may exceed that of the state; share of the load by
+which a new path to the last state may stop before it, and difference of force and energy; both with friction."""
 FINER, ONSET = 0.7, 0.1
-"""Edge length of the finer mesh on which an onset is computed again, over the case's, and the largest relative
-difference of the two onsets."""
+"""Edge length of the mesh on which an onset is computed again, over the case's, and how far it may differ."""
 
 
 class Measurement(NamedTuple):

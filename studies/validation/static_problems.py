@@ -1,9 +1,9 @@
 """Published and closed-form problems of equilibrium: blocks, membranes, spheres, clamped cylinders, contact.
 
 verify_problems.toml describes them. Each function takes the number n of elements along a side (unless that table says
-otherwise) and returns the published quantities. Stresses are in units of the shear or Young's modulus and lengths in units of the body, unless
-stated otherwise. If displacements are prescribed and a closed form exists, Newton's method starts from that
-displacement field and solves for the pressures and for balance of forces.
+otherwise) and returns the published quantities. Stresses are in units of the shear or Young's modulus and lengths in
+units of the body, unless stated otherwise. If displacements are prescribed and a closed form exists, Newton's method
+starts from that displacement field and solves for the pressures and for balance of forces.
 """
 
 import functools

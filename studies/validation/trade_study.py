@@ -42,7 +42,8 @@ from studies.validation.pages import Row
 from studies.validation.verify import richardson
 
 Kind = Literal["press", "glued shear", "friction"]
-PLAN: dict[Kind, Any] = tomllib.loads(Path(__file__).with_name("trade_plan.toml").read_text("utf-8"))  # type: ignore[assignment]
+PLAN: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("trade_plan.toml").read_text("utf-8"))
+CHOSEN: dict[str, Any] = PLAN.pop("designs")
 KINDS: tuple[Kind, ...] = tuple(PLAN)
 QUICK_KINDS = KINDS[:2]
 """Kinds of a quick study: a reference with friction takes a minute."""
@@ -60,33 +61,13 @@ draw 20 and of the others 6 designs lie anywhere in the range, the rest inside t
 corrected after each draw but the last."""
 CONFIRMED = DRAWN * DRAWS
 """Number of random designs."""
-
-PRESSES, DEEP = (0.12, 0.4, 1.0), 0.5
-"""Depths of a press over the largest depth of the rules "press" of `fem.results.error_estimates` (D/4 or less);
-and one deep press, as a share of the way from there to the largest depth of the rules "deep"."""
-UNDER, SHEARS = (0.1, 0.06, 0.2), (0.05, 0.15, 0.3)
-"""Depths under a shear, one for each design by turns, and shears of the glued plate, all over D."""
-SLIDES, COEFFICIENTS = (0.04, 0.25), (0.3, 0.6)
-"""Shears with Coulomb friction over D, for partial and full slip; coefficients, by turns."""
-
-ORDER = (0, 5, 10, 3, 14, 6, 1, 12, 8, 2, 4, 7, 9, 11, 13, 15, *range(16, STUDIED))
-"""Order in which designs are chosen for cells that run on a few only: the first ones span the range."""
-SLENDER, COMMON = 3.2, 16
-"""References have meshes one step coarser beyond this L/D, where these have as many elements, and, to save time, from
-this design on."""
 DESIGNS = Path(__file__).with_name("trade_designs.csv")
 """The chosen designs after the paper's; those from the 18th on lie inside the range of the formulas."""
-LAWS: dict[str, dict[str, Any]] = {
-    "mooney": {"law": "mooney-rivlin", "mooney_share": 0.2},
-    "yeoh": {"law": "yeoh", "yeoh_2": 0.05},
-    "ogden": {"law": "ogden", "ogden_share": 0.25},
-}
-"""A Mooney-Rivlin, a Yeoh and an Ogden law that are stable in the presses of the study."""
 
 
 def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
     """Return the numbers of the chosen designs on which a model is run."""
-    chosen = [number for number in ORDER if number < count]
+    chosen = [number for number in CHOSEN["order"] if number < count]
     counts = dict(zip(LEVELS, PLAN[kind]["runs"].get(model, [count] * len(LEVELS)), strict=True))
     return sorted(chosen[: counts[level]])
 
@@ -99,15 +80,16 @@ def trial(number: int, kind: Kind, model: Model, *, confirm: bool = False) -> Tr
 
 
 def _loads(number: int, kind: Kind, design: Design, magnet: Magnet) -> tuple[Load, ...]:
+    own, under = PLAN[kind], CHOSEN["under"]
     first, most = press_limits(design, magnet)
     if kind == "press":
-        depths = [share * first for share in PRESSES] + [first + DEEP * (most - first)]
+        depths = [share * first for share in own["presses"]] + [first + own["deep"] * (most - first)]
         return tuple(Load(depth=rounded(depth)) for depth in depths)
-    D, depth = design.D, rounded(min(UNDER[number % len(UNDER)] * design.D, first))
+    D, depth = design.D, rounded(min(under[number % len(under)] * design.D, first))
     if kind == "glued shear":
-        return tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in SHEARS)
-    mu = COEFFICIENTS[number % len(COEFFICIENTS)]
-    return tuple(Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in (0.0, *SLIDES))
+        return tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in own["shears"])
+    mu = own["coefficients"][number % len(own["coefficients"])]
+    return tuple(Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in (0.0, *own["slides"]))
 
 
 @functools.cache
@@ -120,15 +102,15 @@ def designs() -> tuple[Design, ...]:
         magnet = {"magnet_diameter": wide * D, "magnet_height": high * D, "magnet_edge_radius": 0.1 * high * D}
         elements = {"l0": L - D / 2 + 0.275 * D, "f": 0.625 * D, "c": 0.25 * D}
         sizes: dict[str, Any] = {name: rounded(value) for name, value in (magnet | elements).items()}
-        found.append(Design(D=D, L=L, nu=row["nu"], **sizes, **LAWS.get(row["law"], {})))
+        found.append(Design(D=D, L=L, nu=row["nu"], **sizes, **CHOSEN["laws"].get(row["law"], {})))
     return tuple(found)
 
 
 @functools.cache
 def confirming_designs() -> tuple[Design, ...]:
     """Return the random designs: L/D and 1/2 - nu uniform in their logarithm; a third has no magnet."""
-    rows = [(row, LAWS.get(row.pop("law"), {})) for row in rows_of(DESIGNS.with_name("trade_random_designs.csv"))]
-    return tuple(Design(**row, **law) for row, law in rows)
+    rows, laws = rows_of(DESIGNS.with_name("trade_random_designs.csv")), CHOSEN["laws"]
+    return tuple(Design(**laws.get(row.pop("law"), {}), **row) for row in rows)
 
 
 def meshes(kind: Kind, fineness: str) -> list[Accuracy]:
@@ -215,7 +197,7 @@ def plan(
         fine = runs_on(kind, section, "fine", count) if kind == "glued shear" and not confirm else []
         for number in chosen:
             design = designs()[0 if confirm else number]
-            coarser = confirm or design.L > SLENDER * design.D or number >= COMMON
+            coarser = confirm or CHOSEN["slender"] * design.D < design.L or number >= CHOSEN["common"]
             usual = "finer" if number in fine else "coarser" if coarser else "usual"
             finenesses[number, kind] = "rough" if quick else usual
     return runs, finenesses
