@@ -13,10 +13,11 @@ force by (6). The error splits into the same three parts, in order: tilt, geomet
 import dataclasses
 import functools
 import math
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -30,10 +31,14 @@ from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies import cases
-from studies.validation.pages import Row
+from studies.validation.pages import TEMPLATES, Row
 
-S1_AT_REST = 2.87
-"""Output of S1 at rest, V (section V.A of the paper)."""
+WORDS: dict[str, Any] = tomllib.loads((TEMPLATES / "claims.toml").read_text("utf-8"))
+VALUES: dict[str, Any] = WORDS.pop("values")
+"""What the paper claims, in words, and values of the paper and of this study with their sources."""
+BOUND: float = VALUES["bound"]
+CLAIMED: list[tuple[float, float]] = [(E, force) for E, force in VALUES["largest"]]
+MODULI: tuple[float, float] = VALUES["moduli"][0], VALUES["moduli"][1]
 NAN = math.nan
 
 
@@ -102,12 +107,7 @@ class States(NamedTuple):
         return next(press for press in self.presses if press.height == paper().magnet_height)
 
 
-FRICTION = 0.5
-"""Coulomb coefficient of the press with friction; the paper does not give the friction of its plate."""
-UNDER = (1.0, 2.0)
-"""Depths under the shears, mm; the paper does not give its own. The first is that of its Figure 6."""
-GRIP = 1.0
-"""Height of the tip that a grip holds, mm: the tip condition of formula (6), free to sink and to turn."""
+UNDER, GRIP = VALUES["under"], VALUES["grip"]
 CONDITIONS: tuple[tuple[str, Magnet, float, float], ...] = (
     *((f"stuck to a plate at depth {depth:g} mm", "rigid", depth, NAN) for depth in UNDER),
     (f"stuck to a plate at depth {UNDER[0]:g} mm, no magnet", "ignored", UNDER[0], NAN),
@@ -119,9 +119,10 @@ QUANTITIES = ("force", "shift", "tilt", "readings")
 
 def solve(extent: Extent, store: Path | None, progress: Progress | None = None) -> States:
     """Return all states: those that the store has, and the others solved and added to it."""
+    series = [(height, "none") for height in extent.heights] + [(paper().magnet_height, VALUES["friction"])]
     presses = [
         {"height": height, "friction": friction, "depth_mm": depth}
-        for height, friction in (*((height, "none") for height in extent.heights), (paper().magnet_height, FRICTION))
+        for height, friction in series
         for depth in extent.depths
     ]
     shears = [
@@ -176,7 +177,7 @@ def with_magnet(height: float) -> Design:
 
 def rest_distance(design: Design) -> float:
     """Return the distance l0 at which S1 reads 2.87 V at rest, mm, rounded to 0.001 mm."""
-    goal = (S1_AT_REST - design.hall_null) / design.hall_gain
+    goal: float = (VALUES["S1_at_rest"] - design.hall_null) / design.hall_gain
 
     def surplus(distance: float) -> float:
         point = np.array([[0.0, 0.0, distance]])
@@ -195,18 +196,6 @@ def s1_output(design: Design, sinking: Array, field: hall.Field = "exact") -> Ar
 
 
 # Errors of the press formula and of the voltage of S1
-
-BOUND = 0.05
-"""Largest error that the paper claims."""
-CLAIMED = ((1.0, 3.0), (5.0, 9.0), (10.0, 18.0))
-"""Moduli, MPa, and the largest forces that the paper gives for them, N (section VI)."""
-MODULI = (0.3, 3.0)
-"""Moduli of the silicone that are searched, MPa."""
-PUBLISHED = (0.55, 1.02)
-"""Published moduli of Dragon Skin 30, MPa: fits of tensile tests begin at 0.55; the 0.593 MPa of its data sheet at an
-elongation of 100 % are 1.02 by neo-Hooke's law, E = 3 s / (2 - 1/4)."""
-GAINS = (0.2, 5.0)
-"""Factors on the gain of S1 that are searched."""
 
 
 def formula(depths: Array) -> Array:
@@ -289,7 +278,7 @@ class Voltages(NamedTuple):
             return NAN
         at_equal_force = np.interp(E * self.force[shared], self.predicted, self.modelled)
         # neighbouring gains differ by less than a thousandth
-        gains = np.geomspace(*GAINS, 4001) if any_gain else np.ones(1)
+        gains = np.geomspace(VALUES["gains"][0], VALUES["gains"][1], 4001) if any_gain else np.ones(1)
         errors = np.abs(np.outer(gains, at_equal_force) - self.measured[shared]).max(axis=1)
         return 100 * float(errors.min() / self.measured.max())
 
@@ -347,14 +336,11 @@ def height_row(press: Press) -> Row:
 
 # Errors of the shear formula, and how much of them the ignored tilt explains
 
-FARTHEST = 3.1
-"""Largest shear of the paper's Figure 11, mm."""
-
 
 def compared(sheared: pd.DataFrame) -> pd.DataFrame:
     """Return the states within the paper's range under one condition of the tip, without the unsheared one."""
     shear = sheared.shear_mm
-    return sheared[(shear > 0) & (shear <= FARTHEST + 1e-9) & np.isfinite(sheared.fem_force_N)]
+    return sheared[(shear > 0) & (shear <= VALUES["farthest"] + 1e-9) & np.isfinite(sheared.fem_force_N)]
 
 
 TIP_FIGURES = (

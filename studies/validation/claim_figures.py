@@ -13,7 +13,7 @@ from geometry.design import paper
 from studies.output.figures import Figure, Look, bands, heat, plot, save
 from studies.validation.claim_errors import (
     CLAIMED,
-    FARTHEST,
+    VALUES,
     Press,
     States,
     compared,
@@ -150,7 +150,7 @@ def figure_9(press: Press, best_E: float) -> list[Figure]:
 
 def figure_11(sheared: pd.DataFrame) -> list[Figure]:
     """Return F_mu over the displacement of the tip by (6), and by finite elements under each condition of the tip."""
-    ends = np.linspace(0.0, FARTHEST, 9)
+    ends = np.linspace(0.0, VALUES["farthest"], 9)
     curves = {}
     for tip, each in sheared.groupby("tip", sort=False):
         known = compared(each)

@@ -11,7 +11,6 @@ import functools
 import math
 import statistics
 import time
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -39,16 +38,9 @@ from studies.simulation import vibration_report
 from studies.simulation.compare import part
 from studies.simulation.comparison_findings import spans
 from studies.validation import claim_errors, claim_figures, pages
-from studies.validation.claim_errors import BOUND, CLAIMED, MODULI, PUBLISHED, Press, States, formula
+from studies.validation.claim_errors import BOUND, CLAIMED, VALUES, WORDS, Press, States, formula
 from studies.validation.pages import Row
 
-WORDS: dict[str, Any] = tomllib.loads((pages.TEMPLATES / "claims.toml").read_text("utf-8"))
-"""Each claim with the words of its answer, and the values that all of them share."""
-VALUES: dict[str, Any] = WORDS.pop("values") | {
-    "moduli": MODULI,
-    "published": PUBLISHED,
-    "friction": claim_errors.FRICTION,
-}
 FILES = (
     *("CLAIMS.md", "claims.csv", "heights.csv", "presses.csv", "shears.csv", "parts.csv", "modulus_and_height.png"),
     *("figure_6.png", "figure_8.png", "figure_9.png", "figure_11.png", "figure_12.png"),
@@ -183,7 +175,8 @@ def of_largest(heights: pd.DataFrame, states: States) -> Row:
     preset, rubbed = states.preset, states.rubbed
     fitting, at_one = heights.dropna(subset="E_from_MPa"), heights.error_percent_of_largest.dropna()
     own = heights[heights.magnet_height_mm == preset.height].iloc[0]
-    published = fitting[(fitting.E_from_MPa <= PUBLISHED[1]) & (fitting.E_to_MPa >= PUBLISHED[0])].magnet_height_mm
+    low, high = VALUES["published"]
+    published = fitting[(fitting.E_from_MPa <= high) & (fitting.E_to_MPa >= low)].magnet_height_mm
     ends = pages.records(fitting.iloc[[0, -1]]) if len(fitting) else []
     at_ends = [row["magnet_height_mm"] for row in ends]
     known = heights.magnet_height_mm[at_one.index]
@@ -477,7 +470,7 @@ def factor_figures() -> Row:
         )
 
     return {
-        "rest_mT": 1e3 * (claim_errors.S1_AT_REST - design.hall_null) / design.hall_gain,
+        "rest_mT": 1e3 * (VALUES["S1_at_rest"] - design.hall_null) / design.hall_gain,
         "polarisation_T": VALUES["factor"] * MU0 / design.hall_gain,
         "rest_V": by_factor(design.l0),
         "face_V": by_factor(design.magnet_height / 2),
