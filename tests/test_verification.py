@@ -39,6 +39,13 @@ def test_a_bonded_incompressible_base_is_stiffer_than_the_theory_and_only_that_b
     assert free[0] / free[1] == pytest.approx(4, abs=0.3)
 
 
+def test_published_pressures_of_the_sphere_are_its_closed_form():
+    """Bower, solidmechanics.org, section 4.2."""
+    for stretch, (_, published) in zip((1.25, 2.0), QUICK["thick sphere"]["quantities"], strict=True):
+        outer = np.cbrt(1 + (stretch**3 - 1) / 8)
+        assert (4 / outer + outer**-4 - 4 / stretch - stretch**-4) / 2 == pytest.approx(published, abs=5e-8)
+
+
 def test_frequencies_of_a_slender_beam_are_euler_s():
     slender = (
         np.array(static_problems.frequencies(200.0, 0.3, 3))
