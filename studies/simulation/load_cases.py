@@ -34,7 +34,7 @@ MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
 """Columns that distinguish the states of a path."""
 FIRST = ("status", *MOVED, "force_N", "shift_mm")
 """Columns that a table of states shows even in a narrow terminal."""
-UNSHOWN = (*state_rows.FACTS, "made_for")
+UNSHOWN = (*(name for name in state_rows.FACTS if name != "largest_strain_percent"), "made_for")
 """Columns that only JSON and wide tables show."""
 
 
@@ -412,4 +412,4 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
         warnings=warnings,
         made_for=design_digest.of_mechanics(design, "ignored" if readings is None else "rigid"),
     )
-    return of_record("Formulas", row, UNSHOWN)
+    return of_record("Formulas", row, (*state_rows.FACTS, "made_for"))

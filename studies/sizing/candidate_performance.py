@@ -480,18 +480,17 @@ class _Rated:
         return self._over_corners(np.concatenate(shares, axis=1), -1)
 
     def _range(self, soft: Curves, strain: Array, saturation: Array) -> tuple[Array, Array]:
-        """Return the largest factor on all loads that keeps the bounds, 0 if 1 does not, and the depth there."""
+        """Return the largest factor on all loads that keeps the bounds, and the depth there.
+
+        It is 0 if 1 does not keep them, and NaN if that is unknown.
+        """
         needed = self.needed
         stable = np.minimum(self.known, self.stable / needed.stability_margin)
         top = soft.pressed(np.maximum(stable, surrogate_range.SHALLOWEST)[:, None])[0][:, 0, 0] * self.units[:, 0]
         most = np.minimum(top / (self.share[:, 0] * needed.force_z), needed.range_cap or np.inf)
-        factor = np.zeros(len(most))
-        bad = (
-            (strain > (needed.largest_strain or np.inf))
-            | (needed.no_saturation & (saturation < 0))
-            | np.isnan(strain)
-        )
-        rows = np.flatnonzero(~bad & (most >= 1))
+        factor = np.where(np.isnan(strain), np.nan, 0.0)
+        good = (strain <= (needed.largest_strain or np.inf)) & ~(needed.no_saturation & (saturation < 0))
+        rows = np.flatnonzero(good & (most >= 1))
         deep = np.full(len(most), np.nan)
         if not len(rows):
             return factor, deep
