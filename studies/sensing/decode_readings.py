@@ -270,12 +270,10 @@ def decode_file(
 ) -> Result:
     """Decode a table of readings as a stream, add the columns `COLUMNS` and count the rows of each status.
 
-    Without `out` the table is printed; as JSON, one object for each row with its number and its readings.
-
-    The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities),
-    or chip_-z_T,chip_x_T,chip_y_T.
-    Further columns are copied. A row with an empty or NaN reading gets the status not_finite. `check` returns the
-    status of each row, which may differ from the decoder's, and warnings. A row without an answer is a failure.
+    Without `out` the table is printed; as JSON, one object for each row with its number and its readings. Columns
+    other than those of the elements, in their order, are copied. A row with an empty or NaN reading gets the status
+    not_finite. `check` returns the status of each row, which may differ from the decoder's, and warnings. A row
+    without an answer is a failure.
 
     Raises
     ------
@@ -308,28 +306,29 @@ def decode_file(
         decoded, statuses, relaxing = _over_time(coder, field, times, slow, statuses)
         names = [*COLUMNS[:-2], *TIME_COLUMNS, *COLUMNS[-2:]]
         said = [*said, *_law_sentences(coder.forward.design, relaxing)]
-    tilt, tilt_y = tilts_of(*decoded.tilt.T)
-    numbers = np.column_stack([
-        decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing,
-    ])  # fmt: skip
+    found = _found_rows(decoded, statuses, relaxing, level)
+    result = partial(_result, coder, slow, field, level, statuses, said)
     if as_json and target is None:
-        lines = zip(field.tolist(), statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True)
+        rows_of = enumerate(zip(field.tolist(), found, strict=True), 1)
         console.report(
-            [
-                {"row": k, "readings_T": b} | dict(zip(names, (status, *line, many, level), strict=True))
-                for k, (b, status, line, many) in enumerate(lines, 1)
-            ],
+            [{"row": k, "readings_T": b} | dict(zip(names, row, strict=True)) for k, (b, row) in rows_of],
             as_json=True,
         )
-        return _result(coder, slow, field, level, statuses, said, printed=True)
-    text = _as_csv(
-        [*head, *names], rows, zip(statuses, numbers.tolist(), decoded.multiplicity.tolist(), strict=True), level
-    )
+        return result(printed=True)
+    text = _as_csv([*head, *names], rows, found)
     if target is None:
         print(text, end="", flush=True)
     else:
         atomic_files.write_text(target, text)
-    return _result(coder, slow, field, level, statuses, said, printed=target is None)
+    return result(printed=target is None)
+
+
+def _found_rows(decoded: Decoded, statuses: Sequence[Status], relaxing: Array, level: str) -> list[tuple[Any, ...]]:
+    """Return the values of the columns that decoding adds, row by row."""
+    tilt, tilt_y = tilts_of(*decoded.tilt.T)
+    parts = (decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing)
+    lines, many = np.column_stack(parts).tolist(), decoded.multiplicity.tolist()
+    return [(status, *line, count, level) for status, line, count in zip(statuses, lines, many, strict=True)]
 
 
 def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Array | None:
@@ -399,15 +398,14 @@ def _law_sentences(design: Design, relaxing: Array) -> list[str]:
     return sentences("law", most=part, off=off, design=design, tenth=100 * TENTH)
 
 
-def _as_csv(
-    head: list[str], rows: list[list[str]], found: Iterable[tuple[Status, list[float], int]], level: str
-) -> str:
-    """Return the rows of a table with `COLUMNS` added, all digits of numbers, and an empty cell for no number."""
+def _as_csv(head: Sequence[str], rows: Sequence[Sequence[str]], found: Iterable[tuple[Any, ...]]) -> str:
+    """Return rows of a table with the found values added, all digits of numbers, and an empty cell for no number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(head)
-    for row, (status, line, many) in zip(rows, found, strict=True):
-        writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many, level])
+    for row, values in zip(rows, found, strict=True):
+        cells = (("" if math.isnan(v) else repr(v + 0.0)) if isinstance(v, float) else v for v in values)
+        writer.writerow([*row, *cells])
     return text.getvalue()
 
 
