@@ -23,14 +23,10 @@ from studies.validation.pages import Row
 
 NAN = math.nan
 FILES = ("FRICTION.md", "friction.csv", "friction.png")
-DEPTH = 1.0
-"""Depth of the press before full slip and before the cycle, mm."""
+DEPTH, TURN, TILT = 1.0, 2.0, 0.1
+"""Depth of the press before full slip and before the cycle, and largest shear of the cycle, mm; tilt of the plate."""
 MUS = {0.05: 0.5, 0.1: 1.0, 0.2: 2.0, 0.5: 4.0}
 """Coefficients of friction, and for each a shear beyond full slip, mm."""
-TURN = 2.0
-"""Largest shear of the cycle, mm."""
-TILT = 0.1
-"""Tilt of the plate, rad."""
 SOLID_MODELS: tuple[Model, ...] = ("half", "full")
 COARSE = replace(QUICK, name="coarse", section_size=0.2, harmonics=1)
 ONSET = replace(STANDARD, name="onset", section_size=0.045, harmonics=2)
@@ -186,11 +182,8 @@ def draw_friction(curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]
 
     def table(states: Sequence[Solution]) -> pd.DataFrame:
         found = pd.DataFrame([state.response.force for state in states], columns=[force, "y", "z"])
-        shear, name = (
-            [state.load.shear_x for state in states],
-            f"\N{GREEK SMALL LETTER MU} = {states[0].load.friction:g}",
-        )
-        return found.assign(**{x: shear, ratio: found[force] / found["z"], "series": name})
+        found[x], found[ratio] = [state.load.shear_x for state in states], found[force] / found["z"]
+        return found.assign(series=f"\N{GREEK SMALL LETTER MU} = {states[0].load.friction:g}")
 
     figures = []
     if curves:
