@@ -29,8 +29,6 @@ LEAST_DIAMETER, LEAST_HEIGHT, SLENDER = 0.2, 0.1, (0.1, 4.0)
 """Least diameter and height of a magnet, mm, and limits of its height / diameter."""
 END = 0.1
 """Share of the samples at each end of each quantity's range."""
-
-
 VOLUME, BASE, LEAST_JACOBIAN = 1e-5, 1e-4, 0.05
 """Largest relative errors of volumes and of the base, and least ratio of the Jacobians of a cell."""
 STEPS = ["solids", "section", "solid_mesh"]
