@@ -13,7 +13,7 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.calibration import bench_file, calibration_study, sensor_fit
+from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit
 from studies.sensitivity.made_sensors import made_readings, made_sensors, tolerances
 from studies.validation import calibration_check
 
@@ -149,7 +149,7 @@ def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
     assert one["force_N"][2] == pytest.approx(table["true z"][7], abs=0.1)
     status, text, err = run("decode", "paper", "--calibration", out / "calibration.json", "--file", files[0])
     assert status == 0, err
-    assert text.splitlines()[0].endswith(",".join(calibration_study.DECODED))
+    assert text.splitlines()[0].endswith(",".join(calibration_file.DECODED))
     table.iloc[:4, :3].mul(1000).set_axis(["S1 [mV]", "S2 [mV]", "S3_mV"], axis=1).to_csv(
         tmp_path / "mV.csv", index=False
     )

@@ -1,19 +1,14 @@
-"""Study calibrate: a made sensor from bench rows, its forces on held-out runs beside two regressions, and its files.
-
-A calibration is a file of numbers (calibration.json): the nominal design, the polynomials of its mechanics, and the
-unknowns of `studies.calibration.sensor_fit` with their covariance. `magtip decode --calibration` reads it.
-"""
+"""Study calibrate: a made sensor from bench rows, and its forces on held-out runs beside two regressions."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,32 +16,28 @@ from analytic import parts
 from analytic.inverse.response_surface import Mechanics, of_formula, workspace
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
+from geometry.loads import Load
 from geometry.messages import Progress
-from studies.calibration import bench_file, sensor_fit
+from studies.calibration import bench_file, calibration_file, sensor_fit
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
-from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
-from studies.inputs import table_input
-from studies.inputs.option_groups import Decoding
-from studies.inputs.user_input import design_text, parse_numbers
+from studies.calibration.sensor_fit import Fit, Sensor
+from studies.inputs.option_groups import Calibrating
+from studies.inputs.user_input import design_text, pairs, parse_numbers
 from studies.mechanics import surrogate_response
-from studies.output import atomic_files, page_templates
+from studies.output import page_templates
 from studies.output.atomic_files import write_text
-from studies.output.figures import Figure, Guide, Look, picture, plot, table_of
-from studies.output.result import Result, Table
+from studies.output.figures import Figure, Guide, Look, plot, save
+from studies.output.result import Result, Rows, Table
 from studies.sensing.decode_readings import of_file
-from studies.sensitivity.made_sensors import Tolerances
+from studies.sensitivity.made_sensors import parse_tolerances
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from studies.output.records import FlatRow
 
 FILES = (
     *("CALIBRATION.md", "calibration.json", "design.toml", "calibration.png"),
     *("unknowns.csv", "held_out.csv", "learning.csv", "residuals.csv", "columns.csv"),
 )
-FORMAT = 1
-"""Version of calibration.json."""
 SIZES = (12, 30, 100, 300, 1000, 3000)
 """Numbers of rows of the learning curve."""
 FOLDS = 5
@@ -85,19 +76,13 @@ def mechanics_of(design: Design, responses: Path | None) -> tuple[Mechanics, str
         deepest = 0.999 * design.D * float(min(beams.deepest[0], beams.stable_to()[0]))
         farthest = 0.999 * design.D * float(beams.farthest[0])
         law = of_formula(lambda load: surrogate_response.respond(design, load).response, deepest, farthest)
-        errors = surrogate_response.respond(design, _press(deepest / 2)).errors
+        errors = surrogate_response.respond(design, Load(depth=deepest / 2)).errors
     except BadInput as error:
         raise BadInput(
             f"{str(error).removesuffix(': take finite elements')}: give --responses, states of finite elements that "
             "magtip solve --json printed"
         ) from None
     return law, "surrogate of the finite elements", (errors["force"] or 0.0) / sensor_fit.QUANTILE
-
-
-def _press(depth: float) -> Any:
-    from geometry.loads import Load
-
-    return Load(depth=depth)
 
 
 def estimate_lag(bench: Bench) -> float | None:
@@ -210,8 +195,8 @@ def _score(force: Array, truth: Array, full_scale: float) -> FlatRow:
 
 def held_out(
     sensor: Sensor, measured: Array, warmer: Array, bench: Bench, rows: Ints, progress: Progress
-) -> tuple[list[FlatRow], list[FlatRow], Array, Array]:
-    """Return errors on held-out rows, the learning curve, and force and half width (n, 3) that each row's fold gives.
+) -> tuple[list[FlatRow], list[FlatRow], Array]:
+    """Return errors on held-out rows, the learning curve, and the force (n, 3) that each row's fold gives.
 
     The learning curve has the errors of sensors and regressions from fewer training rows, drawn with a seed.
     """
@@ -220,7 +205,7 @@ def held_out(
     full_scale = float(np.nanmax(np.abs(truth)))
     table: list[FlatRow] = []
     curve: list[FlatRow] = []
-    force, half = np.full_like(truth, np.nan), np.full_like(truth, np.nan)
+    force = np.full_like(truth, np.nan)
     every = list(folds(bench, rows))
     for place, (name, train, test) in enumerate(every):
         progress(0.2 + 0.7 * place / len(every), f"without {name}")
@@ -237,28 +222,16 @@ def held_out(
                 curve.append(score | {"training_rows": size})
                 if size == len(train):
                     table.append(score)
-        force[test], half[test] = decoded.force, decoded.half_width
+        force[test] = decoded.force
         inside = np.abs(decoded.force - truth[test]) <= np.hypot(
             decoded.half_width, sensor_fit.QUANTILE * sensor.force_noise
         )
         known = np.isfinite(decoded.force) & np.isfinite(truth[test])
         table[-len(METHODS)]["inside_percent"] = 100 * float(inside[known].mean()) if known.any() else math.nan
-    return table, curve, force, half
+    return table, curve, force
 
 
 # What the fit says
-
-
-def unknown_rows(found: Fit) -> list[FlatRow]:
-    """Return value, standard deviation and prior of each unknown."""
-    un = found.sensor.unknowns
-    return [
-        {"name": name, "unit": unit, "value": value, "deviation": deviation, "prior": prior, "prior_deviation": wide}
-        for name, unit, value, deviation, prior, wide in zip(
-            un.names, un.units, found.theta.tolist(), found.deviation.tolist(), un.mean.tolist(),
-            un.deviation.tolist(), strict=True,
-        )
-    ]  # fmt: skip
 
 
 def sentences(found: Fit) -> list[str]:
@@ -345,81 +318,66 @@ def advice(found: Fit) -> str:
 # The study
 
 
-def run(
-    design: Design,
-    bench: Bench,
-    tolerances: Tolerances,
-    progress: Progress,
-    *,
-    responses: Path | None = None,
-    freed: Sequence[str] = (),
-    fixed: Mapping[str, float] = {},
-    force_noise: float | None = None,
-) -> Result:
-    """Calibrate a sensor from bench rows.
-
-    Parameters
-    ----------
-    responses : states of finite elements for the mechanics; default: the surrogate.
-    freed, fixed : unknowns with a wide prior, and values of unknowns that are not estimated.
-    force_noise : standard deviation of the measured forces, N; default: half a percent of the largest one.
+def run(design: Design, files: Sequence[Path], options: Calibrating, progress: Progress) -> Result:
+    """Calibrate a sensor from files that a test stand recorded.
 
     Raises
     ------
     BadInput
-        The design has no magnet, the surrogate does not know it, or an unknown has no such name.
+        The design has no magnet, the surrogate does not know it, or an option or a file cannot be read.
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there is nothing to calibrate")
+    force_noise = options.force_noise
     if force_noise is not None and not 0 < force_noise < math.inf:
         raise BadInput(f"--force-noise must be a number of N above 0; got {force_noise:g}")
+    fixed = pairs("--fix", options.fix or [], "remanence=1")
+    values = {name: parse_numbers(f"--fix {name}", text)[0] for name, text in fixed.items()}
+    bench = bench_file.read(files, design, pairs("--column", options.columns or [], "S1=X0"), options.force_sign)
+    made = parse_tolerances(options.tolerances or [], design)
     progress(0.0, "mechanics")
-    law, source, error = mechanics_of(design, responses)
-    un = sensor_fit.unknowns_of(design, bench, tolerances, freed=freed, fixed=fixed, model_error=error)
-    elements, noise_source = parts.with_noise(parts.of_design(design))
-    noise = np.array([element.noise_T * element.gain for element in elements])
-    if not noise.all():
-        raise BadInput(
-            "the readings have neither noise nor a step in this design, so nothing weighs them: set "
-            f"{'hall_noise' if elements[0].unit == 'V' else 'chip_noise'}"
-        )
+    law, source, error = mechanics_of(design, options.responses)
+    un = sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values, model_error=error)
+    noise, noise_source = _noise(design)
     measured, k, lag = sensor_fit.measured_of(bench), len(noise), estimate_lag(bench)
+    truth = measured[:, k : k + 3]
     if lag:
-        measured[:, k : k + 3] = _delayed(bench, measured[:, k : k + 3], lag)
-    full_scale = float(np.nanmax(np.abs(measured[:, k : k + 3])))
+        truth[:] = _delayed(bench, truth, lag)
+    full_scale = float(np.nanmax(np.abs(truth)))
     sensor = Sensor(design, law, un, noise, force_noise or 0.005 * full_scale)
-    complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(measured[:, k : k + 3]).any(axis=1)
+    complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(truth).any(axis=1)
     rows, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
     found = (sensor_fit.fit if force_noise else sensor_fit.fit_with_noise)(sensor, measured[rows], warmer[rows])
-    table, curve, force, half = held_out(found.sensor, measured, warmer, bench, rows, progress)
+    table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
     progress(0.95, "pictures")
-    residuals, summary = residual_rows(found, bench, rows), _summary(table)
-    origin = {
-        "mechanics": source,
-        "lag_s": lag,
-        "full_scale": full_scale,
-        "noise_source": noise_source,
+    tables: dict[str, Rows] = {
+        "unknowns": calibration_file.unknown_rows(found), "held_out": table, "learning": curve,
+        "residuals": residual_rows(found, bench, rows), "columns": bench.understood,
+    }  # fmt: skip
+    origin: FlatRow = {
+        "mechanics": source, "lag_s": lag, "full_scale": full_scale, "noise_source": noise_source,
         "estimated": force_noise is None,
-    }
-    result = _result(
-        found, bench, (table, curve, summary, residuals), origin, _warnings(found, bench, rows, residuals, summary)
-    )
-    points = [
-        {"component": name, "measured": t, "decoded": f, "half": h}
-        for j, name in enumerate(FORCES)
-        for t, f, h in zip(*(each[rows, j].tolist() for each in (measured[:, k : k + 3], force, half)), strict=True)
-        if math.isfinite(t)
-    ]
-    drawn = {"calibration.png": partial(picture, rows=points, draw=partial(figures, curve=curve))}
-    return dataclasses.replace(result, files={**result.files, **drawn})
+    }  # fmt: skip
+    drawn = partial(figures, truth[rows], force[rows], curve)
+    return _result(found, bench, tables, origin, _outliers(found, bench, rows), drawn)
 
 
-def _warnings(
-    found: Fit, bench: Bench, rows: Ints, residuals: Sequence[FlatRow], summary: Sequence[FlatRow]
-) -> list[str]:
-    """Return what speaks against a calibration: residuals that are no noise, wrong rows, a better regression."""
-    wrong = sorted({row["channel"] for row in residuals if not row["noise"]})
+def _noise(design: Design) -> tuple[Array, str]:
+    """Return the standard deviations (k,) of the readings, in the elements' unit, and their source."""
+    elements, source = parts.with_noise(parts.of_design(design))
+    noise = np.array([element.noise_T * element.gain for element in elements])
+    if not noise.all():
+        name = "hall_noise" if elements[0].unit == "V" else "chip_noise"
+        raise BadInput(
+            f"the readings have neither noise nor a step in this design, so nothing weighs them: set {name}"
+        )
+    return noise, source
+
+
+def _warnings(found: Fit, tables: Mapping[str, Rows], outliers: Sequence[str], own: FlatRow) -> list[str]:
+    """Return what speaks against a calibration: residuals that are no noise, wrong rows, rows without a force."""
+    wrong = sorted({row["channel"] for row in tables["residuals"] if not row["noise"]})
     said = []
     if found.growth > 2 or wrong:
         where = f" (channels {', '.join(wrong)})" if wrong else ""
@@ -427,11 +385,9 @@ def _warnings(
         said.append(
             f"residuals are larger than the stated errors, or no noise{where}: the model lacks something{wider}"
         )
-    said += _outliers(found, bench, rows)
-    if lost := summary[0]["lost"]:
-        said.append(
-            f"{lost} of {summary[0]['rows']} held-out rows have no force by the calibration, and count in no error"
-        )
+    said += outliers
+    if lost := own["lost"]:
+        said.append(f"{lost} of {own['rows']} held-out rows have no force by the calibration, and count in no error")
     return said
 
 
@@ -450,63 +406,58 @@ def _failures(summary: Sequence[FlatRow]) -> list[str]:
 def _result(
     found: Fit,
     bench: Bench,
-    tables: tuple[Sequence[FlatRow], Sequence[FlatRow], Sequence[FlatRow], Sequence[FlatRow]],
+    tables: Mapping[str, Rows],
     origin: FlatRow,
-    warnings: Sequence[str],
+    outliers: Sequence[str],
+    drawn: Callable[[], list[Figure]],
 ) -> Result:
-    """Return the result of a fit; `tables` are those of held-out rows, learning curve, summary and residuals."""
-    (table, curve, summary, residuals), sensor = tables, found.sensor
-    said, unknowns, design = [*sentences(found), advice(found)], unknown_rows(found), sensor.design
+    sensor, design, summary = found.sensor, found.sensor.design, _summary(tables["held_out"])
+    said, warnings = [*sentences(found), advice(found)], _warnings(found, tables, outliers, summary[0])
     record: FlatRow = {
         "rows": len(found.shift), "runs": len(bench.runs), "mechanics": origin["mechanics"],
         "lag_s": origin["lag_s"], "chi2": found.chi2, "freedom": found.freedom, "growth": found.growth,
-        "unknowns": unknowns, "held_out": table, "sentences": said,
+        "unknowns": tables["unknowns"], "held_out": tables["held_out"], "sentences": said,
     }  # fmt: skip
     page = page_templates.rendered(
         Path(__file__).with_name("CALIBRATION.md.j2"),
         **origin,
+        **tables,
         record=record,
-        understood=bench.understood,
-        unknowns=unknowns,
-        table=table,
         summary=summary,
-        residuals=residuals,
         said=said,
         warnings=warnings,
         force_noise=sensor.force_noise,
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
-        learning=_curve(curve),
+        curve=_curve(tables["learning"]),
     )
     factors = {name: float(sensor.value(found.theta, name)) for name in ("modulus", "remanence")}
     calibrated = dataclasses.replace(
         design, E=design.E * factors["modulus"], remanence=design.remanence * factors["remanence"]
     )
-    text = as_text(found, origin["mechanics"], origin["lag_s"])
+    text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"])
     return Result(
         title="Calibration",
         records=[record],
         shown=[
             Table(title="Columns", rows=bench.understood),
-            Table(title="Unknowns", rows=unknowns),
+            Table(title="Unknowns", rows=tables["unknowns"]),
             Table(title="Held-out rows", rows=summary),
             *(f"{each[0].upper()}{each[1:]}." for each in said),
         ],
-        tables={
-            "unknowns": unknowns, "held_out": table, "learning": curve, "residuals": residuals,
-            "columns": list(bench.understood),
-        },
+        tables=tables,
         files={
             "calibration.json": partial(write_text, text=text),
             "design.toml": partial(write_text, text=design_text(calibrated)),
+            "calibration.png": lambda path: save(path, drawn()),
         },
         pages={"CALIBRATION.md": page},
         warnings=warnings,
         failures=_failures(summary),
         design=dataclasses.asdict(design),
-    )  # fmt: skip
+    )
 
 
-def _summary(table: Sequence[FlatRow]) -> list[FlatRow]:
+def _summary(table: Rows) -> list[FlatRow]:
     """Return the errors over all held-out rows, by method."""
     found = []
     for method in METHODS:
@@ -528,7 +479,7 @@ def _summary(table: Sequence[FlatRow]) -> list[FlatRow]:
     return found
 
 
-def _curve(curve: Sequence[FlatRow]) -> list[FlatRow]:
+def _curve(curve: Rows) -> list[FlatRow]:
     """Return the mean RMSE over the held-out parts, by number of training rows."""
     import pandas as pd
 
@@ -542,14 +493,13 @@ def _curve(curve: Sequence[FlatRow]) -> list[FlatRow]:
     ]
 
 
-def figures(points: pd.DataFrame, curve: Sequence[FlatRow]) -> list[Figure]:
-    """Return decoded over measured forces of held-out rows, and the learning curve."""
+def figures(truth: Array, force: Array, curve: Rows) -> list[Figure]:
+    """Return errors over measured forces (n, 3) of held-out rows, and the learning curve."""
     import pandas as pd
 
-    shown = points.assign(**{
-        "measured force (N)": points.measured, "error of the decoded force (N)": points.decoded - points.measured,
-        "series": points.component.str.removesuffix("_N"), "panel": points.component.str.removesuffix("_N"),
-    })  # fmt: skip
+    shown = pd.DataFrame(truth, columns=list("xyz")).melt(var_name="series", value_name="measured force (N)")
+    shown["series"] = shown["panel"] = "F" + shown.series
+    shown["error of the decoded force (N)"] = (force - truth).T.ravel()
     learned = pd.DataFrame(curve).rename(
         columns={"training_rows": "training rows (1)", "rmse_N": "RMSE on held-out rows (N)"}
     )
@@ -558,7 +508,7 @@ def figures(points: pd.DataFrame, curve: Sequence[FlatRow]) -> list[Figure]:
         plot(
             "Error of decoded forces",
             "Decoded less measured force of rows that the calibration has not seen, over the measured force.",
-            shown,
+            shown.dropna(subset="measured force (N)"),
             "measured force (N)",
             "error of the decoded force (N)",
             Look(line=False, guides=(Guide("y", 0.0, ""),), shared=False),
@@ -572,146 +522,3 @@ def figures(points: pd.DataFrame, curve: Sequence[FlatRow]) -> list[Figure]:
             Look(log="xy"),
         ),
     ]
-
-
-# The file of a calibration
-
-
-def as_text(found: Fit, source: str, lag: float | None) -> str:
-    """Return the text of calibration.json."""
-    sensor = found.sensor
-    law = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(sensor.mechanics).items()}
-    record = {
-        "format": FORMAT,
-        "design": dataclasses.asdict(sensor.design),
-        "mechanics_source": source,
-        "lag_s": lag,
-        "unknowns": unknown_rows(found),
-        "covariance": found.covariance.tolist(),
-        "growth": found.growth,
-        "noise": sensor.noise.tolist(),
-        "force_noise_N": sensor.force_noise,
-        "temperature_C": sensor.temperature_C,
-        "mechanics": law,
-    }
-    return json.dumps(record, indent=1) + "\n"
-
-
-def read(path: Path) -> Fit:
-    """Read calibration.json.
-
-    Raises
-    ------
-    BadInput
-        The file is no calibration, or of another version.
-    """
-    try:
-        record = json.loads(table_input.text_of(path, "JSON"))
-        if record["format"] != FORMAT:
-            raise BadInput(f"{path} has format {record['format']}; this magtip reads {FORMAT}: calibrate again")
-        law: Any = dict(record["mechanics"]) | {"errors": tuple(record["mechanics"]["errors"])}
-        law |= {name: np.array(law[name]) for name in ("tau", "lateral", "normal", "depth", "shear")}
-        rows = record["unknowns"]
-        un = Unknowns(
-            tuple(row["name"] for row in rows),
-            tuple(row["unit"] for row in rows),
-            np.array([row["prior"] for row in rows]),
-            np.array([row["prior_deviation"] for row in rows]),
-        )
-        sensor = Sensor(
-            Design(**record["design"]), Mechanics(**law), un, np.array(record["noise"]), record["force_noise_N"],
-            temperature_C=record["temperature_C"],
-        )  # fmt: skip
-        theta = np.array([row["value"] for row in rows])
-        # growth is in the covariance already; of the decoder's own noise it is the factor too
-        nothing = np.zeros((0, 3))
-        return Fit(sensor, theta, np.array(record["covariance"]), nothing, nothing, record["growth"], 1)
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, BadInput):
-            raise
-        raise BadInput(f"{path} is no calibration ({error!r}): give calibration.json of magtip calibrate") from None
-
-
-# Decoding by a calibration
-
-DECODED = (
-    "status",
-    *(
-        f"{name}_{axis}_{unit}"
-        for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm"))
-        for axis in "xyz"
-    ),
-)
-"""Columns that decoding by a calibration adds: force, half of its 90 % interval, shift of the magnet."""
-WHY = {
-    "ok": "",
-    "no_pose": "no pose of the magnet explains these readings: the sensor has changed, or a reading is wrong",
-    "not_finite": "a reading is missing or not a finite number",
-}
-
-
-def decoded_rows(found: Fit, readings: Array) -> list[FlatRow]:
-    """Return the columns DECODED of readings (n, k), in the elements' unit."""
-    answer = sensor_fit.decode(found, readings, np.zeros(len(readings)))
-    finite, known = (np.asarray(np.isfinite(each).all(axis=1)) for each in (readings, answer.force))
-    status = np.where(known, "ok", np.where(finite, "no_pose", "not_finite"))
-    shift = np.where(known[:, None], answer.shift, np.nan)
-    numbers = np.hstack([answer.force, answer.half_width, shift])
-    return [dict(zip(DECODED, (s, *n), strict=True)) for s, n in zip(status.tolist(), numbers.tolist(), strict=True)]
-
-
-def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: bool) -> Result:
-    """Decode one set of readings, or the rows of a table, by a calibration; without `out` a table is printed.
-
-    Raises
-    ------
-    BadInput
-        The calibration is of another design, an option contradicts it, or the readings cannot be read.
-    """
-    path = decoding.calibration
-    assert path is not None
-    for option, given in (
-        ("--level", decoding.level),
-        ("--responses", decoding.responses),
-        ("--tolerance", decoding.tolerances),
-        ("--units", decoding.units),
-        ("--zero", decoding.zero),
-        ("--ignore-tilt", decoding.ignore_tilt),
-    ):
-        if given:
-            raise BadInput(f"{option} has no place beside --calibration, which fixes it: leave it out")
-    found = read(path)
-    if dataclasses.asdict(found.sensor.design) != dataclasses.asdict(design):
-        raise BadInput(f"{path} is the calibration of another design: decode with the design that was calibrated")
-    names = parts.columns(parts.of_design(design))
-    if decoding.readings is not None:
-        values = parse_numbers("--readings", decoding.readings)
-        if len(values) != len(names):
-            raise BadInput(f"--readings takes {len(names)} numbers, {','.join(names)}; got {len(values)}")
-        (row,) = decoded_rows(found, np.array([values]))
-        record = {"status": row["status"], "message": WHY[row["status"]], "level": "calibration", "readings": values}
-        for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm")):
-            record[f"{name}_{unit}"] = [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
-        return Result(
-            title="Decoded", records=[record], failures=[] if row["status"] == "ok" else [record["message"]]
-        )
-    assert decoding.file is not None
-    target = None if out is None else atomic_files.check_output_file(out, ".csv")
-    raw, numbers = bench_file.read_readings(decoding.file, design)
-    rows = [
-        {**texts, **row}
-        for texts, row in zip(raw.fillna("").to_dict("records"), decoded_rows(found, numbers), strict=True)
-    ]
-    table = table_of(rows).to_csv(index=False)
-    if target is not None:
-        atomic_files.write_text(target, table)
-    elif not as_json:
-        print(table, end="", flush=True)
-    lost = sum(row["status"] != "ok" for row in rows)
-    return Result(
-        title="Decoded rows",
-        records=rows if as_json and target is None else [],
-        shown=[],
-        remarks=[f"{lost} of {len(rows)} rows have no force"] if lost else [],
-        failures=["no row has a force"] if lost == len(rows) else [],
-    )

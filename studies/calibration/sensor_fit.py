@@ -110,8 +110,7 @@ def unknowns_of(
     """
     part, unit = ("hall", "V") if design.hall_layout == "three" else ("chip", "T")
 
-    def sigma(name: str) -> float:
-        """Return the standard deviation that a tolerance means, in percent where the tolerance is."""
+    def sigma(name: str) -> float:  # in percent where the tolerance is
         return made[name] * (1 / math.sqrt(3) if SPECS[name]["shape"] == "uniform" else 1 / CUT)
 
     rows = [
@@ -143,10 +142,8 @@ def unknowns_of(
     for name, value in fixed.items():
         k = names.index(name)
         if not abs(value - mean[k]) <= FARTHEST * (deviation[k] or 1.0):
-            raise BadInput(
-                f"--fix {name}={value:g} is far from what a made sensor has, {mean[k]:g} +- {deviation[k]:.2g} "
-                f"{units[k]}: check its value"
-            )
+            usual = f"{mean[k]:g} +- {deviation[k]:.2g} {units[k]}"
+            raise BadInput(f"--fix {name}={value:g} is far from what a made sensor has, {usual}: check its value")
     means, wide = np.array(mean), np.array(deviation)
     for k, name in enumerate(names):
         wide[k] *= 0.0 if name in fixed else 10.0 if name in freed else 1.0

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
-from studies.inputs.option_groups import LEVEL, Basis, Decoding, FieldLevel, LayoutParts, Pose, Reading
-from studies.inputs.user_input import pairs, parse_numbers, say_no_effect
+from studies.inputs.option_groups import LEVEL, Basis, Calibrating, Decoding, FieldLevel, LayoutParts, Pose, Reading
+from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
 
@@ -87,14 +87,7 @@ def calibrate(
     /,
     *,
     out: Path | None = None,
-    responses: Path | None = None,
-    columns: Annotated[list[str] | None, Parameter(name="--column")] = None,
-    force_sign: Literal[1, -1] = 1,
-    force_noise: float | None = None,
-    free: list[str] | None = None,
-    fix: list[str] | None = None,
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
-    scan: bool = False,
+    options: Calibrating = Calibrating(),
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -112,46 +105,17 @@ def calibrate(
         compression; if measured depth_mm, shear_x_mm, shear_y_mm, time_s, temperature_C, run. Cells may be empty.
     out
         Folder for calibration.json, which `decode --calibration` reads, design.toml, CALIBRATION.md, tables, picture.
-    responses
-        File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate.
-    columns
-        NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; repeatable.
-    force_sign
-        Factor on all forces: -1 where the file counts compression as negative.
-    force_noise
-        Standard deviation of a measured force, N; default: half a percent of the largest one.
-    free
-        Unknown whose prior is ten times as wide; repeatable.
-    fix
-        NAME=VALUE: unknown that is not estimated, such as remanence=1; repeatable.
-    tolerances
-        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, which gives the priors; repeatable.
-    scan
-        The one file is a scan of the bare magnet, without silicone, over the design's 3-axis chip: positions x_mm,
-        y_mm, z_mm of the stage and Bx_mT, By_mT, Bz_mT. Its polarisation, place and tilts are fitted.
     """
-    from studies.calibration import bench_file, calibration_study, magnet_scan
-    from studies.sensitivity.made_sensors import parse_tolerances
+    from studies.calibration import calibration_study, magnet_scan
 
-    names = magnet_scan.FILES if scan else calibration_study.FILES
-    here = destination(calibrate, locals(), names, [*bench, responses])
+    names = magnet_scan.FILES if options.scan else calibration_study.FILES
+    here = destination(calibrate, locals(), names, [*bench, options.responses])
     design = design_of(source, sets)
-    if scan:
-        if len(bench) > 1 or responses or columns or force_noise or free or fix or tolerances:
-            raise BadInput("--scan takes one file and no options of presses: leave the others out")
-        return publish(partial(magnet_scan.run, design, bench[0]), here)
-    named = pairs("--column", columns or [], "S1=X0")
-    fixed = {
-        name: parse_numbers(f"--fix {name}", text)[0]
-        for name, text in pairs("--fix", fix or [], "remanence=1").items()
-    }
-    table = bench_file.read(bench, design, named, force_sign)
-    made = parse_tolerances(tolerances or [], design)
-    study = partial(
-        calibration_study.run, design, table, made, responses=responses, freed=free or [], fixed=fixed,
-        force_noise=force_noise,
-    )  # fmt: skip
-    return publish(study, here)
+    if not options.scan:
+        return publish(partial(calibration_study.run, design, bench, options), here)
+    if len(bench) > 1 or options != Calibrating(scan=True):
+        raise BadInput("--scan takes one file and no options of presses: leave the others out")
+    return publish(partial(magnet_scan.run, design, bench[0]), here)
 
 
 def decode(
@@ -185,10 +149,10 @@ def decode(
     atomic_files.check_apart([out], [source, file, decoding.responses, decoding.calibration])
     design = design_of(source, sets)
     if decoding.calibration is not None:
-        from studies.calibration import calibration_study
+        from studies.calibration import calibration_file
 
         with atomic_files.sole_writer(out):
-            return show(calibration_study.decode(design, decoding, out, as_json=as_json), here)
+            return show(calibration_file.decode(design, decoding, out, as_json=as_json), here)
     made = parse_tolerances(decoding.tolerances or [], design)
     coder = decode_readings.prepare(design, decoding)
     if readings is not None:

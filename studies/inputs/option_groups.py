@@ -351,6 +351,42 @@ class Decoding:
 
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Calibrating:
+    """What is known of a made sensor and its test stand.
+
+    Attributes
+    ----------
+    responses
+        File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate.
+    columns
+        NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; repeatable.
+    force_sign
+        Factor on all forces: -1 where the file counts compression as negative.
+    force_noise
+        Standard deviation of a measured force, N; default: half a percent of the largest one.
+    free
+        Unknown whose prior is ten times as wide; repeatable.
+    fix
+        NAME=VALUE: unknown that is not estimated, such as remanence=1; repeatable.
+    tolerances
+        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, which gives the priors; repeatable.
+    scan
+        The one file is a scan of the bare magnet, without silicone, over the design's 3-axis chip: positions x_mm,
+        y_mm, z_mm of the stage and Bx_mT, By_mT, Bz_mT. Its polarisation, place and tilts are fitted.
+    """
+
+    responses: Path | None = None
+    columns: Annotated[list[str] | None, Parameter(name="--column")] = None
+    force_sign: Literal[1, -1] = 1
+    force_noise: float | None = None
+    free: list[str] | None = None
+    fix: list[str] | None = None
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    scan: bool = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutParts:
     """Parts of a study of a layout beside its map.
 
