@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from analytic import beam, decode, stream
 from analytic.inverse import forward_model, response_surface
-from geometry.design import BadInput, paper
+from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
 
 SHEARS = (0.5, 1.0, 1.5, 2.0, 2.5)
@@ -138,3 +138,19 @@ def test_shears_at_few_depths_do_not_oscillate_between_them():
     truth = beam.solve(paper(), Load(1.0, 0.5, friction="stick"), "finite")
     force, *_ = response_surface.force_and_load(law, np.array([truth.shift]).T)
     assert_allclose(force[0, 0], truth.force[0], rtol=0.02)
+
+
+def test_beyond_its_samples_a_tilt_stays_near_their_range():
+    """Without the range, the polynomial turns this magnet by 60 rad at the upper corner of the workspace."""
+    design = Design(D=6.7, L=7.1, magnet_diameter=5, magnet_height=3, l0=4.9, hall_layout="tle493d-p2b6")
+    law = response_surface.of_formula(lambda load: beam.solve(design, load, "finite"), 2.5, 2.5)
+    shift = np.random.default_rng(0).uniform(*response_surface.workspace(design, law), (1000, 3)).T
+    shift[:, 0] = response_surface.workspace(design, law)[1]
+    least, most = law.lean
+    held = np.hypot(*forward_model.rotation(law.tilt, shift)) / np.hypot(*shift[:2])
+    free = polyval2d((shift[:2] ** 2).sum(axis=0), shift[2], law.tau)
+    assert held.max() <= (2 * most - least) * (1 + 1e-12)
+    assert free.max() > 10 * most
+    inside = (least <= free) & (free <= most)
+    assert inside.sum() > 100
+    assert_allclose(held[inside], free[inside], rtol=1e-10)
