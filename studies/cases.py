@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["FemModel", "answer", "table"]
+Values = np.ndarray[Any, Any]
 
 
 def table(cases: Iterable[tuple[Design, Load, Magnet]]) -> pd.DataFrame:
@@ -103,13 +104,12 @@ def answer(
     base : what the columns do not say; default: the paper's sensor. Its Hall elements keep their places in the base
         where L or D vary, unless `l0_mm` is a column.
     quantities : any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth,
-        modes, response, cycle; critical depths are those of frictionless presses of the rows' sensors, whatever
-        their loads, by the finest finite elements. Default: force, shift, contact_radius, readings (with a magnet),
-        and tilt with loads to the side.
+        modes, response, cycle; critical depths are those of frictionless presses, whatever the loads, by the finest
+        finite elements. Default: force, shift, contact_radius, readings (with a magnet), tilt (loads sideways).
     reference : name of the model that errors are relative to; default: the finest finite elements.
     store : file that keeps all solved states, a path; default: the user's.
-    workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler.
-    retry_failed : solve again the cases whose process died.
+    workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler;
+        with `retry_failed` cases whose process died are solved again.
     progress : called with the share that is done and a text.
 
     Returns
@@ -117,8 +117,7 @@ def answer(
     A table with the index of `cases`: its fields, then for each model force (N), shift (mm), tilt (rad), contact
     radius (mm), readings (mT and V) and so on under the column names of `magtip sweep`, such as `fem_force_N`;
     errors against the reference in %; estimated relative errors (half widths of 90 % intervals for the surrogate);
-    `status` (ok, unstable, not_converged, bad_input, ...) and `message`. What a model cannot answer is NaN, and an
-    impossible case has the status bad_input with its reason.
+    `status` (ok, unstable, not_converged, bad_input, ...) and `message`. What a model cannot answer is NaN.
 
     Raises
     ------
@@ -128,27 +127,26 @@ def answer(
     _check_kinds(cases, models, base, quantities, reference)
     processes = Processes(workers, scheduler, retry_failed)
     asked = study_input.checked_quantities(tuple(quantities))
-    names = _axes(cases, needs_load=study_input.needs_load(asked))
-    columns, refusals = zip(
-        *(_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)), strict=True
-    )
-    reasons = np.array(["; ".join(filter(None, each)) for each in zip(*refusals, strict=True)], dtype=object)
-    possible = np.flatnonzero(reasons == "") if len(cases) else np.arange(0)
-    factor = Factor(tuple(names), tuple(values[possible] for values in columns), sampled=True)
+    fields, reasons = _fields(cases, needs_load=study_input.needs_load(asked))
+    possible = np.flatnonzero(reasons == "")
+    factor = Factor(tuple(fields), tuple(values[possible] for values in fields.values()), sampled=True)
     plan = _plan(base or paper(), factor, models, asked, reference)
     with stores.opened(Path(store or stores.default())) as states:
         parts = list(sweep.run(plan, None, states, processes=processes, progress=progress)) if len(possible) else []
-    return _joined(dict(zip(names, columns, strict=True)), parts, reasons).set_axis(cases.index)
+    return _joined(fields, parts, reasons).set_axis(cases.index)
 
 
-def _axes(cases: pd.DataFrame, *, needs_load: bool) -> list[str]:
-    """Return the fields of the columns."""
+def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:
+    """Return the values of the fields, and for each case why it is refused, "" if it is not."""
     names = [_axis(str(column)) for column in cases.columns]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
     if not names or (needs_load and not {"depth", "grip"} & set(names)):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
-    return names
+    columns = [_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)]
+    refusals = zip(*(reasons for _, reasons in columns), strict=True)
+    reasons = np.array(["; ".join(filter(None, each)) for each in refusals], dtype=object)
+    return {name: values for name, (values, _) in zip(names, columns, strict=True)}, reasons
 
 
 def _plan(
@@ -173,7 +171,7 @@ def _plan(
     return plan
 
 
-def _joined(given: Mapping[str, Any], parts: Sequence[Columns], reasons: np.ndarray[Any, Any]) -> pd.DataFrame:
+def _joined(given: Mapping[str, Any], parts: Sequence[Columns], reasons: Values) -> pd.DataFrame:
     """Return the answers of the possible cases, and the reasons of the others, in the order of the cases."""
     import pandas as pd
 
@@ -215,7 +213,7 @@ def _axis(column: str) -> str:
     raise BadInput(f"there is no field {column!r} of a design or a load: {remedy}")
 
 
-def _cells(name: str, column: pd.Series) -> tuple[np.ndarray[Any, Any], list[str]]:
+def _cells(name: str, column: pd.Series) -> tuple[Values, list[str]]:
     """Return the cells of a column, floats or texts, and for each why it is refused, "" if it is not.
 
     The bounds are those of the field; what depends on other fields is checked where designs and loads are made.

@@ -218,6 +218,13 @@ MOST = 4096
 """Largest population, number of generations, and number of solved points; more are taken for a mistake."""
 
 
+def _check_effort(options: Sizing) -> None:
+    for name, least in (("population", 8), ("generations", 1), ("points", 1), ("sensors", 1)):
+        value, most = getattr(options, name), 100_000 if name == "sensors" else MOST
+        if not least <= value <= most:
+            raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
+
+
 def size(
     source: Wanted = "",
     /,
@@ -231,10 +238,9 @@ def size(
     """Find the variants that meet requirements: a Pareto front of range, resolution and size, confirmed by FEM.
 
     Magnets, Hall parts and silicones come from catalogues (see magtip catalogue). All points of the front are solved
-    by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: the
-    message then says what is impossible, or how many candidates were tried, which one comes nearest, and which
-    requirement alone could give, after a search with it. After an interruption the same command solves no state
-    again.
+    by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: a message
+    then says what is impossible, or which candidate comes nearest and which requirement alone could give. After an
+    interruption the same command solves no state again.
 
     Parameters
     ----------
@@ -255,36 +261,31 @@ def size(
         print(EXAMPLE, end="")
         return 0
     if not source or out is None:
-        raise BadInput(
-            "size needs a file of requirements and --out FOLDER; `magtip size --example` prints such a file"
-        )
+        raise BadInput("size needs a file of requirements and --out FOLDER; size --example prints such a file")
     here = destination(size, locals(), sizing_study.FILES)
-    for name, least in (("population", 8), ("generations", 1), ("points", 1), ("sensors", 1)):
-        value, most = getattr(options, name), 100_000 if name == "sensors" else MOST
-        if not least <= value <= most:
-            raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
+    _check_effort(options)
     requirements = read_requirements(source)
     for warning in requirements.warnings():
         console.warn(warning)
     check_files(here)
     atomic_files.check_apart([options.store], [source])
     sizing_export.check_parts(out)
-    effort = Effort(options.population, options.generations, requirements.seed)
-    level, processes = LEVELS[options.accuracy], Processes(options.workers)
-    settings = sizing_study.Settings(effort, level, processes, options.store, options.points, options.sensors)
-    origin = versions(())
+    settings = sizing_study.Settings(
+        Effort(options.population, options.generations, requirements.seed), LEVELS[options.accuracy],
+        Processes(options.workers), options.store, options.points, options.sensors,
+    )  # fmt: skip
     with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
         sizing = sizing_study.run(requirements, settings, progress)
         # parts of earlier requirements must not stand beside a new result
         sizing_export.remove(folder)
-        result = sizing_study.result_of(sizing, origin, here.command, wide=wide)
+        result = sizing_study.result_of(sizing, versions(()), here.command, wide=wide)
         progress(0.97, "SIZING.md, tables and front.png")
         write(result, folder, here.command)
         if sizing.winner is not None:
             sizing_export.write_design(sizing.winner.variant, requirements, folder)
-        if options.export and sizing.winner is not None:
-            made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
-            lost = [made["message"]] if made["status"] != "ok" else []
-            result = replace(result, warnings=made["warnings"], failures=[*result.failures, *lost])
+            if options.export:
+                made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
+                lost = [made["message"]] if made["status"] != "ok" else []
+                result = replace(result, warnings=made["warnings"], failures=[*result.failures, *lost])
         progress(1.0, "complete")
     return show(result, here)

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from geometry import base, mold
 from geometry.bad_input import MeshError
 from geometry.design import Design
 from geometry.messages import Progress
@@ -51,8 +52,6 @@ def build(
 ) -> FlatRow:
     """Build the solids of a design, check them, and write all files into a folder if every check passes.
 
-    Other files in the folder stay.
-
     Parameters
     ----------
     picture : whether to draw the assembly; a second process does so, and takes about as long as all other work.
@@ -68,7 +67,6 @@ def build(
     BadInput
         A choice is impossible for this design, or the folder cannot be used.
     """
-    from geometry import base, mold
     from studies.fabrication import assembly_picture
 
     # impossible choices are refused before the folder is made and the CAD kernel is loaded
@@ -83,9 +81,9 @@ def build(
         progress(0.0, "solids and mould")
         console.load("build123d", "trimesh")
         solids = make_solids(design, choices)
-        size, recipe = design_summary.outer_size(design, solids.plan), casting_recipe.recipe_of(design, choices)
-        warned = [*design.warnings(), *warnings(design, choices, solids)]
-        row = fabricated("ok", "", folder, size | {"recipe": recipe}) | {"warnings": warned}
+        known = design_summary.outer_size(design, solids.plan) | {"recipe": casting_recipe.recipe_of(design, choices)}
+        row = fabricated("ok", "", folder, known)
+        row["warnings"] += [*design.warnings(), *warnings(design, choices, solids)]
         try:
             progress(0.2, "triangles")
             shapes = triangulated_parts(design, choices, solids)
@@ -98,10 +96,9 @@ def build(
             return row | {"status": "failed", "message": str(error)}
         if draw and solids.plan:
             progress(0.8, "picture")
-        missing = _draw(stage, design, solids, draw)
-        row["warnings"] += [*missing, *left_over(folder, stage)]
-        picture_name = PICTURE if (stage / PICTURE).exists() else ""
-        page = casting_recipe.text(design, choices, row, solids.plan, picture_name, command)
+        row["warnings"] += [*_draw(stage, design, solids, draw), *left_over(folder, stage)]
+        drawn = PICTURE if (stage / PICTURE).exists() else ""
+        page = casting_recipe.text(design, choices, row, solids.plan, drawn, command)
         atomic_files.write_text(stage / RECIPE, page)
     return row
 

@@ -160,29 +160,15 @@ def performance(
     worst = {name: np.full(n, -1) for name in WORST}
     unknown = np.full((2, n, 2 * p), np.nan)
     result = Performance(
-        values,
-        {},
-        np.repeat([0, 1], p),
-        np.full((n, 2 * p, 3), np.nan),
-        worst,
-        unknown[0],
-        unknown[1],
-        np.full((n, 3 + SOLVED_DEPTHS), np.nan),
-    )
+        values, {}, np.repeat([0, 1], p), np.full((n, 2 * p, 3), np.nan), worst,
+        unknown[0], unknown[1], np.full((n, 3 + SOLVED_DEPTHS), np.nan),
+    )  # fmt: skip
     rows = np.flatnonzero(values["reach"] >= 1)
     if len(rows):
         part = _Rated(
-            sensors.take(rows),
-            pressed.take(rows),
-            known[rows],
-            values["stable_to"][rows],
-            units[rows],
-            share[rows],
-            needed,
-            loads,
-            poses,
-            caution,
-        )
+            sensors.take(rows), pressed.take(rows), known[rows], stable[rows], units[rows], share[rows], needed,
+            loads, poses, caution,
+        )  # fmt: skip
         part.fill(result, rows, beams if len(rows) == n else beams.take(rows), None if ask is None else ask[rows])
     return replace(result, margins=margins(values, needed))
 

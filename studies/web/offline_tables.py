@@ -139,7 +139,7 @@ def solve(
     design: Design,
     magnet: Magnet,
     accuracy: Accuracy = STANDARD,
-    progress: Progress | None = None,
+    progress: Progress = lambda *_: None,
     *,
     size: tuple[int, int] = (ROWS, COLUMNS),
 ) -> Grid:
@@ -171,24 +171,22 @@ def solve(
     wanted = [(root, 0.0) for root in middle[middle**2 * D >= SHALLOWEST].tolist()]
     checks = path(wanted, estimate=False)
     # the deeper a press, the longer the path of its shears
-    total = roots[first:].sum() + ((roots[first + 1 :] + roots[first:-1]) / 2).sum()
-    done = 0.0
+    total, done = roots[first:].sum() + ((roots[first + 1 :] + roots[first:-1]) / 2).sum(), 0.0
     for k in range(first, len(roots)):
-        if progress is not None:
-            progress(done / total, f"finite elements at depth {roots[k] ** 2 * D:.3g} mm")
+        progress(done / total, f"finite elements at depth {roots[k] ** 2 * D:.3g} mm")
         states += path([(float(roots[k]), shear) for shear in shears[1:].tolist()], estimate=True)
         done += roots[k]
         if k + 1 < len(roots):
             root = float(roots[k] + roots[k + 1]) / 2
-            between_shears = [(root, shear) for shear in ((shears[1:] + shears[:-1]) / 2).tolist()]
-            checks += path(between_shears, estimate=False)
-            wanted += between_shears
+            wanted += (row := [(root, shear) for shear in ((shears[1:] + shears[:-1]) / 2).tolist()])
+            checks += path(row, estimate=False)
             done += root
     states, checks = ([one for one in some if one[2].status in ANSWERED] for some in (states, checks))
     if len(states) < 2:
         raise BadInput("no press of this design could be solved: the page needs its states")
-    press = np.full((len(press_roots), WIDTHS.stop), np.nan)
-    table = np.full((len(roots), len(shears), WIDTHS.stop), np.nan)
+    press, table = (
+        np.full((*shape, WIDTHS.stop), np.nan) for shape in ((len(press_roots),), (rows + 1, columns + 1))
+    )
     press[0] = 0.0
     for root, shear, state in states:
         if shear:
