@@ -40,7 +40,7 @@ def test_files_of_the_study(tmp_path, states):
 
 def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
     check = friction._check("onset", "force", 1.1, 1.0, 0.01)
-    monkeypatch.setattr(friction, "run", lambda *_, **__: friction.result([check], [], []))
+    monkeypatch.setattr(friction, "run", lambda progress, quick=False: friction.result([check], [], []))
     status, out, err = run("validate", "friction", "--json")
     assert status == 3
     assert strict(out) == [check]

@@ -10,7 +10,7 @@ from geometry.loads import Load
 from studies.output import goals
 from studies.simulation import response_curves
 from studies.simulation.response_curves import Curves
-from studies.validation import vibration_errors
+from studies.validation import vibration_check
 
 SCENE = Scene(paper(), (Load(1.0),), QUICK, "rigid", "axisymmetric")
 FREQUENCIES = np.geomspace(1.0, 100.0, 21)
@@ -18,7 +18,7 @@ FREQUENCIES = np.geomspace(1.0, 100.0, 21)
 
 @pytest.fixture(scope="module")
 def judged():
-    return vibration_errors.run(lambda *_: None, quick=True).records
+    return vibration_check.run(lambda *_: None, quick=True).records
 
 
 def curves(force, frequency=FREQUENCIES):
@@ -27,14 +27,14 @@ def curves(force, frequency=FREQUENCIES):
 
 
 def test_estimates_hold_on_the_first_design(judged):
-    assert {one["quantity"] for one in judged} == set(vibration_errors.QUANTITIES)
+    assert {one["quantity"] for one in judged} == set(vibration_check.QUANTITIES)
     assert all(one["holds"] == 1 for one in judged)
     assert all(0 < one["static_error"] < one["static_estimate"] < 0.01 for one in judged)
 
 
 def test_the_page_has_a_row_for_each_quantity(judged):
-    text = vibration_errors.result(judged).pages["VIBRATION_ERRORS.md"]
-    assert all(f"| {name} |" in text for name in vibration_errors.QUANTITIES)
+    text = vibration_check.result(judged).pages["VIBRATION_ERRORS.md"]
+    assert all(f"| {name} |" in text for name in vibration_check.QUANTITIES)
 
 
 def test_meshes_that_agree_by_chance_have_an_error():
@@ -63,18 +63,18 @@ def test_half_widths_of_a_large_difference_cover_it():
 
 
 def test_a_case_without_an_answer_misses_the_goals(judged):
-    assert vibration_errors.goals(judged)[0].met
-    case = vibration_errors.cases(quick=True)[1]
+    assert vibration_check.goals(judged)[0].met
+    case = vibration_check.cases(quick=True)[1]
     some = {"z": curves(np.full(21, 5.0 + 0j))}
-    lost = vibration_errors.judge(case, QUICK, some, {}, some)
-    assert [one["quantity"] for one in lost] == list(vibration_errors.QUANTITIES[:3])
-    assert len(goals.missed(vibration_errors.goals([*judged, *lost]))) == 2
-    assert len(vibration_errors.judge(case, QUICK, {}, {}, {})) == 3
-    assert len(goals.missed(vibration_errors.goals([]))) == 2
+    lost = vibration_check.judge(case, QUICK, some, {}, some)
+    assert [one["quantity"] for one in lost] == list(vibration_check.QUANTITIES[:3])
+    assert len(goals.missed(vibration_check.goals([*judged, *lost]))) == 2
+    assert len(vibration_check.judge(case, QUICK, {}, {}, {})) == 3
+    assert len(goals.missed(vibration_check.goals([]))) == 2
 
 
 def test_motions_are_in_one_order_whatever_the_hash_seed():
-    case = vibration_errors.cases(quick=True)[1]
+    case = vibration_check.cases(quick=True)[1]
     some = {name: curves(np.full(21, 5.0 + 0j)) for name in ("z", "x")}
-    lost = vibration_errors.judge(case, QUICK, some, {}, dict(reversed(some.items())))
+    lost = vibration_check.judge(case, QUICK, some, {}, dict(reversed(some.items())))
     assert [one["motion"] for one in lost] == ["x"] * 3 + ["z"] * 3

@@ -12,6 +12,7 @@ import io
 import os
 import re
 import sys
+from pathlib import Path
 
 from cyclopts import (
     App,
@@ -60,6 +61,20 @@ VERBS = {
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
 
+STUDIES = (
+    *("verify", "friction", "extremes", "accuracy", "vibration", "crosscheck", "ladder", "range_", "claims"),
+    *("assumption", "bench", "trade", "calibration", "surrogate"),
+)
+"""Studies of validation in the order of their list; those that are not named here follow."""
+
+
+def _with_pages() -> list[str]:
+    """Return the modules of validation with a page template of their name: they are studies without another entry."""
+    folder = Path(__file__).parents[1] / "validation"
+    pages = sorted(page.name.partition(".")[0] for page in folder.glob("templates/*.md.j2"))
+    return [name for name in pages if (folder / f"{name}.py").exists()]
+
+
 ACTIONS = {
     "Exploration": {
         "store": (
@@ -72,10 +87,7 @@ ACTIONS = {
         "validate": (
             "Run a study of how far the answers can be trusted, and what they cost.",
             "validation_commands",
-            (
-                "verify friction extremes accuracy vibration crosscheck ladder range_ claims assumption bench trade "
-                "calibration surrogate"
-            ),
+            " ".join(dict.fromkeys([*STUDIES, *_with_pages()])),
         ),
     },
 }

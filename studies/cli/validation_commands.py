@@ -2,60 +2,47 @@
 
 from __future__ import annotations
 
-from functools import partial
+import inspect
+from collections.abc import Callable
+from functools import partial, update_wrapper
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from studies import validation
 from studies.cli.parameters import AsJson, OwnStore, Scheduler, Wide, Workers, destination
 from studies.inputs.option_groups import Whole
-from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files
 from studies.output.result import publish
 
+KEYWORD = inspect.Parameter.KEYWORD_ONLY
 Folder = Annotated[Path | None, Parameter(help="Folder for the page, tables and pictures of the study.")]
 
 
-def verify(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
-    """Solve published and closed-form problems and check each against its tolerance; exit status 3 if one fails.
+def __getattr__(name: str) -> Callable[..., int]:
+    """Return the verb of a module of `studies.validation`: its `run`, whose docstring is the help, with --out.
 
-    Parameters
-    ----------
-    quick
-        Use coarser meshes: an eighth of the time.
+    Such a module has a page template of its name, `FILES`, and options with defaults behind the progress of `run`.
     """
-    from studies.validation import verify as study
+    if not (Path(validation.__file__).parent / "templates" / f"{name}.md.j2").exists():
+        raise AttributeError(name)
+    study = import_module(f"studies.validation.{name}")
+    _, *options = inspect.signature(study.run, eval_str=True).parameters.values()
+    common = (("out", Folder, None), ("wide", Wide, False), ("as_json", AsJson, False))
+    more = (inspect.Parameter(key, KEYWORD, default=value, annotation=kind) for key, kind, value in common)
+    signature = inspect.Signature([*(one.replace(kind=KEYWORD) for one in options), *more], return_annotation=int)
 
-    return publish(partial(study.run, quick=quick), destination(verify, locals(), study.FILES))
+    def verb(**given: Any) -> int:
+        arguments = {key: given.get(key, one.default) for key, one in signature.parameters.items()}
+        found = partial(study.run, **{one.name: arguments[one.name] for one in options})
+        return publish(found, destination(verb, arguments, study.FILES, [arguments.get("store")]))
 
-
-def friction(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
-    """Check Coulomb friction against Cattaneo and Mindlin, full slip and energy; exit status 3 if a check fails.
-
-    Parameters
-    ----------
-    quick
-        Use coarser meshes and no tetrahedra: one minute instead of several.
-    """
-    from studies.validation import friction as study
-
-    return publish(partial(study.run, quick=quick), destination(friction, locals(), study.FILES))
-
-
-def extremes(*, quick: bool = False, out: Folder = None, as_json: AsJson = False) -> int:
-    """Solve cases at the limits of the input ranges; exit status 3 if one ends in a wrong result or status.
-
-    A case that yields no measurement is listed separately; it is no pass either.
-
-    Parameters
-    ----------
-    quick
-        Use accuracy quick and skip the slow cases: one minute.
-    """
-    from studies.validation import extremes as study
-
-    return publish(partial(study.run, quick=quick), destination(extremes, locals(), study.FILES))
+    update_wrapper(verb, study.run, ("__doc__",)).__name__ = name
+    verb.__annotations__ = {key: one.annotation for key, one in signature.parameters.items()}
+    vars(verb)["__signature__"] = signature
+    return verb
 
 
 def accuracy(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -84,7 +71,7 @@ def vibration(*, quick: bool = False, out: Folder = None, wide: Wide = False, as
     quick
         Use two vibrations of one design, accuracy quick and a coarser reference: some seconds instead of hours.
     """
-    from studies.validation import vibration_errors as study
+    from studies.validation import vibration_check as study
 
     return publish(partial(study.run, quick=quick), destination(vibration, locals(), study.FILES))
 
@@ -104,56 +91,6 @@ def calibration(
     return publish(partial(study.run, quick=quick, store=store), destination(calibration, locals(), study.FILES))
 
 
-def crosscheck(
-    *,
-    accuracy: AccuracyName = "quick",
-    count: Whole = 12,
-    tilted: bool = False,
-    out: Folder = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
-    """Compare the harmonic model with tetrahedra; exit status 3 if they differ by more than both error estimates.
-
-    Parameters
-    ----------
-    accuracy
-        Accuracy of both models.
-    count
-        Number of designs, 1 to 12.
-    tilted
-        Also compare loads of tilted plates: a quarter of an hour more, most of it for Coulomb friction on tetrahedra.
-    """
-    from studies.validation import crosscheck as study
-
-    found = partial(study.run, level=accuracy, count=count, tilted=tilted)
-    return publish(found, destination(crosscheck, locals(), study.FILES))
-
-
-def ladder(
-    *,
-    accuracy: AccuracyName = "quick",
-    count: Whole = 10,
-    out: Folder = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
-    """Compare every level of the formulas with finite elements on ten designs: errors by level and region.
-
-    Exit status 3 if the finite elements do not reach a load.
-
-    Parameters
-    ----------
-    accuracy
-        Accuracy of the finite elements.
-    count
-        Number of designs, 1 to 10.
-    """
-    from studies.validation import ladder as study
-
-    return publish(partial(study.run, accuracy=accuracy, count=count), destination(ladder, locals(), study.FILES))
-
-
 def range_(
     *, quick: bool = False, count: Whole = 64, out: Folder = None, wide: Wide = False, as_json: AsJson = False
 ) -> int:
@@ -171,27 +108,6 @@ def range_(
     from studies.validation import design_range as study
 
     return publish(partial(study.run, count=4 if quick else count), destination(range_, locals(), study.FILES))
-
-
-def claims(
-    *,
-    quick: bool = False,
-    out: Folder = None,
-    store: OwnStore = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
-    """Test each claim of the paper: reproduced, refuted or not decidable, with figures and the paper's plots redrawn.
-
-    Parameters
-    ----------
-    quick
-        Use few loads and coarser meshes: some seconds instead of some minutes.
-    """
-    from studies.validation import claims as study
-
-    here = destination(claims, locals(), study.FILES, [store])
-    return publish(partial(study.run, store=store, quick=quick), here)
 
 
 def assumption(

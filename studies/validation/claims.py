@@ -56,7 +56,15 @@ PRESSES = ["magnet_height_mm", "depth_mm", "fem_force_N", "fem_shift_z_mm"]
 
 
 def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -> Result:
-    """Test the paper's claims; states are taken from the store (default: the user's), and added to it."""
+    """Test each claim of the paper: reproduced, refuted or not decidable, with figures and the paper's plots redrawn.
+
+    Parameters
+    ----------
+    quick
+        Use few loads and coarser meshes: some seconds instead of some minutes.
+    store
+        File of solved states, to which new ones are added; default: that of the user.
+    """
     extent = claim_errors.QUICK_EXTENT if quick else claim_errors.Extent()
     states = claim_errors.solve(extent, store, part(progress, 0.0, 0.85))
     heights = pd.DataFrame([claim_errors.height_row(press) for press in states.presses])

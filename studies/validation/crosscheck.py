@@ -16,6 +16,8 @@ from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies import cases
 from studies.cases import FemModel
+from studies.inputs.option_groups import Whole
+from studies.inputs.user_input import AccuracyName
 from studies.output.result import Result
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
@@ -38,13 +40,32 @@ Case = tuple[int, Load]
 """Number of the design, and load."""
 
 
-def run(progress: Progress, level: str, count: int, *, tilted: bool = False, store: Path | None = None) -> Result:
-    """Solve each of the first `count` designs at its largest shear, and under TILTED, with both models."""
+def run(
+    progress: Progress,
+    accuracy: AccuracyName = "quick",
+    count: Whole = 12,
+    *,
+    tilted: bool = False,
+    store: Path | None = None,
+) -> Result:
+    """Compare the harmonic model with tetrahedra; exit status 3 if they differ by more than both error estimates.
+
+    Parameters
+    ----------
+    accuracy
+        Accuracy of both models.
+    count
+        Number of designs, 1 to 12.
+    tilted
+        Also compare loads of tilted plates: a quarter of an hour more, most of it for Coulomb friction on tetrahedra.
+    store
+        File of solved states; default: that of the user.
+    """
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
     chosen = [(number, upright(number)) for number in range(count)]
     chosen += [case for case in tilted_loads() if tilted and case[0] < count]
-    return result(compared(chosen, *solved(chosen, LEVELS[level], store, progress)))
+    return result(compared(chosen, *solved(chosen, LEVELS[accuracy], store, progress)))
 
 
 def magnet_of(number: int) -> Magnet:

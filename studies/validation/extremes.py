@@ -165,6 +165,15 @@ def _changes(words: str) -> dict[str, float]:
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
+    """Solve cases at the limits of the input ranges; exit status 3 if one ends in a wrong result or status.
+
+    A case that yields no measurement is listed separately; it is no pass either.
+
+    Parameters
+    ----------
+    quick
+        Use accuracy quick and skip the slow cases: one minute.
+    """
     chosen = pages.told(progress, cases(quick=quick), lambda case: case.name)
     return pages.collected(map(examine, chosen), result)
 

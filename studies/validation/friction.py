@@ -37,6 +37,13 @@ SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
+    """Check Coulomb friction against Cattaneo and Mindlin, full slip and energy; exit status 3 if a check fails.
+
+    Parameters
+    ----------
+    quick
+        Use coarser meshes and no tetrahedra: one minute instead of several.
+    """
     curves: list[list[Solution]] = []
     loop: list[Solution] = []
     level = COARSE if quick else QUICK

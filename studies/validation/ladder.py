@@ -12,6 +12,8 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies import cases
+from studies.inputs.option_groups import Whole
+from studies.inputs.user_input import AccuracyName
 from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result
@@ -41,8 +43,20 @@ def designs() -> list[Design]:
     return found
 
 
-def run(progress: Progress, accuracy: str, count: int, store: Path | None = None) -> Result:
-    """Compare every level with finite elements in the states of the first `count` designs."""
+def run(progress: Progress, accuracy: AccuracyName = "quick", count: Whole = 10, store: Path | None = None) -> Result:
+    """Compare every level of the formulas with finite elements on ten designs: errors by level and region.
+
+    Exit status 3 if the finite elements do not reach a load.
+
+    Parameters
+    ----------
+    accuracy
+        Accuracy of the finite elements.
+    count
+        Number of designs, 1 to 10.
+    store
+        File of solved states; default: that of the user.
+    """
     most = len(designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")

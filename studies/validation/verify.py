@@ -45,6 +45,13 @@ def solved(target: Row, n: int) -> list[float]:
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
+    """Solve published and closed-form problems and check each against its tolerance; exit status 3 if one fails.
+
+    Parameters
+    ----------
+    quick
+        Use coarser meshes: an eighth of the time.
+    """
     chosen = targets(quick=quick)
     rows: list[Row] = []
     for i, target in enumerate(chosen):
