@@ -106,6 +106,12 @@ def test_a_map_tells_the_classes_of_errors_apart_and_marks_failed_cases():
     assert "datum.failed" in str(figure.spec())
 
 
+def test_a_map_of_few_values_has_them_as_numbers():
+    table = pd.DataFrame({"nu": [0.3, 0.5], "L (mm)": [10, 10], "critical depth (mm)": [1.0, 3.0]})
+    ink = layers(heat("t", "c", table, ("nu", "L (mm)"), "critical depth (mm)"))["text"]["encoding"]["color"]
+    assert "< 2.0" in ink["condition"]["test"]
+
+
 def test_names_with_dots_and_brackets_are_columns():
     data = pd.DataFrame({"x [mm]": [1.0, 2.0], "gain over that at 0.1 Hz": [1.0, 2.0]})
     point = layers(plot("t", "c", data, "x [mm]", "gain over that at 0.1 Hz"))["point"]["encoding"]

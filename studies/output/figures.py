@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from studies.output import text_tables
 from studies.output.atomic_files import atomic
 
 if TYPE_CHECKING:
@@ -59,13 +58,6 @@ WIDE = 30.0
 """Ratio of the greatest to the least value from which the colours of a map are logarithmic."""
 LETTER = 6.6
 """Mean width of a letter of the legend, pixels."""
-
-UNITS = {
-    "V_per_T": "V/T", "V_per_sqrtHz": "V/√Hz", "kg_per_m3": "kg/m³", "mm_per_s": "mm/s", "N_per_mm": "N/mm",
-    "MPa": "MPa", "mm": "mm", "um": "µm", "deg": "°", "rad": "rad", "percent": "%", "mT": "mT", "T": "T",
-    "mN": "mN", "N": "N", "V": "V", "Hz": "Hz", "K": "K", "s": "s",
-}  # fmt: skip
-"""Units by the last part of a column's name."""
 
 THEME: dict[str, Any] = {
     "background": "white",
@@ -122,12 +114,13 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Guide:
-    """A straight line at a value of one axis, "x" or "y", such as a bound, or with `to` a shade up to that value."""
+    """A line at a value of one axis, "x" or "y", or with `to` a shade up to that value; `left` places its label."""
 
     axis: str
     at: float
     label: str = ""
     to: float | None = None
+    left: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,9 +224,14 @@ def heat(
     if "doubted" in data:
         dots = base.transform_filter("datum.doubted").mark_circle(size=9, opacity=1, aria=False)
         layers.append(dots.encode(color=alt.value("#1b1f24")))
-    if edges and width >= 32 * wide and height >= 14 * high:
-        dark = f"datum[{value!r}] < {edges[1]} || datum[{value!r}] >= {edges[-1]}"
-        number = alt.Text(field=escaped(value), type="quantitative", format=".2~r")
+    if not colours and width >= (32 if edges else 44) * wide and height >= 14 * high:
+        # both ends of the classes are dark, and the lower half of the gradual colours
+        if edges:
+            dark = f"datum[{value!r}] < {edges[1]} || datum[{value!r}] >= {edges[-1]}"
+        else:
+            kind, low, top = _gradual(data.loc[known, value])
+            dark = f"datum[{value!r}] < {math.sqrt(low * top) if kind == 'log' else (low + top) / 2}"
+        number = alt.Text(field=escaped(value), type="quantitative", format=".2~r" if edges else ".3~r")
         ink = alt.condition(dark, alt.value("white"), alt.value("#1b1f24"))
         layers.append(solved.mark_text(fontSize=11, aria=False).encode(text=number, color=ink))
     chart = alt.layer(*layers).properties(width=width, height=height, view=alt.ViewBackground(strokeOpacity=0))
@@ -339,18 +337,6 @@ def long(
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({x[1]: [], y: [], kind: []})
 
 
-def quantity_name(column: str) -> str:
-    """Return the name of a column with its unit, in which its numbers are.
-
-    >>> quantity_name("magnet_height_mm"), quantity_name("nu"), quantity_name("speed_mm_per_s")
-    ('magnet height (mm)', 'nu', 'speed (mm/s)')
-    """
-    for end, unit in UNITS.items():
-        if column.endswith(f"_{end}"):
-            return f"{column.removesuffix(f'_{end}').replace('_', ' ')} ({unit})"
-    return text_tables.in_words(column)
-
-
 def escaped(name: str) -> str:
     """Return the name of a column as a field of Vega-Lite, where dots and brackets have a meaning.
 
@@ -425,12 +411,16 @@ def _shaded(
         # the class around zero is nearly white
         legend = alt.Legend(columns=5, title=value, symbolStrokeColor="#999999", symbolStrokeWidth=1)
         return cells, alt.Color("shade:N", scale=scale, legend=legend, sort=None)
-    values = data.loc[known, value]
-    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-    kind: Any = "log" if low > 0 and high > WIDE * low else "linear"
+    kind, low, high = _gradual(data.loc[known, value])
     scale = alt.Scale(type=kind, scheme="cividis", domain=[low, high if high > low else low + (abs(low) or 1.0)])
     legend = alt.Legend(title=value, gradientLength=220)
     return data, alt.Color(field=escaped(value), type="quantitative", scale=scale, legend=legend)
+
+
+def _gradual(values: pd.Series) -> tuple[Any, float, float]:
+    """Return the kind of the scale of colours that change gradually, and its ends."""
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    return "log" if low > 0 and high > WIDE * low else "linear", low, high
 
 
 def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -> Any:
@@ -549,9 +539,11 @@ def _guides(guides: Sequence[Guide]) -> list[Any]:
         if guide.label:
             where = (
                 {"x": alt.datum(guide.at), "y": alt.value(8)} if guide.axis == "x"
-                else {"y": alt.datum(guide.at if guide.to is None else guide.to), "x": alt.value("width")}
+                else {"y": alt.datum(guide.at if guide.to is None else guide.to),
+                      "x": alt.value(0 if guide.left else "width")}
             )  # fmt: skip
-            shift = {"dx": 4, "align": "left"} if guide.axis == "x" else {"dx": -4, "dy": 7, "align": "right"}
+            right = guide.axis == "y" and not guide.left
+            shift = {"dx": -4 if right else 4, "align": "right" if right else "left", "dy": 7 * (guide.axis == "y")}
             layers.append(one.mark_text(text=guide.label, style="guide-label", aria=False, **shift).encode(**where))
     return layers
 

@@ -305,3 +305,23 @@ def cell(value: Any, digits: int = 3) -> str:
     if isinstance(value, bool):
         return "yes" if value else "**no**"
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value).replace("|B|", "\\|B\\|")
+
+
+AXIS_UNITS = {
+    "V_per_T": "V/T", "V_per_sqrtHz": "V/√Hz", "kg_per_m3": "kg/m³", "mm_per_s": "mm/s", "N_per_mm": "N/mm",
+    "MPa": "MPa", "mm": "mm", "um": "µm", "deg": "°", "rad": "rad", "percent": "%", "mT": "mT", "T": "T",
+    "mN": "mN", "N": "N", "V": "V", "Hz": "Hz", "K": "K", "s": "s",
+}  # fmt: skip
+"""Units of axes by the last part of a column's name."""
+
+
+def quantity_name(column: str) -> str:
+    """Return the name of a column with its unit, in which its numbers are.
+
+    >>> quantity_name("magnet_height_mm"), quantity_name("nu"), quantity_name("speed_mm_per_s")
+    ('magnet height (mm)', 'nu', 'speed (mm/s)')
+    """
+    for end, unit in AXIS_UNITS.items():
+        if column.endswith(f"_{end}"):
+            return f"{column.removesuffix(f'_{end}').replace('_', ' ')} ({unit})"
+    return in_words(column)

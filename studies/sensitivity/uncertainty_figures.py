@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.loads import ANSWERED
-from studies.output.figures import Figure, Guide, Look, numbers, plot, quantity_name, texts
-from studies.output.text_tables import with_unit
+from studies.output.figures import Figure, Guide, Look, numbers, plot, texts
+from studies.output.text_tables import quantity_name, with_unit
 
 if TYPE_CHECKING:
     import pandas as pd

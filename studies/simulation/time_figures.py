@@ -45,7 +45,7 @@ def response(table: pd.DataFrame) -> list[Figure]:
             _curves(table, gains, names, gain, relative=True),
             x,
             gain,
-            Look(log="xy", dashed=True, guides=(band, Guide("y", 2**-0.5, "-3 dB"))),
+            Look(log="xy", dashed=True, guides=(band, Guide("y", 2**-0.5, "-3 dB", left=True))),
         ),
         plot(
             f"Phase of the readings per {unit}",

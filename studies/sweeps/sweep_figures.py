@@ -18,7 +18,8 @@ import numpy as np
 from geometry.arrays import Array
 from geometry.loads import ANSWERED
 from studies.output import figures
-from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, bands, quantity_name, short
+from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, bands, short
+from studies.output.text_tables import quantity_name
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -20,7 +20,8 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.output import atomic_files, figures, provenance
-from studies.output.figures import Figure, quantity_name
+from studies.output.figures import Figure
+from studies.output.text_tables import quantity_name
 from studies.web import folder_contents, report_sections
 from studies.web.folder_contents import Contents, Table
 from studies.web.page_content import Budget, as_json, lead_of, page_html, sources, title_of
