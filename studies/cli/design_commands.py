@@ -6,7 +6,7 @@ import dataclasses
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -19,6 +19,9 @@ from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 from studies.output.result import Block, Destination, Result, Table, check_files, failure_of, publish, show, write
+
+if TYPE_CHECKING:
+    from studies.sizing.sizing_study import Settings
 
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
@@ -218,11 +221,20 @@ MOST = 4096
 """Largest population, number of generations, and number of solved points; more are taken for a mistake."""
 
 
-def _check_effort(options: Sizing) -> None:
+def _settings(options: Sizing, seed: int) -> Settings:
+    from fem.accuracy import LEVELS
+    from studies.mechanics.solve_plan import Processes
+    from studies.sizing import sizing_study
+    from studies.sizing.variant_search import Effort
+
     for name, least in (("population", 8), ("generations", 1), ("points", 1), ("sensors", 1)):
         value, most = getattr(options, name), 100_000 if name == "sensors" else MOST
         if not least <= value <= most:
             raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
+    effort, level = Effort(options.population, options.generations, seed), LEVELS[options.accuracy]
+    return sizing_study.Settings(
+        effort, level, Processes(options.workers), options.store, options.points, options.sensors
+    )
 
 
 def size(
@@ -250,12 +262,9 @@ def size(
     example
         Print a file of requirements with all keys, to edit, and do nothing else.
     """
-    from fem.accuracy import LEVELS
-    from studies.mechanics.solve_plan import Processes
     from studies.output.provenance import versions
     from studies.sizing import sizing_export, sizing_study
     from studies.sizing.requirements import EXAMPLE, read_requirements
-    from studies.sizing.variant_search import Effort
 
     if example:
         print(EXAMPLE, end="")
@@ -263,17 +272,13 @@ def size(
     if not source or out is None:
         raise BadInput("size needs a file of requirements and --out FOLDER; size --example prints such a file")
     here = destination(size, locals(), sizing_study.FILES)
-    _check_effort(options)
     requirements = read_requirements(source)
+    settings = _settings(options, requirements.seed)
     for warning in requirements.warnings():
         console.warn(warning)
     check_files(here)
     atomic_files.check_apart([options.store], [source])
     sizing_export.check_parts(out)
-    settings = sizing_study.Settings(
-        Effort(options.population, options.generations, requirements.seed), LEVELS[options.accuracy],
-        Processes(options.workers), options.store, options.points, options.sensors,
-    )  # fmt: skip
     with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
         sizing = sizing_study.run(requirements, settings, progress)
         # parts of earlier requirements must not stand beside a new result

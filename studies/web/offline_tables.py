@@ -167,8 +167,7 @@ def solve(
         return [(*place, state) for place, state in zip(places, states, strict=False)]
 
     states = path([(root, 0.0) for root in press_roots[1:].tolist()], estimate=True)
-    middle = (press_roots[1:] + press_roots[:-1]) / 2
-    wanted = [(root, 0.0) for root in middle[middle**2 * D >= SHALLOWEST].tolist()]
+    wanted = [(r, 0.0) for r in ((press_roots[1:] + press_roots[:-1]) / 2).tolist() if r**2 * D >= SHALLOWEST]
     checks = path(wanted, estimate=False)
     # the deeper a press, the longer the path of its shears
     total, done = roots[first:].sum() + ((roots[first + 1 :] + roots[first:-1]) / 2).sum(), 0.0
