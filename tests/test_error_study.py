@@ -130,7 +130,9 @@ def test_the_reference_is_held_against_a_finer_one():
 
 def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, run):
     states = pd.DataFrame([state(0.031, 0.04), state(0, 0, status="unstable", message="!")])
-    monkeypatch.setattr(accuracy_study, "run", lambda progress, quick: accuracy_study.result(states, quick=quick))
+    monkeypatch.setattr(
+        accuracy_study, "run", lambda progress, quick=False: accuracy_study.result(states, quick=quick)
+    )
     status, out, err = run("validate", "accuracy", "--out", tmp_path, "--json")
     assert status == FAILED
     assert "largest error: 3.1 %, goal at most 3 %" in err

@@ -17,6 +17,8 @@ from studies.inputs.option_groups import Whole
 from studies.output import atomic_files
 from studies.output.result import publish
 
+MODULES = {"accuracy": "accuracy_study", "vibration": "vibration_check", "calibration": "calibration_check"}
+"""Modules of studies that have other names."""
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 Folder = Annotated[Path | None, Parameter(help="Folder for the page, tables and pictures of the study.")]
 
@@ -26,9 +28,10 @@ def __getattr__(name: str) -> Callable[..., int]:
 
     Such a module has a page template of its name, `FILES`, and options with defaults behind the progress of `run`.
     """
-    if not (Path(validation.__file__).parent / "templates" / f"{name}.md.j2").exists():
+    module = MODULES.get(name, name)
+    if not (Path(validation.__file__).parent / f"{module}.py").exists():
         raise AttributeError(name)
-    study = import_module(f"studies.validation.{name}")
+    study = import_module(f"studies.validation.{module}")
     _, *options = inspect.signature(study.run, eval_str=True).parameters.values()
     common = (("out", Folder, None), ("wide", Wide, False), ("as_json", AsJson, False))
     more = (inspect.Parameter(key, KEYWORD, default=value, annotation=kind) for key, kind, value in common)
@@ -43,52 +46,6 @@ def __getattr__(name: str) -> Callable[..., int]:
     verb.__annotations__ = {key: one.annotation for key, one in signature.parameters.items()}
     vars(verb)["__signature__"] = signature
     return verb
-
-
-def accuracy(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
-    """Compare error estimates and accuracy levels with much finer meshes; exit status 3 if a goal is missed.
-
-    The store keeps the states of paths, so that a run that was stopped continues there; critical depths, small shears
-    and frequencies, some minutes, are solved again.
-
-    Parameters
-    ----------
-    quick
-        Use two designs, accuracy quick and a coarser reference: half a minute instead of an hour.
-    """
-    from studies.validation import accuracy_study as study
-
-    return publish(partial(study.run, quick=quick), destination(accuracy, locals(), study.FILES))
-
-
-def vibration(*, quick: bool = False, out: Folder = None, wide: Wide = False, as_json: AsJson = False) -> int:
-    """Compare error estimates of vibrations with a much finer mesh; exit status 3 if a goal is missed.
-
-    Nothing of a run that was stopped is kept: start it again.
-
-    Parameters
-    ----------
-    quick
-        Use two vibrations of one design, accuracy quick and a coarser reference: some seconds instead of hours.
-    """
-    from studies.validation import vibration_check as study
-
-    return publish(partial(study.run, quick=quick), destination(vibration, locals(), study.FILES))
-
-
-def calibration(
-    *, quick: bool = False, out: Folder = None, store: OwnStore = None, wide: Wide = False, as_json: AsJson = False
-) -> int:
-    """Calibrate 200 simulated made sensors; exit status 3 if intervals do not hold, or regressions are as good.
-
-    Parameters
-    ----------
-    quick
-        Calibrate 24 sensors: a minute in place of some ten.
-    """
-    from studies.validation import calibration_check as study
-
-    return publish(partial(study.run, quick=quick, store=store), destination(calibration, locals(), study.FILES))
 
 
 def range_(

@@ -112,7 +112,18 @@ def tasks(*, quick: bool = False) -> list[Task]:
 
 
 def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
-    """Compare all states with their references."""
+    """Compare error estimates and accuracy levels with much finer meshes; exit status 3 if a goal is missed.
+
+    The store keeps the states of paths, so that a run that was stopped continues there; critical depths, small shears
+    and frequencies, some minutes, are solved again.
+
+    Parameters
+    ----------
+    quick
+        Use two designs, accuracy quick and a coarser reference: half a minute instead of an hour.
+    store
+        File of solved states; default: that of the user.
+    """
     chosen = tasks(quick=quick)
     paths = [(one, load) for one in chosen if one.trial.scene not in TANGENT_SCENES for load in one.trial.loads]
     tangents = [one for one in chosen if one.trial.scene in TANGENT_SCENES]

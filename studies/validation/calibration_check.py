@@ -106,6 +106,15 @@ def truth_of(made: MadeSensors, un: sensor_fit.Unknowns, base: Design) -> dict[s
 
 
 def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
+    """Calibrate 200 simulated made sensors; exit status 3 if intervals do not hold, or regressions are as good.
+
+    Parameters
+    ----------
+    quick
+        Calibrate 24 sensors: a minute in place of some ten.
+    store
+        File of solved states; default: that of the user.
+    """
     count, variants = (QUICK_SENSORS, QUICK_VARIANTS) if quick else (SENSORS, VARIANTS)
     base = paper()
     made = made_sensors(base, tolerances(), count, SEED)
