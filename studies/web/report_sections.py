@@ -35,7 +35,7 @@ class Known:
     Attributes
     ----------
     columns : some of its columns.
-    figures : what draws it; None: it is shown as a table.
+    figures : what draws it; None: it is shown as a table, as those are that are not listed.
     pictures : pictures in the folder that show the same as the figures.
     """
 
@@ -52,7 +52,6 @@ KNOWN = (
     Known(
         "trade.csv", ("kind", "model", "level", "cost", "force_error_percent"), verdict_figures.trade, ("trade.png",)
     ),
-    Known("confirm.csv", ("kind", "tolerance", "expected", "error"), None),
     Known("extremes.csv", ("scene", "verdict", "measured", "bound"), verdict_figures.robustness),
     Known("verify.csv", ("target", "quantity", "error_percent", "tolerance_percent"), verdict_figures.verification),
     Known("accuracy.csv", ("force_error", "force_estimate", "level"), verdict_figures.accuracy, ("errors.png",)),
@@ -64,20 +63,16 @@ KNOWN = (
     Known("ladder.csv", ("motion", "model", "natural_Hz"), None),
     Known("response.csv", ("motion", "frequency_Hz"), time_figures.response, ("response_z.png", "response_x.png")),
     Known("cycle.csv", ("law", "time_s", "cycle", "depth_mm", "shear_mm"), time_figures.cycle, ("cycle.png",)),
-    Known("loops.csv", ("law", "cycle", "gap_percent"), None),
-    Known("claims.csv", ("claim", "paper", "computed", "verdict"), None),
     Known("heights.csv", ("magnet_height_mm", "error_percent_of_largest"), paper_figures.heights),
     Known("presses.csv", ("magnet_height_mm", "depth_mm", "fem_force_N"), paper_figures.presses),
     Known("shears.csv", ("tip", "shear_mm", "fem_force_x_N"), paper_figures.shears),
     Known("readings.csv", ("L_over_D", "element", "mechanics_percent_FS"), paper_figures.readings, ("readings.png",)),
-    Known("best.csv", ("quantity", "region", "best_level"), None),
     Known("front.csv", ("status", "rank", "D_mm", "L_mm"), sizing_figures.front, ("front.png",)),
     Known("yield.csv", ("requirement", "sensors", "within_percent"), sizing_figures.made_within),
     Known("sobol.csv", ("output", "input", "first_order", "total_order"), uncertainty_figures.sobol, ("sobol.png",)),
     Known("morris.csv", ("output", "input", "mu_star", "sigma"), uncertainty_figures.morris, ("morris.png",)),
     Known("morris_cases.csv", ("fem_force_N", "status"), None),
     Known("montecarlo.csv", ("sensor", "status", "E_MPa"), uncertainty_figures.made_sensors, ("montecarlo.png",)),
-    Known("percentiles.csv", ("axis", "quantity", "percentile", "value"), None),
 )
 """Tables by file name. A sweep's table is recognised by its columns, see `_figures_of`."""
 
