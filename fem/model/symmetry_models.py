@@ -65,6 +65,18 @@ class Discretisation:
         """Recovery of displacement and gradient at the magnet's centre, for a beam that is all silicone."""
         return build_recovery(self.elements, self.shape.H, mirrored=self.mirrored)
 
+    @functools.cached_property
+    def folding_points(self) -> Elements:
+        """The elements at a grid of points, in which silicone that is inverted between their points is searched for.
+
+        Inversion begins at corners, but a corner on the axis has no 1 / r: the grid stays slightly inside.
+        """
+        dim = self.elements.dim
+        n = 6 // (dim - 1)  # grid steps along the side of a triangle, half as many for a tetrahedron
+        grid = np.indices((n + 1,) * dim).reshape(dim, -1)
+        points = 1 / (dim + 1) + (1 - 1e-6) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
+        return elements.build(self.mesh, axisymmetric=self.revolved, angles=self.elements.angles, points=points)
+
     @property
     def mirrored(self) -> bool:
         """Whether the states are symmetric about the plane y = 0."""

@@ -122,12 +122,7 @@ def inverted_share(d: Discretisation, u: Array) -> float:
 
     Inverted spots lie between integration points, where every J is positive.
     """
-    dim = d.elements.dim
-    n = 6 // (dim - 1)  # grid steps along the side of a triangle, half as many for a tetrahedron
-    grid = np.indices((n + 1,) * dim).reshape(dim, -1)
-    # inversion begins at corners, but a corner on the axis has no 1 / r: the grid stays slightly inside
-    points = 1 / (dim + 1) + (1 - 1e-6) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
-    e = elements.build(d.mesh, axisymmetric=d.revolved, angles=d.elements.angles, points=points)
+    e = d.folding_points
     folded = total = 0.0
     for at in range(0, len(e.cells), silicone_limits.BATCH):
         part = slice(at, at + silicone_limits.BATCH)
