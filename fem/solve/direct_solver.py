@@ -34,9 +34,9 @@ from geometry.compiled import compiled, threads
 LARGEST_BACKWARD_ERROR = 1e-12
 """Largest residual of a known solution over the entries of the matrix and of the solution, up to which pivots without
 exchanges serve. Sections of nu 0 to 0.5, before and beyond an onset of instability, have at most 2e-15."""
-FEW = 10_000
-"""Unknowns up to which PARDISO uses one thread and minimum-degree ordering, half the time of nested dissection, and
-double precision."""
+SINGLE, FEW = 4000, 10_000
+"""Unknowns from which PARDISO uses single precision where that serves, and up to which one thread and minimum-degree
+ordering, half the time of nested dissection."""
 LARGEST_ERROR = 1e-2
 """Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
 the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
@@ -131,17 +131,19 @@ class Solver:
     ) -> None:
         """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError.
 
-        order : for steps of Newton's method, which need no more than single precision: factors of large symmetric
-            matrices are then computed in it, in two thirds of the time, if it is accurate enough. Returns the order
-            (n,) in which PARDISO eliminates the unknowns of a large matrix; called at most once. Default: PARDISO's
-            own order, and double precision.
+        order : for steps of Newton's method, which need no more than single precision: factors of symmetric matrices
+            that are not small are then computed in it, in two thirds of the time, if it is accurate enough. Returns
+            the order (n,) in which PARDISO eliminates the unknowns of a large matrix; called at most once. Default:
+            PARDISO's own order, and double precision.
         """
         _check_finite(matrix)
         self._symmetric = symmetric
         if symmetric not in self._factors:
-            single = order is not None and symmetric and matrix.shape[0] >= FEW
+            size, newton = matrix.shape[0], order is not None and symmetric
             self._factors[symmetric] = (
-                Pardiso(matrix, symmetric, order() if order is not None and single else None)
+                Pardiso(
+                    matrix, symmetric, order() if order and size >= FEW else None, single=newton and size >= SINGLE
+                )
                 if self._use_pardiso
                 else PlainFactors(symmetric)
             )
@@ -386,8 +388,9 @@ class Pardiso:
     Parameters
     ----------
     matrix : a matrix with the pattern.
-    order : order in which the unknowns are eliminated, in single precision; default: PARDISO's own, in double.
+    order : order in which the unknowns are eliminated; default: PARDISO's own.
     outer : unknowns that are not eliminated, but left in a Schur complement.
+    single : whether the first factors are in single precision.
 
     Attributes
     ----------
@@ -396,12 +399,18 @@ class Pardiso:
     """
 
     def __init__(
-        self, matrix: sp.csr_matrix, symmetric: bool, order: Ints | None = None, outer: Ints | None = None
+        self,
+        matrix: sp.csr_matrix,
+        symmetric: bool,
+        order: Ints | None = None,
+        outer: Ints | None = None,
+        *,
+        single: bool = False,
     ) -> None:
         self._mkl, self._symmetric, self._order, self._outer = _mkl(), symmetric, order, outer
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
-        self._start(matrix, match=not symmetric, single=order is not None)
+        self._start(matrix, match=not symmetric, single=single)
 
     def _start(self, matrix: sp.csr_matrix, *, match: bool, single: bool) -> None:
         """Prepare the call of PARDISO for matrices of a pattern."""
