@@ -131,7 +131,7 @@ def test_the_reference_is_held_against_a_finer_one():
 def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, run):
     states = pd.DataFrame([state(0.031, 0.04), state(0, 0, status="unstable", message="!")])
     monkeypatch.setattr(
-        accuracy_study, "run", lambda progress, quick=False: accuracy_study.result(states, quick=quick)
+        accuracy_study, "run", lambda progress, quick=False, store=None: accuracy_study.result(states, quick=quick)
     )
     status, out, err = run("validate", "accuracy", "--out", tmp_path, "--json")
     assert status == FAILED

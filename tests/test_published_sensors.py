@@ -52,10 +52,11 @@ def test_requirements_have_the_same_box(name):
 def test_every_file_of_requirements_is_valid():
     folder = SENSORS["MagOne"]["requirements"].parent
     files = sorted(file for file in folder.glob("*.toml") if "force_z" in file.read_text("utf-8"))
-    assert len(files) == 9
+    assert len(files) == 13
     for file in files:
         requirements = read_requirements(str(file))
-        assert not requirements.warnings()
+        # two of them leave the bandwidth to the Hall parts
+        assert not requirements.warnings() or file.stem in ("finger", "foot")
         assert catalogues_of(requirements).hall_parts
 
 
