@@ -42,6 +42,8 @@ JUMP, LEAST_JUMP = 10.0, 0.05
 """Change of a reading, over the largest of the RECENT rows before and over its range in the workspace, from which it
 is a jump."""
 RECENT = 8
+INSTANT = 1e-12
+"""Time, s, that a change within no time takes: that of the shortest branch that a design may have."""
 
 
 class RelaxingForce:
@@ -68,18 +70,17 @@ class RelaxingForce:
 
         Parameters
         ----------
+        time : not before that of the last step; a change within no time is elastic.
         force, shear : force (3,) by the design's E without relaxation, and shear (2,) of the plate; NaN where they
             are not known, which gives NaN and is bridged by a straight line.
         """
         slow = self.slow * np.asarray(force, dtype=float)
         if not np.isfinite(slow).all():
             return np.full(3, np.nan)
-        leaning = self._softening * np.append(np.nan_to_num(shear), 0.0)
+        leaning = self._softening * np.append(shear, 0.0)
         resisted = slow + leaning * slow[2]
-        if math.isnan(self._time):
-            self._last = resisted
-        elif time > self._time:
-            x = (time - self._time) / self._times
+        if not math.isnan(self._time):
+            x = max(time - self._time, INSTANT) / self._times
             gained = self._grown * -np.expm1(-x) / x
             self._parts = np.exp(-x)[:, None] * self._parts + gained[:, None] * (resisted - self._last)
         self._time, self._last = time, resisted
@@ -125,18 +126,21 @@ class TimeSeries:
 
     def __init__(self, coder: Decoder) -> None:
         self._checks, self._force = RowChecks(coder), RelaxingForce(coder.forward.design)
+        self._lost = False
 
     def step(self, time: float, row: Array, status: Status, force: Array, load: Array) -> tuple[Status, Array]:
         """Return status and force (3,) of a row (k,), T, at a time, s, from what its readings alone gave.
 
-        A frozen reading gives no force.
+        A frozen reading gives no force; a row after some without a force is `after_gap`, as one after missing rows.
         """
-        word = self._checks.word(time, row)
+        word, lost = self._checks.word(time, row), self._lost
+        total = np.full(3, np.nan) if word == "frozen" else self._force.step(time, force, load[1:])
+        self._lost = bool(np.isnan(total).any())
         if word == "frozen":
-            return word, np.full(3, np.nan)
-        return word if status in ("ok", "uncalibrated") and word != "ok" else status, self._force.step(
-            time, force, load[1:]
-        )
+            return word, total
+        if lost and word == "ok":
+            word = "after_gap"
+        return (word if word != "ok" and status in ("ok", "uncalibrated") else status), total
 
 
 def zero_offset(coder: Decoder, fields: Array) -> Array:

@@ -215,7 +215,7 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
     rows = list(csv.DictReader(out.splitlines()))
     assert status == 3
     assert err.splitlines()[-1] == "magtip: 3 of 5 rows have no answer"
-    assert [row["status"] for row in rows] == ["ok", "not_finite", "not_finite", "ok", "saturated"]
+    assert [row["status"] for row in rows] == ["ok", "not_finite", "not_finite", "after_gap", "saturated"]
     assert [row["time_s"] for row in rows] == ["0.1", "0.2", "0.3", "0.4", "0.5"]
     assert_allclose(float(rows[0]["shift_x_mm"]), 0.5, atol=1e-9)
     assert rows[1]["shift_x_mm"] == ""

@@ -42,6 +42,7 @@ def test_a_ramp_of_one_branch_is_exact_in_steps_of_any_length():
 def test_limits_are_the_slow_and_the_fast_modulus():
     slow, fast = (forces(BRANCH, [0, time], [[0, 0, 0], [0, 0, 3.0]])[-1, 2] for time in (1e9, 1e-9))
     assert_allclose([slow, fast], [3, 3 / 0.6], rtol=1e-6)
+    assert_allclose(forces(BRANCH, [0, 0], [[0, 0, 0], [0, 0, 3.0]])[-1, 2], 3 / 0.6, rtol=1e-9)
     instantaneous = dataclasses.replace(BRANCH, modulus="instantaneous")
     assert_allclose(forces(instantaneous, [0, 1e-9], [[0, 0, 0], [0, 0, 3.0]])[-1, 2], 3, rtol=1e-6)
     elastic = Design(loss_factor=0.0)
@@ -118,6 +119,15 @@ def test_rows_that_repeat_are_missing_or_jump_are_marked():
     assert [k for k, word in enumerate(words(coder, times, jumped)) if word == "jump"] == [250]
 
 
+def test_a_row_after_one_without_a_force_says_so():
+    past, times = TimeSeries(coder_of()), (0.0, 0.1, 0.2, 0.3)
+    found = []
+    for time, force in zip(times, (0.0, math.nan, 1.0, 1.0), strict=True):
+        status = "saturated" if math.isnan(force) else "ok"
+        found.append(past.step(time, np.full(3, 0.01 + time), status, np.full(3, force), np.zeros(3))[0])
+    assert found == ["ok", "saturated", "after_gap", "ok"]
+
+
 def test_equal_readings_of_an_element_without_noise_are_no_failure():
     coder = coder_of(hall_noise=0.0)
     assert set(words(coder, np.arange(50) / 100, np.repeat(rows_at(coder, np.zeros(1)), 50, axis=0))) == {"ok"}
@@ -158,7 +168,7 @@ def test_doubted_laws_have_half_and_three_halves_of_the_loss():
 @pytest.mark.parametrize(
     ("text", "tokens", "words"),
     [
-        ("time_s,S1_V,S2_V,S3_V\n0,3,3,3\n0,3,3,3\n", (), "row 2: time_s must be a number of s above"),
+        ("time_s,S1_V,S2_V,S3_V\n1,3,3,3\n0,3,3,3\n", (), "row 2: time_s must be a number of s, not below"),
         ("time_s,S1_V,S2_V,S3_V\n0,3,3,3\n1,3,3,3\n", ("--zero", "2,3"), "no row with readings lies in this time"),
         ("time_s,S1_V,S2_V,S3_V\n0,3,3,3\n1,3,3,3\n", ("--zero", "1"), "takes two times FROM,TO"),
         ("S1_V,S2_V,S3_V\n3,3,3\n", ("--zero", "0,1"), "has no column time_s"),

@@ -59,7 +59,7 @@ WHY = {
     " give states over more depths and shears",
     "frozen": "an element repeats its reading without its noise, so the load is not known: check the element and its"
     " wiring",
-    "after_gap": "rows are missing before it; the force takes the motion between for straight",
+    "after_gap": "rows before it are missing or have no force; the force takes the motion between for straight",
     "jump": "a reading changed ten times as much as in the rows before: an impact, a reset or a disturbance",
     "uncalibrated": "the force may be one of the tolerances of a built sensor at rest: calibrate the sensor",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
@@ -341,9 +341,9 @@ def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]
     times = np.empty(len(rows))
     for k, row in enumerate(rows):
         value = table_input.number(row[at])
-        if value is None or not last < value < math.inf:
+        if value is None or not last <= value < math.inf:
             raise BadInput(
-                f"{decoding.file}, row {k + 1}: time_s must be a number of s above that of the row before; got "
+                f"{decoding.file}, row {k + 1}: time_s must be a number of s, not below that of the row before; got "
                 f"{row[at]!r}"
             )
         times[k] = last = value
