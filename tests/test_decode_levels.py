@@ -134,3 +134,12 @@ def test_a_press_is_never_taken_for_no_contact():
     force, load, _ = response_surface.force_and_load(law, sunk)
     assert_allclose(force, response_surface.forces(law, sunk)[0])
     assert (load[0] > 0).all()
+
+
+def test_the_force_of_a_thin_layer_below_a_large_magnet_is_that_of_its_level():
+    sensor = Design(D=6.7, L=7.1, magnet_diameter=5.0, magnet_height=3.0, hall_layout="tle493d-p2b6", l0=4.9)
+    law = decode_readings.of_level(sensor, "finite")
+    for depth in (0.2, 0.5, 0.9, 1.5):
+        state = beam.solve(sensor, Load(depth), "finite")
+        found = response_surface.force_and_load(law, np.array([state.shift]).T)[0][2, 0]
+        assert abs(found / state.force[2] - 1) < 0.05, depth

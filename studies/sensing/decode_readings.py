@@ -27,7 +27,7 @@ from analytic.parts import columns
 from analytic.time_series import RelaxingForce, TimeSeries, zero_offset
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Load, tilts_of
+from geometry.loads import ANSWERED, Load, Response, tilts_of
 from geometry.relaxation import Relaxation, relaxation_of
 from studies.inputs import state_files, table_input, user_input
 from studies.inputs.option_groups import Decoding
@@ -48,6 +48,8 @@ BEST = "finite"
 """The level with which the others are compared."""
 APART = 0.1
 """Difference of the forces, over that of level finite, above which a warning is given."""
+MISFIT = 0.1
+"""Largest misfit of a level's force, over the force at half the depth of level finite, with which samples go on."""
 WHY = {
     "ok": "",
     "ambiguous": "several poses give these readings: the result is the pose nearest to rest, and poses_mm lists all",
@@ -136,13 +138,26 @@ def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
 
 
 def of_level(design: Design, level: str) -> Mechanics:
-    """Return the mechanics of a level of the formulas, over the workspace or up to the limits of the formulas."""
+    """Return the mechanics of a level of the formulas, over the workspace or up to the limits of the formulas.
+
+    The force of a thin layer below a large magnet grows by orders of magnitude beyond the depths of level finite
+    (`analytic.beam.DEEPEST`). Where no polynomial follows that, the samples end there.
+    """
     if level not in beam.LEVELS:
         raise BadInput(f"level must be one of {', '.join(beam.LEVELS)}; got {level!r}")
     # the paper's magnet follows the tip by H/L; the other levels bend too much beyond the paper's own range of loads
     widest = 3 / 8 * design.D * (design.L / design.H if level == "paper" else 1.0)
     deepest = min(widest, design.R, 0.9 * (design.L - design.magnet_height))
-    return response_surface.of_formula(lambda load: beam.solve(design, load, level), deepest, widest)
+
+    def solve(load: Load) -> Response:
+        return beam.solve(design, load, level)
+
+    law, known = response_surface.of_formula(solve, deepest, widest), min(deepest, beam.DEEPEST * design.D)
+    # a level that does not carry a press of half this depth has no other samples
+    with contextlib.suppress(BadInput):
+        if law.errors[2] > MISFIT * solve(Load(known / 2)).force[2]:
+            return response_surface.of_formula(solve, known, widest)
+    return law
 
 
 def of_file(path: Path, design: Design) -> Mechanics:
