@@ -55,7 +55,9 @@ def test_slopes_are_those_of_the_forward_model(design, options):
     [(paper(), "finite", 0), (CHIP, "finite", 5), (FOLDED, "paper", 250)],
     ids=["paper", "chip", "folded"],
 )
-def test_every_pose_is_found_from_its_readings(design, level, several):
+def test_every_pose_is_found_from_its_readings(design, level, several, monkeypatch):
+    # also with tilts far beyond those of the samples
+    monkeypatch.setattr(decode_readings, "MISFIT", math.inf)
     law = decode_readings.of_level(design, level)
     coder = decode.decoder(design, dataclasses.replace(law, lean=(-math.inf, math.inf)))
     shifts, readings = readings_of(coder, 400)
