@@ -9,11 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analytic.time_series import RelaxingForce
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
 from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit
+from studies.inputs.user_input import design_text
 from studies.sensitivity.made_sensors import made_readings, made_sensors, tolerances
 from studies.validation import calibration_check
 
@@ -108,20 +110,15 @@ def test_more_rows_never_widen_a_deviation(simulated):
     assert (many.deviation <= few.deviation * (1 + 1e-3)).all()
 
 
-def test_forces_are_within_their_intervals_after_twelve_presses(bench):
+def test_forces_are_within_their_intervals_after_twelve_presses(bench, calibration):
     table, files = bench
-    read = bench_file.read([Path(files[0])], paper())
-    law, _, error = calibration_study.mechanics_of(paper(), None)
-    un = sensor_fit.unknowns_of(paper(), read, tolerances(), model_error=error)
-    sensor = sensor_fit.Sensor(paper(), law, un, np.full(3, READING_NOISE), FORCE_NOISE)
-    found = sensor_fit.fit(sensor, sensor_fit.measured_of(read), np.zeros(12))
-    unseen = table.iloc[1::2]
+    found, unseen = calibration[0], table.iloc[1::2]
     decoded = sensor_fit.decode(found, unseen[["S1_V", "S2_V", "S3_V"]].to_numpy(), np.zeros(12))
     off = decoded.force - unseen[["true x", "true y", "true z"]].to_numpy()
     assert np.mean(np.abs(off) < decoded.half_width) > 0.75
     assert np.sqrt(np.square(off).sum(axis=1).mean()) < 0.1
     # a quadratic regression from the same twelve presses
-    seen = sensor_fit.measured_of(read)
+    seen = sensor_fit.measured_of(bench_file.read([Path(files[0])], paper()))
     other = calibration_study.ridge(seen[:, :3], seen[:, 3:6], unseen[["S1_V", "S2_V", "S3_V"]].to_numpy(), 2)
     worse = other - unseen[["true x", "true y", "true z"]].to_numpy()
     assert np.square(worse).sum() > 9 * np.square(off).sum()
@@ -159,6 +156,85 @@ def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
     assert status == 0, err
     assert float(other.splitlines()[1].split(",")[4]) == pytest.approx(float(text.splitlines()[1].split(",")[8]))
     assert run("solve", out / "design.toml", "--depth", "0.5", "--accuracy", "quick")[0] == 0
+
+
+@pytest.fixture(scope="module")
+def calibration(bench, tmp_path_factory):
+    """The sensor that twelve presses of the bench estimate, and its calibration.json."""
+    read = bench_file.read([Path(bench[1][0])], paper())
+    law, source, error = calibration_study.mechanics_of(paper(), None)
+    un = sensor_fit.unknowns_of(paper(), read, tolerances(), model_error=error)
+    sensor = sensor_fit.Sensor(paper(), law, un, np.full(3, READING_NOISE), FORCE_NOISE)
+    found = sensor_fit.fit(sensor, sensor_fit.measured_of(read), np.zeros(12))
+    path = tmp_path_factory.mktemp("calibration") / "calibration.json"
+    path.write_text(calibration_file.as_text(found, source, None), "utf-8")
+    return found, path
+
+
+def test_readings_of_the_made_sensor_are_within_their_intervals(bench, calibration, run):
+    found, path = calibration
+    table, off = bench[0], []
+    for k, row in table.iloc[::4].iterrows():
+        depth = row["depth_mm"] - 0.004 * row["true z"] - 0.1
+        shear, angle = (0.1, 0.5, 0.9)[k % 3] * depth, 2.4 * k
+        load = ("--depth", depth, f"--shear={shear * math.cos(angle)}", f"--shear-y={shear * math.sin(angle)}")
+        status, text, err = run("readings", "paper", "--calibration", path, *load, "--json")
+        assert status == 0, err
+        one = json.loads(text)
+        noise = 2 * READING_NOISE
+        off.append(np.abs(np.array(one["readings_V"]) - row[["S1_V", "S2_V", "S3_V"]].to_numpy(dtype=float)))
+        off[-1] = off[-1] < np.array(one["half_width_V"]) + noise
+        assert abs(one["force_N"][2] - row["true z"]) < 2 * one["half_width_N"][2]
+        # there and back
+        back = calibration_file.decoded_rows(found, np.array([one["readings_V"]]), None, np.zeros(1))[0]
+        assert back["force_z_N"] == pytest.approx(one["force_N"][2], abs=1e-3)
+    assert np.mean(off) > 0.85
+    # a nominal sensor misses by tens of millivolts
+    nominal = json.loads(run("readings", "paper", "--json")[1])["readings_V"]
+    rest = json.loads(run("readings", "paper", "--calibration", path, "--json")[1])
+    assert np.abs(np.subtract(nominal, rest["readings_V"])).max() > 10 * max(rest["half_width_V"])
+
+
+def test_a_stream_is_decoded_by_a_calibration_with_what_relaxes_from_a_zero_at_any_moment(calibration, run, tmp_path):
+    found, path = calibration
+    times = np.linspace(0, 2, 41)
+    w = -0.5 * np.clip(times - 0.5, 0, 1)
+    shift = np.stack([0.2 * w, np.zeros(41), w], axis=1)
+    rows = found.sensor.predict(found.theta, shift, np.zeros(41))
+    drifted = rows[:, :3] + [0.012, -0.008, 0.005]
+    drifted[40] = 5.0
+    table = pd.DataFrame(drifted, columns=["S1_V", "S2_V", "S3_V"]).assign(time_ms=1e3 * times)
+    table.to_csv(tmp_path / "rows.csv", index=False)
+    out = tmp_path / "forces.csv"
+    tokens = ("--calibration", path, "--file", tmp_path / "rows.csv", "--zero", "0,0.4", "--out", out)
+    status, _, err = run("decode", "paper", *tokens)
+    assert status == 0, err
+    assert "loss factor of 0.1 is an assumption" in err
+    decoded = pd.read_csv(out)
+    law = RelaxingForce(paper())
+    exact = np.array([law.step(t, row[3:6], row[7:9]) for t, row in zip(times, rows, strict=True)])[:40]
+    force, half = (
+        decoded[[f"{name}_{axis}_N" for axis in "xyz"]].to_numpy()[:40] for name in ("force", "half_width")
+    )
+    assert force == pytest.approx(exact, abs=2e-3)
+    # a fast press exceeds the slow one, and its interval holds that of half an assumed loss factor
+    assert exact[:, 2].max() > 1.2 * rows[:40, 5].max()
+    assert (half[30:, 2] > decoded.law_error_N[30:40]).all()
+    assert decoded.status.tolist() == ["ok"] * 40 + ["saturated"]
+    assert decoded.force_z_N.isna().tolist() == [False] * 40 + [True]
+
+
+def test_a_calibration_takes_its_own_designs_only(calibration, refusal, run, tmp_path):
+    found, path = calibration
+    (tmp_path / "design.toml").write_text(design_text(found.design), "utf-8")
+    words = ("--calibration", path, "--shift", "0,0,-0.5", "--json")
+    assert run("readings", tmp_path / "design.toml", *words)[1] == run("readings", "paper", *words)[1]
+    words = ("--calibration", path, "--depth", "1")
+    assert "another design, whose D is 8.0 and not 9.0" in refusal("readings", "paper", *words, "--set", "D=9")
+    assert "beyond the mechanics" in refusal("readings", "paper", "--calibration", path, "--depth", "3.5")
+    assert "--depth must be above 0 mm" in refusal("readings", "paper", "--calibration", path, "--shear", "1")
+    assert "give one of --depth" in refusal("readings", "paper", *words, "--shift", "0,0,-1")
+    assert "--depth and --shear work with --calibration" in refusal("readings", "paper", "--depth", "1")
 
 
 def test_swapped_elements_and_wrong_rows_are_told(bench, run, tmp_path):

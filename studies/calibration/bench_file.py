@@ -99,12 +99,23 @@ def read(
     return Bench(table, names, understood)
 
 
-def read_readings(file: Path, design: Design) -> tuple[Any, Array]:
-    """Return the cells of a table as texts, and its readings (n, k) in the elements' own unit, NaN where empty."""
+def read_readings(file: Path, design: Design) -> tuple[Any, Array, Array | None, Array]:
+    """Return the cells of a table as texts, readings (n, k) in the elements' own unit, times and temperatures.
+
+    Readings and temperatures (n,), C, are NaN where empty. There are no times (n,), s, without their column.
+    """
     elements = parts.of_design(design)
     names = parts.columns(elements)
     raw, table, _ = _read_file(file, names, elements[0].unit, {})
-    return raw, np.asarray(table[names].to_numpy(dtype=float))
+    readings, temperature = (
+        np.asarray(table.reindex(columns=which).to_numpy(dtype=float)) for which in (names, ["temperature_C"])
+    )
+    if "time_s" not in table:
+        return raw, readings, None, temperature[:, 0]
+    times = np.asarray(table["time_s"].to_numpy(dtype=float))
+    if np.isnan(times).any():
+        raise BadInput(f"{file.name}, row {int(np.isnan(times).argmax()) + 1} has no time: give it one, or delete it")
+    return raw, readings, times, temperature[:, 0]
 
 
 def read_texts(file: Path) -> Any:

@@ -1,4 +1,4 @@
-"""The file of a calibration, calibration.json: written by magtip calibrate, and decoding of readings by it.
+"""The file of a calibration, calibration.json, and what the estimated sensor reads, and its readings say, by it.
 
 Its numbers are the nominal design, the polynomials of its mechanics, and the unknowns of
 `studies.calibration.sensor_fit` with their covariance.
@@ -8,23 +8,31 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from analytic import parts
+from analytic.decode import decoder, field_of
+from analytic.hall import converted
 from analytic.inverse.response_surface import Mechanics
 from geometry.arrays import Array
-from geometry.design import BadInput, Design
+from geometry.design import OF_TIME, BadInput, Design
+from geometry.loads import Load, check_load
 from studies.calibration import bench_file, sensor_fit
 from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
 from studies.inputs import table_input
-from studies.inputs.option_groups import Decoding
+from studies.inputs.option_groups import Decoding, Pose, Reading
 from studies.inputs.user_input import parse_numbers
 from studies.output import atomic_files
 from studies.output.figures import table_of
-from studies.output.result import Result
+from studies.output.result import Result, of_record
+from studies.sensing import decode_readings, field_readings
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
@@ -99,6 +107,112 @@ def read(path: Path) -> Fit:
         raise BadInput(f"{path} is no calibration ({error!r}): give calibration.json of magtip calibrate") from None
 
 
+def of_design(path: Path, design: Design) -> Fit:
+    """Read calibration.json for its nominal design, or the design.toml beside it, whose fields of time it takes.
+
+    Raises
+    ------
+    BadInput
+        The file is no calibration, or one of another design.
+    """
+    found = read(path)
+    nominal, given = (dataclasses.asdict(each) for each in (found.sensor.design, design))
+    estimated = dataclasses.asdict(found.design)
+    other = [
+        name for name, value in given.items() if name not in OF_TIME and value not in (nominal[name], estimated[name])
+    ]
+    if other or (given["E"] == nominal["E"]) != (given["remanence"] == nominal["remanence"]):
+        name = (other or ["E"])[0]
+        raise BadInput(
+            f"{path} is the calibration of another design, whose {name} is {nominal[name]} and not {given[name]}: "
+            "give the design that was calibrated, or the design.toml beside the calibration"
+        )
+    time = {name: given[name] for name in OF_TIME}
+    sensor = dataclasses.replace(found.sensor, design=dataclasses.replace(found.sensor.design, **time))
+    return dataclasses.replace(found, sensor=sensor)
+
+
+# Readings
+
+
+def readings(
+    path: Path,
+    design: Design,
+    pose: Pose,
+    load: Sequence[float],
+    reading: Reading,
+    states: Path | None,
+    *,
+    wide: bool,
+) -> Result:
+    """Return what the estimated sensor reads at a pose, under a load of the plate (depth, shears) or in states.
+
+    Raises
+    ------
+    BadInput
+        The calibration is of another design, it does not reach the load, or two of these are given.
+    """
+    if reading != Reading():
+        raise BadInput("--level, --mode, --ambient and --seed have no place beside --calibration: leave them out")
+    if sum((pose != Pose(), any(load), states is not None)) > 1:
+        raise BadInput("give one of --depth (with --shear), --shift (with --tilt) and --responses")
+    found = of_design(path, design)
+    nominal, sensing = found.sensor.design, field_readings.sensing_of(found.sensor.design, reading)
+    if states is not None:
+        return field_readings.study(nominal, states, sensing, wide=wide, made=partial(made_rows, found))
+    shift, tilt = field_readings.pose_of(pose)
+    if not any(load):
+        (row,) = made_rows(found, [field_readings.read_pose(nominal, shift, tilt, sensing)])
+        return of_record("Readings", row)
+    depth, x, y = load
+    if not depth > 0:
+        raise BadInput(f"--depth must be above 0 mm, since a plate that does not touch shears nothing; got {depth:g}")
+    check_load(nominal, Load(depth, x, y, friction="stick" if x or y else "none"))
+    s, t, force = sensor_fit.poses_of(found, np.array([load]))
+    if np.isnan(s).any():
+        raise BadInput(
+            f"a depth of {depth:g} mm with a shear of {math.hypot(x, y):g} mm is beyond the mechanics of {path}, in "
+            f"which the magnet sinks by up to {found.sensor.mechanics.sink:.3g} mm: give less"
+        )
+    place = field_readings.read_pose(nominal, tuple(s[0].tolist()), tuple(t[0].tolist()), sensing)
+    (row,) = made_rows(found, [place])
+    _, _, force, half = found.answers(nominal.E, s, t, force)
+    known = {"depth_mm": depth, "shear_mm": x, "shear_y_mm": y}
+    return of_record("Readings", known | row | {"force_N": force[0].tolist(), "half_width_N": half[0].tolist()})
+
+
+def made_rows(found: Fit, rows: Sequence[FlatRow]) -> list[FlatRow]:
+    """Return rows of `field_readings.read_pose` with what the estimated sensor reads, and half of 90 % intervals."""
+    elements = parts.of_design(found.sensor.design)
+    posed = [row for row in rows if row["shift_mm"] is not None]
+    shift, tilt = (
+        np.array([row[name] for row in posed]).reshape(len(posed), -1) for name in ("shift_mm", "rotation_rad")
+    )
+    raw, half, _, _ = found.answers(found.sensor.design.E, shift, tilt, np.zeros_like(shift))
+    low, high, step = (np.array([getattr(e, name) for e in elements]) for name in ("low", "high", "step"))
+    output, saturated = converted(raw, low, high, step)
+    unit = elements[0].unit
+    made = iter(
+        zip(output.tolist(), field_of(elements, output).tolist(), half.tolist(), saturated.tolist(), strict=True)
+    )
+    answers = []
+    for row in rows:
+        width = f"half_width_{unit}"
+        if row["shift_mm"] is None:
+            answers.append(row | {width: None})
+            continue
+        value, field, wide, flags = next(made)
+        full = [f"{e.name} is saturated" for e, flag in zip(elements, flags, strict=True) if flag]
+        said = [text for text in row["warnings"] if not text.endswith(" is saturated")]
+        answers.append(row | {
+            "level": "calibration", "readings_T": field, "readings_V" if unit == "V" else "output_T": value,
+            width: wide, "saturated": flags, "warnings": full + said,
+        })  # fmt: skip
+    return answers
+
+
+# Decoding
+
 DECODED = (
     "status",
     *(
@@ -108,21 +222,38 @@ DECODED = (
     ),
 )
 """Columns that decoding by a calibration adds: force, half of its 90 % interval, shift of the magnet."""
-WHY = {
-    "ok": "",
+WHY = decode_readings.WHY | {
     "no_pose": "no pose of the magnet explains these readings: the sensor has changed, or a reading is wrong",
-    "not_finite": "a reading is missing or not a finite number",
 }
 
 
-def decoded_rows(found: Fit, readings: Array) -> list[FlatRow]:
-    """Return the columns DECODED of readings (n, k), in the elements' unit."""
-    answer = sensor_fit.decode(found, readings, np.zeros(len(readings)))
+def decoded_rows(
+    found: Fit, readings: Array, times: Array | None, warmer: Array, *, zeroed: bool = False
+) -> list[FlatRow]:
+    """Return the columns DECODED of readings (n, k), in the elements' unit; with times also `TIME_COLUMNS`.
+
+    An interval grows as its force does by what relaxes, and by what another law would change.
+    """
+    answer = sensor_fit.decode(found, readings, warmer, zeroed=zeroed)
+    elements = parts.of_design(found.sensor.design)
     finite, known = (np.asarray(np.isfinite(each).all(axis=1)) for each in (readings, answer.force))
-    status = np.where(known, "ok", np.where(finite, "no_pose", "not_finite"))
-    shift = np.where(known[:, None], answer.shift, np.nan)
-    numbers = np.hstack([answer.force, answer.half_width, shift])
-    return [dict(zip(DECODED, (s, *n), strict=True)) for s, n in zip(status.tolist(), numbers.tolist(), strict=True)]
+    low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))
+    full = ((readings <= low) | (readings >= high)).any(axis=1)
+    status = np.where(~finite, "not_finite", np.where(full, "saturated", np.where(known, "ok", "no_pose")))
+    force, half, shift = (np.where(status[:, None] == "ok", each, np.nan) for each in (
+        answer.force, answer.half_width, answer.shift))  # fmt: skip
+    words, columns = status.tolist(), DECODED
+    numbers = [force, half, shift]
+    if times is not None:
+        coder = decoder(found.sensor.design, found.sensor.mechanics)
+        field = field_of(elements, readings)
+        total, words, relaxing = decode_readings.over_time(coder, field, times, force, answer.load, words)
+        numbers = [total, sensor_fit.relaxing_half_width(half, force, total, relaxing[:, 3]), shift, relaxing]
+        columns = (*DECODED, *decode_readings.TIME_COLUMNS)
+    return [
+        dict(zip(columns, (word, *row), strict=True))
+        for word, row in zip(words, np.hstack(numbers).tolist(), strict=True)
+    ]
 
 
 def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: bool) -> Result:
@@ -140,20 +271,17 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         ("--responses", decoding.responses),
         ("--tolerance", decoding.tolerances),
         ("--units", decoding.units),
-        ("--zero", decoding.zero),
         ("--ignore-tilt", decoding.ignore_tilt),
     ):
         if given:
             raise BadInput(f"{option} has no place beside --calibration, which fixes it: leave it out")
-    found = read(path)
-    if dataclasses.asdict(found.sensor.design) != dataclasses.asdict(design):
-        raise BadInput(f"{path} is the calibration of another design: decode with the design that was calibrated")
+    found = of_design(path, design)
     names = parts.columns(parts.of_design(design))
     if decoding.readings is not None:
         values = parse_numbers("--readings", decoding.readings)
         if len(values) != len(names):
             raise BadInput(f"--readings takes {len(names)} numbers, {','.join(names)}; got {len(values)}")
-        (row,) = decoded_rows(found, np.array([values]))
+        (row,) = decoded_rows(found, np.array([values]), None, np.zeros(1))
         record = {"status": row["status"], "message": WHY[row["status"]], "level": "calibration", "readings": values}
         for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm")):
             record[f"{name}_{unit}"] = [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
@@ -162,21 +290,31 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         )
     assert decoding.file is not None
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
-    raw, numbers = bench_file.read_readings(decoding.file, design)
-    rows = [
-        {**texts, **row}
-        for texts, row in zip(raw.fillna("").to_dict("records"), decoded_rows(found, numbers), strict=True)
-    ]
+    raw, numbers, times, temperature = bench_file.read_readings(decoding.file, design)
+    if added := [name for name in raw.columns if name in (*DECODED, *decode_readings.TIME_COLUMNS)]:
+        raise BadInput(f"{decoding.file} has a column {added[0]} already, which decoding adds: rename or delete it")
+    warmer = np.nan_to_num(temperature - found.sensor.temperature_C)
+    if decoding.zero is not None:
+        at_rest = decode_readings.rows_at_rest(decoding, numbers, times)
+        rest = found.sensor.predict(found.theta, np.zeros((1, 3)), warmer[at_rest].mean(keepdims=True))[0]
+        numbers = numbers + rest[: len(names)] - np.nanmean(numbers[at_rest], axis=0)
+    decoded = decoded_rows(found, numbers, times, warmer, zeroed=decoding.zero is not None)
+    rows = [{**texts, **row} for texts, row in zip(raw.fillna("").to_dict("records"), decoded, strict=True)]
     table = table_of(rows).to_csv(index=False)
     if target is not None:
         atomic_files.write_text(target, table)
     elif not as_json:
         print(table, end="", flush=True)
-    lost = sum(row["status"] != "ok" for row in rows)
+    counts = Counter(row["status"] for row in rows)
+    said = [f"{n} of {len(rows)} rows {word}: {WHY[word]}" for word, n in counts.items() if word != "ok"]
+    if times is not None:
+        relaxing = np.array([[row[name] for name in decode_readings.TIME_COLUMNS] for row in decoded])
+        said += decode_readings.law_sentences(found.sensor.design, relaxing)
+    lost = sum(n for word, n in counts.items() if word not in decode_readings.WITH_POSE)
     return Result(
         title="Decoded rows",
         records=rows if as_json and target is None else [],
         shown=[],
-        remarks=[f"{lost} of {len(rows)} rows have no force"] if lost else [],
+        remarks=said,
         failures=["no row has a force"] if lost == len(rows) else [],
     )

@@ -430,10 +430,6 @@ def _result(
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
         curve=_curve(tables["learning"]),
     )
-    factors = {name: float(sensor.value(found.theta, name)) for name in ("modulus", "remanence")}
-    calibrated = dataclasses.replace(
-        design, E=design.E * factors["modulus"], remanence=design.remanence * factors["remanence"]
-    )
     text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"])
     return Result(
         title="Calibration",
@@ -447,7 +443,7 @@ def _result(
         tables=tables,
         files={
             "calibration.json": partial(write_text, text=text),
-            "design.toml": partial(write_text, text=design_text(calibrated)),
+            "design.toml": partial(write_text, text=design_text(found.design)),
             "calibration.png": lambda path: save(path, drawn()),
         },
         pages={"CALIBRATION.md": page},

@@ -189,16 +189,32 @@ class Sensor:
             each = zip(theta, shift, strict=True)
             return np.stack([self.predict(own, at, warmer) for own, at in each])
 
-        def value(name: str) -> Array:
-            return self.value(theta, name)[:, None]
-
-        elements, flat = parts.of_design(self.design), shift.reshape(-1, 3).T
-        names = parts.columns(elements)
+        flat = shift.reshape(-1, 3).T
         force, load = (
             each.T.reshape(shift.shape) for each in force_and_load(self.mechanics, flat, contact=False)[:2]
         )
-        tilt = value("lean")[..., None] * rotation(self.mechanics.tilt, flat).T.reshape(count, rows, 2)
-        B = made_readings(self.made(theta, names), shift, tilt).field_T
+        tilt = rotation(self.mechanics.tilt, flat).T.reshape(count, rows, 2)
+        reading, force = self.answers_all(theta, shift, tilt, force, warmer)
+        zero, compliance = (self.value(theta, f"stand_{name}")[:, None] for name in ("zero", "compliance"))
+        depth = load[..., 0] + zero + compliance * force[..., 2]
+        return np.concatenate([reading, force, depth[..., None], load[..., 1:]], axis=-1)
+
+    def answers_all(
+        self, theta: Array, shift: Array, tilt: Array, force: Array, warmer: Array
+    ) -> tuple[Array, Array]:
+        """Return readings (m, n, k) and forces (m, n, 3) of m sensors (m, p) where the nominal one has these.
+
+        Parameters
+        ----------
+        shift, tilt, force : of the nominal sensor (m, n, 3), (m, n, 2) and (m, n, 3), from any source.
+        """
+
+        def value(name: str) -> Array:
+            return self.value(theta, name)[:, None]
+
+        elements = parts.of_design(self.design)
+        names = parts.columns(elements)
+        B = made_readings(self.made(theta, names), shift, value("lean")[..., None] * tilt).field_T
         B = B * (value("remanence") * (1 + value("remanence_per_K") * warmer))[..., None]
         directions = np.array([element.direction for element in elements])
         B = B + (self.vector(theta, "ambient", "xyz") @ directions.T)[:, None]
@@ -207,9 +223,7 @@ class Sensor:
         reading = null[:, None] + gain[:, None] * B * (1 + value("gain_per_K") * warmer)[..., None]
         share = -shift[..., 2] / self.mechanics.sink - 0.5
         scale, sideways = value("modulus") * (1 + value("stiffening") * share), value("sideways")
-        force = scale[..., None] * force * np.stack([sideways, sideways, np.ones_like(sideways)], axis=-1)
-        depth = load[..., 0] + value("stand_zero") + value("stand_compliance") * force[..., 2]
-        return np.concatenate([reading, force, depth[..., None], load[..., 1:]], axis=-1)
+        return reading, scale[..., None] * force * np.stack([sideways, sideways, np.ones_like(sideways)], axis=-1)
 
     def made(self, theta: Array, names: Sequence[str]) -> MadeSensors:
         """Return sensors (m, p) with their displaced parts and their magnets; gains and nulls stay nominal."""
@@ -286,6 +300,35 @@ class Fit:
     def deviation(self) -> Array:
         """Standard deviations (p,) of the unknowns."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def design(self) -> Design:
+        """The nominal design with the estimated modulus and remanence."""
+        E, remanence = (float(self.sensor.value(self.theta, name)) for name in ("modulus", "remanence"))
+        nominal = self.sensor.design
+        return dataclasses.replace(nominal, E=nominal.E * E, remanence=nominal.remanence * remanence)
+
+    def answers(self, E: float, shift: Array, tilt: Array, force: Array) -> tuple[Array, Array, Array, Array]:
+        """Return what the estimated sensor reads and feels where one of its design has these poses and forces.
+
+        Parameters
+        ----------
+        E : modulus of the design, MPa, to which its forces are proportional.
+        shift, tilt, force : (n, 3), (n, 2) and (n, 3), such as those of finite elements.
+
+        Returns
+        -------
+        readings (n, k), in the elements' unit, half of their 90 % intervals, forces (n, 3), and half of theirs.
+        """
+        sensor, free = self.sensor, self.sensor.unknowns.free
+        thetas, steps = _moved(sensor, self.theta, free)
+        warmer, force = np.zeros(len(shift)), force * (sensor.design.E / E)
+        s, t, F = (np.repeat(each[None], len(thetas), axis=0) for each in (shift, tilt, force))
+        both = np.concatenate(sensor.answers_all(thetas, s, t, F, warmer), axis=2)
+        slope = np.moveaxis((both[1:] - both[0]) / steps[:, None, None], 0, -1)
+        variance = np.einsum("nmp,pq,nmq->nm", slope, self.covariance[np.ix_(free, free)], slope)
+        k, half = len(sensor.noise), QUANTILE * np.sqrt(variance)
+        return both[0, :, :k], half[:, :k], both[0, :, k:], half[:, k:]
 
     def correlation(self) -> Array:
         """Return the correlations (p, p); 0 for unknowns that are fixed."""
@@ -372,14 +415,20 @@ def _total(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array
 
 def _slopes(sensor: Sensor, theta: Array, shift: Array, warmer: Array, free: Ints) -> tuple[Array, Array, Array]:
     """Return predictions (n, m), and their slopes by the shifts (n, m, 3) and by free unknowns (n, m, f)."""
-    h, d = 1e-5 * sensor.design.D, 1e-3 * sensor.unknowns.deviation[free]
-    thetas = np.concatenate([np.tile(theta, (4, 1)), theta + d[:, None] * np.eye(len(theta))[free]])
+    h, (moved_thetas, d) = 1e-5 * sensor.design.D, _moved(sensor, theta, free)
+    thetas = np.concatenate([np.tile(theta, (3, 1)), moved_thetas])
     shifts = np.repeat(shift[None], len(thetas), axis=0)
     shifts[1:4] += h * np.eye(3)[:, None]
     at, *moved = sensor.predict_all(thetas, shifts, warmer)
     slopes = (np.array(moved) - at) / np.concatenate([np.full(3, h), d])[:, None, None]
     slopes = np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
     return at, slopes[..., :3], slopes[..., 3:]
+
+
+def _moved(sensor: Sensor, theta: Array, free: Ints) -> tuple[Array, Array]:
+    """Return theta, and as rows below it (1 + f, p) with one free unknown moved each, and by how much (f,)."""
+    step = 1e-3 * sensor.unknowns.deviation[free]
+    return np.concatenate([theta[None], theta + step[:, None] * np.eye(len(theta))[free]]), step
 
 
 def _linearised(
@@ -437,12 +486,14 @@ class DecodedForces:
     ----------
     force, half_width : (n, 3) N, and half of the 90 % interval; NaN where no pose explains the readings.
     shift : (n, 3) mm.
+    load : (n, 3) depth and shears of the plate, mm.
     misfit : (n,) root of the mean squared error of the readings over their standard deviation.
     """
 
     force: Array
     half_width: Array
     shift: Array
+    load: Array
     misfit: Array
 
 
@@ -450,12 +501,17 @@ LARGEST_MISFIT = 5.0
 """Largest error of the readings, in their standard deviations, of a pose that explains them."""
 
 
-def decode(found: Fit, readings: Array, warmer: Array) -> DecodedForces:
-    """Decode readings (n, k), in the elements' unit, by an estimated sensor."""
-    return decode_with(found, [found.covariance], readings, warmer)[0]
+def decode(found: Fit, readings: Array, warmer: Array, *, zeroed: bool = False) -> DecodedForces:
+    """Decode readings (n, k), in the elements' unit, by an estimated sensor.
+
+    zeroed : whether the readings were moved to those of the estimated sensor at rest, whose errors then fall out.
+    """
+    return decode_with(found, [found.covariance], readings, warmer, zeroed=zeroed)[0]
 
 
-def decode_with(found: Fit, covariances: Sequence[Array], readings: Array, warmer: Array) -> list[DecodedForces]:
+def decode_with(
+    found: Fit, covariances: Sequence[Array], readings: Array, warmer: Array, *, zeroed: bool = False
+) -> list[DecodedForces]:
     """Decode readings by a sensor whose unknowns have other covariances (p, p), which change the intervals only."""
     sensor, theta = found.sensor, found.theta
     count = readings.shape[1]
@@ -468,8 +524,13 @@ def decode_with(found: Fit, covariances: Sequence[Array], readings: Array, warme
     un = sensor.unknowns
     at, by_shift, by_theta = _slopes(sensor, theta, shift, warmer, un.free)
     misfit = np.sqrt(np.square((W * (np.nan_to_num(measured) - at))[:, :count]).mean(axis=1))
+    if zeroed:
+        rest = _slopes(sensor, theta, np.zeros_like(shift), warmer, un.free)[2]
+        by_theta[:, :count] -= rest[:, :count]
     Js, Jt = W[..., None] * by_shift, W[..., None] * by_theta
     F, by_shift, by_theta = (each[:, count : count + 3] for each in (at, by_shift, by_theta))
+    load = at[:, count + 3 :] - np.outer(sensor.value(theta, "stand_compliance") * F[:, 2], [1, 0, 0])
+    load[:, 0] -= sensor.value(theta, "stand_zero")
     A = np.einsum("nmi,nmj->nij", Js, Js)
     A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
     moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
@@ -478,12 +539,48 @@ def decode_with(found: Fit, covariances: Sequence[Array], readings: Array, warme
     # errors of the polynomials at their samples
     model = np.array([sensor.mechanics.errors[1], sensor.mechanics.errors[1], sensor.mechanics.errors[2]]) / 2
     good: NDArray[np.bool_] = np.asarray(known & (misfit < LARGEST_MISFIT))
-    lost, decoded = ~good[:, None], []
+    F, shift, load = (np.where(good[:, None], each, np.nan) for each in (F, shift, load))
+    decoded = []
     for covariance in covariances:
         variance = np.einsum("nfp,pq,nfq->nf", slope, covariance[np.ix_(un.free, un.free)], slope) + noise
         half = QUANTILE * np.sqrt(variance + np.square(model))
-        decoded.append(DecodedForces(np.where(lost, np.nan, F), np.where(lost, np.nan, half), shift, misfit))
+        decoded.append(DecodedForces(F, np.where(good[:, None], half, np.nan), shift, load, misfit))
     return decoded
+
+
+def relaxing_half_width(half: Array, slow: Array, force: Array, law_error: Array) -> Array:
+    """Return half of the intervals (n, 3) of forces (n, 3) of a silicone that relaxes, from those of the slow ones.
+
+    They are proportional to the force, which follows linearly from the slow one, and do not fall below those of
+    slow loading; what another law would change (n,), N, is independent of them.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.linalg.norm(force, axis=1) / np.linalg.norm(slow, axis=1)
+    return np.asarray(np.hypot(half * np.fmax(ratio, 1.0)[:, None], law_error[:, None]))
+
+
+def poses_of(found: Fit, load: Array) -> tuple[Array, Array, Array]:
+    """Return shifts (n, 3), tilts (n, 2) and forces (n, 3) of the nominal sensor under loads (n, 3) of the plate, mm.
+
+    They are NaN for a load that is no equilibrium of the mechanics' samples.
+    """
+    sensor, theta = found.sensor, found.sensor.unknowns.mean.copy()
+    measured = np.hstack([np.full((len(load), len(sensor.noise) + 3), np.nan), load])
+    for name in ("stand_zero", "stand_compliance"):
+        if name in sensor.unknowns.names:
+            theta[sensor.unknowns.names.index(name)] = 0.0
+    W, warmer = sensor.weights(measured), np.zeros(len(load))
+    # below a nanometre is rounding
+    shift = np.round(_settle_shifts(sensor, theta, sensor.starts(theta, measured), measured, W, warmer), 6)
+    force, reached, _ = force_and_load(sensor.mechanics, np.ascontiguousarray(shift.T), contact=False)
+    low, high = workspace(sensor.design, sensor.mechanics)
+    slack = 1e-3 * sensor.design.D
+    lost = ((shift < low - slack) | (shift > high + slack)).any(axis=1) | (np.abs(reached.T - load) > slack).any(
+        axis=1
+    )
+    tilt = rotation(sensor.mechanics.tilt, np.ascontiguousarray(shift.T))
+    shift[lost] = np.nan
+    return shift, tilt.T, force.T
 
 
 def force_variances(found: Fit, covariances: Sequence[Array], shift: Array) -> list[float]:

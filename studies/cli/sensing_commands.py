@@ -10,7 +10,17 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
-from studies.inputs.option_groups import LEVEL, Basis, Calibrating, Decoding, FieldLevel, LayoutParts, Pose, Reading
+from studies.inputs.option_groups import (
+    CALIBRATION,
+    LEVEL,
+    Basis,
+    Calibrating,
+    Decoding,
+    FieldLevel,
+    LayoutParts,
+    Pose,
+    Reading,
+)
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -55,6 +65,10 @@ def readings(
     pose: Pose = Pose(),
     reading: Reading = Reading(),
     responses: Path | None = None,
+    calibration: Annotated[Path | None, CALIBRATION] = None,
+    depth: float = 0.0,
+    shear: float = 0.0,
+    shear_y: float = 0.0,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -66,11 +80,28 @@ def readings(
     responses
         File of states printed by `magtip solve --json` (or `analytic --json`), one per line, in place of --shift
         and --tilt; each state gives a row of readings.
+    depth
+        Travel of the plate after first touch, mm, in place of --shift and --tilt; with --calibration, whose
+        mechanics give the pose.
+    shear
+        Displacement of the plate along x after that, mm.
+    shear_y
+        The same along y, mm.
     """
     from studies.sensing import field_readings
 
     here = Destination(as_json=as_json, wide=wide)
-    design = design_of(source, sets)
+    design, load = design_of(source, sets), (depth, shear, shear_y)
+    if calibration is not None:
+        from studies.calibration import calibration_file
+
+        found = calibration_file.readings(calibration, design, pose, load, reading, responses, wide=wide)
+        return show(found, here)
+    if any(load):
+        raise BadInput(
+            "--depth and --shear work with --calibration, whose mechanics give the pose: without one give the states "
+            "of magtip solve --json as --responses"
+        )
     sensing = field_readings.sensing_of(design, reading)
     if responses is None:
         shift, tilt = field_readings.pose_of(pose)

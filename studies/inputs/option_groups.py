@@ -41,6 +41,9 @@ TOLERANCE = Parameter(
     help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in "
     "`magtip validate trade` meet it, instead of --accuracy."
 )
+CALIBRATION = Parameter(
+    help="calibration.json of `magtip calibrate`: take the made sensor that it describes, with 90 % intervals."
+)
 
 
 @Parameter(name="*")
@@ -334,8 +337,6 @@ class Decoding:
     tolerances
         NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
         that these tolerances may cause at rest has the status uncalibrated.
-    calibration
-        calibration.json of `magtip calibrate`: decode the sensor that it describes; forces have 90 % intervals.
     """
 
     readings: str | None = None
@@ -346,7 +347,7 @@ class Decoding:
     responses: Path | None = None
     ignore_tilt: bool = False
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
-    calibration: Path | None = None
+    calibration: Annotated[Path | None, CALIBRATION] = None
 
 
 @Parameter(name="*")

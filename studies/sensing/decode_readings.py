@@ -310,7 +310,7 @@ def decode_file(
     )
     field, times = in_tesla(elements, values, unit), _times(decoding, head, rows)
     if decoding.zero is not None:
-        field = field + _zero(coder, field, times, decoding.zero)
+        field = field + zero_offset(coder, field[rows_at_rest(decoding, field, times)])
     with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
         if progress is not None:
             progress(0.0, f"poses of {len(rows)} rows")
@@ -318,9 +318,10 @@ def decode_file(
     statuses, said = check(field, slow)
     names, relaxing = COLUMNS, np.empty((len(rows), 0))
     if times is not None:
-        decoded, statuses, relaxing = _over_time(coder, field, times, slow, statuses)
+        force, statuses, relaxing = over_time(coder, field, times, slow.force, slow.load, statuses)
+        decoded = dataclasses.replace(slow, force=force, load=np.where(np.isnan(force[:, 2:]), np.nan, slow.load))
         names = [*COLUMNS[:-2], *TIME_COLUMNS, *COLUMNS[-2:]]
-        said = [*said, *_law_sentences(coder.forward.design, relaxing)]
+        said = [*said, *law_sentences(coder.forward.design, relaxing)]
     found = _found_rows(decoded, statuses, relaxing, level)
     result = partial(_result, coder, slow, field, level, statuses, said)
     if as_json and target is None:
@@ -349,8 +350,6 @@ def _found_rows(decoded: Decoded, statuses: Sequence[Status], relaxing: Array, l
 def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Array | None:
     """Return the column time_s, s, shape (n,), of a table; None without one."""
     if "time_s" not in head:
-        if decoding.zero is not None:
-            raise BadInput(f"--zero needs the time of each row: {decoding.file} has no column time_s")
         return None
     at, last = head.index("time_s"), -math.inf
     times = np.empty(len(rows))
@@ -365,36 +364,44 @@ def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]
     return times
 
 
-def _zero(coder: Decoder, field: Array, times: Array | None, text: str) -> Array:
-    """Return what to add to the readings (n, k), T, that are those of the sensor at rest at times "FROM,TO", s."""
+def rows_at_rest(decoding: Decoding, readings: Array, times: Array | None) -> NDArray[np.bool_]:
+    """Return which rows (n,) of readings (n, k) lie between the two times of --zero, s."""
+    text = decoding.zero or ""
+    if times is None:
+        raise BadInput(f"--zero needs the time of each row: {decoding.file} has no column time_s")
     ends = user_input.parse_numbers("--zero", text)
-    assert times is not None
     if len(ends) != 2 or not ends[0] < ends[1]:
         raise BadInput(f"--zero takes two times FROM,TO in s, the first one before the second; got {text!r}")
     inside = (ends[0] <= times) & (times <= ends[1])
-    if not np.isfinite(field[inside]).any(axis=0).all():
+    if not np.isfinite(readings[inside]).any(axis=0).all():
         raise BadInput(
             f"--zero {text}: no row with readings lies in this time; the rows go from {times[0]:g} to {times[-1]:g} s"
         )
-    return zero_offset(coder, field[inside])
+    return np.asarray(inside)
 
 
-def _over_time(
-    coder: Decoder, field: Array, times: Array, decoded: Decoded, statuses: list[Status]
-) -> tuple[Decoded, list[Status], Array]:
-    """Return decoded rows with the forces of a silicone that relaxes, their statuses, and `TIME_COLUMNS` (n, 4)."""
+def over_time(
+    coder: Decoder, field: Array, times: Array, slow: Array, load: Array, statuses: Sequence[Status]
+) -> tuple[Array, list[Status], Array]:
+    """Return forces (n, 3) of a silicone that relaxes, the statuses of their rows, and `TIME_COLUMNS` (n, 4).
+
+    Parameters
+    ----------
+    field, slow, load : of rows at times (n,), s: readings (n, k), T, and force of slow loading (n, 3) with its load.
+    """
     design, past = coder.forward.design, TimeSeries(coder)
     doubted = [RelaxingForce(design, branches) for branches in doubted_branches(design)]
-    force, found, others = np.empty(decoded.force.shape), list(statuses), []
-    for k, row in enumerate(zip(times.tolist(), field, statuses, decoded.force, decoded.load, strict=True)):
-        time, _, _, slow, load = row
+    force, found, others = np.empty(slow.shape), list(statuses), []
+    for k, row in enumerate(zip(times.tolist(), field, statuses, slow, load, strict=True)):
+        time, _, _, own, motion = row
         found[k], force[k] = past.step(*row)
         unknown = found[k] == "frozen"
-        others.append([law.step(time, slow * (math.nan if unknown else 1.0), load[1:]) - force[k] for law in doubted])
+        others.append(
+            [law.step(time, own * (math.nan if unknown else 1.0), motion[1:]) - force[k] for law in doubted]
+        )
     off = np.linalg.norm(np.array(others).reshape(len(force), -1, 3), axis=2).max(axis=1, initial=0.0)
     off[np.isnan(force[:, 2])] = np.nan
-    load = np.where(np.isnan(force[:, 2:]), np.nan, decoded.load)
-    return dataclasses.replace(decoded, force=force, load=load), found, np.column_stack([force - decoded.force, off])
+    return force, found, np.column_stack([force - slow, off])
 
 
 def doubted_branches(design: Design) -> list[Relaxation]:
@@ -406,7 +413,8 @@ def doubted_branches(design: Design) -> list[Relaxation]:
     return [Relaxation(tuple((g / (1 + g.sum())).tolist()), known.times, known.covered) for g in grown]
 
 
-def _law_sentences(design: Design, relaxing: Array) -> list[str]:
+def law_sentences(design: Design, relaxing: Array) -> list[str]:
+    """Return how much of the forces `TIME_COLUMNS` (n, 4) say that the silicone relaxes, and how sure that is."""
     if not relaxation_of(design).times or not np.isfinite(relaxing).any():
         return []
     part, off = float(np.nanmax(np.linalg.norm(relaxing[:, :3], axis=1))), float(np.nanmax(relaxing[:, 3]))

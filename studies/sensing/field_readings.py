@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -194,6 +194,8 @@ MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
 """Columns that distinguish the states of a path."""
 SHOWN = ("status", *MOVED, "shift_mm", "rotation_rad", "readings_T", "readings_V", "output_T", "saturated")
 """Columns of a table that is not wide."""
+EXTRA = ("half_width_V", "half_width_T", "resolution_N")
+"""Further columns of such a table, where they are known."""
 
 
 def of_states(design: Design, file: Path, sensing: Sensing) -> list[FlatRow]:
@@ -268,10 +270,17 @@ def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> F
     return readings | said | moved | resolution
 
 
-def study(design: Design, file: Path, sensing: Sensing, *, wide: bool) -> Result:
-    """Return the result of `of_states`; it has failed if no state was reached."""
-    rows = of_states(design, file, sensing)
-    extra = ["resolution_N"] if any(row["resolution_N"] for row in rows) else []
+def study(
+    design: Design,
+    file: Path,
+    sensing: Sensing,
+    *,
+    wide: bool,
+    made: Callable[[list[FlatRow]], list[FlatRow]] = list,
+) -> Result:
+    """Return the result of `of_states`, as `made` changes its rows; it has failed if no state was reached."""
+    rows = made(of_states(design, file, sensing))
+    extra = [name for name in EXTRA if any(row.get(name) for row in rows)]
     keys = list(dict.fromkeys([*SHOWN, *extra, *(key for row in rows for key in row if wide)]))
     shown = [{key: row.get(key) for key in keys} for row in rows]
     messages = [
