@@ -110,7 +110,7 @@ def test_ampere_round_the_hull():
 def test_regimes_meet(z0):
     """Two neighbours, one on each side of a change of formula, differ by no more than their distance allows."""
     angle = np.linspace(0.01, np.pi - 0.01, 40)
-    for centre, radius in ((0.0, 7 * math.hypot(1, z0)), (1.0, 12 * z0)):
+    for centre, radius in ((0.0, cylinder.FAR * math.hypot(1, z0)), (1.0, cylinder.THIN * z0)):
         pair = []
         for scale in (1 - 1e-13, 1 + 1e-13):
             d = radius * scale
