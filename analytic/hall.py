@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analytic.magnet import cylinder_field, dipole_field, paper_field
-from analytic.parts import AXES, Element, common_values, of_design
+from analytic.parts import Element, common_values, of_design
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Response
@@ -30,9 +30,21 @@ Field = Literal["exact", "paper", "paper-printed", "dipole"]
 FLIP = np.array([1.0, -1.0, -1.0])
 """Half a turn about x, from the magnet's frame to the sensor's: the north pole points down. The polarisation of a
 magnet whose north pole points up is negative."""
-ELEMENTS = len(AXES)
-"""Number of elements of every layout."""
-SITE = attrgetter("magnet_diameter", "magnet_height", "D", "L", "l0", "f", "c", "hall_plate", "hall_layout", "chip_x")
+SITE = attrgetter(
+    *(
+        "magnet_diameter",
+        "magnet_height",
+        "D",
+        "L",
+        "l0",
+        "f",
+        "c",
+        "hall_plate",
+        "hall_layout",
+        "chip_x",
+        "chip_count",
+    )
+)
 """Returns the fields of a design that fix the field of its magnet at its elements, but for the remanence."""
 FIELDS: tuple[Field, ...] = ("exact", "paper", "paper-printed", "dipole")
 """Models of the magnet's field, see `field_at`."""
@@ -62,7 +74,7 @@ class Readings:
 
 
 def elements(design: Design) -> tuple[Array, Array]:
-    """Return positions, shape (3, 3), mm, and directions n, shape (3, 3), of the elements S1, S2 and S3.
+    """Return positions and directions n of the elements, S1, S2 and S3 or those of each chip, shape (k, 3), mm and 1.
 
     The directions are -z, +x and +y because the magnet's north pole points down. B points down below the magnet and
     away from the axis beside it, so at rest all three outputs lie above the null voltage (S2 and S3 only if l0 > c;
@@ -196,13 +208,13 @@ def readings(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BatchReadings:
-    """Readings of the three elements of n rows; NaN, and not saturated, where there is no reading.
+    """Readings of the k elements of n rows; NaN, and not saturated, where there is no reading.
 
     Attributes
     ----------
-    field_T : flux density B.n that each element measures, shape (n, 3), T.
-    output : output of each element, in whole steps and within the rails, shape (n, 3), V, or T for a chip.
-    saturated : whether the output lies at a rail, shape (n, 3).
+    field_T : flux density B.n that each element measures, shape (n, k), T.
+    output : output of each element, in whole steps and within the rails, shape (n, k), V, or T for a chip.
+    saturated : whether the output lies at a rail, shape (n, k).
     """
 
     field_T: Array
@@ -225,11 +237,12 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     Returns
     -------
     BatchReadings
-        NaN for all three elements of a row without a pose or a magnet, or with a point on the magnet's rim, where the
-        field is infinite.
+        NaN for all elements of a row without a pose or a magnet, or with a point on the magnet's rim, where the
+        field is infinite; and where other designs have more elements.
     """
+    width = max((design.element_count for design in designs), default=3)
     if not len(owner):
-        empty = np.zeros((0, ELEMENTS))
+        empty = np.zeros((0, width))
         return BatchReadings(empty, empty, empty > 0)
     common = np.array([common_values(design) for design in designs])
     numbers: dict[tuple[float | str, ...], int] = {}
@@ -240,14 +253,15 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     posed &= np.array([design.shape.has_magnet for design in sites])[site_of[owner]]
     order = np.argsort(site_of[owner], kind="stable")
     rows = order[posed[order]]
-    measured = np.full((len(owner), ELEMENTS), np.nan)
+    measured = np.full((len(owner), width), np.nan)
     plates = [plates_of(of_design(design)) for design in sites]
     counts = np.array([len(points) for points, _ in plates])
     for count in np.unique(counts).tolist():
         alike = rows[counts[site_of[owner[rows]]] == count]
-        measured[alike] = _along_elements(sites, plates, site_of[owner[alike]], shift[alike], tilt[alike])
+        values = _along_elements(sites, plates, site_of[owner[alike]], shift[alike], tilt[alike])
+        values[np.isnan(values).any(axis=1)] = np.nan
+        measured[alike, : values.shape[1]] = values
     measured *= np.array([design.polarisation for design in designs])[owner, None]
-    measured[np.isnan(measured).any(axis=1)] = np.nan
     gain, null, low, high, _, step, _ = common[owner].T[:, :, None]
     output, saturated = converted(null + gain * measured, low, high, step)
     return BatchReadings(measured, output, saturated)
@@ -257,12 +271,12 @@ def _along_elements(
     sites: Sequence[Design], plates: Sequence[tuple[Array, NDArray[np.int64]]], site: NDArray[np.int64],
     shift: Array, tilt: Array,
 ) -> Array:  # fmt: skip
-    """Return what the elements measure over the polarisation, shape (n, 3), in poses that are sorted by their site.
+    """Return what the elements measure over the polarisation, shape (n, k), in poses that are sorted by their site.
 
     The plates of all these sites have as many points.
     """
     if not len(site):
-        return np.zeros((0, ELEMENTS))
+        return np.zeros((0, 0))
     start = np.flatnonzero(np.diff(site, prepend=-1))
     owners = plates[site[0]][1]
     points = np.array([plates[k][0] - [0.0, 0.0, sites[k].H] for k in site[start]])

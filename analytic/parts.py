@@ -96,24 +96,36 @@ AXES: tuple[Vector, Vector, Vector] = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, 
 
 
 def of_design(design: Design) -> tuple[Element, ...]:
-    """Return the three elements of the design's layout.
+    """Return the elements of the design's layout.
 
     Layout "three" has the one-axis elements S1 on the axis, S2 at x = f and S3 at y = f, with the values of the
     design's fields hall_gain to hall_plate (default: an SS495A at 5 V). A chip has all three axes at x = chip_x and
-    at S1's height, with the chip's own values. All of them average hall_average samples.
+    at S1's height, with the chip's own values; several chips stand on a circle, all turned alike. All of them average
+    hall_average samples.
     """
     three = design.hall_layout == "three"
-    names = ("S1", "S2", "S3") if three else ("chip -z", "chip x", "chip y")
-    unit: Literal["V", "T"] = "V" if three else "T"
+    names, unit = element_names(design.hall_layout, int(design.chip_count))
     average = design.hall_noise_floor if three else 0.0, int(design.hall_average)
     return tuple(
         Element(name, place, axis, *common_values(design), unit, *average)
-        for name, place, axis in zip(names, element_positions(design), AXES, strict=True)
+        for name, place, axis in zip(names, element_positions(design), AXES * (len(names) // 3), strict=True)
     )
 
 
+def element_names(layout: str, chips: int = 1) -> tuple[tuple[str, ...], Literal["V", "T"]]:
+    """Return the names of a layout's elements, and the unit of their outputs.
+
+    >>> element_names("tmag5273a1"), len(element_names("tmag5273a1", 3)[0])
+    ((('chip -z', 'chip x', 'chip y'), 'T'), 9)
+    """
+    if layout == "three":
+        return ("S1", "S2", "S3"), "V"
+    chips_named = [f"chip{k}" for k in range(1, chips + 1)] if chips > 1 else ["chip"]
+    return tuple(f"{chip} {axis}" for chip in chips_named for axis in ("-z", "x", "y")), "T"
+
+
 def common_values(design: Design) -> tuple[float, float, float, float, float, float, float]:
-    """Return gain, null, low, high, noise of one sample, step and plate, which the three elements have in common."""
+    """Return gain, null, low, high, noise of one sample, step and plate, which all elements have in common."""
     if design.hall_layout != "three":
         chip = design.chip
         return 1.0, 0.0, -chip.range, chip.range, chip.noise or 0.0, chip.step, 0.0

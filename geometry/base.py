@@ -126,13 +126,13 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         seats = hall_elements.three_elements(design, where, fit, base.seat_wall, thickness)
     else:
         # the chip stands on the board under the base, so the height of its Hall plates fixes the thickness
-        thickness = design.chip.plate - where[design.hall_layout][2]
+        thickness = design.chip.plate - (design.H - design.l0)
         if base.thickness is not None and not abs(base.thickness - thickness) <= 1e-6:
             raise BadInput(
                 f"l0 sets the thickness of a chip's base, here {thickness:.4g} mm; got {base.thickness:g} mm: "
                 "leave thickness out"
             )
-        seats = Seats({design.hall_layout: hall_elements.chip_seat(design, where, fit, thickness)}, {}, {})
+        seats = hall_elements.chip_seats(design, where, fit, thickness)
     # two common layers of filament printing are enough to feel the rim of a recess
     recess = (0.4 if base.is_round else 0.0) if base.recess is None else base.recess
     recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)

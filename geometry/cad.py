@@ -15,6 +15,7 @@ import numpy as np
 from geometry.arrays import Point, Vector
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, Shape
+from geometry.hall_chips import CIRCLES
 
 if TYPE_CHECKING:
     from build123d import BoundBox, Solid
@@ -143,12 +144,12 @@ def distance(first: BoundBox, second: BoundBox) -> float:
     return float(np.linalg.norm(np.maximum(np.maximum(*past), 0.0)))
 
 
-def element_positions(design: Design) -> tuple[Vector, Vector, Vector]:
-    """Return the centres of the Hall plates of S1, S2 and S3, or three times that of a chip, mm."""
+def element_positions(design: Design) -> tuple[Vector, ...]:
+    """Return the centres of the Hall plates of S1, S2 and S3, or three times that of each chip, mm."""
     s1 = design.H - design.l0
     if design.hall_layout != "three":
-        chip = (design.chip_x, 0.0, s1)
-        return chip, chip, chip
+        r = design.chip_x
+        return tuple((r * x, r * y + 0.0, s1) for x, y in CIRCLES[int(design.chip_count)] for _ in range(3))
     s23 = s1 + design.c
     return (0.0, 0.0, s1), (design.f, 0.0, s23), (0.0, design.f, s23)
 

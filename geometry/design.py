@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from geometry.bad_input import BadInput as BadInput
 from geometry.bad_input import in_range, nearest, no_effect, quantity
-from geometry.hall_chips import CHIPS, OWN, HallChip
+from geometry.hall_chips import CHIPS, CIRCLES, OWN, HallChip, least_radius
 
 __all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
 
@@ -37,7 +37,7 @@ SILICONE_E = (0.01, 20.0)
 Gent's formula (1958), E = 0.0981 (56 + 7.66 S) / (0.137505 (254 - 2.54 S))."""
 
 HALL_LAYOUTS = ("three", *CHIPS, OWN)
-"""Three one-axis Hall elements S1, S2 and S3, or one 3-axis chip at the height of S1."""
+"""Three one-axis Hall elements S1, S2 and S3, or one to three 3-axis chips at the height of S1."""
 
 POLES = {"down": 1.0, "up": -1.0}
 """Where the magnet's north pole can point, with the sign of its polarisation along -z: down is towards the base."""
@@ -175,11 +175,14 @@ class Design:
     hall_layout: str = _choice(
         "three",
         HALL_LAYOUTS,
-        "three: one-axis elements S1, S2, S3; else a 3-axis chip l0 below the magnet",
+        "three: one-axis elements S1, S2, S3; else 3-axis chips l0 below the magnet",
         assumed=False,
     )
     chip_x: float = quantity(
         0.0, "mm", -1000, 1000, "distance of a 3-axis chip from the beam's axis, along x", assumed=False
+    )
+    chip_count: float = quantity(
+        1.0, "1", 1, max(CIRCLES), "number of 3-axis chips, evenly on a circle of radius chip_x", assumed=False
     )
     chip_noise: float = quantity(
         0.0, "T", 0.0, 1, "noise (rms) of a chip's value (0: its data sheet's)", assumed=True
@@ -219,12 +222,21 @@ class Design:
             raise BadInput(
                 f"chip_plate must not exceed chip_height = {self.chip_height:g} mm; got {self.chip_plate:g} mm"
             )
-        if self.hall_average % 1:
-            raise BadInput(f"hall_average must be a whole number of samples; got {self.hall_average:g}")
+        for name, what in (("hall_average", "samples"), ("chip_count", "chips")):
+            if getattr(self, name) % 1:
+                raise BadInput(f"{name} must be a whole number of {what}; got {getattr(self, name):g}")
         for name, alpha in (("ogden_alpha1", self.ogden_alpha1), ("ogden_alpha2", self.ogden_alpha2)):
             if not abs(alpha) >= LEAST_ALPHA:
                 raise BadInput(f"{name} must be at least {LEAST_ALPHA:g} or at most -{LEAST_ALPHA:g}; got {alpha:g}")
         self._check_magnet()
+        if self.element_count > 3:
+            length, width, _ = self.chip.body
+            least = least_radius(int(self.chip_count), length, width)
+            if not abs(self.chip_x) >= least - 1e-9:
+                raise BadInput(
+                    f"chip_x must be at least {math.ceil(1e3 * least) / 1e3:g} mm, or {self.chip_count:g} chips of "
+                    f"{length:g} x {width:g} mm overlap; got {self.chip_x:g} mm"
+                )
 
     def _check_magnet(self) -> None:
         if (self.magnet_diameter == 0) != (self.magnet_height == 0):
@@ -271,6 +283,11 @@ class Design:
     def shape(self) -> Shape:
         """The lengths of beam and magnet, mm."""
         return Shape(self.D, self.L, self.magnet_diameter, self.magnet_height, self.magnet_edge_radius)
+
+    @property
+    def element_count(self) -> int:
+        """Number of Hall elements: three, or the three axes of each chip."""
+        return 3 if self.hall_layout == "three" else 3 * int(self.chip_count)
 
     @property
     def chip(self) -> HallChip:
@@ -372,7 +389,7 @@ class Design:
 _NAMES = [spec.name for spec in dataclasses.fields(Design)]
 OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
     "three": ("f", "c", *(n for n in _NAMES if n.startswith("hall_") and n not in ("hall_layout", "hall_average"))),
-    **dict.fromkeys(CHIPS, ("chip_x", "chip_noise")),
+    **dict.fromkeys(CHIPS, ("chip_x", "chip_count", "chip_noise")),
     OWN: tuple(n for n in _NAMES if n.startswith("chip_")),
 }
 """For each layout, the fields that only some layouts use: a chip with a name has the figures of its data sheet."""

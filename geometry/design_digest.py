@@ -25,7 +25,7 @@ DIGITS = 12
 """Number of hexadecimal digits of a digest: 48 bits, which a double or an integer of 64 bits holds exactly."""
 PREFIX = "made_for_"
 """Prefix of the field names in files that hold numbers only."""
-LATER: Fields = {"magnet_north": "down"}
+LATER: Fields = {"magnet_north": "down", "chip_count": 1.0}
 """Keys that labels got after the first ones were written, with the values that older files mean."""
 
 _UNITS = {"magnet": "1", **{spec.name: spec.metadata["unit"] for spec in dataclasses.fields(Design)}}
@@ -49,7 +49,7 @@ def of_readings(design: Design) -> Fields:
 
     The formula of the magnetic field treats the magnet's edges as sharp, so `magnet_edge_radius` is not among them.
     """
-    places = ("f", "l0", "c", "hall_plate") if design.hall_layout == "three" else ("l0", "chip_x")
+    places = ("f", "l0", "c", "hall_plate") if design.hall_layout == "three" else ("l0", "chip_x", "chip_count")
     magnet = ("magnet_diameter", "magnet_height", "remanence", "magnet_north")
     return _fields(design, (*LENGTHS, *magnet, "hall_layout", *places))
 

@@ -1,5 +1,7 @@
 """3-axis Hall chips: the figures of `hall_chips.toml`, and those of a chip of one's own, which a design states."""
 
+import itertools
+import math
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +9,27 @@ from typing import Any
 
 OWN = "chip"
 """Layout of a chip whose range, step, noise and body are fields of the design."""
+CIRCLES: dict[int, tuple[tuple[float, float], ...]] = {
+    1: ((1.0, 0.0),),
+    2: ((1.0, 0.0), (-1.0, 0.0)),
+    3: ((1.0, 0.0), (-0.5, math.sqrt(0.75)), (-0.5, -math.sqrt(0.75))),
+}
+"""Places of one to three chips on a circle of radius 1 about the beam's axis."""
+
+
+def least_radius(count: int, length: float, width: float) -> float:
+    """Return the least radius on which that many boxes, `length` along x and `width` along y, do not overlap, mm.
+
+    >>> least_radius(1, 3.0, 2.0), least_radius(2, 3.0, 2.0), round(least_radius(3, 3.0, 2.0), 3)
+    (0.0, 1.5, 2.0)
+    """
+    return max(
+        (
+            min(side / abs(a - b) for a, b, side in zip(one, other, (length, width), strict=True) if a != b)
+            for one, other in itertools.combinations(CIRCLES[count], 2)
+        ),
+        default=0.0,
+    )
 
 
 @dataclass(frozen=True, slots=True)

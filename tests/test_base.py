@@ -23,6 +23,7 @@ DESIGNS = [
     Design(hall_layout="tmag5273a1"),
     Design(hall_layout="tle493d-p2b6", l0=9.0),
     Design(hall_layout="tmag5273a1", chip_x=-11.0),
+    Design(hall_layout="tmag5273a1", chip_x=3.0, chip_count=3, l0=7.5),
     Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3),
     Design(D=50, L=25.05, f=40, **BARE),
     # slots of S2 and S3 that open into each other, beside the beam and under it
@@ -55,9 +56,9 @@ def test_elements_sit_in_their_seats_and_the_base_prints(design, choices):
     assert cad.overlap(solid, disc) == pytest.approx(disc.volume, rel=1e-9)
 
 
-@pytest.mark.parametrize("layout", ["three", "tmag5273a1", "tle493d-p2b6"])
-def test_bodies_and_readings_use_the_same_positions(layout):
-    design = Design(hall_layout=layout, f=6.0, c=1.0, l0=8.0, chip_x=2.5)
+@pytest.mark.parametrize(("layout", "count"), [("three", 1), ("tmag5273a1", 1), ("tle493d-p2b6", 2)])
+def test_bodies_and_readings_use_the_same_positions(layout, count):
+    design = Design(hall_layout=layout, f=6.0, c=1.0, l0=8.0, chip_x=2.5, chip_count=count)
     elements = [element.position for element in of_design(design)]
     assert sorted(set(elements)) == sorted(places(design).values())
 

@@ -17,6 +17,7 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
 TILT = np.array([[0.1, 0.01], [0.002, 0.001]]), 0.08, 0.12
+CHIPS = Design(hall_layout="tmag5273a1", chip_x=3.0, chip_count=3, l0=7.5)
 FOLDED = Design(l0=6.0, c=2.5, hall_low=0, hall_null=50, hall_high=100)
 
 
@@ -45,8 +46,8 @@ def coder():
 @pytest.mark.parametrize("mode", ["component", "magnitude"])
 @pytest.mark.parametrize(
     "design",
-    [paper(), Design(hall_plate=0.5), Design(hall_layout="tmag5273a1"), Design(magnet_north="up")],
-    ids=["three", "plates", "chip", "north up"],
+    [paper(), Design(hall_plate=0.5), Design(hall_layout="tmag5273a1"), Design(magnet_north="up"), CHIPS],
+    ids=["three", "plates", "chip", "north up", "three chips"],
 )
 def test_forward_model_reads_as_the_elements_do(tau, mode, design):
     model = forward_model.model(design, tau, mode=mode)
@@ -78,6 +79,22 @@ def test_round_trip(coder, ignore_tilt):
     assert np.abs(found.shift[seen] - shift.T[seen]).max() < 1e-7
     assert np.isnan(found.shift[~seen]).all()
     assert_allclose(found.tilt[:, 1][seen], 0 if ignore_tilt else 0.1 * shift[0][seen], atol=1e-7)
+
+
+def test_three_chips_give_one_pose_with_less_noise_than_one_of_them(coder):
+    three, one = (
+        decode.decoder(design, coder.mechanics) for design in (CHIPS, dataclasses.replace(CHIPS, chip_count=1))
+    )
+    shift, field = poses(three, 200)
+    found = decode.decode(three, field.T)
+    assert set(found.status) == {"ok"}
+    assert np.abs(found.shift - shift.T).max() < 1e-7
+    alone = decode.decode(one, field[:3].T)
+    seen = alone.multiplicity == 1
+    assert (found.noise_mm[seen] < alone.noise_mm[seen]).all()
+    wrong = field.T.copy()
+    wrong[:, 4] += 2e-3
+    assert set(decode.decode(three, wrong).status) <= {"inconsistent", "out_of_workspace"}
 
 
 def test_load_and_force_come_back(coder):

@@ -57,6 +57,8 @@ def test_metadata_is_complete_and_default_in_range(name):
         ({"l0": 1.0}, "l0 must exceed half the magnet's height = 1 mm; got 1 mm"),
         ({"hall_low": 3.0}, "hall_low, hall_null and hall_high must rise; got 3, 2.5 and 4.8 V"),
         ({"hall_high": 2.5}, "hall_low, hall_null and hall_high must rise; got 0.2, 2.5 and 2.5 V"),
+        ({"hall_layout": "tmag5273a1", "chip_count": 3.0, "chip_x": 1.6}, "or 3 chips of 2.9 x 2.8 mm overlap"),
+        ({"chip_count": 1.5}, "chip_count must be a whole number of chips; got 1.5"),
         ({"law": "yeo"}, "there is no law 'yeo': did you mean yeoh?"),
         ({"law": "Yeoh"}, "there is no law 'Yeoh': did you mean yeoh?"),
         ({"law": 3.0}, "law must be one of the names neo-hookean, mooney-rivlin, yeoh, ogden; got 3.0"),

@@ -167,6 +167,18 @@ def test_chip_reads_the_whole_vector_where_s1_is():
     assert near.output[0] == 0.08
 
 
+def test_chips_on_a_circle_read_alike_where_the_magnet_is_turned_from_one_to_the_next():
+    three = dataclasses.replace(paper(), hall_layout="tmag5273a1", chip_count=3, chip_x=3.0, l0=7.5)
+    places, _ = elements(three)
+    assert_allclose(np.linalg.norm(places[:, :2], axis=1), 3.0, rtol=1e-14)
+    turn = np.array([[-0.5, -math.sqrt(0.75)], [math.sqrt(0.75), -0.5]])
+    shift, tilt = np.array([0.4, -0.2]), np.array([0.1, 0.02])
+    first = np.reshape(readings(three, shift=(*shift, -0.7), tilt=tuple(tilt)).B_T, (3, 3))
+    turned = np.reshape(readings(three, shift=(*(turn @ shift), -0.7), tilt=tuple(turn @ tilt)).B_T, (3, 3))
+    assert_allclose(turned[[1, 2, 0], 0], first[:, 0], rtol=1e-12)
+    assert_allclose(turned[[1, 2, 0], 1:], first[:, 1:] @ turn.T, rtol=1e-11)
+
+
 def test_any_elements():
     """One that looks along the field, at the place of S1, on its own scale."""
     b = field_at(elements(paper())[0], paper())[0]

@@ -145,9 +145,9 @@ def states(count, shift=SHIFT, tilt=TILT):
     return np.tile(shift, (count, 1, 1)), np.tile(tilt, (count, 1, 1))
 
 
-@pytest.mark.parametrize("layout", ["three", "tmag5273a1"])
-def test_without_deviations_the_readings_are_those_of_the_design(layout):
-    design = Design(hall_layout=layout, chip_x=1.0)
+@pytest.mark.parametrize(("layout", "count"), [("three", 1), ("tmag5273a1", 1), ("tmag5273a1", 3)])
+def test_without_deviations_the_readings_are_those_of_the_design(layout, count):
+    design = Design(hall_layout=layout, chip_x=3.0, chip_count=count)
     made = made_readings(nominal_sensor(design), *states(1))
     truth = hall.readings(design, shift=tuple(SHIFT), tilt=tuple(TILT))
     exact = [dataclasses.replace(element, step=0.0) for element in parts.of_design(design)]

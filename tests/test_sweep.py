@@ -443,6 +443,15 @@ def test_layouts_have_columns_of_their_own():
     assert chip["fem_chip_-z_mT"] == three["fem_S1_mT"]
 
 
+def test_each_number_of_chips_has_columns_of_its_own():
+    design = replace(paper(), hall_layout="tmag5273a1", chip_x=3.0, l0=7.5)
+    one, three = run(design, {"chip_count": [1, 3]}, {"depth": 0.5}, quantities=READ)
+    assert one["fem_chip_-z_mT"] == three["fem_chip1_-z_mT"]
+    assert three["fem_chip3_y_mT"] == pytest.approx(-three["fem_chip2_y_mT"])
+    assert math.isnan(one["fem_chip1_-z_mT"])
+    assert math.isnan(three["fem_chip_-z_mT"])
+
+
 def test_an_impossible_sensor_has_no_readings():
     """Its mechanics are those of the others, but a null beyond the rail is refused."""
     possible, impossible = run(paper(), {"hall_null": [2.5, 9.0]}, {"depth": 0.5}, quantities=READ)

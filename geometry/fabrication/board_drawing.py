@@ -55,7 +55,8 @@ def board(design: Design, plan: Plan) -> str:
         _chip(space, design)
         _text(space, BELOW, -plan.half, -plan.half - 4.5 * LETTER)
         known = "pin 1 at the least x and y." if design.chip.pads else "whose pads are unknown."
-        _text(space, f"Chip: {design.hall_layout}, {known}", -plan.half, -plan.half - 6 * LETTER)
+        many = f"{design.chip_count:g} chips" if design.chip_count > 1 else "Chip"
+        _text(space, f"{many}: {design.hall_layout}, {known}", -plan.half, -plan.half - 6 * LETTER)
     _axes(space, plan.half)
     _text(space, NOTE, -plan.half, -plan.half - 3 * LETTER)
     text = io.StringIO()
@@ -64,13 +65,18 @@ def board(design: Design, plan: Plan) -> str:
 
 
 def pads(design: Design) -> list[tuple[float, float]]:
-    """Return the centres of all pads (x, y), mm; of three elements first those of S1, then of S2 and of S3."""
+    """Return the centres of all pads (x, y), mm; of three elements by element in turn, S1 or the first chip first."""
     if design.hall_layout != "three":
-        row, (middle, _, _) = design.chip.pads, places(design)[design.hall_layout]
+        row = design.chip.pads
         if row is None:
             return []
-        along = [middle + (k - (row.pins - 1) / 2) * row.pitch for k in range(row.pins)]
-        return [(x, side * row.rows / 2) for side in (-1, 1) for x in along]
+        along = [(k - (row.pins - 1) / 2) * row.pitch for k in range(row.pins)]
+        return [
+            (at[0] + x, at[1] + side * row.rows / 2)
+            for at in places(design).values()
+            for side in (-1, 1)
+            for x in along
+        ]
     p = SS495A
     # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel, 2 mm
     # from the body: a bend closer to it may crack it
@@ -98,14 +104,14 @@ def _leaded(space: Any, design: Design) -> None:
 
 def _chip(space: Any, design: Design) -> None:
     chip = design.chip
-    x, y, _ = places(design)[design.hall_layout]
-    _rectangle(space, "HALL", x, y, chip.body[0], chip.body[1])
-    _circle(space, "HALL", x, y, 0.2)
-    if chip.pads is None:
-        return
-    for pad_x, pad_y in pads(design):
-        _rectangle(space, "PADS", pad_x, pad_y, chip.pads.width, chip.pads.length)
-    _text(space, "1", x - chip.body[0] / 2 - LETTER, y - chip.pads.rows / 2 - LETTER / 2)
+    for x, y, _ in places(design).values():
+        _rectangle(space, "HALL", x, y, chip.body[0], chip.body[1])
+        _circle(space, "HALL", x, y, 0.2)
+        if chip.pads:
+            _text(space, "1", x - chip.body[0] / 2 - LETTER, y - chip.pads.rows / 2 - LETTER / 2)
+    for x, y in pads(design):
+        assert chip.pads is not None
+        _rectangle(space, "PADS", x, y, chip.pads.width, chip.pads.length)
 
 
 def _axes(space: Any, half: float) -> None:

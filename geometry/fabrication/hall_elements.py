@@ -14,19 +14,21 @@ in each slot sets the height of the element, and the leads pass down through the
 the top of the base gets a post, open towards the beam and as high as the element's Hall plate. Under the beam, S2 and
 S3 lie in pockets that are open below, as S1 does.
 
-A 3-axis chip is soldered to a board that is glued to the underside of the base; a pocket holds its body and the
-solder on its pads. The capacitor of its supply goes on the underside of the board.
+3-axis chips are soldered to a board that is glued to the underside of the base, all turned alike; a pocket holds the
+body of each and the solder on its pads. The capacitor of a supply goes on the underside of the board.
 """  # noqa: E501
 
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from geometry.arrays import Vector
 from geometry.cad import element_positions, moved
 from geometry.design import BadInput, Design
+from geometry.hall_chips import least_radius
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -85,15 +87,17 @@ class Block:
 
 def places(design: Design) -> dict[str, Vector]:
     """Return the centre of each part's Hall plate in the sensor's frame, mm."""
-    names = ("S1", "S2", "S3") if design.hall_layout == "three" else (design.hall_layout,) * 3
-    return dict(zip(names, element_positions(design), strict=True))
+    at, layout, count = element_positions(design), design.hall_layout, int(design.chip_count)
+    if layout == "three":
+        return dict(zip(("S1", "S2", "S3"), at, strict=True))
+    return {f"{layout} {k}" if count > 1 else layout: place for k, place in enumerate(at[::3], 1)}
 
 
 def heights(design: Design) -> tuple[float, float]:
     """Return the highest z of all bodies, and the lowest z of all bodies and leads, in the sensor's frame, mm."""
     where = places(design)
     if design.hall_layout != "three":
-        chip, (_, _, z) = design.chip, where[design.hall_layout]
+        chip, z = design.chip, design.H - design.l0
         return z - chip.plate + chip.body[2], z - chip.plate
     p, z1, z23 = SS495A, where["S1"][2], where["S2"][2]
     top = max(z1 + p.depth, z23 + p.height / 2)
@@ -106,9 +110,12 @@ def bodies(design: Design) -> dict[str, Solid]:
     The marked face of S1 points up; those of S2 and S3 point towards the beam.
     """
     if design.hall_layout != "three":
-        chip, (x, _, z) = design.chip, places(design)[design.hall_layout]
-        corner = (x - chip.body[0] / 2, -chip.body[1] / 2, z - chip.plate)
-        return {design.hall_layout: Block(corner, chip.body).solid()}
+        chip = design.chip
+        (length, width, _), low = chip.body, design.H - design.l0 - chip.plate
+        return {
+            name: Block((x - length / 2, y - width / 2, low), chip.body).solid()
+            for name, (x, y, _) in places(design).items()
+        }
     import build123d as bd
 
     part = _leaded()
@@ -236,23 +243,32 @@ def swapped(block: Block) -> Block:
     return Block((y, x, z), (width, length, height))
 
 
-def chip_seat(design: Design, where: dict[str, Vector], fit: float, thickness: float) -> Block:
-    """Return the pocket of a 3-axis chip, open below.
+def chip_seats(design: Design, where: dict[str, Vector], fit: float, thickness: float) -> Seats:
+    """Return the pockets of 3-axis chips, open below.
 
     Raises
     ------
     BadInput
-        Too little of the base would be left over the chip.
+        Too little of the base would be left over a chip, or between two pockets.
     """
-    chip, (middle, _, z) = design.chip, where[design.hall_layout]
+    chip, count = design.chip, int(design.chip_count)
     (length, width, height), pads = chip.body, chip.pads
-    roof = z - chip.plate + height + fit
+    roof = design.H - design.l0 - chip.plate + height + fit
     if not roof <= -WEB:
         raise ShortOfBase(
             f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base over the chip; "
             f"got {design.l0:g} mm"
         )
     # the solder on the pads is wider than the chip
-    x = max(length, (pads.pins - 1) * pads.pitch + pads.width if pads else 0.0) / 2 + fit
-    y = max(width, pads.rows + pads.length if pads else 0.0) / 2 + fit
-    return Block((middle - x, -y, -thickness), (2 * x, 2 * y, roof + thickness))
+    a = max(length, (pads.pins - 1) * pads.pitch + pads.width if pads else 0.0) / 2 + fit
+    b = max(width, pads.rows + pads.length if pads else 0.0) / 2 + fit
+    least = least_radius(count, 2 * a + WEB, 2 * b + WEB)
+    if not abs(design.chip_x) >= least - CLOSE:
+        raise BadInput(
+            f"chip_x must be at least {math.ceil(1e3 * least) / 1e3:g} mm to leave {WEB:g} mm of base between the "
+            f"pockets of {count} chips; got {design.chip_x:g} mm"
+        )
+    pockets = {
+        name: Block((x - a, y - b, -thickness), (2 * a, 2 * b, roof + thickness)) for name, (x, y, _) in where.items()
+    }
+    return Seats(pockets, {}, {})

@@ -111,7 +111,7 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
     BadInput
         The file is no scan, or the design has no chip or no magnet.
     """
-    if design.hall_layout == "three" or not design.shape.has_magnet:
+    if design.hall_layout == "three" or design.chip_count > 1 or not design.shape.has_magnet:
         raise BadInput(
             "a scan is read by a 3-axis chip: set hall_layout to one, magnet_diameter, magnet_height and l0, the "
             "height of the magnet's centre over the chip"

@@ -91,6 +91,15 @@ class Unknowns:
         return np.flatnonzero(self.deviation > 0)
 
 
+def place_of(reading: str) -> str:
+    """Return the name of the part that has a reading.
+
+    >>> place_of("S1"), place_of("chip2_-z")
+    ('S1', 'chip2')
+    """
+    return reading.partition("_")[0]
+
+
 def unknowns_of(
     design: Design,
     bench: Bench,
@@ -126,8 +135,10 @@ def unknowns_of(
         *((f"null_{name}", unit, 0.0, sigma(f"{part}_null")) for name in bench.readings),
         *((f"ambient_{axis}", "T", 0.0, AMBIENT) for axis in "xyz"),
     ]
-    if part == "hall":  # the axes of a chip are at one place, as if the magnet were displaced
-        places = itertools.product(bench.readings, "xyz")
+    # the axes of a chip are at one place: that of the first chip is as if the magnet were displaced
+    placed = list(dict.fromkeys(map(place_of, bench.readings)))[0 if part == "hall" else 1 :]
+    if placed:
+        places = itertools.product(placed, "xyz")
         rows += [(f"place_{name}_{axis}", "mm", 0.0, sigma(f"hall_{axis}")) for name, axis in places]
     if np.isfinite(bench.values(["depth_mm"])).any():
         rows += [("stand_zero", "mm", 0.0, STAND_ZERO), ("stand_compliance", "mm/N", 0.0, STAND_COMPLIANCE)]
@@ -241,7 +252,7 @@ class Sensor:
             fields={},
             magnet_offset=self.vector(theta, "magnet", "xyz"),
             magnet_tilt=self.vector(theta, "tilt", "xy"),
-            element_offset=np.stack([self.vector(theta, f"place_{name}", "xyz") for name in names], axis=1),
+            element_offset=np.stack([self.vector(theta, f"place_{place_of(name)}", "xyz") for name in names], axis=1),
             gain_factor=np.ones((count, len(names))),
             null_shift=np.zeros((count, len(names))),
         )

@@ -109,6 +109,8 @@ def faceted(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector])
     for name, (solid, colour) in parts.items():
         mesh = triangulated(solid, size / FACETS, 0.2)
         vertices = np.asarray(mesh.vertices)
+        if name not in WHOLE and vertices[:, 1].max() <= 0:
+            continue  # the section cuts it away
         behind, label = name in names and vertices[:, 1].min() > 0, None
         if name in names:
             x, y, z = names[name]

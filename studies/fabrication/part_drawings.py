@@ -67,7 +67,7 @@ def _sensor_sheet(
         x, y, _ = where[name]
         if x or y:
             above.projection(body)
-            beside = ((13.0, -6.0) if y else (5.0, -14.0)) if "S2" in where else (-4.0, -16.0)
+            beside = ((13.0, -6.0) if y else (5.0, -14.0)) if "S2" in where else (-4.0, 16.0 if y < 0 else -16.0)
             above.labels.append(((x, y), name, beside))
     if "S2" in where:
         f = design.f
@@ -111,8 +111,8 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
         side.dims.append(((-r, 0), (r, 0), "below", 1, f"recess Ø{number(2 * r)}"))
     for name, block in p.seats.bodies.items():
         (x, y, z), (a, b, c) = block.corner, block.sides
-        if name == "S3":
-            continue
+        if name == "S3" or name.endswith((" 2", " 3")):
+            continue  # as the one before
         if z <= -p.thickness + 1e-9:
             side.dims.append(((x, -p.thickness), (x + a, -p.thickness), "below", 0, number(a)))
             side.dims.append(((p.half, -p.thickness), (x + a, z + c), "right", 1, number(c)))
@@ -125,10 +125,13 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
             above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
     if design.hall_layout != "three" and pads(design):
         # seen from below, x runs to the left
-        x, y = pads(design)[0]
-        below.labels.append(((-x, y), "pin 1", (4.0, 3.5)))
+        for x, y in pads(design)[:: len(pads(design)) // int(design.chip_count)]:
+            below.labels.append(((-x, y), "pin 1", (4.0, 3.5)))
     above.dims += _outline(plan, 1)
     notes = ["printed as it stands, underside down, without supports"]
+    if design.element_count > 3:
+        many, radius = len(p.seats.bodies), number(abs(design.chip_x))
+        notes.append(f"{many} equal pockets, evenly on a circle of radius {radius}, the first on x")
     if p.marks:
         notes.append("grooves in the edge of the upper face: one at +x, two at +y")
     if p.screw > 0:

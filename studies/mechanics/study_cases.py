@@ -39,7 +39,7 @@ from studies.mechanics.plate_motion import STILL, TIMED, PlateMotion, motion_of
 READING_FIELDS = frozenset(
     name
     for name in DESIGN
-    if name.startswith("hall_") or name in ("f", "l0", "c", "chip_x", "remanence", "magnet_north", *OF_TIME)
+    if name.startswith(("hall_", "chip_")) or name in ("f", "l0", "c", "remanence", "magnet_north", *OF_TIME)
 )
 """Fields of a design on which the static mechanics do not depend."""
 MOST_KEPT = 20_000

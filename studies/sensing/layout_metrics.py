@@ -81,6 +81,7 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Fla
         "l0_mm": design.l0,
         "c_mm": design.c if three else None,
         "chip_x_mm": None if three else design.chip_x,
+        "chip_count": None if three else design.chip_count,
         "mechanics": mechanics,
         "tilt": "followed" if coder.forward.tau[0].any() else "none",
         "mode": coder.forward.mode,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import beam
-from analytic.hall import ELEMENTS, batch_readings, converted
+from analytic.hall import batch_readings, converted
 from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -205,18 +205,18 @@ def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, A
 
 
 def _outputs(designs: Sequence[Design | None], values: Mapping[str, Array]) -> Array:
-    """Return the outputs of the elements within the rails, not rounded to the converter's steps, shape (n, k, 3)."""
+    """Return the outputs of the elements within the rails, not rounded to the converter's steps, shape (n, k, m)."""
     shift, tilt = poses(values)
     count, states = shift.shape[:2]
     possible = [design for design in designs if design is not None]
     if not possible:
-        return np.full((count, states, ELEMENTS), np.nan)
+        return np.full((count, states, 3), np.nan)
     # an impossible sensor has no motion, so that any design may take its place
     stand_in = [design or possible[0] for design in designs]
     owner = np.repeat(np.arange(count), states)
     field = batch_readings(stand_in, owner, shift.reshape(-1, 3), tilt.reshape(-1, 2)).field_T
     gain, null, low, high, *_ = np.array([common_values(design) for design in stand_in])[owner].T[:, :, None]
-    return converted(null + gain * field, low, high, np.zeros(1))[0].reshape(count, states, ELEMENTS)
+    return converted(null + gain * field, low, high, np.zeros(1))[0].reshape(count, states, field.shape[1])
 
 
 def names(design: Design, *, sheared: bool) -> tuple[str, ...]:
@@ -226,8 +226,8 @@ def names(design: Design, *, sheared: bool) -> tuple[str, ...]:
     ('force_N', 'shift_z_mm', 'contact_radius_mm', 'S1_V', 'S2_V')
     """
     elements, unit = element_columns(design)
-    # by symmetry the third element reads in a press what the second one does
-    shown = list(elements)[: None if sheared else 2] if design.shape.has_magnet else []
+    # by symmetry the last of three elements reads in a press what the second one does
+    shown = list(elements)[: None if sheared or len(elements) > 3 else 2] if design.shape.has_magnet else []
     return (*(SHEAR if sheared else PRESS), *(f"{element}_{unit}" for element in shown))
 
 

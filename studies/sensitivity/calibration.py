@@ -1,8 +1,9 @@
 """Calibrations of made sensors: readings over the force, how much they differ, and which force errors follow.
 
 Axis z is read by the first element in a press. Axes x and y are read by the second and the third in shears to both
-sides, at the depth where the press force is the largest. Each sensor is pressed and sheared to the same forces, which
-a stiffer one reaches earlier. The states between are found by monotone cubic interpolation. For each axis and sensor:
+sides, at the depth where the press force is the largest; of several chips the mean of all counts. Each sensor is
+pressed and sheared to the same forces, which a stiffer one reaches earlier. The states between are found by monotone
+cubic interpolation. For each axis and sensor:
 
 - the sensitivity is the change of the reading over the force range, over the range;
 - the offset is the reading without a force on this axis;
@@ -21,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analytic.hall import BatchReadings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.sensitivity.beam_motions import SURROGATE, Motions, Press, motions, poses, readings
@@ -93,11 +95,11 @@ def sensitivity_errors(model: str, design: Design, load: Press) -> dict[str, flo
     read, width = readings([design], moved)
     rest = read[0, 0].copy()
     none = np.zeros((1, 1, 3))
-    rest[0] = made_readings(nominal_sensor(design), none, none[..., :2]).output[0, 0, 0]
+    rest[::3] = made_readings(nominal_sensor(design), none, none[..., :2]).output[0, 0, ::3]
 
     def relative(element: int, state: int, force: str) -> float:
         of_force = moved.half_widths[force][0, state] / moved.values[force][0, state]
-        of_reading = width[0, state, element] / (read[0, state, element] - rest[element])
+        of_reading = width[0, state, element::3].mean() / (read[0, state] - rest)[element::3].mean()
         return float(np.hypot(of_force, of_reading))
 
     errors = {"z": relative(0, 0, "force_z")}
@@ -117,8 +119,13 @@ def _pressed(model: str, sensors: MadeSensors, depth: Array) -> Motions:
 
 def _press_curves(model: str, sensors: MadeSensors, load: Press, force: Array) -> Curves:
     moved = _pressed(model, sensors, REACH * load.depth * np.linspace(0, 1, STATES) ** 2)
-    read = made_readings(sensors, *poses(moved.values))
-    return _curves(sensors, moved, moved.values["force_z"], read.output[..., 0], read.saturated[..., 0], force, 0)
+    read = _of_axis(made_readings(sensors, *poses(moved.values)), 0)
+    return _curves(sensors, moved, moved.values["force_z"], *read, force, 0)
+
+
+def _of_axis(read: BatchReadings, axis: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the reading of an axis, the mean over chips, and whether one of them is at a rail."""
+    return read.output[..., axis::3].mean(axis=-1), np.asarray(read.saturated[..., axis::3].any(axis=-1))
 
 
 def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, force: Array) -> tuple[Curves, Curves]:
@@ -135,8 +142,7 @@ def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, f
     both = Motions(values, {}, np.hstack([moved.refusals[:, :0:-1], moved.refusals]))
 
     def of_axis(element: int) -> Curves:
-        read = made_readings(sensors, *poses(values, towards_y=element == 2))
-        output, rail = read.output[..., element], read.saturated[..., element]
+        output, rail = _of_axis(made_readings(sensors, *poses(values, towards_y=element == 2)), element)
         return _curves(sensors, both, values["force_x"], output, rail, force, len(shear) - 1)
 
     return of_axis(1), of_axis(2)

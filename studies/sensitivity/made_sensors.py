@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from analytic.hall import ELEMENTS, BatchReadings, batch_readings, converted, rotated
+from analytic.hall import BatchReadings, batch_readings, converted, rotated
 from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -40,6 +40,8 @@ source of each tolerance. `assumed` where no data sheet or measurement gives the
 relative to the design's value."""
 CUT = 2.0
 """Number of standard deviations at which a normal deviation is cut off: 4.6 % of parts are sorted out."""
+OF_CHIPS = ("chip_gain", "chip_null")
+"""Tolerances of each axis of each chip."""
 MOST = {"percent": 90.0, "mm": 100.0, "deg": 45.0}
 """Largest tolerances, by unit, else 1: a deviation of 100 % would allow a value of 0, of which there is no sensor."""
 MOST_SENSORS = 1_000_000
@@ -101,9 +103,9 @@ class MadeSensors:
     fields : E, nu, remanence, magnet_diameter and magnet_height of each sensor, shape (n,), MPa, 1, T, mm, mm.
     magnet_offset : displacement of the magnet in the silicone, shape (n, 3), mm.
     magnet_tilt : rotation vector (rx, ry) of the magnetisation in the silicone, shape (n, 2), rad.
-    element_offset : displacement of each element, shape (n, 3, 3): sensor, element, axis, mm.
-    gain_factor : gain of each element over its nominal gain, shape (n, 3).
-    null_shift : null of each element less its nominal null, shape (n, 3), V, or T for a chip.
+    element_offset : displacement of each element, shape (n, k, 3): sensor, element, axis, mm.
+    gain_factor : gain of each element over its nominal gain, shape (n, k).
+    null_shift : null of each element less its nominal null, shape (n, k), V, or T for a chip.
     """
 
     nominal: Design
@@ -150,7 +152,7 @@ def made_sensors(
         The count or the seed is out of range, or the design has no magnet.
     """
     check_draw(design, count, seed)
-    unit = _unit_deviations(count, seed)
+    unit = _unit_deviations(count, seed, design.element_count)
     deviation = {name: sizes[name] * values for name, values in unit.items()}
     fields = {
         **{name: getattr(design, name) * (1 + deviation[name] / 100) for name in ("E", "remanence")},
@@ -171,7 +173,7 @@ def made_sensors(
         magnet_offset=np.stack([deviation[name] for name in ("magnet_x", "magnet_y", "magnet_z")], axis=-1),
         magnet_tilt=np.radians(deviation["magnet_tilt"]),
         # the three axes of a chip are in one case
-        element_offset=np.repeat(places[:, :1], ELEMENTS, axis=1) if chip else places,
+        element_offset=np.repeat(places[:, : int(design.chip_count)], 3, axis=1) if chip else places,
         gain_factor=1 + deviation["chip_gain" if chip else "hall_gain"] / 100,
         null_shift=deviation["chip_null" if chip else "hall_null"],
     )
@@ -192,11 +194,18 @@ def nominal_sensor(design: Design) -> MadeSensors:
     return made_sensors(design, dict.fromkeys(SPECS, 0.0), 1)
 
 
-def _unit_deviations(count: int, seed: int) -> dict[str, Array]:
+def _unit_deviations(count: int, seed: int, elements: int = 3) -> dict[str, Array]:
     """Return deviations over their tolerance, -1 to 1, by its name, of shape (n,), or (n, k) if it has several."""
     widths = [int(spec["columns"]) for spec in SPECS.values()]
     # one table of random numbers for all: a tolerance of 0 must not shift the numbers of the others
     uniform = np.random.default_rng(seed).random((count, sum(widths)))
+    if elements > 3:  # nor must further chips
+        further = np.random.default_rng([seed, elements]).random((count, len(OF_CHIPS) * (elements - 3)))
+        for name in OF_CHIPS:
+            after = sum(widths[: list(SPECS).index(name) + 1])
+            added, further = further[:, : elements - 3], further[:, elements - 3 :]
+            uniform = np.hstack([uniform[:, :after], added, uniform[:, after:]])
+            widths[list(SPECS).index(name)] = elements
     deviations = {}
     for name, columns in zip(SPECS, np.split(uniform, np.cumsum(widths)[:-1], axis=1), strict=True):
         inside = ndtr(-CUT) + columns * (ndtr(CUT) - ndtr(-CUT))
@@ -227,7 +236,7 @@ def share_with_error(count: float, total: float, level: float = 0.95) -> tuple[f
 
 
 def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> BatchReadings:
-    """Return the readings of n sensors in k states, shape (n, k, 3), with outputs that are not rounded.
+    """Return the readings of n sensors in k states, shape (n, k, m), with outputs that are not rounded.
 
     They are NaN, and not saturated, where there is no pose or no sensor.
 
@@ -245,11 +254,12 @@ def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> BatchReadi
     turn = tilt + sensors.magnet_tilt[:, None]
     moved = shift + rotated(sensors.magnet_offset[:, None], tilt)
     relative = moved[:, :, None] - sensors.element_offset[:, None]
-    owner = np.repeat(np.arange(count), states * ELEMENTS)
-    poses = np.repeat(turn.reshape(-1, 2), ELEMENTS, axis=0)
+    m = sensors.element_offset.shape[1]
+    owner = np.repeat(np.arange(count), states * m)
+    poses = np.repeat(turn.reshape(-1, 2), m, axis=0)
     rows = batch_readings(designs, owner, relative.reshape(-1, 3), poses)
     # row j of a state has the offset of element j: only the reading of this element is right
-    field = np.diagonal(rows.field_T.reshape(count, states, ELEMENTS, ELEMENTS), axis1=2, axis2=3)
+    field = np.diagonal(rows.field_T.reshape(count, states, m, m), axis1=2, axis2=3)
     gain, null, low, high, *_ = common_values(sensors.nominal)
     raw = null + sensors.null_shift[:, None] + gain * sensors.gain_factor[:, None] * field
     output, saturated = converted(raw, np.array(low), np.array(high), np.array(0.0))

@@ -122,9 +122,12 @@ def hall_part(design: Design) -> FlatRow:
 
     element = of_design(design)[0]
     chip = element.unit == "T"
+    many = f"{design.chip_count:g} x " if design.chip_count > 1 else ""
     unit, known = element.unit, element.noise > 0 or element.floor > 0
     return {
-        "hall_part": f"{design.chip.name}, a 3-axis chip" if chip else "three one-axis elements",
+        "hall_part": f"{many}{design.chip.name}, {'3-axis chips' if many else 'a 3-axis chip'}"
+        if chip
+        else "three one-axis elements",
         f"hall_range_{unit}": (element.low - element.null, element.high - element.null),
         f"hall_step_{unit}": element.step,
         f"hall_noise_{unit}": element.noise if known else None,

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import cmath
 import contextlib
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from analytic import beam
 from analytic.hall import batch_readings
+from analytic.parts import element_names
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, rotation_of
@@ -30,7 +32,6 @@ from studies.inputs import study_axes
 from studies.mechanics import response_paths
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
-from studies.sensing.field_readings import columns as element_columns
 
 NAN = math.nan
 FIRST_AXES = ("D", "L", "f", "E", "depth")
@@ -312,19 +313,24 @@ class StudyReadings:
         read = {name: self._read(batch, result) for name, result in results.items()}
         table: Columns = {}
         for (names, unit), layouts in self._layouts().items():
-            other = np.array([design is None or design.hall_layout not in layouts for design in batch.sensors])
+            other = np.array([d is None or (d.hall_layout, d.chip_count) not in layouts for d in batch.sensors])
             table |= self._of_layout(names, unit, other[batch.sensor], rest, read)
         return table
 
-    def _layouts(self) -> dict[tuple[tuple[str, ...], str], list[str]]:
-        """Return names of elements and unit of their outputs, with the study's layouts that have them."""
+    def _layouts(self) -> dict[tuple[tuple[str, ...], str], list[tuple[str, float]]]:
+        """Return names of elements and unit of their outputs, with the study's layouts and numbers of chips that
+        have them."""
         base = self.plan.design
-        values = [dict(zip(f.names, f.values, strict=True)).get("hall_layout", ()) for f in self.plan.factors]
-        layouts = list(dict.fromkeys(str(name) for each in values for name in each)) or [base.hall_layout]
-        groups: dict[tuple[tuple[str, ...], str], list[str]] = {}
-        for layout in layouts:
-            names, unit = element_columns(replace(base, hall_layout=layout))
-            groups.setdefault((tuple(names), unit), []).append(layout)
+
+        def values(name: str) -> list[Any]:
+            given = [dict(zip(f.names, f.values, strict=True)).get(name, ()) for f in self.plan.factors]
+            return list(dict.fromkeys(value for each in given for value in each)) or [getattr(base, name)]
+
+        groups: dict[tuple[tuple[str, ...], str], list[tuple[str, float]]] = {}
+        for layout, count in itertools.product(values("hall_layout"), values("chip_count")):
+            names, unit = element_names(layout, int(count))
+            key = tuple(name.replace(" ", "_") for name in names), unit if unit == "V" else "output_mT"
+            groups.setdefault(key, []).append((layout, count))
         return groups
 
     def _of_layout(
@@ -337,7 +343,7 @@ class StudyReadings:
     ) -> Columns:
         """Return the columns of one layout; `other` marks the cases, shape (n,), that have another one."""
         size = 1.0 if unit == "V" else 1e3
-        shown = names if self.plan.loads_sideways else names[:2]
+        shown = names if self.plan.loads_sideways or len(names) > 3 else names[:2]
         table: Columns = {}
         for k, element in enumerate(shown):
             for name, (field, _) in read.items():
@@ -354,14 +360,17 @@ class StudyReadings:
         return table
 
     def _read(self, batch: Batch, result: Columns) -> tuple[Array, Array]:
-        """Return fields, T, and outputs of the elements in the cases, shape (n, 3)."""
+        """Return fields, T, and outputs of the elements, shape (n, k); a layout may have fewer than k."""
+        count = max(len(names) for names, _ in self._layouts())
         if not any(design is not None and design.shape.has_magnet for design in batch.sensors):
-            return np.full((len(batch), 3), NAN), np.full((len(batch), 3), NAN)
+            return np.full((len(batch), count), NAN), np.full((len(batch), count), NAN)
         x, y, z, tilt, tilt_y = (result[name] for name in POSE)
         shift = np.stack([x, y, z], axis=1) * _of_sensors(batch, lambda design: 1.0)[:, None]
         designs = [design or self.plan.design for design in batch.sensors]
         readings = batch_readings(designs, batch.sensor, shift, np.stack(rotation_of(tilt, tilt_y), axis=1))
-        return readings.field_T, readings.output
+        missing = ((0, 0), (0, count - readings.output.shape[1]))
+        field, output = (np.pad(each, missing, constant_values=NAN) for each in (readings.field_T, readings.output))
+        return field, output
 
     def decoded(self, batch: Batch, results: Mapping[str, Columns]) -> Columns:
         """Return the forces that each formula level decodes from the reference's readings, and their errors."""

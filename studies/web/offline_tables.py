@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analytic import beam
-from analytic.hall import ELEMENTS, batch_readings
+from analytic.hall import batch_readings
 from fem.accuracy import STANDARD, Accuracy
 from fem.equilibrium import trace
 from geometry.arrays import Array, Ints
@@ -368,28 +368,29 @@ def in_direction(numbers: Array, angle: float) -> tuple[Response, Data]:
 
 
 def outputs(design: Design, numbers: Array, direction: Array) -> Array:
-    """Return the outputs of the Hall elements, and 1 for each that is at a rail, shape (..., 2 ELEMENTS)."""
+    """Return the outputs of the Hall elements, and 1 for each that is at a rail, shape (..., 2 k)."""
     angle, tilt = np.radians(direction), np.radians(numbers[..., 6])
     c, s = np.cos(angle), np.sin(angle)
     shift = np.stack([c * numbers[..., 3], s * numbers[..., 3], numbers[..., 5]], axis=-1).reshape(-1, 3)
     turn = np.stack(rotation_of(c * tilt, s * tilt), axis=-1).reshape(-1, 2)
     read = batch_readings([design], np.zeros(len(shift), dtype=np.int64), shift, turn)
     flat = np.concatenate([read.output, np.where(np.isnan(read.output), np.nan, read.saturated)], axis=1)
-    return flat.reshape(*numbers.shape[:-1], 2 * ELEMENTS)
+    return flat.reshape(*numbers.shape[:-1], 2 * design.element_count)
 
 
 def readings(grid: Grid) -> tuple[Table, Array]:
     """Return the readings over depth, shear and direction, and the largest error of each reading at the checks."""
+    count = grid.design.element_count
     roots, shears, turn = refined(grid.roots, READ[0]), refined(grid.shears, READ[1]), directions(READ[2])
     values = np.repeat(grid.at(roots, shears)[:, :, None], len(turn), axis=2)
     read = outputs(grid.design, values, np.broadcast_to(turn, values.shape[:-1]))
-    table = Table((roots, shears, turn), read, {"volts": [0] * ELEMENTS, "saturated": [0] * ELEMENTS})
+    table = Table((roots, shears, turn), read, {"volts": [0] * count, "saturated": [0] * count})
     points, exact = _checks(grid)
-    largest = np.zeros(ELEMENTS)
+    largest = np.zeros(count)
     # each element has its error in other directions than its neighbours
     for angle in (turn[1:] + turn[:-1]) / 2:
         points[:, 2] = angle
-        off = np.abs(table.at(points) - outputs(grid.design, exact, points[:, 2]))[:, :ELEMENTS]
+        off = np.abs(table.at(points) - outputs(grid.design, exact, points[:, 2]))[:, :count]
         largest = np.fmax(largest, np.nanmax(off, axis=0))
     return table, largest
 
@@ -427,11 +428,12 @@ def decoded(grid: Grid, response: Table, reading_errors: Array) -> tuple[Table, 
         _decoded(design, decoder, row, angle)["decoded"]["force"]
         for row, angle in zip(exact, places[:, 2].tolist(), strict=True)
     ]
-    off = np.abs(table.at(places)[:, 3:6] - np.array(forces))
+    k = len(reading_errors)
+    off = np.abs(table.at(places)[:, k : k + 3] - np.array(forces))
     off = np.stack([np.hypot(off[:, 0], off[:, 1]), off[:, 2]], axis=1)
     errors = _largest_by_depth(grid, places[:, 0], off)
-    table.values[..., :ELEMENTS] += reading_errors
-    table.values[..., 6:9] += _at_depths(grid, errors, axes[0])[:, None, None, [0, 0, 1]]
+    table.values[..., :k] += reading_errors
+    table.values[..., k + 3 : k + 6] += _at_depths(grid, errors, axes[0])[:, None, None, [0, 0, 1]]
     return table, errors
 
 
@@ -439,7 +441,7 @@ def _decoded(design: Design, decoder: Decoder | None, numbers: Array, angle: flo
     """Return what the live page shows in a direction, degrees; unknown numbers are NaN."""
     one, widths = in_direction(numbers, angle)
     part: Data = {"status": "out_of_workspace", "level": state_answers.DECODER_LEVEL}
-    unknown = [math.nan] * ELEMENTS
+    unknown = [math.nan] * 3
     read = state_answers.readings(design, one, widths) if np.isfinite(numbers[RESPONSE]).all() else None
     if read is None or "volts" not in read:
         read = {"half_width": None}
@@ -448,7 +450,7 @@ def _decoded(design: Design, decoder: Decoder | None, numbers: Array, angle: flo
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     x, y, z = part.get("force") or unknown
     return {
-        "half_width": read["half_width"] or unknown,
+        "half_width": read["half_width"] or [math.nan] * design.element_count,
         "decoded": {
             "status": part["status"],
             "level": part["level"],

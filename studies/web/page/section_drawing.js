@@ -224,6 +224,20 @@ const SectionDrawing = (() => {
     pen.stroke();
   }
 
+  // Places of one to three chips on a circle of radius 1.
+  const CHIPS = {
+    1: [[1, 0]],
+    2: [
+      [1, 0],
+      [-1, 0],
+    ],
+    3: [
+      [1, 0],
+      [-0.5, Math.sqrt(0.75)],
+      [-0.5, -Math.sqrt(0.75)],
+    ],
+  };
+
   // Hall elements, seen along the normal of the section; one outside of its plane is hollow.
   function elements(pen, at, value, [c, s]) {
     const low = value("L") - value("D") / 2 - value("l0");
@@ -237,7 +251,12 @@ const SectionDrawing = (() => {
             ["S2", f, 0, high],
             ["S3", 0, f, high],
           ]
-        : [["chip", value("chip_x"), 0, low]];
+        : CHIPS[value("chip_count")].map(([x, y], k, all) => [
+            all.length > 1 ? `chip${k + 1}` : "chip",
+            x * value("chip_x"),
+            y * value("chip_x"),
+            low,
+          ]);
     pen.font = `${11 * r}px system-ui, sans-serif`;
     pen.textBaseline = "middle";
     pen.textAlign = "left";
