@@ -15,6 +15,7 @@ from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
 from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit
+from studies.inputs.option_groups import Pose, Reading
 from studies.inputs.user_input import design_text
 from studies.sensitivity.made_sensors import made_readings, made_sensors, tolerances
 from studies.validation import calibration_check
@@ -224,11 +225,31 @@ def test_a_stream_is_decoded_by_a_calibration_with_what_relaxes_from_a_zero_at_a
     assert decoded.force_z_N.isna().tolist() == [False] * 40 + [True]
 
 
+def test_a_cycle_of_a_calibrated_sensor_holds_its_force_in_the_interval(calibration, run, strict, tmp_path):
+    found, path = calibration
+    words = ("--depth", 0.5, "--speed", 1, "--cycles", 1, "--accuracy", "quick", "--tolerance", 0.05)
+    status, text, err = run("cycle", "paper", "--calibration", path, *words, "--out", tmp_path / "o", "--json")
+    assert status == 0, err
+    (loop,) = strict(text)[0]["loops"]
+    assert loop["inside_percent"] == 100
+    assert loop["observed_error_percent"] < 3 < loop["decoded_error_percent"]
+    table = pd.read_csv(tmp_path / "o" / "cycle.csv")
+    assert (np.abs(table.observed_force_N - table.force_z_N) <= table.half_width_N).all()
+    # the readings are those of the made sensor
+    readings = table.loc[table.depth_mm.idxmax(), ["S1_V", "S2_V", "S3_V"]].to_numpy(dtype=float)
+    expected = calibration_file.readings(path, paper(), Pose(), (0.5, 0, 0), Reading(), None, wide=False).records[0]
+    assert np.abs(readings - expected["readings_V"]).max() < 2e-3
+    assert found.design.E != paper().E
+    assert f"E = {found.design.E:.6g} MPa" in strict(text)[0]["notes"][0]
+
+
 def test_a_calibration_takes_its_own_designs_only(calibration, refusal, run, tmp_path):
     found, path = calibration
     (tmp_path / "design.toml").write_text(design_text(found.design), "utf-8")
     words = ("--calibration", path, "--shift", "0,0,-0.5", "--json")
     assert run("readings", tmp_path / "design.toml", *words)[1] == run("readings", "paper", *words)[1]
+    words = ("--calibration", path, "--speed", "1")
+    assert "--magnet has no place" in refusal("cycle", "paper", *words, "--magnet", "ignored")
     words = ("--calibration", path, "--depth", "1")
     assert "another design, whose D is 8.0 and not 9.0" in refusal("readings", "paper", *words, "--set", "D=9")
     assert "beyond the mechanics" in refusal("readings", "paper", "--calibration", path, "--depth", "3.5")

@@ -9,7 +9,7 @@ from fem.analyses.timed_path import TimedState
 from geometry.design import paper
 from geometry.loads import Response
 from studies.mechanics.cycle_motion import Motion, stops
-from studies.mechanics.loading_cycles import CycleState, StaticCurve, loops_of, outputs_of, with_readings
+from studies.mechanics.loading_cycles import CycleState, Static, StaticCurve, loops_of, outputs_of, with_readings
 
 SHIFTS = np.array([[-0.2, 0.0, -0.3], [0.2, 0.0, -0.3]])
 TILTS = np.array([-0.02, 0.02])
@@ -26,7 +26,7 @@ def state_at(stop) -> TimedState:
 def test_a_force_is_decoded_in_strokes_but_not_in_the_press_before_them():
     path = stops(Motion(0.5, 0.2, "stick", 1.0, cycles=1))
     curve = StaticCurve(np.array([[-0.2, 1.0, -0.2], [0.2, 1.0, 0.2]]), outputs_of(paper(), SHIFTS, TILTS), 0)
-    states = with_readings(paper(), [(stop, state_at(stop), True) for stop in path], curve)
+    states = with_readings(paper(), [(stop, state_at(stop), True) for stop in path], Static(curve, None))
     shears = np.array([stop.timed.load.shear_x for stop in path])
     decoded = np.array([one.decoded for one in states])
     assert np.isnan(decoded[shears == 0][:1]).all()

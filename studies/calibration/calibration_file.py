@@ -16,11 +16,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic import parts
 from analytic.decode import decoder, field_of
 from analytic.hall import converted
 from analytic.inverse.response_surface import Mechanics
+from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
@@ -29,6 +31,7 @@ from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
 from studies.inputs import table_input
 from studies.inputs.option_groups import Decoding, Pose, Reading
 from studies.inputs.user_input import parse_numbers
+from studies.mechanics.loading_cycles import MadeStates
 from studies.output import atomic_files
 from studies.output.figures import table_of
 from studies.output.result import Result, of_record
@@ -189,8 +192,7 @@ def made_rows(found: Fit, rows: Sequence[FlatRow]) -> list[FlatRow]:
         np.array([row[name] for row in posed]).reshape(len(posed), -1) for name in ("shift_mm", "rotation_rad")
     )
     raw, half, _, _ = found.answers(found.sensor.design.E, shift, tilt, np.zeros_like(shift))
-    low, high, step = (np.array([getattr(e, name) for e in elements]) for name in ("low", "high", "step"))
-    output, saturated = converted(raw, low, high, step)
+    output, saturated = _outputs(found, raw)
     unit = elements[0].unit
     made = iter(
         zip(output.tolist(), field_of(elements, output).tolist(), half.tolist(), saturated.tolist(), strict=True)
@@ -209,6 +211,28 @@ def made_rows(found: Fit, rows: Sequence[FlatRow]) -> list[FlatRow]:
             width: wide, "saturated": flags, "warnings": full + said,
         })  # fmt: skip
     return answers
+
+
+def made_states(found: Fit, design: Design, times: Array, shift: Array, tilt: Array, force: Array) -> MadeStates:
+    """Return what the estimated sensor answers in states of a motion from rest, as `loading_cycles.Made` does."""
+    raw, _, felt, _ = found.answers(design.E, shift, tilt, force)
+    outputs, saturated = _outputs(found, raw)
+    readings = np.where(saturated.any(axis=1, keepdims=True), np.nan, outputs)
+    answer, law = sensor_fit.decode(found, readings, np.zeros(len(raw))), RelaxingForce(design)
+    # the motion begins at rest
+    times, slow, load = (np.insert(each, 0, 0.0, axis=0) for each in (times, answer.force, answer.load))
+    rows = zip(times.tolist(), slow, load[:, 1:], strict=True)
+    observed = np.array([law.step(*row) for row in rows])
+    off = decode_readings.law_errors(design, times, slow, load, observed)[1:]
+    half = sensor_fit.relaxing_half_width(answer.half_width, answer.force, observed[1:], off)
+    return MadeStates(felt, outputs, law.slow * answer.force, observed[1:], half)
+
+
+def _outputs(found: Fit, raw: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return outputs of the elements (n, k) as their converter sends them, and whether they lie at a rail."""
+    elements = parts.of_design(found.sensor.design)
+    low, high, step = (np.array([getattr(e, name) for e in elements]) for name in ("low", "high", "step"))
+    return converted(raw, low, high, step)
 
 
 # Decoding

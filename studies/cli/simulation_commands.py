@@ -294,9 +294,16 @@ def cycle(
     """
     from studies.simulation import cycle_findings
 
-    here = destination(cycle, locals(), cycle_findings.FILES)
-    design = design_of(source, sets, motion.magnet)
-    study = cycle_findings.study(design, motion)
+    here = destination(cycle, locals(), cycle_findings.FILES, [motion.calibration])
+    design, made = design_of(source, sets, motion.magnet), None
+    if motion.calibration is not None:
+        from studies.calibration import calibration_file
+
+        if motion.magnet != "rigid":
+            raise BadInput("--magnet has no place beside --calibration, which is of a rigid one: leave it out")
+        found = calibration_file.of_design(motion.calibration, design)
+        design, made = found.design, partial(calibration_file.made_states, found)
+    study = cycle_findings.study(design, motion, made)
     say_if_without_magnet(design)
     return publish(study, here)
 

@@ -283,6 +283,7 @@ class Cycle:
     gap: float | None = None
     magnet: Annotated[Magnet, MAGNET] = "rigid"
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
+    calibration: Annotated[Path | None, CALIBRATION] = None
     tolerance: float = 1e-3
     extrapolate: bool = False
 

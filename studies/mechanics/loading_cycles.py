@@ -56,7 +56,10 @@ difference of the decoded and of the observed force from the force, percent of f
 
 @dataclass(frozen=True, slots=True)
 class CycleState:
-    """A state with its place in the cycle, the elements' outputs (V, or T for a chip), decoded and observed force."""
+    """A state with its place in the cycle, the elements' outputs (V, or T for a chip), decoded and observed force.
+
+    half_width : half of the observed force's 90 % interval, N; None without a calibration.
+    """
 
     stop: Stop
     state: TimedState
@@ -64,6 +67,7 @@ class CycleState:
     outputs: Array
     decoded: float
     observed: float
+    half_width: float | None = None
 
     def row(self, unit: str) -> FlatRow:
         """Return the row of cycle.csv."""
@@ -81,6 +85,7 @@ class CycleState:
             **{f"S{i}_{unit}": float(value) for i, value in enumerate(self.outputs, 1)},
             "decoded_force_N": self.decoded,
             "observed_force_N": self.observed,
+            **({} if self.half_width is None else {"half_width_N": self.half_width}),
             "time_error": s.time_error,
             "work_mJ": s.work,
             "stored_mJ": s.stored,
@@ -115,6 +120,30 @@ class StaticCurve:
         return np.asarray(self.loads[best] + part[:, None] * np.diff(self.loads, axis=0)[best])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MadeStates:
+    """What a calibrated sensor answers in n states.
+
+    Attributes
+    ----------
+    force : (n, 3) of the plate, N.
+    outputs : (n, k) of its elements.
+    decoded, observed, half_width : (n, 3) force by its calibration as if loaded slowly, and with what the silicone
+        relaxes, with half of the 90 % interval of this one, N.
+    """
+
+    force: Array
+    outputs: Array
+    decoded: Array
+    observed: Array
+    half_width: Array
+
+
+Made = Callable[[Design, Array, Array, Array, Array], MadeStates]
+"""Returns the answers of a calibrated sensor from a design with its branches, and times (n,), s, shifts (n, 3), mm,
+tilts (n, 2), rad, and forces (n, 3), N, of its states."""
+
+
 def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
     """Return the outputs (n, 3) of the elements for shifts (n, 3), mm, and tilts (n,) towards x, rad."""
     rotations = np.stack([np.zeros(len(tilts)), tilts], axis=1)
@@ -122,9 +151,12 @@ def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
 
 
 def with_readings(
-    design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], curve: StaticCurve | None
+    design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], static: Static
 ) -> list[CycleState]:
     """Return the states with their outputs and decoded forces."""
+    if static.made is not None:
+        return _of_made_sensor(design, passed, static.made)
+    curve = static.curve
     shifts = np.array([state.response.shift for _, state, _ in passed])
     outputs = outputs_of(design, shifts, np.array([state.response.tilt for _, state, _ in passed]))
     loads, axis = (np.full((len(passed), 3), np.nan), 0) if curve is None else (curve.decode(outputs), curve.axis)
@@ -137,6 +169,24 @@ def with_readings(
         x, z, shear = load
         observed = law.step(state.time, np.array([x, 0.0, z]) / law.slow, np.array([shear, 0.0]))[[0, 2]]
         states.append(CycleState(stop, state, at_stop, one, float(load[axis]), float(observed[axis])))
+    return states
+
+
+def _of_made_sensor(design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], made: Made) -> list[CycleState]:
+    """Return the states of a calibrated sensor: with its forces, outputs and decoded forces."""
+    responses = [state.response for _, state, _ in passed]
+    shift, tilt, force = (
+        np.array([getattr(one, name) for one in responses]) for name in ("shift", "rotation", "force")
+    )
+    answers = made(design, np.array([state.time for _, state, _ in passed]), shift, tilt, force)
+    axis = 0 if any(state.load.shear_x for _, state, _ in passed) else 2
+    columns = (each[:, axis].tolist() for each in (answers.decoded, answers.observed, answers.half_width))
+    states = []
+    for (stop, state, at_stop), own, outputs, *along in zip(
+        passed, answers.force.tolist(), answers.outputs, *columns, strict=True
+    ):
+        felt = replace(state, response=replace(state.response, force=tuple(own)))
+        states.append(CycleState(stop, felt, at_stop, outputs, *along))
     return states
 
 
@@ -169,6 +219,9 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
     known = bool(np.isfinite(decoded).all())
     start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.friction_dissipated)
     most = max(abs(one.state.work) for one in own)
+    widths = [one.half_width for one in own if one.half_width is not None]
+    inside = np.abs(observed - force) <= widths if widths else np.zeros(0)
+    interval = {"half_width_N": max(widths), "inside_percent": 100 * float(inside.mean())} if widths else {}
     return {
         "cycle": cycle,
         "largest_N": float(np.abs(force).max()),
@@ -183,6 +236,7 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
         else None,
         "decoded_error_percent": 100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
         "observed_error_percent": 100 * float(np.abs(observed - force).max()) / scale if known and scale else None,
+        **interval,
     }
 
 
@@ -273,11 +327,13 @@ class Static:
     curve : its curve; None where it cannot be decoded or does not reach the end of the stroke.
     mesh_error : estimated relative error of the force at the end of the stroke, from the mesh.
     stop : why slow loading does not reach that end; empty if it does.
+    made : a calibrated sensor, which answers and decodes in place of the curve.
     """
 
     curve: StaticCurve | None
     mesh_error: float | None
     stop: str = ""
+    made: Made | None = None
 
 
 def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) -> Static:
@@ -367,7 +423,7 @@ def _results(
     begin: float,
 ) -> Cycles:
     """Return readings, loops and status of states; `begin` is the processor time before the first one, s."""
-    states = with_readings(design, passed, static.curve)
+    states = with_readings(design, passed, static)
     failed = [state for _, state, _ in passed if state.status == "not_converged"]
     unstable = [state for _, state, _ in passed if state.status == "unstable"]
     # of stable states the one with the largest strain says what limits the use of all

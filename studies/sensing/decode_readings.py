@@ -389,19 +389,21 @@ def over_time(
     ----------
     field, slow, load : of rows at times (n,), s: readings (n, k), T, and force of slow loading (n, 3) with its load.
     """
-    design, past = coder.forward.design, TimeSeries(coder)
-    doubted = [RelaxingForce(design, branches) for branches in doubted_branches(design)]
-    force, found, others = np.empty(slow.shape), list(statuses), []
+    past, force, found = TimeSeries(coder), np.empty(slow.shape), list(statuses)
     for k, row in enumerate(zip(times.tolist(), field, statuses, slow, load, strict=True)):
-        time, _, _, own, motion = row
         found[k], force[k] = past.step(*row)
-        unknown = found[k] == "frozen"
-        others.append(
-            [law.step(time, own * (math.nan if unknown else 1.0), motion[1:]) - force[k] for law in doubted]
-        )
-    off = np.linalg.norm(np.array(others).reshape(len(force), -1, 3), axis=2).max(axis=1, initial=0.0)
-    off[np.isnan(force[:, 2])] = np.nan
-    return force, found, np.column_stack([force - slow, off])
+    known = np.where(np.array(found)[:, None] == "frozen", np.nan, slow)
+    return force, found, np.column_stack([force - slow, law_errors(coder.forward.design, times, known, load, force)])
+
+
+def law_errors(design: Design, times: Array, slow: Array, load: Array, force: Array) -> Array:
+    """Return how much forces (n, 3) at times (n,), s, would change (n,), N, with a `doubted` law."""
+    off = np.zeros(len(force))
+    for branches in doubted_branches(design):
+        law = RelaxingForce(design, branches)
+        rows = zip(times.tolist(), slow, load[:, 1:], strict=True)
+        off = np.maximum(off, np.linalg.norm([law.step(*row) for row in rows] - force, axis=1))
+    return off
 
 
 def doubted_branches(design: Design) -> list[Relaxation]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from geometry.relaxation import check_range, relaxation_notes, relaxation_of
 from studies.inputs.option_groups import Cycle
 from studies.mechanics import loading_cycles
 from studies.mechanics.cycle_motion import Motion, frequency_of
-from studies.mechanics.loading_cycles import Cycles, Static
+from studies.mechanics.loading_cycles import Cycles, Made, Static
 from studies.output import page_templates
 from studies.output.figures import picture
 from studies.output.records import FlatRow
@@ -37,8 +37,8 @@ GAINED = 1e-2
 sentences = partial(page_templates.sentences, Path(__file__).with_name("templates") / "cycle.j2")
 
 
-def study(design: Design, options: Cycle) -> Callable[[Progress], Result]:
-    """Return the study of `magtip cycle` after a check of its options.
+def study(design: Design, options: Cycle, made: Made | None = None) -> Callable[[Progress], Result]:
+    """Return the study of `magtip cycle` after a check of its options; `made` is a calibrated sensor of the design.
 
     Raises
     ------
@@ -59,10 +59,17 @@ def study(design: Design, options: Cycle) -> Callable[[Progress], Result]:
     check_load(design, motion.largest, options.magnet)
     holds = [hold] if hold else []
     warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=options.extrapolate)
-    return partial(run, design, motion, options, warnings)
+    return partial(run, design, motion, options, warnings, made)
 
 
-def run(design: Design, motion: Motion, options: Cycle, warnings: Sequence[str], progress: Progress) -> Result:
+def run(
+    design: Design,
+    motion: Motion,
+    options: Cycle,
+    warnings: Sequence[str],
+    made: Made | None,
+    progress: Progress,
+) -> Result:
     """Follow a motion by one law or two, and search for the loss factor of a gap, percent, if one is wanted.
 
     Parameters
@@ -82,7 +89,7 @@ def run(design: Design, motion: Motion, options: Cycle, warnings: Sequence[str],
         progress(0.0, "the lowest natural frequency")
         lowest = lowest_frequency(design, magnet)
         progress(0.0, "the curve of slow loading")
-        static = loading_cycles.static_curve(design, motion, accuracy, magnet)
+        static = replace(loading_cycles.static_curve(design, motion, accuracy, magnet), made=made)
 
         def follow(sensor: Design, law: ViscousLaw = "prony") -> Cycles:
             return loading_cycles.run(

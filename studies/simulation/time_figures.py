@@ -131,7 +131,7 @@ def cycle(table: pd.DataFrame) -> list[Figure]:
         data = pd.concat([data, decoded], ignore_index=True)
     caption = (
         f"Each cycle has a colour; the upper line of its loop is {ways[0]}, the lower one {ways[1]}. Dashed: the "
-        "force that is decoded from the readings by the curve of slow loading. The table loops.csv has gap, area and "
+        "force that is decoded from the readings as that of slow loading. The table loops.csv has gap, area and "
         "dissipated energy of each loop."
     )
     over_time = data.assign(series=data["model"])[["time (s)", y, "panel", "series"]]
