@@ -168,7 +168,7 @@ def _follow(
     mesh: skfem.MeshTet2 | None = None,
 ) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
-    begin, path = time.perf_counter(), start_path(scene, mesh)
+    begin, path = time.perf_counter(), Path(path_models(scene, mesh))
     state, sideways = path.rest, sideways_model(scene, path) if watch else None
     for i, load in enumerate(scene.loads):
         if report is not None:
@@ -184,19 +184,6 @@ def _follow(
             return
 
 
-def sideways_model(scene: Scene, path: Path) -> SidewaysModel | None:
-    """Return the model in which an axisymmetric press is checked, at the start of its path; None for other paths."""
-    if path.rest.d.model != "axisymmetric":
-        return None
+def sideways_model(scene: Scene, path: Path) -> SidewaysModel:
+    """Return the model in which the axisymmetric states of a path are checked for sideways stability."""
     return SidewaysModel(path.rest.d, scene.accuracy.harmonics if scene.sideways else 1)
-
-
-def start_path(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
-    """Return the path of a scene, on its own mesh or on tetrahedra in units of D."""
-    return Path(
-        path_models(scene, mesh),
-        grip=scene.grip,
-        tilt=scene.plate_tilt,
-        mu=scene.coulomb,
-        friction_step_factor=scene.accuracy.friction_step_factor,
-    )

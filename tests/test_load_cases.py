@@ -120,7 +120,7 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     def fail(*_, **__):
         raise MeshError("the section's outline could not be meshed: take a smaller size")
 
-    monkeypatch.setattr(equilibrium, "start_path", fail)
+    monkeypatch.setattr(equilibrium, "path_models", fail)
     status, out, err = run("solve", "paper", "--depth", 1, "--json")
     assert (status, err) == (3, "magtip: the section's outline could not be meshed: take a smaller size\n")
     (state,) = strict(out)

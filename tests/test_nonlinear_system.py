@@ -9,7 +9,7 @@ import skfem
 from fem.model import angular_fields, elements, rigid_inclusion
 from fem.model.material import lame
 from fem.model.nonlinear_system import NONE, System
-from fem.model.plate_contact import Plate
+from fem.model.plate_contact import Bond, Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import newton
@@ -153,7 +153,7 @@ def test_compressible_uniaxial_block():
 def test_residual_is_the_derivative_of_the_energy_and_tangent_of_the_residual(name):
     system, flat = plate(name, 0.1, 0.05, 0.2 if SCENES[name]().n_rigid != 1 and name != "cylinder" else 0.0)
     tied = RNG.random(system.surface.weights.shape) < 0.3
-    flat = replace(flat, tied=tied, targets=system.surface.points[..., :2])
+    flat = replace(flat, bond=Bond(tied, system.surface.points[..., :2]))
     q = smooth(system)
     direction, step = RNG.normal(size=system.size), 1e-7
     if system.elements.angles.harmonics:

@@ -15,6 +15,8 @@ from fem.results import silicone_limits
 from fem.results.postprocess import read
 from fem.results.silicone_limits import VOLUME_SHARE, largest_eigenvalue, largest_strain
 from fem.scene import Scene
+from fem.solve.load_case_models import path_models
+from fem.solve.load_stepping import Path
 from geometry.design import paper
 from geometry.loads import Load
 from studies.simulation import law_regression as work
@@ -57,7 +59,7 @@ def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
 def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lost):
     load = Load(depth=depth)
     scene = Scene(SOFT, (load,), QUICK)
-    path = equilibrium.start_path(scene)
+    path = Path(path_models(scene))
     reached = path.advance(path.rest, scene.position(load))
     assert not reached.stop
     state = read(reached.state, scene, load, "no_convergence")
@@ -98,7 +100,7 @@ def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, number
 
 
 def test_what_is_always_stable_is_never_lost():
-    path = equilibrium.start_path(Scene(paper(), (Load(depth=2.0),), QUICK))
+    path = Path(path_models(Scene(paper(), (Load(depth=2.0),), QUICK)))
     state = path.advance(path.rest, np.array([2.0 / paper().D, 0, 0])).state
     assert silicone_limits.find_loss(state.d.system, state.u) is None
 
@@ -195,7 +197,7 @@ def test_in_every_mode_principal_stretches_stay_within_those_of_the_test(stretch
 def visited(depth):
     """Logarithms of principal stretches (n, 3) and volumes (n,) at points of integration of the paper's sensor."""
     load = Load(depth=depth)
-    path = equilibrium.start_path(Scene(paper(), (load,), STANDARD))
+    path = Path(path_models(Scene(paper(), (load,), STANDARD)))
     reached = path.advance(path.rest, np.array([depth / paper().D, 0, 0]))
     assert not reached.stop
     e, u = reached.state.d.system.elements, reached.state.u

@@ -30,12 +30,13 @@ import numpy as np
 import skfem
 
 from fem.accuracy import STANDARD, Accuracy, coarser
-from fem.equilibrium import sideways_model, start_path, with_estimates
+from fem.equilibrium import sideways_model, with_estimates
 from fem.model import coulomb_friction
 from fem.results.postprocess import read, tip_force
 from fem.scene import Model, Scene, silicone_on_axis
 from fem.solution import Solution
-from fem.solve.load_case_models import mesh_range
+from fem.solve.load_case_models import mesh_range, path_models
+from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
@@ -413,7 +414,7 @@ class ForcePath:
     """
 
     def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
-        self.scene, self._path, self._iterations = scene, start_path(scene, mesh), 0
+        self.scene, self._path, self._iterations = scene, Path(path_models(scene, mesh)), 0
         (self._load,) = scene.loads
         self._sideways = sideways_model(scene, self._path) if check_stability else None
         shear = np.append(0.0, scene.turn @ self._load.imposed_shear)

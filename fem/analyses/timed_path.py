@@ -31,6 +31,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.analyses import time_steps
 from fem.analyses.time_steps import ViscousState
 from fem.model import coulomb_friction, viscoelasticity
+from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.viscoelasticity import ViscousLaw
 from fem.results import diagnostics
 from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin
@@ -128,8 +129,7 @@ class TimeControl:
     ----------
     tolerance : error of the force from the time steps over the largest force.
     largest_step : longest time step, s; None: no bound.
-    kappa : stiffness number of the plate without Coulomb friction (`fem.model.plate_contact`), at the deepest load;
-        None: that of a static solve.
+    kappa : stiffness number of the plate without Coulomb friction (`fem.model.plate_contact`), at the deepest load.
 
     Raises
     ------
@@ -139,7 +139,7 @@ class TimeControl:
 
     tolerance: float = 1e-3
     largest_step: float | None = None
-    kappa: float | None = None
+    kappa: float = SECTION_KAPPA
 
     def __post_init__(self) -> None:
         if not LEAST_TOLERANCE <= self.tolerance < 1:
@@ -327,13 +327,7 @@ class TimedPath:
         models = path_models(replace(scene, loads=(*pressed, *(load for load in sheared if load.shears_tip))))
         self.scene, self._control, self._tangent = scene, control, KeptTangent(Solver())
         # it supplies the models and takes no increments
-        self._path = Path(
-            replace(models, predictor=None, rough=None),
-            grip=scene.grip,
-            tilt=scene.plate_tilt,
-            mu=scene.coulomb,
-            kappa=control.kappa,
-        )
+        self._path = Path(replace(models, predictor=None, rough=None, kappa=control.kappa))
         rest, depth = self._path.rest, deepest / scene.design.D
         relaxation, e = relaxation_of(scene.design), rest.d.elements
         instantaneous = 1.0 if scene.design.modulus == "instantaneous" else 1 / relaxation.rest

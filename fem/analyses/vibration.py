@@ -45,7 +45,6 @@ import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
 from fem.analyses.modes import eigen, find_contact, frequency_unit, inertia_of_magnet, pressed_sensor
-from fem.equilibrium import start_path
 from fem.model import coulomb_friction, element_assembly, plate_contact, single_order
 from fem.model.material import lame
 from fem.model.nonlinear_system import Assembly, State, System
@@ -55,6 +54,8 @@ from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import pose_slopes, read
 from fem.scene import Model, Scene, choose_model, turns
 from fem.solution import Solution
+from fem.solve.load_case_models import path_models
+from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, NoStateError
 from fem.solve.path_state import PathState, about
 from fem.solve.press import Press
@@ -125,7 +126,7 @@ def _sticking(plate: Plate) -> Plate:
 
 
 def _solve_path(scene: Scene) -> PathState:
-    path = start_path(scene)
+    path = Path(path_models(scene))
     reached = path.advance(path.rest, scene.position(scene.loads[0]))
     if reached.stop:
         depth, along, _ = reached.state.position * scene.design.D
@@ -471,9 +472,8 @@ def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxatio
 
 def _read_state(state: PathState, scene: Scene, load: Load) -> Solution:
     """Return the state at rest with the diagnosis of a static solve, but for the plate that sticks: here it acts."""
-    sideways = SidewaysModel(state.d) if state.d.model == "axisymmetric" else None
     told = load if load.shears_tip or load.friction != "stick" else replace(load, friction="none")
-    return replace(read(state, scene, told, sideways=sideways), load=load)
+    return replace(read(state, scene, told, sideways=SidewaysModel(state.d)), load=load)
 
 
 def _coefficients(scene: Scene, relaxation: Relaxation, f: Array) -> tuple[Complex, Array]:

@@ -46,6 +46,22 @@ directions."""
 
 
 @dataclass(frozen=True, slots=True)
+class Bond:
+    """Points of the skin that a grip holds or that are glued to the plate.
+
+    Attributes
+    ----------
+    tied : (k, q) mask of these points.
+    targets : (k, q, 2) their positions along the plate at shear 0.
+    gap : (k, q) distance to the plate at which each was glued, 0 where it was pressed; None for a grip.
+    """
+
+    tied: NDArray[np.bool_]
+    targets: Array
+    gap: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Plate:
     """Position of the plate, and the skin points tied to it.
 
@@ -55,9 +71,7 @@ class Plate:
     stiffness : penalty stiffness en, force per area and length, in units of E / D.
     shear : (2,) sideways displacement of the plate or grip since the points were tied, in the plate's plane, over D.
     tilt : rotation of the plate about y that carries its normal from z towards x, rad.
-    tied : (k, q) mask of the tied points, or None.
-    targets : (k, q, 2) positions of the tied points along the plate at shear 0.
-    gap : (k, q) distance to the plate at which each tied point was glued; 0 where it was pressed.
+    bond : the tied points, or None.
     pressed : (k, q) mask of the points that count as pressed, whatever their overlap; with friction these points also
         keep slipping or sticking as they did last. Default: the points with g > 0.
     friction : Coulomb friction and its history, or None.
@@ -67,9 +81,7 @@ class Plate:
     stiffness: float
     shear: Array
     tilt: float = 0.0
-    tied: NDArray[np.bool_] | None = None
-    targets: Array | None = None
-    gap: Array | None = None
+    bond: Bond | None = None
     pressed: NDArray[np.bool_] | None = None
     friction: Friction | None = None
 
@@ -135,21 +147,21 @@ class Springs:
 def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
     """Return the tractions of the plate's springs for nodal fields u."""
     residual, stiffness = np.zeros(surface.points.shape), Stiffness()
-    en, energy = plate.stiffness, 0.0
+    en, bond, energy = plate.stiffness, plate.bond, 0.0
     if plate.height is not None:
         g = overlap(surface, u, plate)
         active = g > 0 if plate.pressed is None else plate.pressed
         # a glued point keeps the distance that it had when it was glued, and can be pulled
-        if plate.tied is not None and plate.gap is not None:
-            active = active | plate.tied
-            g = np.where(plate.tied, g + plate.gap, g)
+        if bond is not None and bond.gap is not None:
+            active = active | bond.tied
+            g = np.where(bond.tied, g + bond.gap, g)
         pressure = residual[..., 2] = en * g * active
         stiffness[2, 2] = en * active
         energy = float(np.vdot(surface.weights * pressure, pressure)) / (2 * en)
-    if plate.tied is not None and plate.targets is not None:
-        pull = en * (positions_along_plate(surface, u, plate) - plate.targets - plate.shear)
-        residual[..., :2] = np.where(plate.tied[..., None], pull, 0.0)
-        stiffness[0, 0] = stiffness[1, 1] = en * plate.tied
+    if bond is not None:
+        pull = en * (positions_along_plate(surface, u, plate) - bond.targets - plate.shear)
+        residual[..., :2] = np.where(bond.tied[..., None], pull, 0.0)
+        stiffness[0, 0] = stiffness[1, 1] = en * bond.tied
         energy += float(np.sum(surface.weights[..., None] * residual[..., :2] ** 2) / (2 * en))
     friction = None
     if plate.friction is not None:
@@ -245,8 +257,8 @@ def average_over_facets(surface: Surface, values: Array) -> Array:
     return np.broadcast_to(lines.mean(axis=1, keepdims=True), lines.shape).reshape(values.shape)
 
 
-def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> Plate:
-    """Return the plate with the facets glued to it whose mean distance from the axis is below `radius`.
+def choose_glued(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> NDArray[np.bool_]:
+    """Return the points (k, q) to glue to the plate: facets whose mean distance from the axis is below `radius`.
 
     Under a tilted plate a section's facets are glued, at each angle, where their mean distance from the plate is
     below LARGEST_GLUED_GAP times the depth. A few orders cannot follow the plate exactly: gluing the whole contact
@@ -263,13 +275,13 @@ def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: 
         out, radius = -overlap(surface, u, plate), LARGEST_GLUED_GAP * depth
     elif radius is None:
         out, radius = distance_from_pressure_centre(surface, u, plate), contact_radius(surface, u, plate)
-    tied = (average_over_facets(surface, out) < radius) & (surface.points[..., 2] > above)
-    return replace(plate, tied=tied, targets=positions_along_plate(surface, u, plate), gap=gaps(surface, u, plate))
+    return (average_over_facets(surface, out) < radius) & (surface.points[..., 2] > above)
 
 
-def gaps(surface: Surface, u: Array, plate: Plate) -> Array:
-    """Return the distances of the skin's points to the plate, shape (k, q); 0 where they are pressed."""
-    return np.maximum(-overlap(surface, u, plate), 0.0)
+def bond_here(surface: Surface, u: Array, plate: Plate, tied: NDArray[np.bool_]) -> Bond:
+    """Return the bond of points (k, q) that are tied to the plate where they are now."""
+    targets = positions_along_plate(surface, u, plate) - plate.shear
+    return Bond(tied, targets, np.maximum(-overlap(surface, u, plate), 0.0))
 
 
 def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:

@@ -101,8 +101,7 @@ def _about(d: Discretisation, state: PathState, *, guided: bool) -> tuple[Discre
     high = about(state, d)
     plate = high.plate
     if guided:
-        tied = high.overlap > 0
-        plate = replace(plate, tied=tied, targets=plate_contact.positions_along_plate(high.skin, high.u, plate))
+        plate = replace(plate, bond=plate_contact.bond_here(high.skin, high.u, plate, high.overlap > 0))
     return high.d, plate
 
 

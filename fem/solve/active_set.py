@@ -214,7 +214,7 @@ def settle_contact(
     surface = system.surface
     assert surface is not None
     acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
-    loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
+    loose = np.ones(len(acting), dtype=bool) if plate.bond is None else ~plate.bond.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
     plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
     known = known or Switches()

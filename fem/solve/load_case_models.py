@@ -44,14 +44,17 @@ sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are gra
 def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
     """Return the models for the loads of a scene; `mesh` holds tetrahedra in units of D to use instead."""
     if scene.solid:
-        return tetrahedra(scene, mesh)
-    if scene.plate_tilt:
-        return tilted_plate(scene)
-    if not scene.sideways:
-        return press(scene)
-    if scene.grip is not None:
-        return grip(scene)
-    return glued_plate(scene) if scene.coulomb is None else friction_plate(scene)
+        models = tetrahedra(scene, mesh)
+    elif scene.plate_tilt:
+        models = tilted_plate(scene)
+    elif not scene.sideways:
+        models = press(scene)
+    elif scene.grip is not None:
+        models = grip(scene)
+    else:
+        models = glued_plate(scene) if scene.coulomb is None else friction_plate(scene)
+    factor = scene.accuracy.friction_step_factor
+    return replace(models, grip=scene.grip, tilt=scene.plate_tilt, mu=scene.coulomb, friction_step_factor=factor)
 
 
 def press(scene: Scene) -> PathModels:

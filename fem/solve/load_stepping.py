@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem.model import plate_contact
+from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.section_interpolation import interpolate_section
 from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
 from fem.solve.direct_solver import Solver
@@ -49,6 +50,11 @@ class PathModels:
     glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
         radius.
     rough : press on another mesh, from which that on this one starts.
+    grip : height over D within which the skin is gripped; None under a plate.
+    tilt : tilt of the plate, rad.
+    mu : coefficient of Coulomb friction, or None.
+    kappa : stiffness number of the plate under an upright press of a section without friction.
+    friction_step_factor : factor on the longest increments with Coulomb friction.
     """
 
     first: MeshSpecification
@@ -56,38 +62,24 @@ class PathModels:
     predictor: MeshSpecification | None = None
     glued_radius: float | None = None
     rough: PathState | None = None
+    grip: float | None = None
+    tilt: float = 0.0
+    mu: float | None = None
+    kappa: float = SECTION_KAPPA
+    friction_step_factor: float = 1.0
 
 
 class Path:
     """The models and solvers of a path of loads; its states are frozen values, so a path may go on from any of them.
-
-    Parameters
-    ----------
-    models : models of the path.
-    grip : height over D within which the skin is gripped; None under a plate.
-    tilt : tilt of the plate, rad.
-    mu : coefficient of Coulomb friction, or None.
-    kappa : stiffness number of the plate under an upright press of a section without friction; default:
-        SECTION_KAPPA.
-    friction_step_factor : factor on the longest increments with Coulomb friction.
 
     Attributes
     ----------
     rest : the state at rest, with its predictor.
     """
 
-    def __init__(
-        self,
-        models: PathModels,
-        *,
-        grip: float | None = None,
-        tilt: float = 0.0,
-        mu: float | None = None,
-        kappa: float | None = None,
-        friction_step_factor: float = 1.0,
-    ) -> None:
-        self._models, self._friction_factor = models, friction_step_factor
-        self.rest = at_rest(models.first.build(), grip, tilt, mu, kappa)
+    def __init__(self, models: PathModels) -> None:
+        self._models = models
+        self.rest = at_rest(models.first.build(), models.grip, models.tilt, models.mu, models.kappa)
         # one solver for each model and one for the predictor: each keeps the symbolic factorisation of its pattern
         self._solvers, self._reduced_solver = {self.rest.d.model: Solver()}, Solver()
         if models.predictor is not None and models.raised is None:
@@ -156,7 +148,7 @@ class Path:
         else:
             state, before = predict(solver, self._reduced_solver, state, goal)
         # returns at once if the prediction has reached the goal
-        reached = follow_segment(solver, state, goal, friction_step_factor=self._friction_factor)
+        reached = follow_segment(solver, state, goal, friction_step_factor=self._models.friction_step_factor)
         return replace(reached, iterations=before + reached.iterations)
 
 

@@ -10,11 +10,10 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, elements, plate_contact, single_order
 from fem.model.coulomb_friction import Friction
-from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Plate
+from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Bond, Plate
 from fem.model.symmetry_models import Discretisation, raise_harmonics
 from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
 from geometry.arrays import Array
@@ -22,22 +21,6 @@ from geometry.arrays import Array
 FIRST_TOUCH = 1e-14
 """Depth over D up to which there is no contact: smaller depths are lost in the rounding of the beam's length. The
 plate's stiffness grows like depth^(-1/2); below this depth it is constant."""
-
-
-@dataclass(frozen=True, slots=True)
-class Bond:
-    """Points of the skin that a grip holds or that are glued to the plate.
-
-    Attributes
-    ----------
-    tied : (k, q) mask of these points.
-    targets : (k, q, 2) their positions along the plate at shear 0.
-    gap : (k, q) distance to the plate at which each was glued; None for a grip.
-    """
-
-    tied: NDArray[np.bool_]
-    targets: Array
-    gap: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +108,7 @@ class PathState:
             stiffness = self.kappa / (shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH)))
         # a tilted plate touches the dome off the axis first, while the plate is higher on the axis
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
-        tied, targets, gap = (
-            (None, None, None) if self.bond is None else (self.bond.tied, self.bond.targets, self.bond.gap)
-        )
-        return Plate(height, stiffness, np.array(shear), self.tilt, tied, targets, gap, friction=self.friction)
+        return Plate(height, stiffness, np.array(shear), self.tilt, self.bond, friction=self.friction)
 
     @property
     def overlap(self) -> Array:
@@ -141,9 +121,9 @@ def at_rest(
     grip: float | None = None,
     tilt: float = 0.0,
     mu: float | None = None,
-    kappa: float | None = None,
+    kappa: float = SECTION_KAPPA,
 ) -> PathState:
-    """Return the undeformed, untouched state; for the parameters see `fem.solve.load_stepping.Path`."""
+    """Return the undeformed, untouched state; for the parameters see `fem.solve.load_stepping.PathModels`."""
     skin, bond, friction = d.system.surface, None, None
     assert skin is not None
     if grip is not None:
@@ -155,8 +135,6 @@ def at_rest(
     # many increments, and off the axis many points of the skin touch and separate in every iteration
     if not d.revolved or mu is not None or tilt:
         kappa = KAPPA
-    elif kappa is None:
-        kappa = SECTION_KAPPA
     rest = np.zeros(d.system.size)
     return PathState(
         d, grip is not None, tilt, kappa, np.zeros(3), rest, stability=STABLE, bond=bond, friction=friction
@@ -197,15 +175,10 @@ def with_predictor(state: PathState, d: Discretisation, low: PathState | None = 
 
 def glue(state: PathState, radius: float | None) -> PathState:
     """Return the state with the area within an undeformed radius glued to the plate; None: the contact radius."""
-    plate = plate_contact.glue(state.skin, state.u, state.plate, radius, state.d.shape.H)
-    assert plate.tied is not None
-    reduced = state.reduced
-    if reduced is not None:
-        reduced = replace(reduced, bond=_bond(reduced, plate.tied))
-    return replace(state, bond=_bond(state, plate.tied), reduced=reduced)
-
-
-def _bond(state: PathState, tied: NDArray[np.bool_]) -> Bond:
-    """Return the points tied where they are now; a predictor has its own displacements, and so its own targets."""
-    targets = plate_contact.positions_along_plate(state.skin, state.u, state.plate)
-    return Bond(tied, targets - state.position[1:], plate_contact.gaps(state.skin, state.u, state.plate))
+    tied, reduced = (
+        plate_contact.choose_glued(state.skin, state.u, state.plate, radius, state.d.shape.H),
+        state.reduced,
+    )
+    if reduced is not None:  # it has its own displacements, and so its own targets
+        reduced = replace(reduced, bond=plate_contact.bond_here(reduced.skin, reduced.u, reduced.plate, tied))
+    return replace(state, bond=plate_contact.bond_here(state.skin, state.u, state.plate, tied), reduced=reduced)

@@ -25,12 +25,12 @@ from typing import Any
 import numpy as np
 
 from fem.accuracy import LEVELS, coarser
-from fem.equilibrium import sideways_model, start_path, with_estimates
+from fem.equilibrium import sideways_model, with_estimates
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Solution
-from fem.solve.load_case_models import graded_depth
+from fem.solve.load_case_models import graded_depth, path_models
 from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
 from fem.solve.path_state import FIRST_TOUCH, PathState
@@ -214,7 +214,7 @@ class _Kept:
     """
 
     path: Path
-    sideways: SidewaysModel | None
+    sideways: SidewaysModel
     begun: PathState | None = None
     name: str = ""
     last: PathState | None = None
@@ -255,7 +255,7 @@ class KeptPaths:
         begin = time.perf_counter()
         kept = self._kept.pop(key, None)
         if kept is None:
-            path = start_path(scene)
+            path = Path(path_models(scene))
             kept = _Kept(path, sideways_model(scene, path))
         # the newest path stands last
         self._kept[key] = kept
