@@ -169,7 +169,7 @@ def _follow(
 ) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
     begin, path = time.perf_counter(), Path(path_models(scene, mesh))
-    state, sideways = path.rest, sideways_model(scene, path) if watch else None
+    state, margin = path.rest, sideways_model(scene, path).margin if watch else None
     for i, load in enumerate(scene.loads):
         if report is not None:
             shear = math.hypot(*load.imposed_shear)
@@ -177,7 +177,7 @@ def _follow(
         reached = path.apply(state, scene.position(load))
         state, seconds, begin = reached.state, time.perf_counter() - begin, time.perf_counter()
         solution = read(
-            state, scene, load, reached.stop, iterations=reached.iterations, seconds=seconds, sideways=sideways
+            state, scene, load, reached.stop, iterations=reached.iterations, seconds=seconds, margin=margin
         )
         yield solution
         if solution.status not in ("ok", "unstable"):

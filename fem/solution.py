@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import skfem
@@ -20,21 +20,6 @@ CREASE = 2.4
 `fem.results.silicone_limits`)."""
 
 Status = Literal["ok", "not_converged", "unstable", "no_contact"]
-Remark = Literal[
-    "no_touch",
-    "touch_lost",
-    "pulled",
-    "leaning",
-    "given_way",
-    "slides_over",
-    "pushed_aside",
-    "guided_only",
-    "guided_unknown",
-    "nearly_guided_only",
-    "full_slip",
-    "part_slips",
-    "idle_stick",
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +37,8 @@ class Facts:
         state that stopped or is unstable; None if nowhere.
     inverted_share : share of the silicone's volume with det F <= 0; 0 where J at the integration points is above
         FLAT.
-    remark : the most important limitation of the answer, None if there is none. "given_way": the tip has buckled to a
+    remark : the most important limitation of the answer, a key of `fem.results.diagnostics.REMARKS`; None if there
+        is none. "given_way": the tip has buckled to a
         side that the mesh chose. "leaning": an imperfection led it there. "guided_only": the tip would buckle if it
         were free to slide; "guided_unknown": whether it would is not known; "nearly_guided_only": it is close to
         that. "pulled": a glued plate pulls at the tip.
@@ -74,7 +60,7 @@ class Facts:
     onset_mm: tuple[float, float] | None = None
     weak_at: tuple[float, float, float] | None = None
     inverted_share: float = 0.0
-    remark: Remark | None = None
+    remark: str | None = None
     sideways_stiffness_ratio: float | None = None
     critical_depth: float | None = None
     largest_strain: float | None = None
@@ -99,25 +85,20 @@ class Facts:
             return "unstable"
         return "unknown" if self.remark == "guided_unknown" else self.stability.verdict
 
+    @property
+    def status(self) -> Status:
+        """Status that follows from the facts.
 
-class Diagnosed(Protocol):
-    """A state that gets facts, and from them status and message: a `Solution`, or a
-    `fem.analyses.timed_path.TimedState`."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @property
-    def load(self) -> Load: ...
-    @property
-    def response(self) -> Response: ...
-    @property
-    def model(self) -> str: ...
-    @property
-    def slip_share(self) -> float | None: ...
-    @property
-    def facts(self) -> Facts: ...
-    @property
-    def status(self) -> Status: ...
+        >>> Facts().status, Facts(stability=Stability(2)).status, Facts("no_convergence").status
+        ('ok', 'unstable', 'not_converged')
+        >>> Facts(remark="guided_only").status, Facts(crease_ratio=3.0).status
+        ('unstable', 'unstable')
+        """
+        if self.stop:
+            return "not_converged"
+        if self.remark == "no_touch":
+            return "no_contact"
+        return "unstable" if self.verdict == "unstable" else "ok"
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +154,7 @@ class Solution:
     model : name of the model.
     dofs, newton_iterations, seconds : number of unknowns, and iterations and time since the state before.
     facts : further facts; code that decides by them reads them here, not in the message.
-    status, message : "ok", or what is wrong and how to remedy it; they follow from `facts`, by
-        `fem.results.diagnostics`.
+    message : what is wrong and how to remedy it; it follows from `facts`, by `fem.results.diagnostics`.
     dissipated : energy dissipated by slip on the plate since the path began, N mm.
     slip_share : share of the contact area that slips; None without Coulomb friction or contact.
     estimates : estimated errors.
@@ -189,8 +169,11 @@ class Solution:
     seconds: float
     field: Field
     facts: Facts = Facts()
-    status: Status = "ok"
     message: str = ""
     dissipated: float = 0.0
     slip_share: float | None = None
     estimates: Estimates = NOT_ESTIMATED
+
+    @property
+    def status(self) -> Status:
+        return self.facts.status

@@ -10,7 +10,7 @@ import pytest
 from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import QUICK
-from fem.solution import Estimates
+from fem.solution import Estimates, Facts
 from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
@@ -102,7 +102,10 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
 
     def stops(design, loads, *args, **kwargs):
         last = real(design, loads[:1], *args, **kwargs)[0]
-        return [last, dataclasses.replace(last, status="not_converged", message="stopped at depth 0.9 mm: why")]
+        return [
+            last,
+            dataclasses.replace(last, facts=Facts("no_convergence"), message="stopped at depth 0.9 mm: why"),
+        ]
 
     monkeypatch.setattr(equilibrium, "trace", stops)
     loads = [Load(depth=depth) for depth in (7.5, 0.5, 1.0, 1.5)]

@@ -11,6 +11,7 @@ import pytest
 
 from analytic.relaxation_loops import loop
 from fem.analyses.timed_path import TimedState
+from fem.solution import Solution
 from geometry.design import paper
 from geometry.loads import Response
 from geometry.relaxation import relaxation_of
@@ -139,7 +140,14 @@ def cycles(force_out=1.0, loop=LOOP):
     for stop in stops(Motion(1.0, 0.0, "none", 1.0, cycles=1)):
         z = force_out if stop.phase == "out" else 1.0
         response = Response(force=(0.0, 0.0, z), shift=(0.0, 0.0, 0.0), tilt=0.0, contact_radius=1.0)
-        state = TimedState(stop.timed.time, stop.timed.load, response, "ok", "", 0.0, 0.0, 0.0, 0.0, 0.0, 1, 1, 1)
+        state = TimedState(
+            stop.timed.time,
+            Solution(stop.timed.load, response, 0.0, "axisymmetric", 1, 1, 0.0, None),
+            0.0,
+            0.0,
+            0.0,
+            1,
+        )
         states.append(CycleState(stop, state, True, (0.0, 0.0, 0.0), 0.0, 0.0))
     return Cycles("prony", "ok", "", states, [loop], "V", 1.0)
 

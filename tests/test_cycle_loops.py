@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fem.analyses.timed_path import TimedState
+from fem.solution import Solution
 from geometry.design import paper
 from geometry.loads import Response
 from studies.mechanics.cycle_motion import Motion, stops
@@ -20,7 +21,9 @@ def state_at(stop) -> TimedState:
     response = Response(
         force=(load.shear_x, 0.0, 1.0), shift=(load.shear_x, 0.0, -0.3), tilt=0.1 * load.shear_x, contact_radius=1.0
     )
-    return TimedState(stop.timed.time, load, response, "ok", "", 0.0, 0.0, 0.0, 0.0, 0.0, 1, 1, 1)
+    return TimedState(
+        stop.timed.time, Solution(load, response, 0.0, "axisymmetric", 1, 1, 0.0, None), 0.0, 0.0, 0.0, 1
+    )
 
 
 def test_a_force_is_decoded_in_strokes_but_not_in_the_press_before_them():
@@ -40,8 +43,9 @@ def test_a_force_that_lags_has_a_gap_above_zero_whatever_the_direction(shear):
     for stop in stops(motion):
         state = state_at(stop)
         lag = 0.01 * np.sign(shear) * {"in": 1, "out": -1}.get(stop.phase, 0)
-        force = (state.load.shear_x + lag, 0.0, 1.0)
-        state = dataclasses.replace(state, response=dataclasses.replace(state.response, force=force))
+        force = (stop.timed.load.shear_x + lag, 0.0, 1.0)
+        response = dataclasses.replace(state.solution.response, force=force)
+        state = dataclasses.replace(state, solution=dataclasses.replace(state.solution, response=response))
         states.append(CycleState(stop, state, True, np.zeros(3), np.nan, np.nan))
     (row,) = loops_of(motion, states)
     assert row["gap_N"] == pytest.approx(0.02)

@@ -1,7 +1,6 @@
 """What is known of a state: gathered from a path, printed as keys."""
 
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from fem.model.symmetry_models import MeshSpecification
 from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.scene import Scene
-from fem.solution import Facts, Remark
+from fem.solution import Facts
 from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
 from fem.solve.newton import STOPPED
 from fem.solve.press import solve_press
@@ -50,7 +49,7 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
 
 @pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
 def test_a_path_that_stopped_has_not_converged_whatever_else_is_known(stop):
-    assert diagnostics.classify(Facts(stop, Stability(1), "depth", (0.5, 0.6))) == "not_converged"
+    assert Facts(stop, Stability(1), "depth", (0.5, 0.6)).status == "not_converged"
 
 
 def test_an_unknown_stability_is_a_fact_and_a_sentence(pressed):
@@ -153,8 +152,7 @@ def told():
     pressed = solve(paper(), Load(depth=1.0), QUICK)
 
     def text(facts, load=None):
-        status = diagnostics.classify(facts)
-        return diagnostics.describe(replace(pressed, facts=facts, status=status, load=load or pressed.load), paper())
+        return diagnostics.describe(replace(pressed, facts=facts, load=load or pressed.load), paper())
 
     return text
 
@@ -176,7 +174,7 @@ def test_a_stop_says_where_why_and_what_to_try(told, stop):
 
 
 def test_each_remark_is_a_sentence_of_its_own(told):
-    texts = [told(Facts(stability=STABLE, remark=remark)) for remark in get_args(Remark)]
+    texts = [told(Facts(stability=STABLE, remark=remark)) for remark in diagnostics.REMARKS]
     assert all(texts)
     assert len(set(texts)) == len(texts)
 

@@ -85,7 +85,7 @@ def ended(monkeypatch, *ends):
 
 def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypatch):
     def unstable(low, high):
-        return replace(pressed, status="unstable", facts=Facts("", Stability(1), "depth", (low, high)))
+        return replace(pressed, facts=Facts("", Stability(1), "depth", (low, high)))
 
     near = ended(monkeypatch, unstable(0.8, 0.9), unstable(0.7, 0.75))
     assert (near["verdict"], near["measured"], near["bound"]) == (
@@ -99,15 +99,15 @@ def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypa
 
 
 def test_an_onset_that_a_finer_mesh_does_not_have_fails(pressed, monkeypatch):
-    unstable = replace(pressed, status="unstable", facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
+    unstable = replace(pressed, facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
     row = ended(monkeypatch, unstable, pressed)
     assert (row["verdict"], row["measured"]) == ("fail", math.inf)
 
 
 def test_what_could_not_be_measured_is_neither_pass_nor_fail(pressed, monkeypatch):
     """The path on the finer mesh stops before the onset."""
-    unstable = replace(pressed, status="unstable", facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
-    early = replace(pressed, status="not_converged", load=Load(depth=0.5), facts=Facts("no_convergence"))
+    unstable = replace(pressed, facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
+    early = replace(pressed, load=Load(depth=0.5), facts=Facts("no_convergence"))
     row = ended(monkeypatch, unstable, early)
     assert (row["verdict"], row["passed"]) == ("not judged", False)
     assert math.isnan(row["measured"])
@@ -126,7 +126,7 @@ def test_a_comparison_that_stops_judges_nothing():
 def test_a_status_that_is_not_in_the_scenes_own_list_fails_whatever_its_message_says(pressed, monkeypatch):
     """What was measured is right, and the message names the depth of the onset: still no end of this scene."""
     said = "unstable since a depth between 0.8 and 0.9 mm"
-    state = replace(pressed, status="unstable", message=said, facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
+    state = replace(pressed, message=said, facts=Facts("", Stability(1), "depth", (0.8, 0.9)))
     monkeypatch.setattr(extremes, "path", lambda _: [state])
     row = extremes.examine(replace(SMALL, measure=lambda _, states: Measurement("a force", 0.0)))
     assert (row["status"], row["verdict"], row["passed"]) == ("unstable", "fail", False)
@@ -221,7 +221,7 @@ def test_inverted_silicone_that_the_state_does_not_report_fails_its_case(share):
 
 
 def test_a_state_that_is_not_what_a_fresh_solve_gives_fails(pressed):
-    stop = replace(pressed, status="not_converged", facts=Facts("no_convergence"))
+    stop = replace(pressed, facts=Facts("no_convergence"))
     scene = replace(SMALL, loads=press(2.0))
     assert extremes.stopped(scene, stop).measured < 1e-9
     assert extremes.stopped(scene, replace(stop, energy=1.001 * stop.energy)).measured == pytest.approx(
@@ -231,13 +231,15 @@ def test_a_state_that_is_not_what_a_fresh_solve_gives_fails(pressed):
 
 def test_a_tip_that_gives_way_must_hold_less_energy(pressed):
     for factor in (0.5, 1.5):
-        finding = extremes.stopped(SMALL, replace(pressed, status="unstable", energy=factor * pressed.energy))
+        finding = extremes.stopped(
+            SMALL, replace(pressed, facts=Facts("", Stability(1)), energy=factor * pressed.energy)
+        )
         assert (finding.measured, finding.bound) == (pytest.approx(factor), 1.0)
 
 
 def test_the_model_that_no_contact_points_to_is_tried(pressed):
     far = Case("far", press(1e-9), extremes.work, 0.02, QUICK, magnet="ignored", ends=("no_contact",))
-    silent = replace(pressed, status="no_contact", load=Load(depth=1e-9), facts=Facts(remark="no_touch"))
+    silent = replace(pressed, load=Load(depth=1e-9), facts=Facts(remark="no_touch"))
     finding = extremes.stopped(far, silent)
     assert finding.measured < 0.02
     deep = extremes.stopped(far, replace(silent, load=Load(depth=1.0)))

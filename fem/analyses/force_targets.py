@@ -416,7 +416,7 @@ class ForcePath:
     def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
         self.scene, self._path, self._iterations = scene, Path(path_models(scene, mesh)), 0
         (self._load,) = scene.loads
-        self._sideways = sideways_model(scene, self._path) if check_stability else None
+        self._margin = sideways_model(scene, self._path).margin if check_stability else None
         shear = np.append(0.0, scene.turn @ self._load.imposed_shear)
         self._shear_axis = shear / (float(np.linalg.norm(shear)) or 1.0)
         self.watch: Callable[[Array], None] = lambda _: None
@@ -467,10 +467,8 @@ class ForcePath:
     def read(self, point: CurvePoint, load: Load, seconds: float) -> Solution:
         """Return the solution at a state whose search took some seconds."""
         iterations, self._iterations = self._iterations, 0
-        sideways = self._sideways
-        return read(
-            point.state, self.scene, load, point.stop, iterations=iterations, seconds=seconds, sideways=sideways
-        )
+        margin = self._margin
+        return read(point.state, self.scene, load, point.stop, iterations=iterations, seconds=seconds, margin=margin)
 
     def suits(self, load: Load) -> bool:
         """Return whether the mesh is that of a path to another load."""

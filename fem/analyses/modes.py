@@ -143,7 +143,7 @@ def _solve_modes(scene: Scene, count: int, told: Scene, contact: tuple[float, Pa
     found = Modes(frequencies, tuple(name for _, name in lowest), (None,) * len(lowest))
     if scene is not told:
         return found
-    state = read(press.state, scene, scene.loads[0], sideways=sideways)
+    state = read(press.state, scene, scene.loads[0], margin=sideways.margin)
     return replace(found, status=state.status, message=state.message)
 
 

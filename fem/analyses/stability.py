@@ -19,7 +19,7 @@ from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import MeshSpecification, specification
 from fem.results.error_estimates import LEAST_DEPTH, estimate_numbers, estimated
-from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
+from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force
 from fem.scene import Scene, silicone_on_axis
 from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.load_case_models import PRESS_FILLET
@@ -189,12 +189,12 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
     def stiffness(depth: float) -> float:
         """Return the lateral stiffness, negative wherever there is an unstable direction."""
         if depth not in known:
-            now = measure_lateral_stiffness(sideways, press(depth), guided=guided)
+            lateral, stability = sideways.measure(press(depth), guided=guided)
             # a negative stiffness is a direction of lower energy, however many the pivots count
-            if now.stability.is_unknown and not now.stiffness < 0:
+            if stability.is_unknown and not lateral < 0:
                 raise _StoppedError(UNCOUNTED)
             # with several unstable directions the stiffness may be positive again: the count decides its sign
-            known[depth] = now.stiffness if now.stability.is_stable else -abs(now.stiffness)
+            known[depth] = lateral if stability.is_stable else -abs(lateral)
         return known[depth]
 
     stable, depth = 0.0, start or step

@@ -23,21 +23,20 @@ import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
 from fem.analyses import time_steps
 from fem.analyses.time_steps import ViscousState
-from fem.model import coulomb_friction, viscoelasticity
+from fem.model import viscoelasticity
 from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.viscoelasticity import ViscousLaw
-from fem.results import diagnostics
-from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin
-from fem.results.postprocess import reached_load, read_response
+from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin
+from fem.results.postprocess import reached_load, read
 from fem.scene import Model, Scene
-from fem.solution import Facts, Status
+from fem.solution import Solution
 from fem.solve import load_increments
 from fem.solve.active_set import KeptTangent
 from fem.solve.direct_solver import STABLE, UNKNOWN, Solver
@@ -48,7 +47,7 @@ from fem.solve.newton import Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, Response
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_of
 
@@ -85,40 +84,25 @@ class TimedState:
     Attributes
     ----------
     time : s.
-    load : load that the state carries.
-    response : force, shift and tilt, as of a `Solution`.
-    facts, status, message : as of a `Solution`. Whether a press is stable sideways is that of slow loading to its
-        depth, which has nearly the same pose; with Coulomb friction it is not known.
-    model, slip_share : as of a `Solution`.
+    solution : as of a static solve; its energy is that stored in silicone and springs. Whether a press is stable
+        sideways is that of slow loading to its depth, which has nearly the same pose; with Coulomb friction it is not
+        known.
     time_error : estimated error of the force along the last motion from the time steps, over the largest such force.
-    work, stored, dissipated, friction_dissipated : work of the plate since the beginning, energy stored in silicone
-        and springs, energy dissipated in the silicone, and by slip, mJ.
+    work, dissipated : work of the plate since the beginning, and energy dissipated in the silicone, mJ.
     step : number of time steps so far.
-    iterations : Newton iterations so far.
-    dofs : number of unknowns.
     """
 
     time: float
-    load: Load
-    response: Response
-    model: str
-    slip_share: float | None
+    solution: Solution
     time_error: float
     work: float
-    stored: float
     dissipated: float
-    friction_dissipated: float
     step: int
-    iterations: int
-    dofs: int
-    facts: Facts = field(default_factory=Facts)
-    status: Status = "ok"
-    message: str = ""
 
     @property
     def balance(self) -> float:
         """Work that is neither stored nor dissipated, mJ: an error of the time steps."""
-        return self.work - self.stored - self.dissipated - self.friction_dissipated
+        return self.work - self.solution.energy - self.dissipated - self.solution.dissipated
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +221,7 @@ def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
 def _follow(
     path: TimedPath, segments: Sequence[Segment], every_step: bool, progress: Progress | None
 ) -> Iterator[TimedState]:
-    state, run, end, iterations, step = path.rest, -1, segments[-1].end, 0, 0.0
+    state, run, end, step = path.rest, -1, segments[-1].end, 0.0
     for segment in segments:
         duration = sum(part.end - part.begin for part in segments if part.run == segment.run)
         if segment.run != run:
@@ -245,40 +229,34 @@ def _follow(
             state = time_steps.begin_motion(state, segment.goal - segment.start)
         if segment.goal[1:].any() and not state.path.sheared:
             state = path.begin_shear(state)
-        before = iterations
+        iterations = told = 0
         for reached in path.march(state, segment, step, duration):
-            state, stop, step, iterations = reached.state, reached.stop, reached.step, before + reached.iterations
+            state, stop, step, iterations = reached.state, reached.stop, reached.step, reached.iterations
             if progress is not None:
                 progress(state.time / end if end else 1.0, f"{state.path.d.model}: until {segment.end:.4g} s")
             if stop or (every_step and state.time < segment.end):
                 load = reached_load(state.path, segment.load, path.scene)
-                yield _read(path, state, load, iterations, stop)
+                yield _read(path, state, load, iterations - told, stop)
+                told = iterations
             if stop:
                 return
-        yield _read(path, state, segment.load, iterations)
+        yield _read(path, state, segment.load, iterations - told)
 
 
 def _read(path: TimedPath, state: ViscousState, load: Load, iterations: int, stop: Stop = "") -> TimedState:
-    scene, friction = path.scene, state.path.friction
-    unit = scene.design.E * scene.design.D**3
-    (work, absorbed), stored_by_branches = state.works, state.history.stored(state.points)
-    found = TimedState(
+    unit = path.scene.design.E * path.scene.design.D**3
+    (work, absorbed), stored = state.works, state.history.stored(state.points)
+    touched = state.largest > 0
+    solution = read(state.path, path.scene, load, stop, iterations=iterations, margin=path.margin, touched=touched)
+    return TimedState(
         time=state.time,
-        load=load,
-        response=read_response(state.path, scene),
-        model=state.path.d.model,
-        slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.path.skin.weights),
+        solution=replace(solution, energy=(stored + state.elastic) * unit),
         time_error=state.error / max(state.largest, path.least_force) if state.error else 0.0,
         work=work * unit,
-        stored=(stored_by_branches + state.elastic) * unit,
         # without branches the silicone is elastic: what is left is an error of the integrals
-        dissipated=(absorbed - stored_by_branches) * unit if len(state.errors) else 0.0,
-        friction_dissipated=state.path.dissipated * unit,
+        dissipated=(absorbed - stored) * unit if len(state.errors) else 0.0,
         step=state.step,
-        iterations=iterations,
-        dofs=state.path.d.system.size,
     )
-    return diagnostics.diagnose(found, state.path, scene, stop, path.margin, touched=state.largest > 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,7 +315,7 @@ class TimedPath:
         self.rest = time_steps.at_rest(replace(rest, stiffness=stiffness), history)
         # errors refer to a share of Hertz's force at the deepest load at least: at first touch the force is nearly 0
         self.least_force = 0.3 * instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
-        self._sideways = SidewaysModel(rest.d) if rest.d.model == "axisymmetric" else None
+        self._sideways = SidewaysModel(rest.d)
         self._stable_to = 0.0
 
     def begin_shear(self, state: ViscousState) -> ViscousState:
@@ -355,14 +333,14 @@ class TimedPath:
         margin shrinks with the depth, so a press less deep than a stable one is stable, with a margin not known.
         """
         unknown, depth = StabilityMargin(None, None, UNKNOWN), float(state.position[0])
-        if self._sideways is None or state.friction is not None:
+        if state.friction is not None:
             return unknown
         if depth <= self._stable_to:
             return replace(unknown, stability=STABLE)
         slow = find_equilibrium(Solver(), state, state.q, state.plate)
         if not slow.converged:
             return unknown
-        margin = estimate_margin(self._sideways, path_at(state, slow, state.position, state.plate))
+        margin = self._sideways.margin(path_at(state, slow, state.position, state.plate))
         if margin.stability.is_stable:
             self._stable_to = depth
         return margin

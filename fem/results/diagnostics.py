@@ -1,7 +1,7 @@
 """Facts of a state beside its response: why its path stopped, where it became unstable, and what limits its use.
 
-`gather` collects the facts, `classify` derives the status, and `describe` puts the facts into words, with the remedy:
-all facts become text here and nowhere else. `diagnose` does all three, for static states and for states in time.
+`diagnose` collects the facts, for static states and for states in time, and `describe` puts them into words, with the
+remedy: all facts become text here and nowhere else.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from fem.model.symmetry_models import Discretisation
 from fem.results import silicone_limits
 from fem.results.lateral_stiffness import StabilityMargin
 from fem.scene import Scene
-from fem.solution import CREASE, Diagnosed, Facts, Remark, Status
+from fem.solution import CREASE, Facts, Solution
 from fem.solve.load_case_models import harmonics_at, orders_needed
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
@@ -27,25 +27,46 @@ from geometry.arrays import Array
 from geometry.design import LAWS, Design
 from geometry.loads import Load, Response
 
-Found = TypeVar("Found", bound=Diagnosed)
 Margin = Callable[[PathState], StabilityMargin]
 BUCKLED = 0.01
 """Sideways shift of the magnet over D, or its tilt in rad, beyond which a frictionless press has left the symmetric
 state; asymmetry of the mesh alone causes less than a third of this."""
 NEAR = 0.9
 """Depth over the estimated critical depth beyond which a press is reported as close to it."""
+REMARKS = {
+    "no_touch": "depth {load.depth:g} mm brings no integration point of this mesh into contact: {remedy}",
+    "touch_lost": "the tip has lost contact with the plate and carries no load",
+    "pulled": "the plate that sticks pulls on the tip: a real plate would peel off or slip earlier",
+    "leaning": "the beam leans sideways ({aside}): this branch is selected by the imperfection of "
+    "{load.imperfection:g} N",
+    "given_way": "the beam has buckled sideways under the frictionless plate ({aside}; the mesh determines the "
+    "direction): the symmetric press is unstable",
+    "slides_over": "the frictionless plate slides over the tip, so the shear has no effect: "
+    "choose friction stick or a coefficient",
+    "pushed_aside": "the pressed tip pushes along the shear instead of resisting it: before it stuck, "
+    "a tip that slides freely would have buckled sideways (magtip stability computes the critical depth)",
+    "guided_only": "a beam whose tip slides freely on the plate buckles sideways {before}: "
+    "this solution holds the tip on the axis (magtip stability computes the critical depth)",
+    "guided_unknown": "whether a beam whose tip slides freely on the plate would buckle sideways is not known",
+    "nearly_guided_only": "a beam whose tip slides freely on the plate buckles sideways {soon}: "
+    "magtip stability computes the critical depth",
+    "full_slip": "full slip: the whole contact area slides",
+    "part_slips": "{percent:.2g} % of the contact area slips",
+    "idle_stick": "friction stick acts only during a shear: this press is frictionless",
+}
+"""Sentences of `Facts.remark`."""
 
 
 def diagnose(
-    found: Found,
+    found: Solution,
     state: PathState,
     scene: Scene,
     stop: Stop = "",
     margin: Margin | None = None,
     *,
     touched: bool = False,
-) -> Found:
-    """Return a state that was read from one of a path, with its facts, and status and message that follow from them.
+) -> Solution:
+    """Return a solution that was read from a state of a path, with its facts, and status and message by them.
 
     Parameters
     ----------
@@ -53,37 +74,17 @@ def diagnose(
     margin : returns the distance of an axisymmetric press from sideways buckling; None: no check.
     touched : whether the tip has carried a force before, so that a plate without force has left it.
     """
-    facts = gather(state, found, scene.design.D, stop, margin, touched=touched)
-    if state.d.revolved:
-        depth = float(state.position[0])
-        facts = replace(facts, harmonics_missing=orders_needed(scene, depth) - harmonics_at(scene, depth))
-    found = replace(found, facts=facts, status=classify(facts))
-    return replace(found, message=describe(found, scene.design))
-
-
-def gather(
-    state: PathState, found: Diagnosed, D: float, stop: Stop, margin: Margin | None, *, touched: bool
-) -> Facts:
-    """Return the facts of a path's state.
-
-    Parameters
-    ----------
-    found : read from the state, still without facts.
-    D : diameter of the beam, mm.
-    stop, margin, touched : as in `diagnose`.
-    """
+    D, depth, u = scene.design.D, float(state.position[0]), state.u
     onset, between = _onset_range(state, D)
     upright = not stop and not state.stability.is_unstable and onset is None and found.load.depth > 0
     upright = upright and found.response.force[2] > 0
     checked = upright and state.d.model == "axisymmetric" and not state.sheared
     near = margin(state) if margin and checked else None
-    remark = None if stop else _choose_remark(state, found, D, near, touched=touched)
     # a path that stops because the law loses stability does so in the next state, which it cannot reach: there the
     # strains are extrapolated
     reach = silicone_limits.REACH if stop or state.stability.is_unstable or onset else 1.0
-    u = state.u
     stretches = silicone_limits.find_loss(state.d.system, u, reach)
-    return Facts(
+    facts = Facts(
         stop=stop,
         stability=state.stability,
         onset=onset,
@@ -91,30 +92,15 @@ def gather(
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
         # an element whose J stays above 0.5 at its integration points has no inverted spot between them
         inverted_share=inverted_share(state.d, u) if state.least_J < 0.5 else 0.0,
-        remark=remark,
+        remark=None if stop else _choose_remark(state, found, D, near, touched=touched),
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
         crease_ratio=None if stop else silicone_limits.crease_ratio(state),
         largest_strain=silicone_limits.largest_strain(state.d.elements, u),
+        harmonics_missing=orders_needed(scene, depth) - harmonics_at(scene, depth) if state.d.revolved else 0,
     )
-
-
-def classify(facts: Facts) -> Status:
-    """Return the status that follows from the facts.
-
-    >>> from fem.solve.direct_solver import Stability
-    >>> classify(Facts()), classify(Facts(stability=Stability(2))), classify(Facts("no_convergence"))
-    ('ok', 'unstable', 'not_converged')
-    >>> classify(Facts(remark="guided_only")), classify(Facts(crease_ratio=3.0))
-    ('unstable', 'unstable')
-    """
-    if facts.stop:
-        return "not_converged"
-    if facts.remark == "no_touch":
-        return "no_contact"
-    if facts.verdict == "unstable":
-        return "unstable"
-    return "ok"
+    found = replace(found, facts=facts)
+    return replace(found, message=describe(found, scene.design))
 
 
 def inverted_share(d: Discretisation, u: Array) -> float:
@@ -143,8 +129,8 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
 
 
 def _choose_remark(
-    state: PathState, found: Diagnosed, D: float, near: StabilityMargin | None, *, touched: bool
-) -> Remark | None:
+    state: PathState, found: Solution, D: float, near: StabilityMargin | None, *, touched: bool
+) -> str | None:
     load, normal, sheared = found.load, found.response.force[2], state.sheared
     pressed = load.depth > 0
     if pressed and not normal > 0 and not sheared and not touched:
@@ -182,7 +168,7 @@ def _distance_from_axis(response: Response, D: float) -> float:
     return max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y))
 
 
-def describe(solution: Diagnosed, design: Design) -> str:
+def describe(solution: Solution, design: Design) -> str:
     """Return the facts of a state in words, with the remedy; empty if there is nothing to report."""
     facts, weak = solution.facts, _describe_weakness(solution.facts, design)
     sentences = []
@@ -255,35 +241,17 @@ def _describe_weakness(facts: Facts, design: Design) -> str:
     )
 
 
-def _describe_remark(remark: Remark, solution: Diagnosed) -> str:
+def _describe_remark(remark: str, solution: Solution) -> str:
     load, response, critical = solution.load, solution.response, solution.facts.critical_depth
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
-    aside = f"shift {shift:.2g} mm, tilt {tilt:.2g} rad"
     at = f"at a depth of about {critical:.3g} mm (+-10 %; now {load.depth:.4g} mm)" if critical else ""
-    leads = f"this branch is selected by the imperfection of {load.imperfection:g} N"
-    remedy = (
-        "the depth is below the rounding error: take a larger depth"
+    return REMARKS[remark].format(
+        load=load,
+        aside=f"shift {shift:.2g} mm, tilt {tilt:.2g} rad",
+        before=at or "before this depth",
+        soon=at or "soon",
+        remedy="the depth is below the rounding error: take a larger depth"
         if solution.model == "axisymmetric"
-        else "choose model axisymmetric, whose mesh follows the contact"
+        else "choose model axisymmetric, whose mesh follows the contact",
+        percent=100 * (solution.slip_share or 0),
     )
-    texts: dict[Remark, str] = {
-        "no_touch": f"depth {load.depth:g} mm brings no integration point of this mesh into contact: {remedy}",
-        "touch_lost": "the tip has lost contact with the plate and carries no load",
-        "pulled": "the plate that sticks pulls on the tip: a real plate would peel off or slip earlier",
-        "leaning": f"the beam leans sideways ({aside}): {leads}",
-        "given_way": f"the beam has buckled sideways under the frictionless plate ({aside}; the mesh determines the "
-        "direction): the symmetric press is unstable",
-        "slides_over": "the frictionless plate slides over the tip, so the shear has no effect: "
-        "choose friction stick or a coefficient",
-        "pushed_aside": "the pressed tip pushes along the shear instead of resisting it: before it stuck, "
-        "a tip that slides freely would have buckled sideways (magtip stability computes the critical depth)",
-        "guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'before this depth'}: "
-        "this solution holds the tip on the axis (magtip stability computes the critical depth)",
-        "guided_unknown": "whether a beam whose tip slides freely on the plate would buckle sideways is not known",
-        "nearly_guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'soon'}: "
-        "magtip stability computes the critical depth",
-        "full_slip": "full slip: the whole contact area slides",
-        "part_slips": f"{100 * (solution.slip_share or 0):.2g} % of the contact area slips",
-        "idle_stick": "friction stick acts only during a shear: this press is frictionless",
-    }
-    return texts[remark]

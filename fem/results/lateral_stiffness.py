@@ -38,6 +38,23 @@ FAR, PAST = 0.5, -0.3
 comparison in the module docstring."""
 
 
+@dataclass(frozen=True, slots=True)
+class StabilityMargin:
+    """Distance of a frictionless press from sideways buckling.
+
+    Attributes
+    ----------
+    ratio : lateral stiffness over that of the unloaded beam; 0 at the critical depth, negative beyond. None with
+        Coulomb friction, which holds the tip.
+    critical_depth : estimate of that depth, over D; None where `ratio` is not between PAST and FAR.
+    stability : whether it is stable sideways.
+    """
+
+    ratio: float | None
+    critical_depth: float | None
+    stability: Stability
+
+
 class SidewaysModel:
     """Models of orders 1 to `harmonics` in which the presses on one mesh are checked for sideways stability.
 
@@ -65,35 +82,30 @@ class SidewaysModel:
         """Lateral stiffness of the unloaded beam, in units of E D."""
         return _solve_lateral(self.solvers[0], self.orders[0], None)[0]
 
+    def measure(self, state: PathState, *, guided: bool = False) -> tuple[float, Stability]:
+        """Return lateral stiffness, in units of E D, and sideways stability of a state of an axisymmetric press.
 
-@dataclass(frozen=True, slots=True)
-class LateralStiffness:
-    """Lateral stiffness and stability of an axisymmetric state.
+        Parameters
+        ----------
+        guided : glue the contact area to the plate; otherwise the tip slides freely.
+        """
+        first, *higher = (_about(d, state, guided=guided) for d in self.orders)
+        solver, *higher_solvers = self.solvers
+        stiffness, stability = _solve_lateral(solver, *first)
+        for solver, (d, plate) in zip(higher_solvers, higher, strict=True):
+            _factorise(solver, d, plate)
+            stability += solver.stability(d.system.n_pressure)
+        return stiffness, stability
 
-    Attributes
-    ----------
-    stiffness : k, force over displacement of the dome, in units of E D.
-    stability : whether it is stable sideways.
-    """
-
-    stiffness: float
-    stability: Stability
-
-
-def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided: bool = False) -> LateralStiffness:
-    """Return the lateral stiffness of a state of an axisymmetric press.
-
-    Parameters
-    ----------
-    guided : glue the contact area to the plate; otherwise the tip slides freely.
-    """
-    first, *higher = (_about(d, state, guided=guided) for d in model.orders)
-    solver, *higher_solvers = model.solvers
-    stiffness, stability = _solve_lateral(solver, *first)
-    for solver, (d, plate) in zip(higher_solvers, higher, strict=True):
-        _factorise(solver, d, plate)
-        stability += solver.stability(d.system.n_pressure)
-    return LateralStiffness(stiffness, stability)
+    def margin(self, state: PathState) -> StabilityMargin:
+        """Estimate the margin of an axisymmetric press whose tip slides freely, or against Coulomb friction."""
+        stiffness, stability = self.measure(state)
+        if state.friction is not None:
+            return StabilityMargin(None, None, stability)
+        ratio, depth = stiffness / self.stiffness_at_rest, float(state.position[0])
+        growth = integrate_normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
+        near = PAST <= ratio <= FAR and growth > 0
+        return StabilityMargin(ratio, depth * math.pow(1 - ratio, -1 / growth) if near else None, stability)
 
 
 def _about(d: Discretisation, state: PathState, *, guided: bool) -> tuple[Discretisation, Plate]:
@@ -103,34 +115,6 @@ def _about(d: Discretisation, state: PathState, *, guided: bool) -> tuple[Discre
     if guided:
         plate = replace(plate, bond=plate_contact.bond_here(high.skin, high.u, plate, high.overlap > 0))
     return high.d, plate
-
-
-@dataclass(frozen=True, slots=True)
-class StabilityMargin:
-    """Distance of a frictionless press from sideways buckling.
-
-    Attributes
-    ----------
-    ratio : lateral stiffness over that of the unloaded beam; 0 at the critical depth, negative beyond. None with
-        Coulomb friction, which holds the tip.
-    critical_depth : estimate of that depth, over D; None where `ratio` is not between PAST and FAR.
-    stability : whether it is stable sideways.
-    """
-
-    ratio: float | None
-    critical_depth: float | None
-    stability: Stability
-
-
-def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
-    """Estimate the stability margin of an axisymmetric press whose tip slides freely, or against Coulomb friction."""
-    now = measure_lateral_stiffness(model, state)
-    if state.friction is not None:
-        return StabilityMargin(None, None, now.stability)
-    ratio, depth = now.stiffness / model.stiffness_at_rest, float(state.position[0])
-    growth = integrate_normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
-    near = PAST <= ratio <= FAR and growth > 0
-    return StabilityMargin(ratio, depth * math.pow(1 - ratio, -1 / growth) if near else None, now.stability)
 
 
 def integrate_normal_force(state: PathState) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +9,7 @@ import numpy as np
 from fem.model import angular_fields, coulomb_friction, plate_contact, rigid_inclusion, single_order
 from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.symmetry_models import Discretisation
-from fem.results import diagnostics
-from fem.results.lateral_stiffness import SidewaysModel, estimate_margin
+from fem.results.diagnostics import Margin, diagnose
 from fem.scene import Scene
 from fem.solution import Field, Solution
 from fem.solve.newton import Stop
@@ -32,15 +30,15 @@ def read(
     *,
     iterations: int = 0,
     seconds: float = 0.0,
-    sideways: SidewaysModel | None = None,
+    margin: Margin | None = None,
+    touched: bool = False,
 ) -> Solution:
     """Return the solution at a state of a path towards a load of a scene.
 
     Parameters
     ----------
-    stop : why the path stopped before the load; empty if it did not.
     iterations, seconds : Newton iterations and time spent on the state.
-    sideways : model in which the sideways stability of an axisymmetric press is checked; None: no check.
+    stop, margin, touched : see `fem.results.diagnostics.diagnose`.
     """
     d, nodal = state.d, state.d.system.state(state.q)
     design, friction = scene.design, state.friction
@@ -63,8 +61,7 @@ def read(
         dissipated=state.dissipated * d.symmetry * E * D**3,
         slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.skin.weights),
     )
-    margin = None if sideways is None else functools.partial(estimate_margin, sideways)
-    return diagnostics.diagnose(solution, state, scene, stop, margin)
+    return diagnose(solution, state, scene, stop, margin, touched=touched)
 
 
 def reached_load(state: PathState, load: Load, scene: Scene) -> Load:

@@ -71,13 +71,13 @@ class CycleState:
 
     def row(self, unit: str) -> FlatRow:
         """Return the row of cycle.csv."""
-        s, r = self.state, self.state.response
+        s, solution, r = self.state, self.state.solution, self.state.solution.response
         return {
             "time_s": s.time,
             "cycle": self.stop.cycle,
             "phase": self.stop.phase,
-            "depth_mm": s.load.depth,
-            "shear_mm": s.load.shear_x,
+            "depth_mm": solution.load.depth,
+            "shear_mm": solution.load.shear_x,
             **{f"force_{axis}_N": value for axis, value in zip("xyz", r.force, strict=True)},
             **{f"shift_{axis}_mm": value for axis, value in zip("xyz", r.shift, strict=True)},
             "tilt_rad": r.tilt,
@@ -88,9 +88,9 @@ class CycleState:
             **({} if self.half_width is None else {"half_width_N": self.half_width}),
             "time_error": s.time_error,
             "work_mJ": s.work,
-            "stored_mJ": s.stored,
+            "stored_mJ": solution.energy,
             "dissipated_mJ": s.dissipated,
-            "friction_dissipated_mJ": s.friction_dissipated,
+            "friction_dissipated_mJ": solution.dissipated,
         }
 
 
@@ -157,11 +157,11 @@ def with_readings(
     if static.made is not None:
         return _of_made_sensor(design, passed, static.made)
     curve = static.curve
-    shifts = np.array([state.response.shift for _, state, _ in passed])
-    outputs = outputs_of(design, shifts, np.array([state.response.tilt for _, state, _ in passed]))
+    shifts = np.array([state.solution.response.shift for _, state, _ in passed])
+    outputs = outputs_of(design, shifts, np.array([state.solution.response.tilt for _, state, _ in passed]))
     loads, axis = (np.full((len(passed), 3), np.nan), 0) if curve is None else (curve.decode(outputs), curve.axis)
     # the curve is that of the strokes: it knows no press before a shear
-    loads[[stop.phase == "press" and not state.load.shear_x for stop, state, _ in passed]] = np.nan
+    loads[[stop.phase == "press" and not state.solution.load.shear_x for stop, state, _ in passed]] = np.nan
     law = RelaxingForce(design)
     law.step(0.0, np.zeros(3), np.zeros(2))
     states = []
@@ -174,18 +174,19 @@ def with_readings(
 
 def _of_made_sensor(design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], made: Made) -> list[CycleState]:
     """Return the states of a calibrated sensor: with its forces, outputs and decoded forces."""
-    responses = [state.response for _, state, _ in passed]
+    responses = [state.solution.response for _, state, _ in passed]
     shift, tilt, force = (
         np.array([getattr(one, name) for one in responses]) for name in ("shift", "rotation", "force")
     )
     answers = made(design, np.array([state.time for _, state, _ in passed]), shift, tilt, force)
-    axis = 0 if any(state.load.shear_x for _, state, _ in passed) else 2
+    axis = 0 if any(state.solution.load.shear_x for _, state, _ in passed) else 2
     columns = (each[:, axis].tolist() for each in (answers.decoded, answers.observed, answers.half_width))
     states = []
     for (stop, state, at_stop), own, outputs, *along in zip(
         passed, answers.force.tolist(), answers.outputs, *columns, strict=True
     ):
-        felt = replace(state, response=replace(state.response, force=tuple(own)))
+        response = replace(state.solution.response, force=tuple(own))
+        felt = replace(state, solution=replace(state.solution, response=response))
         states.append(CycleState(stop, felt, at_stop, outputs, *along))
     return states
 
@@ -210,14 +211,17 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
     axis, last = 0 if motion.shear else 2, own[-1].state
     # forces count along the first way of the plate
     way = -1.0 if motion.shear < 0 else 1.0
-    force = way * np.array([one.state.response.force[axis] for one in own])
+    force = way * np.array([one.state.solution.response.force[axis] for one in own])
     decoded, observed = (
         way * np.array(values) for values in zip(*((s.decoded, s.observed) for s in own), strict=True)
     )
     # a shear passes its ends outside of a cycle too
-    gap, scale = _gap(own, force), _scale(force, None if before is None else way * before.response.force[axis])
+    gap, scale = (
+        _gap(own, force),
+        _scale(force, None if before is None else way * before.solution.response.force[axis]),
+    )
     known = bool(np.isfinite(decoded).all())
-    start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.friction_dissipated)
+    start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.solution.dissipated)
     most = max(abs(one.state.work) for one in own)
     widths = [one.half_width for one in own if one.half_width is not None]
     inside = np.abs(observed - force) <= widths if widths else np.zeros(0)
@@ -230,7 +234,7 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
         "gap_percent": 100 * _rounded(gap, scale) / scale if scale else 0.0,
         "area_mJ": _rounded(last.work - start[0], most),
         "material_mJ": _rounded(last.dissipated - start[1], most),
-        "friction_mJ": _rounded(last.friction_dissipated - start[2], most),
+        "friction_mJ": _rounded(last.solution.dissipated - start[2], most),
         "decoded_gap_percent": 100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
         if known and np.ptp(decoded)
         else None,
@@ -313,7 +317,7 @@ class Cycles:
             "time_error": self.time_error if self.states else None,
             "balance_error": self.balance_error if self.states else None,
             "time_steps": steps.step if steps else 0,
-            "dofs": steps.dofs if steps else 0,
+            "dofs": steps.solution.dofs if steps else 0,
             "seconds": self.seconds,
         }
 
@@ -424,14 +428,15 @@ def _results(
 ) -> Cycles:
     """Return readings, loops and status of states; `begin` is the processor time before the first one, s."""
     states = with_readings(design, passed, static)
-    failed = [state for _, state, _ in passed if state.status == "not_converged"]
-    unstable = [state for _, state, _ in passed if state.status == "unstable"]
+    solutions = [state.solution for _, state, _ in passed]
+    failed = [solution for solution in solutions if solution.status == "not_converged"]
+    unstable = [state for _, state, _ in passed if state.solution.status == "unstable"]
     # of stable states the one with the largest strain says what limits the use of all
-    strained = max((state for _, state, _ in passed), key=lambda state: state.facts.largest_strain or 0.0)
+    strained = max(solutions, key=lambda solution: solution.facts.largest_strain or 0.0)
     doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
     status, message = "ok", strained.message if doubtful else ""
     if unstable:
-        status, message = "unstable", f"{unstable[0].message}, first at {unstable[0].time:.4g} s"
+        status, message = "unstable", f"{unstable[0].solution.message}, first at {unstable[0].time:.4g} s"
     if failed:
         status, message = failed[0].status, failed[0].message
     unit = "V" if design.hall_layout == "three" else "T"
@@ -467,7 +472,7 @@ def _follow(
     )
     for state in states:
         progress(state.time / path[-1].timed.time, f"cycle {max(stop.cycle, 1)} of {motion.cycles}")
-        reached = state.time >= stop.timed.time and state.status != "not_converged"
+        reached = state.time >= stop.timed.time and state.solution.status != "not_converged"
         yield stop, state, reached
         if reached and (following := next(ahead, None)) is not None:
             stop = following

@@ -211,6 +211,6 @@ def doubts(static: Static, cycles: Cycles) -> list[str]:
         for one in cycles.states
         if cycles.loops
         and (one.at_stop, one.stop.cycle, one.stop.place) == (True, cycles.loops[-1]["cycle"], "middle")
-        and one.state.response.force[2] <= 0
+        and one.state.solution.response.force[2] <= 0
     ]
     return sentences("doubts", static=static, cycles=cycles, gained=gained, away=away)

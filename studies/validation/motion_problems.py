@@ -133,8 +133,8 @@ def silicone(nu: float = 0.5) -> Design:
 
 def _solved(states: Iterator[TimedState]) -> list[TimedState]:
     passed = list(states)
-    if passed[-1].status not in ("ok", "unstable"):
-        raise SolveFailed(passed[-1].message)
+    if passed[-1].solution.status not in ("ok", "unstable"):
+        raise SolveFailed(passed[-1].solution.message)
     return passed
 
 
@@ -143,7 +143,7 @@ def held_beam(_: int) -> Array:
     design, times = silicone(), (0.0, 0.3, 2.0)
     loads = [TimedLoad(t, Load(1.0)) for t in times]
     path = follow(design, loads, QUICK, magnet="ignored", steps=TimeControl(kappa=1e6))
-    forces = np.array([one.response.force[2] for one in _solved(path)])
+    forces = np.array([one.solution.response.force[2] for one in _solved(path)])
     return np.asarray((forces / forces[0] / relaxation_of(design).modulus(times))[1:])
 
 
@@ -157,7 +157,7 @@ def indented_half_space(n: int) -> Array:
     exact, _ = indentation(relaxation_of(design), G0, design.R, times, depths)
     elastic = solve_load(design, Load(top), LEVEL[n - 1], magnet="ignored").response.force[2]
     mesh = elastic / (16 / 3 * math.sqrt(design.R) * G0 * top**1.5)
-    return np.asarray([one.response.force[2] for one in states] / exact[1:] / mesh)
+    return np.asarray([one.solution.response.force[2] for one in states] / exact[1:] / mesh)
 
 
 def limits(_: int) -> tuple[float, ...]:
@@ -172,7 +172,7 @@ def limits(_: int) -> tuple[float, ...]:
             kappa = SECTION_KAPPA * elastic.E / design.E
             loads = [TimedLoad(duration, Load(1.0))]
             (state,) = _solved(follow(design, loads, QUICK, law=law, steps=TimeControl(kappa=kappa)))
-            ratios.append(state.response.force[2] / exact)
+            ratios.append(state.solution.response.force[2] / exact)
     return tuple(ratios)
 
 
@@ -189,7 +189,7 @@ def sheared_beam(n: int) -> tuple[float, ...]:
     for law in ("prony", "finite"):
         path = follow(silicone(0.4998), loads, accuracy, law=law, steps=TimeControl(0.9, 1 / n))
         last = _solved(path)[-1]
-        values += [(last.stored + last.dissipated) / last.work, last.response.force[0]]
+        values += [(last.solution.energy + last.dissipated) / last.work, last.solution.response.force[0]]
     return tuple(values)
 
 
@@ -214,7 +214,7 @@ def touched_beam(n: int, law: ViscousLaw, friction: Friction) -> tuple[float, fl
     states = _solved(path)
     before = [0.0, *(one.balance for one in states if one.time <= begin)]
     error = np.max([abs(one.balance - before[-1]) for one in states if one.time >= begin])
-    lost = np.array([(0.0, 0.0), *((one.dissipated, one.friction_dissipated) for one in states)])
+    lost = np.array([(0.0, 0.0), *((one.dissipated, one.solution.dissipated) for one in states)])
     gained = np.diff(lost, axis=0)
     negative = float(np.maximum(-gained, 0.0).sum() / gained.sum())
     return 1 - float(error / np.max([one.work for one in states])), 1 - negative

@@ -247,7 +247,7 @@ class KeptPaths:
             kept.stop,
             iterations=kept.iterations,
             seconds=kept.seconds,
-            sideways=kept.sideways if sideways else None,
+            margin=kept.sideways.margin if sideways else None,
         )
 
     def _followed(self, scene: Scene, moving: bool) -> _Kept:
