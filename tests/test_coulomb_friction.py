@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
 
+from fem import equilibrium
 from fem.accuracy import QUICK
 from fem.equilibrium import solve, trace
 from fem.model import coulomb_friction, plate_contact
@@ -15,6 +16,7 @@ from fem.model.symmetry_models import MeshSpecification
 from fem.solve import load_increments
 from fem.solve.condensed_friction import CondensedFriction, contact_zone
 from fem.solve.direct_solver import STABLE, UNKNOWN, Solver, have_pardiso
+from fem.solve.load_case_models import path_models
 from fem.solve.newton import Equilibrium, iterate, newton
 from fem.solve.path_state import at_rest
 from geometry.design import Design, paper
@@ -111,7 +113,7 @@ def test_no_friction_is_the_frictionless_plate():
 
 def test_little_friction_is_nearly_none_and_much_of_it_prevents_slip(monkeypatch):
     """On springs that are equally stiff in all of them."""
-    monkeypatch.setattr("fem.solve.path_state.SECTION_KAPPA", KAPPA)
+    monkeypatch.setattr(equilibrium, "path_models", lambda *of: replace(path_models(*of), kappa=KAPPA))
     none, little, some, much, more = (bare([1.0], mu, magnet="rigid")[0] for mu in ("none", 1e-6, 0.1, 1e2, 1e4))
     force = [s.response.force[2] for s in (none, little, some, much, more)]
     assert force[1] == pytest.approx(force[0], rel=1e-5)

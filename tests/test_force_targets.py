@@ -213,7 +213,7 @@ class Spring:
 
     def __init__(self, law, last=math.inf, *, power=1.5, most=10.0, **options):
         self.law, self.last, self.moves = law, last, []
-        self.curve = LoadingCurve(CurvePoint(0.0, law(0.0), 0.0), power=power, most=most, **options)
+        self.curve = LoadingCurve(CurvePoint(0.0, law(0.0), 0.0), self.go, power=power, most=most, **options)
 
     def go(self, state, motion):
         self.moves.append((state, motion))
@@ -221,7 +221,7 @@ class Spring:
         return CurvePoint(end, self.law(end), end, "no_convergence" if motion > self.last else "")
 
     def find(self, force, guess):
-        return self.curve.find(force, guess, self.go)
+        return self.curve.find(force, guess)
 
 
 @pytest.mark.parametrize("guess", [0.01, 0.7, 5.0])
@@ -248,7 +248,7 @@ def test_a_state_that_is_there_is_not_solved_again():
     spring = Spring(np.sinh)
     assert spring.find(5.0, 1.0) is spring.find(5.0, 1.0)
     moves, last = len(spring.moves), spring.curve.points[-1]
-    assert spring.curve.reach(last.motion, spring.go) is last
+    assert spring.curve.reach(last.motion) is last
     assert len(spring.moves) == moves
 
 

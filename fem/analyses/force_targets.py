@@ -25,6 +25,7 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import skfem
@@ -61,15 +62,16 @@ class CurvePoint:
 
     Attributes
     ----------
-    motion : depth, or shear, over D.
-    force : force along the motion, over E D^2.
+    motion, force : depth or shear over D, and force along it over E D^2.
     stop : why the path ended here; empty if it did not.
+    iterations : Newton iterations from the state before.
     """
 
     motion: float
     force: float
     state: PathState
     stop: Stop = ""
+    iterations: int = 0
 
     def has(self, force: float, tolerance: float = FORCE_TOLERANCE) -> bool:
         """Return whether the force is the wanted one."""
@@ -93,10 +95,10 @@ class NotReached:
     beyond: CurvePoint | None = None
 
 
-DOWN = np.array([1.0, 0.0, 0.0])
-"""Axis of a press in positions of the plate: depth, shear x, shear y."""
-Advance = Callable[[PathState, float], CurvePoint]
+Move = Callable[[PathState, float], CurvePoint]
 """Returns the point at a motion, or where the path stops before it, from the state of an earlier point."""
+Watch = Callable[[float], None]
+"""Is called before each solve with its motion."""
 
 
 class LoadingCurve:
@@ -105,6 +107,7 @@ class LoadingCurve:
     Parameters
     ----------
     first : the state at motion 0.
+    move : leads to the next ones.
     power : power of the motion with which the force grows at first.
     most : largest motion.
     ended : whether no further motion increases the force.
@@ -112,25 +115,33 @@ class LoadingCurve:
     Attributes
     ----------
     points : the states.
+    iterations : Newton iterations of all of them.
     """
 
     def __init__(
-        self, first: CurvePoint, *, power: float, most: float, ended: Callable[[PathState], bool] = lambda _: False
+        self,
+        first: CurvePoint,
+        move: Move,
+        *,
+        power: float,
+        most: float,
+        ended: Callable[[PathState], bool] = lambda _: False,
     ) -> None:
-        self._power, self.most, self.ended = power, most, ended
-        self.points = [first]
+        self._move, self._power, self.most, self.ended = move, power, most, ended
+        self.points, self.iterations = [first], 0
 
-    def reach(self, motion: float, advance: Advance) -> CurvePoint:
+    def reach(self, motion: float) -> CurvePoint:
         """Return the state at a motion, or the one at which the path stops before it."""
         after = bisect.bisect_right(self.points, motion * (1 + 1e-12), key=lambda point: point.motion)
         before = self.points[after - 1]
         if math.isclose(before.motion, motion, rel_tol=1e-12):
             return before
-        point = advance(before.state, motion)
+        point = self._move(before.state, motion)
+        self.iterations += point.iterations
         bisect.insort(self.points, point, key=lambda point: point.motion)
         return point
 
-    def find(self, force: float, guess: float, advance: Advance) -> CurvePoint | NotReached:
+    def find(self, force: float, guess: float, watch: Watch = lambda _: None) -> CurvePoint | NotReached:
         """Return the first state with a force: a root of the curve between two states that bracket it.
 
         It is not reached where the path stops, or its motion ends, before the force; or the force jumps past it.
@@ -142,7 +153,7 @@ class LoadingCurve:
         # deferred: a press to a depth needs no root search
         from scipy.optimize import brentq
 
-        after = self._bracket(force, guess, advance)
+        after = self._bracket(force, guess, watch)
         if isinstance(after, NotReached):
             return after
         ends = self.points[max(after - 1, 0)], self.points[after]
@@ -153,14 +164,14 @@ class LoadingCurve:
         # times as fast as the motion
         narrow = FORCE_TOLERANCE**2 * ends[1].motion
         # brentq wraps its function in a cycle: what it must not keep alive is an argument
-        brentq(_excess_at, *(end.motion for end in ends), args=(self, force, advance), xtol=narrow)
+        brentq(_excess_at, *(end.motion for end in ends), args=(self, force, watch), xtol=narrow)
         point = min(self.points, key=lambda point: abs(point.force - force))
         if point.has(force, SHARED_TOLERANCE):
             return point
         after = next(k for k, each in enumerate(self.points) if each.force >= force)
         return NotReached(self.points[after - 1], self.points[-1], self.points[after])
 
-    def _bracket(self, force: float, guess: float, advance: Advance) -> int | NotReached:
+    def _bracket(self, force: float, guess: float, watch: Watch) -> int | NotReached:
         """Return the number of the first state that has at least the force, or as good as that.
 
         The states are extrapolated in the variable of `excess`, in which the beginning of a curve is straight.
@@ -176,7 +187,9 @@ class LoadingCurve:
                 return len(self.points) - 1
             if last.stop or self.ended(last.state) or last.motion >= self.most:
                 return NotReached(max(self.points, key=lambda point: point.force), last)
-            point = self.reach(min(self._next_motion(force, guess), self.most), advance)
+            motion = min(self._next_motion(force, guess), self.most)
+            watch(motion)
+            point = self.reach(motion)
             # a path to a larger motion may stop before a state that a shorter way has reached
             if point.stop and point.motion < last.motion:
                 return NotReached(max(self.points, key=lambda point: point.force), point)
@@ -197,8 +210,9 @@ class LoadingCurve:
         return math.copysign(abs(share) ** (1 / self._power), share) - 1
 
 
-def _excess_at(motion: float, curve: LoadingCurve, force: float, advance: Advance) -> float:
-    point = curve.reach(motion, advance)
+def _excess_at(motion: float, curve: LoadingCurve, force: float, watch: Watch) -> float:
+    watch(motion)
+    point = curve.reach(motion)
     # a root exactly: the search ends here
     return 0.0 if point.has(force) else curve.excess(point, force)
 
@@ -307,32 +321,37 @@ def walk_forces(
         Before the first state: a target does not suit the design or the model. Later: a force is not reached; the
         sentence names the largest one.
     """
-    search = _Search(mesh, estimate=estimate and mesh is None)
     scenes = [_first_scene(design, target, accuracy, magnet, model) for target in targets]
-    return _walk(targets, scenes, search, progress)
+    return _walk(targets, scenes, _Search(mesh, estimate and mesh is None), progress)
 
 
 def _first_scene(design: Design, target: ForceTarget, accuracy: Accuracy, magnet: Magnet, model: Model) -> Scene:
     """Return the scene of a target at its expected depth, with a shear: only its direction decides the mesh."""
-    depth = expected_depth(design, magnet, target.force / force_unit(design))
-    return Scene(design, (target.load_at(depth * design.D, depth * design.D),), accuracy, magnet, model)
+    depth = expected_depth(design, magnet, target.force / (design.E * design.D**2)) * design.D
+    return Scene(design, (target.load_at(depth, depth),), accuracy, magnet, model)
 
 
 def _walk(
     targets: Sequence[ForceTarget], scenes: Sequence[Scene], search: _Search, progress: Progress | None
 ) -> Generator[Solution]:
     for done, (target, scene) in enumerate(zip(targets, scenes, strict=True)):
-        if progress is not None:
-            search.watch = functools.partial(_report, progress, done, len(targets), target, scene, itertools.count(1))
-        yield search.solve(target, scene)
+        report = functools.partial(_report, progress, done, len(targets), target, scene, itertools.count(1))
+        yield search.solve(target, scene, report)
 
 
 def _report(
-    progress: Progress, done: int, total: int, target: ForceTarget, scene: Scene, solves: Iterator[int], at: Array
+    progress: Progress | None,
+    done: int,
+    total: int,
+    target: ForceTarget,
+    scene: Scene,
+    solves: Iterator[int],
+    *at: float,
 ) -> None:
-    """Report a solve at a position (3,) for a target, after the first `done` of all."""
-    depth, *along = at * scene.design.D
-    shear = math.hypot(*along)
+    """Report a solve at a depth and perhaps a shear, over D, for a target, after the first `done` of all."""
+    if progress is None:
+        return
+    depth, shear = (scene.design.D * part for part in (*at, 0.0)[:2])
     wanted, sheared = (target.shear_size, f", shear {shear:.4g} mm") if shear else (target.force, "")
     # the number of solves is unknown: each one takes a part of what is left
     share = (done + 1 - 1 / next(solves)) / total
@@ -340,45 +359,43 @@ def _report(
 
 
 class _Search:
-    """Searches on the path of the present mesh, and its estimates.
+    """Searches on the path of the present mesh, with error estimates if wanted."""
 
-    Attributes
-    ----------
-    watch : is called before each solve with its position (3,).
-    """
-
-    def __init__(self, mesh: skfem.MeshTet2 | None, *, estimate: bool) -> None:
+    def __init__(self, mesh: skfem.MeshTet2 | None, estimate: bool) -> None:
         self._mesh, self._estimate = mesh, estimate
-        self.watch: Callable[[Array], None] = lambda _: None
         # depths, mm, of the forces so far: several shear forces share one press
         self._depths: dict[float, float] = {}
         self._path: ForcePath | None = None
 
-    def solve(self, target: ForceTarget, scene: Scene) -> Solution:
-        """Return the state with the forces of a target, with error estimates."""
-        begin, D = time.perf_counter(), scene.design.D
-        path, pressed = self._press(target, scene)
-        point = pressed if target.shear_force is None else path.shear(pressed, target)
-        depth, shear = pressed.motion, 0.0 if target.shear_force is None else point.motion
+    def solve(self, target: ForceTarget, scene: Scene, watch: Callable[..., None]) -> Solution:
+        """Return the state with the forces of a target; `watch` is called before each solve with depth and shear."""
+        begin, D, shear = time.perf_counter(), scene.design.D, 0.0
+        path, point = self._press(target, scene, watch)
+        depth = point.motion
+        if target.shear_force is not None:
+            point = path.shear(point, target, functools.partial(watch, depth))
+            shear = point.motion
         load = target.load_at(depth * D, shear * D)
         state = path.read(point, load, time.perf_counter() - begin)
         if not self._estimate:
             return state
         begin, coarse = time.perf_counter(), path.coarser
-        coarse_point = coarse.press.reach(depth, coarse.advance_press)
+        coarse_point = coarse.press.reach(depth)
         if target.shear_force is not None and not coarse_point.stop:
-            coarse_point = coarse.start_shear(coarse_point).reach(shear, coarse.advance_shear)
-        coarse_state = coarse.read(coarse_point, load, time.perf_counter() - begin)
-        return with_estimates(state, coarse_state, path.scene)
+            coarse_point = coarse.start_shear(coarse_point).reach(shear)
+        return with_estimates(state, coarse.read(coarse_point, load, time.perf_counter() - begin), path.scene)
 
-    def _press(self, target: ForceTarget, scene: Scene) -> tuple[ForcePath, CurvePoint]:
+    def _press(self, target: ForceTarget, scene: Scene, watch: Watch) -> tuple[ForcePath, CurvePoint]:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
-        (load,), D = scene.loads, scene.design.D
+        (load,), D, E = scene.loads, scene.design.D, scene.design.E
         depth = self._depths.get(target.force, load.depth)
         # two meshes are usual; at the bound of two ranges each may lead to the other
         for meshes_left in reversed(range(5)):
-            path = self._path_of(replace(scene, loads=(replace(load, depth=depth),)))
-            found = path.press.find(target.force / force_unit(scene.design), depth / D, path.advance_press)
+            load = replace(load, depth=depth)
+            if self._path is None or not self._path.suits(load):
+                self._path = ForcePath(replace(scene, loads=(load,)), self._mesh, check_stability=self._estimate)
+            path = self._path
+            found = path.press.find(target.force / (E * D**2), depth / D, watch)
             point = found.point if isinstance(found, NotReached) else found
             depth = point.motion * D
             # a force that is not reached on the mesh of another depth may be reached on that of this one
@@ -388,13 +405,6 @@ class _Search:
             raise OutOfReach(_refusal(found, target.force, "press", "depth", scene.design))
         self._depths[target.force] = depth
         return path, point
-
-    def _path_of(self, scene: Scene) -> ForcePath:
-        """Return the path of a scene: the present one, if its mesh is that of the scene."""
-        if self._path is None or not self._path.suits(scene.loads[0]):
-            self._path = ForcePath(scene, self._mesh, check_stability=self._estimate)
-        self._path.watch = self.watch
-        return self._path
 
 
 class ForcePath:
@@ -410,19 +420,14 @@ class ForcePath:
     Attributes
     ----------
     press : force along z over the depth.
-    watch : is called before each solve with its position (3,).
     """
 
     def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
-        self.scene, self._path, self._iterations = scene, Path(path_models(scene, mesh)), 0
-        (self._load,) = scene.loads
+        self.scene, self._path = scene, Path(path_models(scene, mesh))
         self._margin = sideways_model(scene, self._path).margin if check_stability else None
-        shear = np.append(0.0, scene.turn @ self._load.imposed_shear)
-        self._shear_axis = shear / (float(np.linalg.norm(shear)) or 1.0)
-        self.watch: Callable[[Array], None] = lambda _: None
         most = (1 - FORCE_TOLERANCE) * silicone_on_axis(scene.design, scene.magnet) / scene.design.D
         # the force grows at first like that of Hertz's contact
-        self.press = LoadingCurve(_point(self._path.rest, DOWN), power=3 / 2, most=most)
+        self.press = self._curve(self._path.rest, np.array([1.0, 0.0, 0.0]), power=3 / 2, most=most)
         self._begun: tuple[CurvePoint, LoadingCurve] | None = None
 
     @functools.cached_property
@@ -430,29 +435,17 @@ class ForcePath:
         """The path on the mesh that is coarser than the present one."""
         return ForcePath(replace(self.scene, accuracy=coarser(self.scene.accuracy)))
 
-    def advance(self, axis: Array, state: PathState, motion: float) -> CurvePoint:
-        """Move from a state along an axis (3,) to a motion over D."""
-        position = state.position - (axis @ state.position - motion) * axis
-        self.watch(position)
-        reached = self._path.apply(state, position)
-        self._iterations += reached.iterations
-        return replace(_point(reached.state, axis), stop=reached.stop)
+    def _curve(self, state: PathState, axis: Array, **options: Any) -> LoadingCurve:
+        """Return the curve of a motion along an axis (3,), depth and shear along x and y, from a state on."""
+        return LoadingCurve(_point(state, axis), functools.partial(_move, self._path, axis), **options)
 
-    def advance_press(self, state: PathState, depth: float) -> CurvePoint:
-        """Press from a state to a depth over D."""
-        return self.advance(DOWN, state, depth)
-
-    def advance_shear(self, state: PathState, shear: float) -> CurvePoint:
-        """Shear from a state to a shear over D, at its depth."""
-        return self.advance(self._shear_axis, state, shear)
-
-    def shear(self, pressed: CurvePoint, target: ForceTarget) -> CurvePoint:
+    def shear(self, pressed: CurvePoint, target: ForceTarget, watch: Watch) -> CurvePoint:
         """Return the state with the shear force of a target, after a press to a state."""
         design = self.scene.design
-        force = target.shear_size / force_unit(design)
+        force = target.shear_size / (design.E * design.D**2)
         # that of a straight beam; a path to half of D always converges
         guess = min(force * tip_compliance(design) * design.E * design.D, 0.5)
-        found = self.start_shear(pressed).find(force, guess, self.advance_shear)
+        found = self.start_shear(pressed).find(force, guess, watch)
         if isinstance(found, NotReached):
             raise OutOfReach(_refusal(found, target.shear_size, "shear", "shear", design))
         return found
@@ -460,19 +453,23 @@ class ForcePath:
     def start_shear(self, pressed: CurvePoint) -> LoadingCurve:
         """Return the force along the shear over the shear, after a press to a state."""
         if self._begun is None or pressed is not self._begun[0]:
-            first = _point(self._path.begin_shear(pressed.state), self._shear_axis)
-            self._begun = pressed, LoadingCurve(first, power=1, most=2 * self.scene.shape.L, ended=slips_wholly)
+            shear = np.append(0.0, self.scene.turn @ self.scene.loads[0].imposed_shear)
+            state, most = self._path.begin_shear(pressed.state), 2 * self.scene.shape.L
+            curve = self._curve(state, shear / np.linalg.norm(shear), power=1, most=most, ended=slips_wholly)
+            self._begun = pressed, curve
         return self._begun[1]
 
     def read(self, point: CurvePoint, load: Load, seconds: float) -> Solution:
         """Return the solution at a state whose search took some seconds."""
-        iterations, self._iterations = self._iterations, 0
+        iterations = 0
+        for curve in (self.press, *(self._begun or ())[1:]):
+            iterations, curve.iterations = iterations + curve.iterations, 0
         margin = self._margin
         return read(point.state, self.scene, load, point.stop, iterations=iterations, seconds=seconds, margin=margin)
 
     def suits(self, load: Load) -> bool:
         """Return whether the mesh is that of a path to another load."""
-        D, present = self.scene.design.D, self._load
+        D, present = self.scene.design.D, self.scene.loads[0]
         kind = ("friction", "plate_tilt", "imperfection", "shears_tip", "direction")
         if any(getattr(load, name) != getattr(present, name) for name in kind):
             return False
@@ -484,14 +481,19 @@ class ForcePath:
 
 
 def _point(state: PathState, axis: Array) -> CurvePoint:
-    """Return the point of a state on the curve of a motion along an axis (3,): depth, shear x, shear y."""
     x, y, z = tip_force(state)
     return CurvePoint(float(axis @ state.position), float(axis @ [z, x, y]), state)
 
 
+def _move(path: Path, axis: Array, state: PathState, motion: float) -> CurvePoint:
+    """Move from a state along an axis (3,) to a motion over D."""
+    reached = path.apply(state, state.position - (axis @ state.position - motion) * axis)
+    return replace(_point(reached.state, axis), stop=reached.stop, iterations=reached.iterations)
+
+
 def _refusal(error: NotReached, force: float, loading: str, motion: str, design: Design) -> str:
     """Return why no state has a force, N: with the largest force, or the jump of the force."""
-    unit, point = force_unit(design), error.point
+    unit, point = design.E * design.D**2, error.point
     at = f"at {motion} {point.motion * design.D:.4g} mm"
     if not point.motion and point.force * unit > force:
         return (
@@ -513,11 +515,6 @@ def _refusal(error: NotReached, force: float, loading: str, motion: str, design:
         f"the {loading} does not reach {force:g} N: its largest force is {point.force * unit:.4g} N {at}, "
         f"{reasons[ended]}: take a smaller force"
     )
-
-
-def force_unit(design: Design) -> float:
-    """Return the unit of dimensionless forces, E D^2, N."""
-    return design.E * design.D**2
 
 
 def expected_depth(design: Design, magnet: Magnet, force: float) -> float:
