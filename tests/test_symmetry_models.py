@@ -117,5 +117,5 @@ def test_the_magnet_moves_as_a_solid_does(harmonics):
 
 def test_the_names_of_the_fields_count_them():
     angles = angular_fields.fourier_fields(3, sines=True)
-    assert len(set(field_names(angles))) == angles.fields
+    assert len(set(field_names(angles.harmonics, sines=angles.sines))) == angles.fields
     assert angles.pressures == 7

@@ -204,10 +204,9 @@ def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr
     fixed[:, 1] = low.fixed.all(axis=1) | (e.nodes[:, 0] < SAME_PLACE)
     held = np.zeros((len(e.nodes), 1))
     held[low.corner_nodes] = at_press.p
-    assert low.surface is not None
     system = System(
         e,
-        single_order.revolve_surface(low.surface, e.angles),
+        single_order.revolve_surface(low.skin, e.angles),
         (low.mu[:, 0], low.inverse_K[:, 0]),
         fixed,
         (low.glued, rigid_inclusion.of_section(e.nodes[low.glued] - [0, d.shape.H], e.angles)) if low.rigid else None,

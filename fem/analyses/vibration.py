@@ -68,7 +68,8 @@ from geometry.relaxation import Relaxation, relaxation_of
 __all__ = ["VibratingSensor", "Vibration", "vibrating_sensor"]
 
 Motion = Literal["z", "x"]
-"""Direction in which the plate, or the base of the free sensor, moves: z along its depth, x along the shear."""
+MOTIONS: tuple[Motion, ...] = ("z", "x")
+"""Directions in which the plate, or the base of the free sensor, moves: z along its depth, x along the shear."""
 ANGLES = 8
 """Angles in a quarter turn at which the pressure of order 1 is compared with that of the press."""
 LOST_AREA = 0.25
@@ -98,31 +99,21 @@ class Block:
 
 
 def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
-    """Solve for the state under the scene's load, and return it with the systems of all motions of the plate.
-
-    Raises
-    ------
-    NoStateError
-        The path stops before the load.
-    """
+    """Solve for the state under the scene's load, and return it with the systems of all motions of the plate."""
     (load,) = scene.loads
     if scene.model == "harmonic":
         state = _solve_path(scene)
-        motions: tuple[Motion, ...] = ("x",) if load.grip is not None else ("z", "x")
-        return state, [build_block(scene, state, _sticking(state.plate), motions)]
+        plate, motions = state.plate, MOTIONS[1:] if load.grip is not None else MOTIONS
+        if plate.friction is not None:
+            plate = replace(plate, friction=coulomb_friction.expect_sticking(plate.friction))
+        return state, [build_block(scene, state, plate, motions)]
     press = pressed_sensor(scene, find_contact(scene))
-    glued = press.edge is not None and scene.loads[0].friction == "stick"
     free = press.edge is None
+    glued = not free and load.friction == "stick"
     blocks = [_press_block(scene, press, 0, glued=glued)]
     if glued or free:  # a frictionless plate transmits no motion along x
         blocks.append(_press_block(scene, press, 1, glued=glued))
     return press.state, blocks
-
-
-def _sticking(plate: Plate) -> Plate:
-    if plate.friction is None:
-        return plate
-    return replace(plate, friction=coulomb_friction.expect_sticking(plate.friction))
 
 
 def _solve_path(scene: Scene) -> PathState:
@@ -141,7 +132,7 @@ def _press_block(scene: Scene, press: Press, order: int, *, glued: bool) -> Bloc
     """Return the system of order 0 or 1 about a press, or about the free sensor."""
     state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
     plate = press.glue(state) if glued else state.plate
-    return build_block(scene, state, None if press.edge is None else plate, ("x",) if order else ("z",))
+    return build_block(scene, state, None if press.edge is None else plate, MOTIONS[order : order + 1])
 
 
 def build_block(scene: Scene, state: PathState, plate: Plate | None, motions: tuple[Motion, ...]) -> Block:
@@ -284,7 +275,7 @@ class Vibration:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Part:
+class ReducedBlock:
     """One block, its reduced system, and what is read from the span of its basis."""
 
     block: Block
@@ -309,7 +300,7 @@ class VibratingSensor:
     scene: Scene
     state: Solution
     relaxation: Relaxation
-    reduced_blocks: tuple[_Part, ...]
+    reduced_blocks: tuple[ReducedBlock, ...]
     coarser: VibratingSensor | None = None
 
     @property
@@ -443,11 +434,9 @@ def vibrating_sensor(
     """
     if check:
         check_vibration(design, load, band, accuracy)
-    relaxation = relaxation_of(design)
-    slow = relaxed(design, relaxation)
-    free = not load.depth and load.grip is None
+    relaxation, free = relaxation_of(design), not load.depth and load.grip is None
     model: Model = "axisymmetric" if free else vibration_model(load)
-    scene = Scene(slow, (Load() if free else load,), accuracy, magnet, model)
+    scene = Scene(relaxed(design, relaxation), (Load() if free else load,), accuracy, magnet, model)
     find = functools.partial(_solve_sensor, load=load, band=band, relaxation=relaxation)
     sensor = find(scene)
     return replace(sensor, coarser=solve_coarser(scene, find)) if estimate else sensor
@@ -466,7 +455,7 @@ def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxatio
             raise NoStateError(f"the state at depth {load.depth:g} mm {how}: take a smaller depth")
         presses = block.plate is not None and block.plate.height is not None
         pressure = read_pressure(block, system.V) if presses else None
-        reduced_blocks.append(_Part(block, system, pose_slopes(block.state, system.V), pressure))
+        reduced_blocks.append(ReducedBlock(block, system, pose_slopes(block.state, system.V), pressure))
     return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, tuple(reduced_blocks))
 
 
@@ -483,7 +472,7 @@ def _coefficients(scene: Scene, relaxation: Relaxation, f: Array) -> tuple[Compl
 
 
 def _solve_part(
-    part: _Part, scene: Scene, relaxation: Relaxation, f: Array
+    part: ReducedBlock, scene: Scene, relaxation: Relaxation, f: Array
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Return force, shift, tilt and kept amplitude of `Vibration` for the motions of one part."""
     D, E, system, block = scene.design.D, scene.design.E, part.system, part.block

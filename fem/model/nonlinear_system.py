@@ -184,6 +184,12 @@ class System:
         self.pattern = Pattern(groups, sizes, skin)
 
     @property
+    def skin(self) -> Surface:
+        """The surface, of a system that has one."""
+        assert self.surface is not None
+        return self.surface
+
+    @property
     def unknown_numbers(self) -> Ints:
         """(nodes, fields) numbers of the displacements' unknowns; -1 for a displacement that is none."""
         return self._reduced

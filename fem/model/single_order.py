@@ -26,7 +26,6 @@ def build(low: Discretisation, order: int) -> Discretisation:
     """Return the model of one order n >= 1 on the mesh of an axisymmetric model; `linearise` gives it a state."""
     base, angles = low.system, angular_fields.order_fields(order)
     e = replace(base.elements, angles=angles)
-    assert base.surface is not None
     clamped, on_axis = np.all(base.fixed, axis=1), e.nodes[:, 0] < SAME_PLACE
     fixed = np.tile(clamped[:, None], angles.fields)
     # on the axis only w_-1 can differ from zero, a sideways displacement
@@ -43,7 +42,7 @@ def build(low: Discretisation, order: int) -> Discretisation:
     held[~on_axis, 1] = np.nan
     system = System(
         e,
-        revolve_surface(base.surface, angles),
+        revolve_surface(base.skin, angles),
         (base.mu[:, 0], base.inverse_K[:, 0]),
         fixed,
         magnet,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,52 +18,11 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    """Positions of the entries of an upper triangle, row by row, and in each row block by block.
-
-    Entry (i, k), i <= k, of the j-th pair of blocks has the position `diagonal[i] + offset[j] + inside[k]`.
-
-    Attributes
-    ----------
-    empty : the matrix with zeros.
-    offset : (pairs,) start of each pair of blocks, counted from the diagonal block of its first row.
-    inside : (n,) number of an unknown within its block.
-    diagonal : (n,) position where the diagonal block of a row would begin if it were full.
-    pairs : coupled pairs of blocks, see `_pair_keys`.
-    """
-
-    empty: sp.csr_matrix
-    offset: Ints
-    inside: Ints
-    diagonal: Ints
-    pairs: Ints
-
-
-def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
-    """Return the layout of a matrix whose coupled pairs of blocks are `keys`, see `_pair_keys`."""
-    count, first = len(sizes), np.cumsum(sizes) - sizes
-    # sorted keys are rows of blocks, and in each row the columns in rising order
-    unique, inverse = np.unique(keys, return_inverse=True)
-    rows, columns = np.divmod(unique, count)
-    begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
-    start = np.cumsum(width) - width
-    offset = (start - start[begin[rows]])[inverse]
-    block = np.repeat(np.arange(count), sizes)
-    inside = np.arange(len(block)) - first[block]
-    length = np.add.reduceat(width, begin)[block] - inside
-    ends = np.cumsum(length)
-    # the rows of a block have the same columns, except those below the diagonal
-    shared = np.repeat(first[columns] - start, width) + np.arange(int(width.sum()))
-    place = np.repeat(start[begin[block]] + inside - ends + length, length) + np.arange(int(length.sum()))
-    # PARDISO and SuperLU take 32-bit structures
-    indices, pointers = shared[place].astype(np.int32), np.append(0, ends).astype(np.int32)
-    empty = sp.csr_matrix((np.zeros(len(indices)), indices, pointers), shape=(len(block), len(block)))
-    return _Layout(empty, offset, inside, ends - length - inside, unique)
-
-
 class Pattern:
     """Upper triangle of a symmetric sparse matrix that compiled loops assemble from element matrices.
+
+    Its entries are stored row by row, and in each row block by block: entry (i, k), i <= k, of the j-th pair of
+    blocks has the position `diagonal[i] + offset[j] + inside[k]`.
 
     Parameters
     ----------
@@ -76,29 +34,46 @@ class Pattern:
     Attributes
     ----------
     size, entries : numbers of unknowns, and of entries of the upper triangle.
-    diagonal, inside : see `_Layout`.
-    offsets : (m, b, c) start of each pair of blocks, for each group, see `_Layout`.
+    inside : (n,) number of an unknown within its block.
+    diagonal : (n,) position where the diagonal block of a row would begin if it were full.
+    offsets : (m, b, c) start of each pair of blocks from the diagonal block of its first row, for each group.
     """
 
     def __init__(self, groups: list[tuple[Ints, Ints]], sizes: Ints, skin: Ints | None = None) -> None:
-        count = len(sizes)
+        count, first = len(sizes), np.cumsum(sizes) - sizes
         pairs = [_pair_keys(rows[:, :, None], columns[:, None, :], count) for rows, columns in groups]
         # every block is coupled with itself, so that no row of the matrix is empty
-        layout = _build_layout(np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)]), sizes)
-        self._empty, self.size, self.entries = layout.empty, len(layout.inside), layout.empty.nnz
-        self.diagonal, self.inside = layout.diagonal, layout.inside
-        ends = count + np.cumsum([pair.size for pair in pairs])
+        keys = np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)])
+        # sorted keys are rows of blocks, and in each row the columns in rising order
+        self._pairs, inverse = np.unique(keys, return_inverse=True)
+        rows, columns = np.divmod(self._pairs, count)
+        begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
+        start = np.cumsum(width) - width
+        offset = (start - start[begin[rows]])[inverse]
+        block = np.repeat(np.arange(count), sizes)
+        self.inside = np.arange(len(block)) - first[block]
+        length = np.add.reduceat(width, begin)[block] - self.inside
+        ends = np.cumsum(length)
+        self.diagonal = ends - length - self.inside
+        # the rows of a block have the same columns, except those below the diagonal
+        shared = np.repeat(first[columns] - start, width) + np.arange(int(width.sum()))
+        place = np.repeat(start[begin[block]] - self.diagonal, length) + np.arange(int(length.sum()))
+        # PARDISO and SuperLU take 32-bit structures
+        indices, pointers = shared[place].astype(np.int32), np.append(0, ends).astype(np.int32)
+        self._empty = sp.csr_matrix((np.zeros(len(indices)), indices, pointers), shape=(len(block), len(block)))
+        self.size, self.entries = len(block), len(indices)
+        groups_end = count + np.cumsum([pair.size for pair in pairs])
         self.offsets: list[Ints] = [
-            layout.offset[end - pair.size : end].reshape(pair.shape) for pair, end in zip(pairs, ends, strict=True)
+            offset[end - pair.size : end].reshape(pair.shape) for pair, end in zip(pairs, groups_end, strict=True)
         ]
-        self._layout, self._skin, self._sizes = layout, skin, sizes
+        self._skin, self._sizes = skin, sizes
 
     def elimination_order(self) -> Ints:
         """Return an order (n,) of the unknowns that keeps factors sparse, with those of a block together.
 
         The graph of the blocks has several times fewer vertices than that of the unknowns.
         """
-        first, second = np.divmod(self._layout.pairs, len(self._sizes))
+        first, second = np.divmod(self._pairs, len(self._sizes))
         graph = sp.csr_matrix((np.ones(len(first)), (first, second)), shape=(len(self._sizes),) * 2)
         blocks = nested_dissection((graph + sp.triu(graph, 1).T).tocsr())
         start = np.cumsum(self._sizes) - self._sizes

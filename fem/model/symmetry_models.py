@@ -200,35 +200,34 @@ def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: floa
 
 def on_axis(harmonics: int, *, sines: bool = False) -> NDArray[np.bool_]:
     """Return which fields of a section may differ from zero on the axis: w_-1, a sideways displacement, and z_0."""
-    across = [order == -1 for order in angular_fields.orders(harmonics)] * (2 if sines else 1)
-    along = [n == 0 for n in range(harmonics + 1)] + [False] * (harmonics if sines else 0)
-    return np.array(across + along)
+    return np.array([name in (("a", -1), ("b", -1), ("z", 0)) for name in field_names(harmonics, sines=sines)])
 
 
 def raise_harmonics(low: System, high: System, q: Array) -> Array:
     """Return the unknowns q of a section in a system with more harmonics, or sine orders too, on the same mesh."""
-    state, from_fields, to_fields = low.state(q), field_names(low.elements.angles), field_names(high.elements.angles)
+    state = low.state(q)
+    from_fields, to_fields = (
+        field_names(system.elements.angles.harmonics, sines=system.elements.angles.sines) for system in (low, high)
+    )
     u = np.zeros(high.fixed.shape)
     u[:, [to_fields.index(name) for name in from_fields]] = state.u
     from_p, to_p = ([name for name in names if name[0] in "zs"] for names in (from_fields, to_fields))
     p = np.zeros((len(state.p), len(to_p)))
     p[:, [to_p.index(name) for name in from_p]] = state.p
     motion = np.zeros(high.n_rigid)
-    components = {1: (2,), 3: (0, 2, 3), 6: (0, 1, 2, 3, 4, 5)}
-    if high.n_rigid:
-        places = {place: i for i, place in enumerate(components[high.n_rigid])}
-        motion[[places[place] for place in components[low.n_rigid]]] = low.motion(q)
+    components = {0: (), 1: (2,), 3: (0, 2, 3), 6: (0, 1, 2, 3, 4, 5)}
+    motion[[components[high.n_rigid].index(place) for place in components[low.n_rigid]]] = low.motion(q)
     return high.unknowns(u, p, motion)
 
 
-def field_names(angles: angular_fields.Angles) -> list[tuple[str, int]]:
+def field_names(harmonics: int, *, sines: bool) -> list[tuple[str, int]]:
     """Return kind and order of each field: a and b, real and imaginary part of w_k; z and s, cosine and sine of u_z.
 
     The pressures have the kinds and orders of the fields z and s.
     """
-    k, n, both = angular_fields.orders(angles.harmonics), range(angles.harmonics + 1), angles.sines
-    names = [("a", order) for order in k] + [("b", order) for order in k if both]
-    return names + [("z", order) for order in n] + [("s", order) for order in n[1:] if both]
+    k, n = angular_fields.orders(harmonics), range(harmonics + 1)
+    names = [("a", order) for order in k] + [("b", order) for order in k if sines]
+    return names + [("z", order) for order in n] + [("s", order) for order in n[1:] if sines]
 
 
 def _release_next_point(skin: Surface, shape: Shape, radius: float) -> Surface:

@@ -60,7 +60,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -73,20 +73,6 @@ from geometry.bad_input import BadInput
 from geometry.design import Design
 from geometry.loads import Load, Magnet, Response
 
-LoadCase = Literal[
-    "press",
-    "deep",
-    "pressed",
-    "stick",
-    "far",
-    "grip",
-    "friction",
-    "tilted press",
-    "tilted stick",
-    "tilted friction",
-    "solid",
-    "solid press",
-]
 VibrationQuantity = Literal["force", "shift", "reading", "base"]
 
 TABLE = Path(__file__).with_name("error_rules.csv")
@@ -199,14 +185,7 @@ ROUNDING = 1e-12
 shifts have no such bound: they are small at small loads."""
 
 
-class WithEstimates(Protocol):
-    """A dataclass with a field `estimates`."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-
-
-Answer = TypeVar("Answer", bound=WithEstimates)
-Found = TypeVar("Found")
+Answer = TypeVar("Answer", bound=Any)
 
 
 def estimated(
@@ -215,19 +194,16 @@ def estimated(
     estimate: Callable[[Answer, Answer, Scene], object],
     found: Callable[[Answer], bool] = lambda _: True,
 ) -> Answer:
-    """Return the answer for a scene with its estimates from a second solve on a mesh coarser by COARSER.
+    """Return the answer for a scene, a dataclass with the field `estimates`, and those from a second solve.
 
-    Parameters
-    ----------
-    estimate : returns the estimates of an answer from the one on the coarser mesh.
-    found : whether an answer has something to estimate.
+    The second mesh is coarser by COARSER. `found` tells whether an answer has something to estimate.
     """
     answer = solve(scene)
     coarse = solve_coarser(scene, solve) if found(answer) else None
     return answer if coarse is None else replace(answer, estimates=estimate(answer, coarse, scene))
 
 
-def solve_coarser(scene: Scene, solve: Callable[[Scene], Found]) -> Found | None:
+def solve_coarser(scene: Scene, solve: Callable[[Scene], Answer]) -> Answer | None:
     """Return the answer for a scene on the mesh for error estimates; None where that has none."""
     coarser = scene.coarser()
     try:
@@ -237,14 +213,10 @@ def solve_coarser(scene: Scene, solve: Callable[[Scene], Found]) -> Found | None
 
 
 def estimate_response(found: Response, coarse: Response, load: Load, scene: Scene, model: str) -> Estimates:
-    """Return the estimated errors of the response to one load of a scene.
+    """Return the estimated errors of the response to one load of a scene, from that on the coarser mesh.
 
-    Parameters
-    ----------
-    found, coarse : the response, and the response on the coarser mesh.
-    load : load of the response; less than the scene's where the path stopped early.
-    scene : scene of the response.
-    model : model of the response; before a shear it may still be axisymmetric.
+    load : of the response; less than the scene's where the path stopped early.
+    model : of the response; before a shear it may still be axisymmetric.
     """
     case, accuracy = load_case(load, scene), scene.accuracy
     if load.imperfection and not load.shears_tip and found.shift[0] * coarse.shift[0] < 0:
@@ -260,7 +232,7 @@ def estimate_response(found: Response, coarse: Response, load: Load, scene: Scen
         value: Sequence[float],
         coarse_value: Sequence[float],
         base: float = radius,
-        case: LoadCase = case,
+        case: str = case,
         rounding: float = 0.0,
     ) -> float | None:
         rule = error_rule(case, scene.magnet, name)
@@ -302,11 +274,9 @@ def relative_error(
     Parameters
     ----------
     value, coarse : the vector, and the vector on the coarser mesh.
-    edge : edge length of the mesh over D.
-    base : base of the rule.
+    edge, base : edge length of the mesh over D, and base of the rule.
     rounding : length up to which a vector is 0.
-    growth : factor on the error that the rule expects.
-    certain : least error over the difference of the two vectors.
+    growth, certain : factor on the error that the rule expects, and least error over the difference.
     """
     # None becomes NaN, which any sum keeps, so that a vector that is known in part has no estimate
     numbers, coarse_numbers = ([math.nan if x is None else x for x in vector] for vector in (value, coarse))
@@ -320,13 +290,7 @@ def relative_error(
 def estimate_numbers(
     kind: str, numbers: Mapping[str, tuple[float | None, float | None]], scene: Scene, base: float
 ) -> Estimates:
-    """Return the estimated errors of numbers of a critical state or a small shear.
-
-    Parameters
-    ----------
-    kind : scene of the rules.
-    numbers : by quantity, the number and that on the coarser mesh.
-    """
+    """Return the estimated errors of a critical state or a small shear, `kind`, from the numbers on both meshes."""
     edge, magnet = scene.accuracy.section_size, scene.magnet
     return Estimates(
         **{
@@ -359,7 +323,7 @@ def estimate_vibration(
     return amplification * np.array(each, dtype=np.float64)
 
 
-def load_case(load: Load, scene: Scene) -> LoadCase:
+def load_case(load: Load, scene: Scene) -> str:
     """Return the load case of a scene's load by which its rules are selected.
 
     >>> from geometry.design import paper
@@ -383,7 +347,7 @@ def load_case(load: Load, scene: Scene) -> LoadCase:
     return "far" if load.shear > ON_LIMIT * STICK_SHEAR * scene.design.D else "stick"
 
 
-def _growth_beyond_study(case: LoadCase, load: Load, scene: Scene) -> float:
+def _growth_beyond_study(case: str, load: Load, scene: Scene) -> float:
     """Return the factor on the expected error for a load beyond those of the study, see DEPTH_POWER."""
     first, deepest = press_limits(scene.design, scene.magnet)
     depth = load.depth / (deepest if case == "deep" else first)

@@ -125,8 +125,7 @@ def integrate_normal_force(state: PathState) -> float:
 def _solve_lateral(solver: Solver, d: Discretisation, plate: Plate | None) -> tuple[float, Stability]:
     """Return the stiffness against a force on the dome in the model of order 1, and its stability."""
     system = d.system
-    assert system.surface is not None
-    push = symmetry_models.distribute_push(system.surface, system.fixed.shape, d.shape.H, 1.0)
+    push = symmetry_models.distribute_push(system.skin, system.fixed.shape, d.shape.H, 1.0)
     force = np.zeros(system.size)
     force[: system.n_free] = push[system.free]
     _factorise(solver, d, plate)

@@ -125,7 +125,8 @@ def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
 def recover_pose(centre: Recovery, u: Array) -> tuple[Array, Array]:
     """Return displacement (3,) and rotation (2,) of the material point at the magnet's centre, see `read_pose`."""
     shift, G = centre(u)
-    return shift, _tilt_angles(_polar_rotation(G)[:, 2])
+    U, _, Vt = np.linalg.svd(np.eye(3) + G)
+    return shift, _tilt_angles((U @ Vt)[:, 2])
 
 
 def pose_slopes(state: PathState, V: Array) -> Array:
@@ -156,11 +157,6 @@ def _point_pose(state: PathState, q: Array) -> Array:
     else:
         shift, tilt = recover_pose(d.centre, u)
     return np.array([shift[0], shift[2], tilt[0]])
-
-
-def _polar_rotation(G: Array) -> Array:
-    U, _, Vt = np.linalg.svd(np.eye(3) + G)
-    return np.asarray(U @ Vt)
 
 
 def _tilt_angles(axis: Array) -> Array:

@@ -44,9 +44,7 @@ VOLUME_SHARE = 0.999
 def stress_and_stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
     """Return the Kirchhoff stresses (n, 3) without pressure, and their derivatives by h (n, 3, 3), both over mu.
 
-    Parameters
-    ----------
-    h : logarithms of the principal stretches, which add up to 0, shape (n, 3).
+    h : (n, 3) logarithms of the principal stretches, which add up to 0.
     """
     stretch = np.exp(h)
     _, P, A = evaluate(silicone, np.einsum("ij,nj->ijn", np.eye(3), np.expm1(h)))
@@ -56,14 +54,8 @@ def stress_and_stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
 
 
 def least_stiffness(D: Array) -> Array:
-    """Return the least d(tau) : d(h) over mu, for a volume-preserving change of unit length, shape (n,).
+    """Return the least d(tau) : d(h) over mu (n,), D = d(tau)/dh (n, 3, 3), for a volume-preserving unit change.
 
-    Parameters
-    ----------
-    D : derivatives of the stresses by h from `stress_and_stiffness`, shape (n, 3, 3).
-
-    Examples
-    --------
     >>> from fem.model.material import neo_hookean
     >>> round(float(least_stiffness(stress_and_stiffness(neo_hookean, np.zeros((1, 3)))[1])[0]), 12)
     2.0
@@ -74,13 +66,7 @@ def least_stiffness(D: Array) -> Array:
 
 
 def logarithmic_strains(e: Elements, part: slice, u: Array) -> Array:
-    """Return the logarithms of the principal stretches at the integration points, less their mean, shape (n, 3).
-
-    Parameters
-    ----------
-    part : range of the elements.
-    u : (nodes, fields) displacements with all J > 0 at the integration points.
-    """
+    """Return the logarithms of the principal stretches at the points of elements, less their mean, shape (n, 3)."""
     G = elements.gradient(e, part, u).reshape(3, 3, -1)
     h = np.log(np.linalg.svd(np.moveaxis(G, -1, 0) + np.eye(3), compute_uv=False))
     return np.asarray(h - h.mean(axis=1, keepdims=True))
@@ -101,12 +87,7 @@ def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
     """Return the principal stretches (3,), largest first, where the law loses stability in a body; None if nowhere.
 
     They are searched for on the straight line from zero strain to `reach` times the logarithmic strains of the point
-    where the law is least stable.
-
-    Parameters
-    ----------
-    u : (nodes, fields) displacements with all J > 0 at the integration points.
-    reach : 1 for the state itself, REACH for the state that would follow.
+    where the law is least stable: 1 for the state itself, REACH for the state that would follow.
     """
     if always_stable(system.law):
         return None
@@ -148,28 +129,15 @@ def crease_ratio(state: PathState) -> float | None:
 
 
 def largest_strain(e: Elements, u: Array) -> float:
-    """Return the largest principal nominal strain that `VOLUME_SHARE` of the volume stays below.
-
-    A value of 0.3 is an elongation of 30 %.
-
-    Parameters
-    ----------
-    u : (nodes, fields) displacements, in the unit of length of the mesh.
-    """
-    strain, volume = _strains(e, u), elements.volumes(e, slice(None)).ravel()
+    """Return the largest principal nominal strain that `VOLUME_SHARE` of the volume stays below; 0.3 is 30 %."""
+    strains = []
+    for at in range(0, len(e.cells), BATCH):
+        G = elements.gradient(e, slice(at, at + BATCH), u).reshape(3, 3, -1)
+        strains.append(np.sqrt(largest_eigenvalue(G + np.eye(3)[:, :, None])) - 1)
+    strain, volume = np.concatenate(strains), elements.volumes(e, slice(None)).ravel()
     order = np.argsort(strain)
     below = np.cumsum(volume[order])
     return float(np.interp(VOLUME_SHARE * below[-1], below, strain[order]))
-
-
-def _strains(e: Elements, u: Array) -> Array:
-    """Return the largest principal nominal strain at each integration point, shape (n,)."""
-    strains = []
-    for at in range(0, len(e.cells), BATCH):
-        part = slice(at, at + BATCH)
-        G = elements.gradient(e, part, u).reshape(3, 3, -1)
-        strains.append(np.sqrt(largest_eigenvalue(G + np.eye(3)[:, :, None])) - 1)
-    return np.concatenate(strains)
 
 
 def largest_eigenvalue(F: Array) -> Array:

@@ -174,8 +174,7 @@ class ActiveSet:
 
     def _with_springs_of_tangent(self, state: State, residual: Array) -> Array:
         """Return a residual with the springs of the points whose springs the tangent has."""
-        system, surface, plate, pressed = self.system, self.system.surface, self._plate, self._tangent.pressed
-        assert surface is not None
+        system, surface, plate, pressed = self.system, self.system.skin, self._plate, self._tangent.pressed
         assert plate is not None
         assert pressed is not None
         if np.array_equal(plate_contact.overlap(surface, state.u, plate) > 0, pressed):
@@ -211,8 +210,7 @@ def settle_contact(
     """
     if plate is None or plate.height is None or plate.friction is not None:
         return step
-    surface = system.surface
-    assert surface is not None
+    surface = system.skin
     acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
     loose = np.ones(len(acting), dtype=bool) if plate.bond is None else ~plate.bond.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
@@ -314,8 +312,7 @@ def normal_displacements(system: System, points: Ints, plate: Plate) -> tuple[In
 
     points : (m,) numbers of the points.
     """
-    s = system.surface
-    assert s is not None
+    s = system.skin
     facet, point = np.divmod(points, s.weights.shape[1])
     along = s.shape[point][:, :, None] * (plate.frame[2] @ s.E[point])[:, None, :]
     where, along = system.unknown_numbers[s.nodes[facet]].reshape(len(points), -1), along.reshape(len(points), -1)

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact
+from fem.model.coulomb_friction import Friction
 from fem.model.elements import Surface
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
@@ -60,15 +61,8 @@ class ContactZone:
         """Return the plate with the points of these facets only."""
         f, near = plate.friction, self.facets
         assert f is not None
-        friction = replace(
-            f,
-            displacement=f.displacement[near],
-            traction=f.traction[near],
-            pressure=f.pressure[near],
-            slipping=f.slipping[near],
-            anchor=None if f.anchor is None else f.anchor[near],
-            slip_direction=None,
-        )
+        anchor = None if f.anchor is None else f.anchor[near]
+        friction = Friction(f.mu, f.displacement[near], f.traction[near], f.pressure[near], f.slipping[near], anchor)
         return replace(plate, pressed=None if plate.pressed is None else plate.pressed[near], friction=friction)
 
     def springs(self, u: Array, y: Array, plate: Plate) -> Springs:
@@ -93,9 +87,6 @@ class ContactZone:
 class CondensedFriction:
     """The steps of `fem.solve.newton.iterate` on a section under a plate with Coulomb friction.
 
-    Parameters
-    ----------
-    solver : its last condensation may serve.
     plate, pressed : see `fem.solve.newton.newton`.
     keeps_long : start with the stiffness that the solver condensed for an earlier state near this one, and keep it
         until one at a later iterate is needed.
@@ -121,7 +112,7 @@ class CondensedFriction:
 
     def assemble(self, state: State, *, tangent: bool) -> Assembly:
         """Return the whole residual, and with `tangent` the stiffness of the body without the plate."""
-        s, plate = _skin(self.system), self._plate
+        s, plate = self.system.skin, self._plate
         # a plate that touches no point: the base, which has springs too, belongs to the body
         away = replace(plate, pressed=np.zeros(s.weights.shape, dtype=bool), friction=None)
         body = self.system.assemble(state, away, tangent=tangent)
@@ -179,7 +170,7 @@ class CondensedFriction:
             touching = touching | self._first.any(axis=1)
         condensed = np.zeros(system.size + 1, dtype=bool)
         condensed[outer_unknowns] = condensed[-1] = True
-        known = np.asarray(condensed[system.unknown_numbers[_skin(system).nodes]].all(axis=(1, 2)))
+        known = np.asarray(condensed[system.unknown_numbers[system.skin.nodes]].all(axis=(1, 2)))
         wanted = contact_zone(system, touching)
         wide = known[contact_zone(system, touching, rings=1).facets].all()
         if wide and len(outer_unknowns) <= 2 * len(wanted.unknowns):
@@ -192,8 +183,6 @@ def settle(
 ) -> Array | None:
     """Solve S y + f(u + y) = b for the change y (c,) of the unknowns near the contact; None if that fails.
 
-    Parameters
-    ----------
     schur, load : S (c, c) and b (c,).
     u : (n, fields) displacements of the zone's nodes.
     pressed : (k, q) points of the whole skin that are in contact in the first iteration, as in Newton's method.
@@ -228,7 +217,7 @@ def settle(
 
 def contact_zone(system: System, touching: Mask, rings: int = RINGS) -> ContactZone:
     """Return the facets that touch, by a mask (k,), and `rings` of neighbours around them."""
-    s, facets = _skin(system), touching
+    s, facets = system.skin, touching
     for _ in range(rings):
         inside = np.zeros(len(system.elements.nodes), dtype=bool)
         inside[s.nodes[facets]] = True
@@ -243,14 +232,9 @@ def contact_zone(system: System, touching: Mask, rings: int = RINGS) -> ContactZ
     return ContactZone(facets, surface, nodes, unknowns, local)
 
 
-def _skin(system: System) -> Surface:
-    assert system.surface is not None
-    return system.surface
-
-
 def _touching(system: System, state: State, plate: Plate) -> Mask:
     """Return the mask (k,) of the facets that touch the plate; the nearest one where none does."""
-    g = plate_contact.overlap(_skin(system), state.u, plate).max(axis=1)
+    g = plate_contact.overlap(system.skin, state.u, plate).max(axis=1)
     return np.asarray(g >= min(g.max(), 0.0))
 
 

@@ -76,8 +76,7 @@ def watched(watch: Callable[[float], None]) -> Iterator[None]:
 
 def report(share: float) -> None:
     """Call the function of `watched`, if there is one."""
-    watch = _watch.get()
-    if watch is not None:
+    if (watch := _watch.get()) is not None:
         watch(share)
 
 
@@ -106,11 +105,8 @@ class Reached(Generic[State]):
 def march(
     start: Reached[State], end: float, shortest: float, attempt: Callable[[Reached[State]], Sequence[Reached[State]]]
 ) -> Iterator[Reached[State]]:
-    """Follow a segment in steps; yield each state, and the last one again where the path stops.
+    """Follow a segment to the place `end` in steps; yield each state, and the last one again where the path stops.
 
-    Parameters
-    ----------
-    end : its place.
     shortest : step below which a failure ends the path.
     attempt : returns one or more next states; or the present one with a reason and a shorter step.
     """
@@ -131,8 +127,6 @@ def march_in_increments(
 ) -> Iterator[Reached[State]]:
     """Follow a segment in increments that are halved where one fails; lengths are shares of the segment's.
 
-    Parameters
-    ----------
     longest, shortest : longest increment, and length below which a failure ends the path.
     increment : leads from a state to a place, by an increment of a length.
     """
@@ -155,10 +149,7 @@ def follow_segment(
 ) -> Reached[PathState]:
     """Move in a straight line to a position (3,) in increments.
 
-    Parameters
-    ----------
     passes : whether the goal too is only passed: a prediction, or an increment of a longer segment.
-    friction_step_factor : factor on the longest increments with Coulomb friction.
     """
     start, reached = state.position, Reached(state, "", 0)
     length = float(np.linalg.norm(goal - start))
@@ -178,8 +169,11 @@ def follow_segment(
         reached = after
     if not reached.stop or state.friction is not None:
         return reached
-    state, more = _solve_fully(solver, reached.state)
-    return Reached(state, reached.stop, reached.iterations + more)
+    # the last state was only passed
+    state, answer = reached.state, find_equilibrium(solver, reached.state, reached.state.q, reached.state.plate)
+    if answer.converged:
+        state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=answer.state.least_J)
+    return Reached(state, reached.stop, reached.iterations + answer.iterations)
 
 
 def apply_increment(
@@ -187,8 +181,6 @@ def apply_increment(
 ) -> Reached[PathState]:
     """Move to a position (3,) in one increment.
 
-    Parameters
-    ----------
     accept : accept the result although it is the first with an unstable direction or with crushed silicone.
     """
     state = drop_past_at_corner(state, position)
@@ -339,13 +331,9 @@ def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate
 
 
 def _set_direction(state: PathState, direction: Array) -> PathState:
-    """Return the state with a new direction of motion (3,).
-
-    In a new direction all points in contact are expected to stick at first.
-    """
     if state.friction is None:
         return state
-    if direction @ state.direction < 1 - 1e-9:
+    if direction @ state.direction < 1 - 1e-9:  # all points in contact are expected to stick at first
         state = replace(state, friction=coulomb_friction.expect_sticking(state.friction))
     return replace(state, direction=direction)
 
@@ -356,13 +344,6 @@ def longest_increment(state: PathState, start: Array, goal: Array, friction_step
         return LONGEST if state.d.revolved else LONGEST / 2
     press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * float(max(start[0], goal[0])))
     return friction_step_factor * (press if goal[0] != start[0] else FRICTION_SHEAR)
-
-
-def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
-    answer = find_equilibrium(solver, state, state.q, state.plate)
-    if answer.converged:
-        state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=answer.state.least_J)
-    return state, answer.iterations
 
 
 def _bracket_onset(

@@ -153,12 +153,9 @@ class Path:
 
 
 def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:
-    """Move to a position (3,) by correcting a prediction.
+    """Move to a position (3,) by correcting a prediction; return the state and Newton's iterations of both models.
 
-    Returns
-    -------
-    The state there, or the present one (with the predictor moved) where that fails; and Newton's iterations of both
-    models.
+    It is the present state, with the predictor moved, where that fails.
     """
     before = state.reduced
     # the predictor may have stopped earlier than the full model, and is then of no use
@@ -178,12 +175,7 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
 
 
 def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Array) -> tuple[PathState, int]:
-    """Move from rest to a position (3,) by correcting the state `rough` of another mesh, if it is the same press.
-
-    Returns
-    -------
-    As `predict`.
-    """
+    """Do as `predict` from rest, by correcting the state `rough` of another mesh, if it is the same press."""
     if state.position.any() or not np.array_equal(rough.position, goal) or not rough.stability.is_stable:
         return state, 0
     guess = interpolate_section(rough.d.system, state.d.system, rough.q)

@@ -87,8 +87,7 @@ class PathState:
 
     @property
     def skin(self) -> elements.Surface:
-        assert self.d.system.surface is not None
-        return self.d.system.surface
+        return self.d.system.skin
 
     @property
     def u(self) -> Array:
@@ -124,8 +123,7 @@ def at_rest(
     kappa: float = SECTION_KAPPA,
 ) -> PathState:
     """Return the undeformed, untouched state; for the parameters see `fem.solve.load_stepping.PathModels`."""
-    skin, bond, friction = d.system.surface, None, None
-    assert skin is not None
+    skin, bond, friction = d.system.skin, None, None
     if grip is not None:
         tied = plate_contact.average_over_facets(skin, skin.points[..., 2]) >= d.shape.L - grip
         bond = Bond(tied, skin.points[..., :2])
@@ -143,29 +141,25 @@ def at_rest(
 
 def with_harmonics(state: PathState, d: Discretisation) -> PathState:
     """Return the state of an axisymmetric section in a model with harmonics on the same mesh."""
-    q, friction = raise_harmonics(state.d.system, d.system, state.q), state.friction
-    if friction is not None:
-        assert d.system.surface is not None
-        friction = coulomb_friction.revolve(friction, d.system.surface.points)
-    # past states have other unknowns and cannot be extrapolated
-    return replace(state, d=d, q=q, friction=friction, past=())
+    return _raised(state, d, raise_harmonics(state.d.system, d.system, state.q))
 
 
 def about(state: PathState, d: Discretisation) -> PathState:
     """Return the state of an axisymmetric section in a model of one order (`single_order`) on the same mesh."""
-    d, friction = single_order.linearise(d, state.d.system.state(state.q)), state.friction
+    return _raised(state, single_order.linearise(d, state.d.system.state(state.q)), np.zeros(d.system.size))
+
+
+def _raised(state: PathState, d: Discretisation, q: Array) -> PathState:
+    friction = state.friction
     if friction is not None:
-        assert d.system.surface is not None
-        friction = coulomb_friction.revolve(friction, d.system.surface.points)
-    return replace(state, d=d, q=np.zeros(d.system.size), friction=friction, past=())
+        friction = coulomb_friction.revolve(friction, d.system.skin.points)
+    # past states have other unknowns and cannot be extrapolated
+    return replace(state, d=d, q=q, friction=friction, past=())
 
 
 def with_predictor(state: PathState, d: Discretisation, low: PathState | None = None) -> PathState:
-    """Return the state with a predictor at the same position.
+    """Return the state with a predictor of the model d at the same position.
 
-    Parameters
-    ----------
-    d : model of the predictor: fewer harmonics on the same mesh.
     low : the same state with at most the predictor's harmonics; None at rest.
     """
     q = np.zeros(d.system.size) if low is None else raise_harmonics(low.d.system, d.system, low.q)

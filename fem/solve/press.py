@@ -26,13 +26,7 @@ with a J of 0.074); of most presses from 5.7 mm on it is 0.019 to 0.036. No othe
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """A solved press.
-
-    Attributes
-    ----------
-    state : its state.
-    edge : undeformed radius at which the contact ends, over D; None for the free sensor.
-    """
+    """State of a press, and undeformed radius at which its contact ends, over D; None for the free sensor."""
 
     state: PathState
     edge: float | None
@@ -48,11 +42,8 @@ def find_press(section: MeshSpecification, edge_length: float, depth: float) -> 
     Each mesh is refined at the radius that the mesh before gave. The first estimate is the circle in which the plate
     cuts the undeformed dome.
 
-    Parameters
-    ----------
     section : mesh of the press; its own refinement (`rim`, `glued`) is replaced.
-    edge_length : edge length at the edge of the contact, over D; at most EDGE_SHARE of the radius.
-    depth : depth of the press, over D.
+    edge_length : at the edge of the contact, over D; at most EDGE_SHARE of the radius.
     """
     radius = min(math.sqrt(depth / 2), 0.475)
     for _ in range(MOST_PRESSES):
@@ -70,19 +61,10 @@ def find_press(section: MeshSpecification, edge_length: float, depth: float) -> 
 def reach_press(
     section: MeshSpecification, contact: tuple[float, PathState] | None, edge_length: float, depth: float, D: float
 ) -> Press:
-    """Return a press on a section refined where the contact ends.
+    """Return a press on a section refined where the contact ends; NoStateError if it stops or crushes the silicone.
 
-    Parameters
-    ----------
     contact : what `find_press` found, on another mesh; None for the free sensor.
-    edge_length : edge length where the contact ends, over D.
-    depth : over D; 0 is the free sensor.
-    D : mm, for the message.
-
-    Raises
-    ------
-    NoStateError
-        The press stops before the depth, or crushes the silicone.
+    edge_length, depth : where the contact ends, and of the press, over D; D, mm, is for the message.
     """
     edge, first = contact or (None, None)
     if edge is not None:
@@ -101,12 +83,7 @@ def reach_press(
 
 
 def solve_press(section: MeshSpecification, depth: float, rough: PathState | None = None) -> tuple[PathState, Stop]:
-    """Return the last state of a press to a depth over D, and why it stopped before; "" if it did not.
-
-    Parameters
-    ----------
-    rough : the press on another mesh, from which this one starts.
-    """
+    """Return the last state of a press to a depth over D, from `rough` on another mesh, and why it stopped before."""
     path = Path(PathModels(section, rough=rough))
     reached = path.advance(path.rest, np.array([depth, 0.0, 0.0]))
     return reached.state, reached.stop
