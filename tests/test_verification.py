@@ -106,11 +106,10 @@ def test_a_turned_section_has_no_energy_and_no_forces(harmonics):
     )
 
 
-def test_the_penalty_costs_its_inverse(monkeypatch):
+def test_the_penalty_costs_its_inverse():
     """F falls by C / kappa: a tenth of the penalty costs ten times as much."""
     weak = 1 - static_problems.penalty(2, 0.1, "ignored")
-    monkeypatch.setattr("fem.solve.path_state.SECTION_KAPPA", SECTION_KAPPA / 10)
-    assert 1 - static_problems.penalty(2, 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
+    assert 1 - static_problems.penalty(2, 0.1, "ignored", SECTION_KAPPA / 10) == pytest.approx(10 * weak, rel=0.3)
 
 
 def test_fourier_fields_of_the_manufactured_solution_lie_in_the_space():

@@ -45,14 +45,7 @@ PAST = 3
 def product_weights(times: tuple[float, ...], first: int) -> Array:
     """Return w_ab = int L_a dL_b/dt dt from sample `first` to the last one, with Lagrange's polynomials of the times.
 
-    Parameters
-    ----------
-    times : k times, increasing.
-
-    Returns
-    -------
-    Array
-        (k, k); exact for polynomials of degree k - 1.
+    For k increasing times it is (k, k), and exact for polynomials of degree k - 1.
 
     >>> product_weights((0.0, 2.0), 0).tolist()
     [[-0.5, 0.5], [-0.5, 0.5]]
@@ -100,7 +93,7 @@ class ViscousState:
     time : s.
     step : number of time steps so far.
     force : (3,) force along depth and shear x, y, over E D^2.
-    works : work of the plate, and of the isochoric stresses, since the beginning, over E D^3.
+    works : (2,) work of the plate, and of the isochoric stresses, since the beginning, over E D^3.
     works_before : the same at the beginning of the smooth motion.
     elastic : energy of the pressures and of the plate's springs.
     axis : (3,) direction of the last motion, up to its sign.
@@ -116,8 +109,8 @@ class ViscousState:
     time: float = 0.0
     step: int = 0
     force: Array = field(default_factory=lambda: np.zeros(3))
-    works: tuple[float, float] = (0.0, 0.0)
-    works_before: tuple[float, float] = (0.0, 0.0)
+    works: Array = field(default_factory=lambda: np.zeros(2))
+    works_before: Array = field(default_factory=lambda: np.zeros(2))
     elastic: float = 0.0
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     strain: Array | None = None
@@ -137,11 +130,6 @@ class ViscousState:
         absorbed = halves * self.history.stress(self.points), self.points.C
         pairs = (self.force, self.path.position), absorbed
         return PastStep(self.time, self.path.q, self.path.overlap, self.points.S, pairs)
-
-
-def at_rest(path: PathState, history: History) -> ViscousState:
-    """Return the state at time 0 of a path at rest."""
-    return ViscousState(path, history, measure(path, path.u), np.zeros(len(history.times)))
 
 
 def measure(path: PathState, u: Array) -> PointState:
@@ -252,10 +240,9 @@ def _accept(state: ViscousState, path: PathState, points: PointState, dt: float,
     before = state.works_before if state.past else state.works
     past = (*state.past, state.as_past)[-PAST:]
     gained = _gained((*past, after.as_past), 0 if again else -2)
-    works = np.array(before if again else state.works) + gained
     return replace(
         after,
-        works=(float(works[0]), float(works[1])),
+        works=(before if again else state.works) + gained,
         works_before=before,
         errors=_carry_errors(state, after, dt),
         past=past,
@@ -278,8 +265,7 @@ def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
     """Return the state after a jump, which is elastic: nothing is dissipated but by slip."""
     slip = after.path.dissipated - before.path.dissipated
     gained = after.history.stored(after.points) - before.history.stored(before.points)
-    work, absorbed = before.works
-    return replace(after, works=(work + gained + after.elastic - before.elastic + slip, absorbed + gained))
+    return replace(after, works=before.works + np.array([gained + after.elastic - before.elastic + slip, gained]))
 
 
 def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array:

@@ -245,7 +245,7 @@ def _follow(
 
 def _read(path: TimedPath, state: ViscousState, load: Load, iterations: int, stop: Stop = "") -> TimedState:
     unit = path.scene.design.E * path.scene.design.D**3
-    (work, absorbed), stored = state.works, state.history.stored(state.points)
+    (work, absorbed), stored = state.works.tolist(), state.history.stored(state.points)
     touched = state.largest > 0
     solution = read(state.path, path.scene, load, stop, iterations=iterations, margin=path.margin, touched=touched)
     return TimedState(
@@ -312,7 +312,8 @@ class TimedPath:
         points = len(e.angles.theta), *e.weights.shape
         history = viscoelasticity.at_rest(law, relaxation, points, instantaneous)
         stiffness = rest.plate_at(np.array([depth, 0.0, 0.0])).stiffness
-        self.rest = time_steps.at_rest(replace(rest, stiffness=stiffness), history)
+        rest = replace(rest, stiffness=stiffness)
+        self.rest = ViscousState(rest, history, time_steps.measure(rest, rest.u), np.zeros(len(history.times)))
         # errors refer to a share of Hertz's force at the deepest load at least: at first touch the force is nearly 0
         self.least_force = 0.3 * instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
         self._sideways = SidewaysModel(rest.d)

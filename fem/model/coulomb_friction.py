@@ -163,16 +163,6 @@ def expect_motion(f: Friction, displacement: Array) -> Friction:
     )
 
 
-def hold_reversing_points(f: Friction, now: FrictionTraction) -> Friction:
-    """Return the history for Newton's next iterate, from the tractions at this one.
-
-    A point that slips in one direction at an iterate and in the opposite direction at the next is held sticking for
-    one iterate (`FrictionTraction.held`). The traction of a slipping point has no stiffness along the slip, so
-    Newton's method would otherwise jump back and forth across the narrow range in which the point sticks.
-    """
-    return replace(f, slip_direction=now.direction)
-
-
 def expect_sticking(f: Friction) -> Friction:
     """Return the history with all points expected to stick at first, for a plate that changes its direction."""
     return replace(f, slipping=np.zeros_like(f.slipping))

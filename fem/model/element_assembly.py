@@ -31,7 +31,7 @@ import scipy.sparse as sp
 from fem.model.elements import Elements
 from fem.model.material import Law, kinematics
 from fem.model.sparse_pattern import Pattern
-from fem.model.viscoelasticity import Overstress, add_overstress
+from fem.model.viscoelasticity import Overstress
 from geometry.arrays import Array, Ints
 from geometry.compiled import compiled
 
@@ -209,7 +209,7 @@ class ElementAssembly:
         strain = G, Jm1, batch.Hm1.reshape(9, -1)
         self._law(strain, modulus.ravel(), (batch.w * pressure).ravel(), (W, P, A))
         if viscous is not None:
-            add_overstress(viscous.part(batch.part), G, Jm1, batch.mu, w, W, P, A)
+            viscous.part(batch.part).add(G, Jm1, batch.mu, w, W, P, A)
         return W, P, A
 
     def _add_stiffness(self, batch: _Batch, A: Array, T: Array, data: Array) -> None:

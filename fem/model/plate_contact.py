@@ -183,17 +183,6 @@ def resultant(surface: Surface, u: Array, plate: Plate) -> Array:
     return np.asarray(np.einsum("kq,kqi->i", surface.weights, springs(surface, u, plate).traction))
 
 
-def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array] | None:
-    """Return the traction along z of the base z = 0 on skin that bulges below it, and its derivative by u_z.
-
-    Both have shape (k, q); None where no skin is below the base. The base is wider than the beam, and frictionless
-    there. Without this contact the skin would fold at the clamp in a deep press.
-    """
-    depth = surface.points[..., 2] + surface.displacement(u)[..., 2]
-    below = depth < 0
-    return (np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)) if below.any() else None
-
-
 def advance_friction(surface: Surface, u: Array, plate: Plate) -> tuple[Friction, float]:
     """Return the history of friction after a step that converged with this plate, and the energy dissipated in it."""
     assert plate.friction is not None
@@ -208,19 +197,24 @@ def advance_friction(surface: Surface, u: Array, plate: Plate) -> tuple[Friction
 def hold_reversing_points(surface: Surface | None, u: Array, plate: Plate | None) -> tuple[Plate | None, bool]:
     """Return the plate for Newton's next iterate, and whether friction held any point at this one.
 
-    See `coulomb_friction.hold_reversing_points`.
+    A point that slips in one direction at an iterate and in the opposite direction at the next is held sticking for
+    one iterate (`FrictionTraction.held`). The traction of a slipping point has no stiffness along the slip, so
+    Newton's method would otherwise jump back and forth across the narrow range in which the point sticks.
     """
     if surface is None or plate is None or plate.friction is None:
         return plate, False
     now = springs(surface, u, replace(plate, pressed=None)).friction
     assert now is not None
-    return replace(plate, friction=coulomb_friction.hold_reversing_points(plate.friction, now)), now.held
+    return replace(plate, friction=replace(plate.friction, slip_direction=now.direction)), now.held
 
 
 def assemble_springs(
     surface: Surface, u: Array, plate: Plate, *, tangent: bool = True
 ) -> tuple[Array, Array, float, bool]:
     """Return the nodal forces, stiffness and energy of the springs of plate and base.
+
+    The base z = 0 is wider than the beam, and frictionless where skin bulges below it. Without this contact the skin
+    would fold at the clamp in a deep press.
 
     Returns
     -------
@@ -231,16 +225,18 @@ def assemble_springs(
     """
     plate_springs = springs(surface, u, plate)
     residual, stiffness, energy = plate_springs.traction, plate_springs.stiffness, plate_springs.energy
-    base = base_traction(surface, u, plate.stiffness)
-    if base is not None:
-        residual[..., 2] += base[0]
-        energy += float(np.sum(surface.weights * base[0] ** 2) / (2 * plate.stiffness))
+    depth = surface.points[..., 2] + surface.displacement(u)[..., 2]
+    below = depth < 0
+    if below.any():
+        base = np.where(below, plate.stiffness * depth, 0.0)
+        residual[..., 2] += base
+        energy += float(np.sum(surface.weights * base**2) / (2 * plate.stiffness))
     forces = surface.forces(residual)
     if not tangent:
         return forces, np.empty(0), energy, True
     blocks = surface.stiffness(stiffness, plate.frame)
-    if base is not None:
-        blocks += surface.stiffness({(2, 2): base[1]}, np.eye(3))
+    if below.any():
+        blocks += surface.stiffness({(2, 2): np.where(below, plate.stiffness, 0.0)}, np.eye(3))
     slips = plate.friction is not None and not all(
         np.array_equal(C, stiffness.get((j, i), 0 * C)) for (i, j), C in stiffness.items()
     )

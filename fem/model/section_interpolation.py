@@ -24,7 +24,8 @@ def interpolate_section(section: System, target: System, q: Array) -> Array:
     state, e = section.state(q), section.elements
     cells, local = _locate(e, target.elements.nodes)
     u = np.einsum("na,naf->nf", _shape_functions(local)[0], state.u[e.cells[cells]])
-    p = np.einsum("nc,nck->nk", _barycentric(local), state.p[np.searchsorted(section.corner_nodes, e.corners[cells])])
+    barycentric = np.concatenate([1 - local.sum(axis=1, keepdims=True), local], axis=1)
+    p = np.einsum("nc,nck->nk", barycentric, state.p[np.searchsorted(section.corner_nodes, e.corners[cells])])
     return target.unknowns(u, p[target.corner_nodes], section.motion(q))
 
 
@@ -53,10 +54,6 @@ def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:
         u, v = off.T
         local[moved] += np.stack([d * u - b * v, a * v - c * u], axis=1) / (a * d - b * c)[:, None]
     return cells, local
-
-
-def _barycentric(local: Array) -> Array:
-    return np.concatenate([1 - local.sum(axis=-1, keepdims=True), local], axis=-1)
 
 
 def _shape_functions(local: Array) -> tuple[Array, Array]:

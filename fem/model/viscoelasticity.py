@@ -162,15 +162,6 @@ def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class ViscousBranch:
-    """A branch of the law "finite" in one step: A (6, t, m, q), b (t, m, q) of `viscous_step`, g_i mu0 over mu."""
-
-    A: Array
-    b: Array
-    share: float
-
-
-@dataclass(frozen=True, slots=True)
 class Overstress:
     """What a step adds to the elastic law: a factor on its modulus, a dead stress, and branches.
 
@@ -178,12 +169,12 @@ class Overstress:
     ----------
     factor : factor on the isochoric law.
     H : (6, t, m, q) dead second Piola-Kirchhoff stress over E; None without.
-    branches : branches of the law "finite".
+    branches : A (6, t, m, q) and b (t, m, q) of `viscous_step`, and g_i mu0 over mu, of the law "finite".
     """
 
     factor: float
     H: Array | None = None
-    branches: tuple[ViscousBranch, ...] = ()
+    branches: tuple[tuple[Array, Array, float], ...] = ()
 
     def part(self, elements: slice) -> Overstress:
         """Return the overstress of some elements, with points (t m q,)."""
@@ -193,9 +184,7 @@ class Overstress:
             return chosen.reshape(*chosen.shape[:-3], -1)
 
         H = None if self.H is None else pick(self.H)
-        return Overstress(
-            self.factor, H, tuple(ViscousBranch(pick(part.A), pick(part.b), part.share) for part in self.branches)
-        )
+        return Overstress(self.factor, H, tuple((pick(A), pick(b), share) for A, b, share in self.branches))
 
     def energy(self, C: Array, J: Array, mu: Array) -> Array:
         """Return the energy (...) over E beside the scaled law.
@@ -209,25 +198,16 @@ class Overstress:
         if self.H is not None:
             unit = np.array([1.0, 1, 1, 0, 0, 0]).reshape(6, *(1,) * J.ndim)
             W = W + contract(self.H, C - unit) / 2
-        for branch in self.branches:
-            W = W + branch_stress(branch.A, branch.b, C, J, branch.share * mu)[0]
+        for A, b, share in self.branches:
+            W = W + branch_stress(A, b, C, J, share * mu)[0]
         return W
 
-
-def add_overstress(
-    viscous: Overstress, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array
-) -> None:
-    """Add what a time step adds to the law, at the points of a batch, to energies, stresses and tangents.
-
-    Parameters
-    ----------
-    mu, w : (n,) moduli and weights at the points.
-    A : of no points where tangents are not wanted.
-    """
-    if viscous.H is not None:
-        add_dead_stress(G, viscous.H, w, W, P, A)
-    for branch in viscous.branches:
-        add_branch(G, Jm1, branch.A, branch.b, branch.share * mu, w, W, P, A)
+    def add(self, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array) -> None:
+        """Add to energies, stresses and tangents, with moduli mu and weights w at the points of a batch."""
+        if self.H is not None:
+            add_dead_stress(G, self.H, w, W, P, A)
+        for A0, b0, share in self.branches:
+            add_branch(G, Jm1, A0, b0, share * mu, w, W, P, A)
 
 
 @compiled
@@ -432,9 +412,7 @@ class History:
         """Return what a step of length dt, s, adds."""
         if self.law == "finite":
             branches = zip(self._viscous_steps(dt), self.moduli.tolist(), strict=True)
-            return Overstress(
-                self.long_term, branches=tuple(ViscousBranch(A, b, share) for (A, b), share in branches)
-            )
+            return Overstress(self.long_term, branches=tuple((A, b, share) for (A, b), share in branches))
         e, w = decay(dt / self.times)
         risen = float(self.moduli @ w)
         return Overstress(self.long_term + risen, np.tensordot(e, self.internal, axes=1) - risen * self.last)

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import coulomb_friction, plate_contact
+from fem.model import plate_contact
 from fem.model.coulomb_friction import Friction
 from fem.model.elements import Surface
 from fem.model.nonlinear_system import Assembly, State, System
@@ -209,9 +209,8 @@ def settle(
             return None
         y = y - step
         assert plate.friction is not None
-        plate = replace(
-            plate, pressed=None, friction=coulomb_friction.hold_reversing_points(plate.friction, friction)
-        )
+        # see `plate_contact.hold_reversing_points`
+        plate = replace(plate, pressed=None, friction=replace(plate.friction, slip_direction=friction.direction))
     return None
 
 

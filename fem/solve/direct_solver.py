@@ -209,9 +209,9 @@ def _count_negative(symmetric: Array) -> int:
     return int(np.count_nonzero(np.linalg.eigvalsh(symmetric) < 0))
 
 
-def _multiply(upper: sp.csr_matrix, x: Array) -> Array:
-    """Return the product (n,) of a symmetric matrix, given as its upper triangle, with x (n,)."""
-    return np.asarray(upper @ x + upper.T @ x - upper.diagonal() * x)
+def multiply(upper: sp.csr_matrix, x: Array) -> Array:
+    """Return the product of a symmetric matrix, given as its upper triangle, with x, (n,) or (n, m)."""
+    return np.asarray(upper @ x + upper.T @ x - (upper.diagonal() * x.T).T)
 
 
 class Ldl:
@@ -236,8 +236,8 @@ class Ldl:
             self._factors = None
             return False
         ones = np.ones(matrix.shape[0])
-        x = self.solve(_multiply(matrix, ones))
-        error = np.abs(_multiply(matrix, ones - x)).max()
+        x = self.solve(multiply(matrix, ones))
+        error = np.abs(multiply(matrix, ones - x)).max()
         return bool(error <= LARGEST_BACKWARD_ERROR * np.abs(matrix.data).max() * np.abs(x).max())
 
     @property
@@ -483,7 +483,7 @@ class Pardiso:
         if self.iparm[13]:
             return False
         ones = np.ones(matrix.shape[0])
-        error = np.linalg.norm(self.solve(_multiply(matrix, ones)) - ones) / math.sqrt(len(ones))
+        error = np.linalg.norm(self.solve(multiply(matrix, ones)) - ones) / math.sqrt(len(ones))
         return bool(error <= LARGEST_ERROR)
 
     def _call(self, phase: int, b: Array, x: Array) -> None:

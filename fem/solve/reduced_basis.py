@@ -28,7 +28,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.solve.direct_solver import Solver, Stability
+from fem.solve.direct_solver import Solver, Stability, multiply
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
 
@@ -105,7 +105,7 @@ class ReducedSystem:
     def extend(self, vectors: Array, problem: Problem, static_solver: Solver, sample: Ints) -> ReducedSystem:
         """Return the system with vectors (n, j) of `_independent` added; `static_solver` has factorised K."""
         V = np.hstack([self.V, vectors])
-        K, R, M = (_times(matrix, vectors) for matrix in (problem.K, problem.R, problem.M))
+        K, R, M = (multiply(matrix, vectors) for matrix in (problem.K, problem.R, problem.M))
         loads = np.stack([R, -M], axis=2).reshape(len(V), -1)
         return replace(
             self,
@@ -164,14 +164,10 @@ def reduce(
     return best
 
 
-def _times(upper: sp.csr_matrix, x: Array) -> Array:
-    return np.asarray(upper @ x + upper.T @ x - upper.diagonal()[:, None] * x)
-
-
 def _residual(problem: Problem, x: Complex, c: complex, eigenvalue: float) -> Array:
     """Return real and imaginary parts (n, 2 k) of b - A x."""
     columns, k = np.hstack([x.real, x.imag]), x.shape[1]
-    K, R, M = (_times(matrix, columns) for matrix in (problem.K, problem.R, problem.M))
+    K, R, M = (multiply(matrix, columns) for matrix in (problem.K, problem.R, problem.M))
     r = -K - c.real * R + eigenvalue * M
     r[:, :k] += problem.b + c.imag * R[:, k:]
     r[:, k:] -= c.imag * R[:, :k]
@@ -190,13 +186,13 @@ def _refined(solver: Solver, A: sp.csr_matrix, b: Array) -> Array:
     Without it the pressures' equations have rounding errors that an almost incompressible solid amplifies.
     """
     x = solver.solve(b)
-    return np.asarray(x + solver.solve(b - _times(A, x)))
+    return np.asarray(x + solver.solve(b - multiply(A, x)))
 
 
 def _local_vectors(solver: Solver, A: sp.csr_matrix, problem: Problem, b: Array) -> Array:
     """Return the solutions for b (n, k) at the factorised frequency, and their derivatives by c and lambda."""
     first = _refined(solver, A, b[:, b.any(axis=0)])  # without damping there is no imaginary part
-    second = _refined(solver, A, np.hstack([_times(matrix, first) for matrix in (problem.R, problem.M)]))
+    second = _refined(solver, A, np.hstack([multiply(matrix, first) for matrix in (problem.R, problem.M)]))
     return np.hstack([first, second])
 
 

@@ -25,6 +25,7 @@ from fem.model import angular_fields, elements, material, plate_contact
 from fem.model.elements import Elements
 from fem.model.material import lame
 from fem.model.nonlinear_system import State, System
+from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import MeshSpecification, on_axis
 from fem.solve.direct_solver import Solver
 from fem.solve.load_stepping import Path, PathModels
@@ -405,12 +406,12 @@ def hertz(n: int) -> tuple[float, ...]:
     return (*ratios, slope)
 
 
-def penalty(n: int, depth: float, magnet: Magnet) -> float:
-    """Return the force on the paper's sensor at level n with the penalty SECTION_KAPPA over that on a rigid plate."""
+def penalty(n: int, depth: float, magnet: Magnet, kappa: float = SECTION_KAPPA) -> float:
+    """Return the force on the paper's sensor at level n with the penalty kappa over that on a rigid plate."""
     design, size = paper(), LEVEL[n - 1].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
-    path = Path(PathModels(MeshSpecification(shape, design.nu, magnet, size, tip)))
+    path = Path(PathModels(MeshSpecification(shape, design.nu, magnet, size, tip), kappa=kappa))
     forces, factors, solver = [], np.array([1.0, 3.0, 10.0]), Solver()
     reached = path.advance(path.rest, np.array([depth, 0.0, 0.0]))
     reason, state = reached.stop, reached.state
