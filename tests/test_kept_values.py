@@ -20,7 +20,7 @@ CALLS = {
     "fem.model.elements._facet_functions": (2, 5),
     "fem.model.plate_contact._frame": (0.1,),
     "fem.model.symmetry_models._section_mesh": (SHAPE, 2.0),
-    "fem.model.symmetry_models._solid_mesh": (SHAPE, 2.0, 1.0, None, True, "hole"),
+    "fem.model.symmetry_models._solid_mesh": (SHAPE, 2.0),
 }
 """Kept functions whose results hold arrays, with arguments."""
 WITHOUT_ARRAYS = {

@@ -18,11 +18,12 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.model import angular_fields, elements, rigid_inclusion
+from fem.model import angular_fields, elements
 from fem.model.elements import Elements, Surface
 from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.material import Law, lame, neo_hookean
 from fem.model.nonlinear_system import System
+from fem.model.rigid_inclusion import of_section, of_solid
 from fem.scene import Scene
 from geometry.arrays import Array, read_only
 from geometry.design import Shape
@@ -35,6 +36,13 @@ Model = Literal["axisymmetric", "harmonic", "half", "full"]
 @functools.lru_cache(maxsize=8)
 def _section_mesh(shape: Shape, size: float, **settings: Any) -> skfem.MeshTri2:
     return read_only(section(shape, size, **settings))
+
+
+@functools.lru_cache(maxsize=4)
+def _solid_mesh(shape: Shape, size: float, **settings: Any) -> skfem.MeshTet2:
+    from geometry.mesh import tetrahedra
+
+    return read_only(tetrahedra(shape, size, **settings))
 
 
 @dataclass(frozen=True)
@@ -129,7 +137,37 @@ class MeshSpecification:
 
     def build(self) -> Discretisation:
         """Build the model; specifications with equal sizes share one mesh."""
-        return _build_section(self) if self.body == "section" else _build_solid(self)
+        section, half, shape, harmonics = self.body == "section", self.body == "half", self.shape, self.harmonics
+        mesh = self._mesh()
+        e = elements.build(mesh, axisymmetric=section, harmonics=harmonics, sines=self.sines)
+        fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
+        fixed[elements.boundary_nodes(mesh, "base")] = True
+        if section:
+            fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics, sines=self.sines))] = True
+        elif half:
+            fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
+        angles = 4 * max(harmonics, self.skin_harmonics) + 4 if harmonics else None
+        order = 5 if section else 4
+        skin = elements.surface(mesh, "skin", e, axisymmetric=section, order=order, angles=angles)
+        magnet = None
+        if self.magnet == "rigid":
+            held = elements.boundary_nodes(mesh, "magnet")
+            arms = e.nodes[held]
+            arms[:, -1] -= shape.H
+            magnet = held, of_section(arms, e.angles) if section else of_solid(arms, 3 if half else 6)
+        symmetry = 2.0 if half else 1.0
+        dead = distribute_push(skin, fixed.shape, shape.H, self.push / symmetry) if self.push else None
+        if section and self.glued and self.rim is not None:
+            skin = _release_next_point(skin, shape, self.rim[0])
+        system = System(e, skin, lame(1.0, self.nu), fixed, magnet, dead, law=self.law)
+        model: Model = ("harmonic" if harmonics else "axisymmetric") if self.body == "section" else self.body
+        return Discretisation(model, mesh, system, symmetry, shape)
+
+    def _mesh(self) -> skfem.Mesh:
+        settings: dict[str, Any] = {"tip_size": self.tip_size, "rim": self.rim, "magnet": self.hole}
+        if self.body == "section":
+            return _section_mesh(self.shape, self.size, **settings, fillet=self.fillet, glued=self.glued)
+        return self.mesh or _solid_mesh(self.shape, self.size, **settings, half=self.body == "half")
 
     @property
     def hole(self) -> Literal["hole", "none"]:
@@ -140,53 +178,6 @@ class MeshSpecification:
 def specification(scene: Scene, size: float, tip_size: float) -> MeshSpecification:
     """Return the specification of a section of a scene's beam with these edge lengths over D."""
     return MeshSpecification(scene.shape, scene.design.nu, scene.magnet, size, tip_size, scene.law)
-
-
-def _build_section(spec: MeshSpecification) -> Discretisation:
-    shape, harmonics = spec.shape, spec.harmonics
-    mesh = _section_mesh(
-        shape,
-        spec.size,
-        tip_size=spec.tip_size,
-        rim=spec.rim,
-        fillet=spec.fillet,
-        magnet=spec.hole,
-        glued=spec.glued,
-    )
-    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics, sines=spec.sines)
-    fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
-    fixed[elements.boundary_nodes(mesh, "base")] = True
-    fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics, sines=spec.sines))] = True
-    angles = 4 * max(harmonics, spec.skin_harmonics) + 4 if harmonics else None
-    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5, angles=angles)
-    magnet = None
-    if spec.magnet == "rigid":
-        held = elements.boundary_nodes(mesh, "magnet")
-        magnet = held, rigid_inclusion.of_section(e.nodes[held] - [0, shape.H], e.angles)
-    dead = distribute_push(skin, fixed.shape, shape.H, spec.push) if spec.push else None
-    if spec.glued and spec.rim is not None:
-        skin = _release_next_point(skin, shape, spec.rim[0])
-    system = System(e, skin, lame(1.0, spec.nu), fixed, magnet, dead, law=spec.law)
-    return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
-
-
-def _build_solid(spec: MeshSpecification) -> Discretisation:
-    half, shape = spec.body == "half", spec.shape
-    mesh = spec.mesh or _solid_mesh(shape, spec.size, spec.tip_size, spec.rim, half, spec.hole)
-    e = elements.build(mesh, axisymmetric=False)
-    fixed = np.zeros(e.nodes.shape, dtype=bool)
-    fixed[elements.boundary_nodes(mesh, "base")] = True
-    if half:
-        fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
-    skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    magnet = None
-    if spec.magnet == "rigid":
-        held = elements.boundary_nodes(mesh, "magnet")
-        magnet = held, rigid_inclusion.of_solid(e.nodes[held] - [0, 0, shape.H], 3 if half else 6)
-    symmetry = 2.0 if half else 1.0
-    dead = distribute_push(skin, fixed.shape, shape.H, spec.push / symmetry) if spec.push else None
-    system = System(e, skin, lame(1.0, spec.nu), fixed, magnet, dead, law=spec.law)
-    return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
 
 
 def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
@@ -248,17 +239,3 @@ def _release_next_point(skin: Surface, shape: Shape, radius: float) -> Surface:
     weights = skin.weights.copy()
     weights[facet].reshape(-1, skin.angles)[height[facet].argmax()] = 0
     return replace(skin, weights=weights)
-
-
-@functools.lru_cache(maxsize=4)
-def _solid_mesh(
-    shape: Shape,
-    size: float,
-    tip_size: float,
-    rim: tuple[float, float] | None,
-    half: bool,
-    magnet: Literal["hole", "none"],
-) -> skfem.MeshTet2:
-    from geometry.mesh import tetrahedra
-
-    return read_only(tetrahedra(shape, size, tip_size=tip_size, rim=rim, half=half, magnet=magnet))
