@@ -19,6 +19,8 @@ from studies.inputs.option_groups import Pose, Reading
 from studies.inputs.user_input import design_text
 from studies.sensitivity.made_sensors import made_readings, made_sensors, tolerances
 from studies.validation import calibration_check
+from studies.web.explorer_answers import Answers
+from studies.web.explorer_state import request_of
 
 FORCE_NOISE, READING_NOISE = 0.02, 2.5e-4
 EXAMPLES = f"{Path(calibration_study.__file__).parents[1]}/examples/bench/"
@@ -243,6 +245,33 @@ def test_a_cycle_of_a_calibrated_sensor_holds_its_force_in_the_interval(calibrat
     assert f"E = {found.design.E:.6g} MPa" in strict(text)[0]["notes"][0]
 
 
+def test_the_live_page_shows_the_made_sensor_until_its_design_changes(calibration):
+    found, answers = calibration[0], Answers()
+    fields = {"E": found.design.E, "remanence": found.design.remanence}
+
+    def shown(**changed):
+        state = {"level": "quick", "design": fields | changed, "load": {"depth": 1}}
+        request = dataclasses.replace(request_of({"parts": ["state", "curve"], "state": state}), made=found)
+        return {part: data for part, _, data in filter(None, answers.all_of(request, "quick"))}
+
+    own = shown()
+    state, curve = own["state"], own["curve"]
+    shift = np.array([state["response"]["shift"]])
+    pose = found.answers(found.design.E, shift, np.zeros((1, 2)), np.zeros((1, 3)))
+    assert state["readings"]["volts"] == pytest.approx(pose[0][0].tolist(), abs=1e-6)
+    assert (np.array(state["readings"]["half_width"]) >= pose[1][0]).all()
+    off = abs(state["decoded"]["force"][2] - state["response"]["force"][2])
+    assert off < math.hypot(state["decoded"]["half_width"][2], state["estimates"]["force"][2])
+    assert state["decoded"]["level"] == "calibration"
+    at_depth = np.interp(1.0, curve["depth"], curve["force"])
+    assert at_depth == pytest.approx(state["response"]["force"][2], rel=0.02)
+    other = shown(hall_gain=20.0)
+    assert "not the design that was calibrated" in other["state"]["calibration"]
+    assert other["state"]["decoded"]["level"] == "finite"
+    # the curve, too, is then that of the design: its modulus is the estimated one, its stiffening none
+    assert other["curve"]["force"] != curve["force"]
+
+
 def test_a_calibration_takes_its_own_designs_only(calibration, refusal, run, tmp_path):
     found, path = calibration
     (tmp_path / "design.toml").write_text(design_text(found.design), "utf-8")
@@ -254,6 +283,7 @@ def test_a_calibration_takes_its_own_designs_only(calibration, refusal, run, tmp
     assert "another design, whose D is 8.0 and not 9.0" in refusal("readings", "paper", *words, "--set", "D=9")
     assert "beyond the mechanics" in refusal("readings", "paper", "--calibration", path, "--depth", "3.5")
     assert "--depth must be above 0 mm" in refusal("readings", "paper", "--calibration", path, "--shear", "1")
+    assert "another design, whose D" in refusal("explore", "paper", "--calibration", path, "--set", "D=9")
     assert "give one of --depth" in refusal("readings", "paper", *words, "--shift", "0,0,-1")
     assert "--depth and --shear work with --calibration" in refusal("readings", "paper", "--depth", "1")
 

@@ -135,6 +135,11 @@ def of_design(path: Path, design: Design) -> Fit:
     return dataclasses.replace(found, sensor=sensor)
 
 
+def describes(found: Fit, design: Design) -> bool:
+    """Return whether a design is the estimated one; its fields of time may be others."""
+    return design == dataclasses.replace(found.design, **{name: getattr(design, name) for name in OF_TIME})
+
+
 # Readings
 
 
@@ -192,7 +197,7 @@ def made_rows(found: Fit, rows: Sequence[FlatRow]) -> list[FlatRow]:
         np.array([row[name] for row in posed]).reshape(len(posed), -1) for name in ("shift_mm", "rotation_rad")
     )
     raw, half, _, _ = found.answers(found.sensor.design.E, shift, tilt, np.zeros_like(shift))
-    output, saturated = _outputs(found, raw)
+    output, saturated = outputs_of(found, raw)
     unit = elements[0].unit
     made = iter(
         zip(output.tolist(), field_of(elements, output).tolist(), half.tolist(), saturated.tolist(), strict=True)
@@ -216,7 +221,7 @@ def made_rows(found: Fit, rows: Sequence[FlatRow]) -> list[FlatRow]:
 def made_states(found: Fit, design: Design, times: Array, shift: Array, tilt: Array, force: Array) -> MadeStates:
     """Return what the estimated sensor answers in states of a motion from rest, as `loading_cycles.Made` does."""
     raw, _, felt, _ = found.answers(design.E, shift, tilt, force)
-    outputs, saturated = _outputs(found, raw)
+    outputs, saturated = outputs_of(found, raw)
     readings = np.where(saturated.any(axis=1, keepdims=True), np.nan, outputs)
     answer, law = sensor_fit.decode(found, readings, np.zeros(len(raw))), RelaxingForce(design)
     # the motion begins at rest
@@ -228,7 +233,7 @@ def made_states(found: Fit, design: Design, times: Array, shift: Array, tilt: Ar
     return MadeStates(felt, outputs, law.slow * answer.force, observed[1:], half)
 
 
-def _outputs(found: Fit, raw: Array) -> tuple[Array, NDArray[np.bool_]]:
+def outputs_of(found: Fit, raw: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return outputs of the elements (n, k) as their converter sends them, and whether they lie at a rail."""
     elements = parts.of_design(found.sensor.design)
     low, high, step = (np.array([getattr(e, name) for e in elements]) for name in ("low", "high", "step"))

@@ -28,7 +28,7 @@ from studies.cli.parameters import (
     destination,
     say_if_without_magnet,
 )
-from studies.inputs.option_groups import Sensitivity, Solving, Sweep, Whole
+from studies.inputs.option_groups import CALIBRATION, Sensitivity, Solving, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
 from studies.output import atomic_files, console, own_files, run_record
 from studies.output.records import FlatRow
@@ -271,6 +271,7 @@ def explore(
     port: Whole = 0,
     no_browser: bool = False,
     export: Path | None = None,
+    calibration: Annotated[Path | None, CALIBRATION] = None,
     sets: Sets = None,
 ) -> int:
     """Open a page on which a sensor and its load are changed by hand, solved by finite elements meanwhile.
@@ -292,10 +293,18 @@ def explore(
     if export is not None and (port or no_browser):
         option = "--port" if port else "--no-browser"
         raise BadInput(f"--export writes a file without a server, for which {option} has no meaning: leave it out")
+    if export is not None and calibration is not None:
+        raise BadInput("--calibration works with the page of a server: leave --export out")
     from studies.web import required_margins, state_exports
 
     with console.progress(as_json=False) as progress:
         design, needed = required_margins.sensor_of(source, sets or [], progress)
+    made = None
+    if calibration is not None:
+        from studies.calibration import calibration_file
+
+        made = calibration_file.of_design(calibration, design)
+        design = made.design
     warn_of_values(design)
     if export is not None:
         _export(design, export)
@@ -314,7 +323,7 @@ def explore(
             if not no_browser:
                 _open(address, Path(folder, "explorer.html"))
 
-        explorer_server.serve(changed, port, needed, ready)
+        explorer_server.serve(changed, port, needed, made, ready)
     return GOOD
 
 

@@ -20,7 +20,7 @@ import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +44,9 @@ from studies.web import (
     time_answers,
 )
 from studies.web.explorer_state import ExplorerState, Request
+
+if TYPE_CHECKING:
+    from studies.calibration.sensor_fit import Fit
 
 Data = dict[str, Any]
 Answer = tuple[str, str, Data]
@@ -70,29 +73,30 @@ class Answers:
         if has_margins and level == "standard":
             yield "margins", level, self._margins(request)
         if not {"state", "sensor3d", "field_lines"}.isdisjoint(parts):
-            yield from self._solved(state, level, parts)
+            yield from self._solved(request, level)
         yield None
         if has_margins and level == "quick":
             yield "margins", level, self._margins(request)
         # what depends on the design alone is not sent in a coarse form again while only the load changes
-        shown = mechanics(state.design), state.magnet, state.formula_level
+        shown = mechanics(state.design), state.magnet, state.formula_level, sensor_of(request) is None
         if level == state.level or self._design.get(request.side) != shown:
             if "curve" in parts:
-                yield "curve", level, self._curve(state, level)
+                yield "curve", level, self._curve(request, level)
             if "stability" in parts:
                 yield from self._stability(state, level)
             self._design[request.side] = shown
         if "vibration" in parts and level == state.level:
             yield "vibration", level, self._vibration(state, level)
         if "loop" in parts:
-            yield from self._loop(state, level)
+            yield from self._loop(request, level)
 
-    def export(self, name: str, state: ExplorerState) -> bytes:
+    def export(self, name: str, request: Request) -> bytes:
         """Return a file of a state at its own level."""
+        state = request.state
         if name == "curve.csv":
-            return state_exports.of_curve(self._curve(state, state.level))
+            return state_exports.of_curve(self._curve(request, state.level))
         solution = solve_with_estimates(self.paths, state, state.level)
-        return state_exports.of_solution(name, state, solution)
+        return state_exports.of_solution(name, state, solution, sensor_of(request))
 
     def forget(self) -> None:
         """Free everything that is kept."""
@@ -101,12 +105,14 @@ class Answers:
         self._design.clear()
         self._vibrating = None
 
-    def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer | None]:
+    def _solved(self, request: Request, level: str) -> Iterator[Answer | None]:
         """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
+        state, parts, made = request.state, request.parts, sensor_of(request)
+        other = request.made is not None and made is None
         decoder = self._kept.values.get(("decoder", state.design))
         solution = solve(self.paths, state, level)
         if "state" in parts:
-            yield "state", level, state_answers.answer(state, solution, decoder)
+            yield "state", level, state_answers.answer(state, solution, decoder, made, other=other)
         yield None
         if "field_lines" in parts:
             yield "field_lines", level, state_pictures.field_lines(state.design, solution)
@@ -114,16 +120,19 @@ class Answers:
             yield "sensor3d", level, state_pictures.surface(solution)
         if "state" in parts:
             solution = solve_with_estimates(self.paths, state, level)
-            yield "state", level, state_answers.answer(state, solution, decoder)
-            if decoder is None and state.design.shape.has_magnet:
+            yield "state", level, state_answers.answer(state, solution, decoder, made, other=other)
+            if decoder is None and made is None and state.design.shape.has_magnet:
                 yield None
-                yield "state", level, state_answers.answer(state, solution, self._decoder(state.design))
+                decoder = self._decoder(state.design)
+                yield "state", level, state_answers.answer(state, solution, decoder, other=other)
 
-    def _curve(self, state: ExplorerState, level: str) -> Data:
+    def _curve(self, request: Request, level: str) -> Data:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""
+        state, made = request.state, sensor_of(request)
         design, magnet, estimate = state.design, state.magnet, level == state.level
         key = ("curve", mechanics(design), magnet, level, estimate)
         data = self._kept.get(key, lambda: state_answers.curve(design, magnet, level, estimate=estimate))
+        data = data if made is None else state_answers.curve_of_made_sensor(data, design, made)
         return state_answers.with_formulas(data, design, state.formula_level)
 
     def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
@@ -158,8 +167,9 @@ class Answers:
         except (BadInput, SolveFailed) as error:
             return time_answers.refusal(str(error))
 
-    def _loop(self, state: ExplorerState, level: str) -> Iterator[Answer]:
+    def _loop(self, request: Request, level: str) -> Iterator[Answer]:
         """Yield the loop of a linear spring first, and by finite elements at the level of the state."""
+        state, made = request.state, sensor_of(request)
         if not state.speed:
             yield "loop", level, time_answers.refusal("a speed above 0 mm/s gives the loop of a loading cycle")
             return
@@ -168,14 +178,24 @@ class Answers:
         except BadInput as error:
             yield "loop", level, time_answers.refusal(str(error))
             return
-        key = ("loop", state.design, state.magnet, motion)
+        key = ("loop", state.design, state.magnet, motion, made is None)
         if key not in self._kept.values:
             yield "loop", "linear", time_answers.linear_loop(state, motion)
         if level == state.level:
-            yield "loop", level, self._kept.get(key, lambda: time_answers.loop(state, motion))
+            yield "loop", level, self._kept.get(key, lambda: time_answers.loop(state, motion, made))
 
     def _decoder(self, design: Design) -> Any:
         return self._kept.get(("decoder", design), lambda: state_answers.build_decoder(design))
+
+
+def sensor_of(request: Request) -> Fit | None:
+    """Return the calibrated sensor of a request whose state is that of its design; else None."""
+    from studies.calibration import calibration_file
+
+    made, state = request.made, request.state
+    if made is None or state.magnet != "rigid" or not calibration_file.describes(made, state.design):
+        return None
+    return made
 
 
 def mechanics(design: Design) -> tuple[Any, ...]:

@@ -32,6 +32,7 @@ from studies.web.explorer_state import Request, explorer_fields, request_of, wro
 from studies.web.explorer_workers import encoded, fault
 
 if TYPE_CHECKING:
+    from studies.calibration.sensor_fit import Fit
     from studies.sizing.requirements import Requirements
 
 PAGE = Path(__file__).parent / "page"
@@ -72,6 +73,7 @@ class Shared:
     pages : connections of the pages that are open.
     molding : held by the one export of a mould that runs.
     needed : requirements whose margins the pages show.
+    made : calibrated sensor whose forces and readings they show.
     """
 
     token: str
@@ -80,6 +82,11 @@ class Shared:
     pages: set[Live]
     molding: asyncio.Lock
     needed: Requirements | None = None
+    made: Fit | None = None
+
+    def request_of(self, content: object) -> Request:
+        """Return the request in a message of a page, with what the explorer was started with."""
+        return replace(request_of(content), needed=self.needed, made=self.made)
 
 
 class Ours(tornado.web.RequestHandler):
@@ -180,7 +187,7 @@ class Live(Ours, tornado.websocket.WebSocketHandler):
         content: object = None
         try:
             content = parsed(message)
-            request = replace(request_of(content), needed=self.shared.needed)
+            request = self.shared.request_of(content)
             if "commands" in request.parts:
                 data = state_exports.commands(request.state)
                 self.send(encoded(request.number, request.side, part="commands", level="formula", data=data))
@@ -254,7 +261,9 @@ class Export(Guarded):
         if name not in state_exports.TYPES:
             raise tornado.web.HTTPError(404)
         try:
-            self.making = asyncio.ensure_future(self._content(name, request_of(parsed(self.request.body))))
+            self.making = asyncio.ensure_future(
+                self._content(name, self.shared.request_of(parsed(self.request.body)))
+            )
             content = await self.making
         except asyncio.CancelledError:
             return  # the client has left
@@ -304,14 +313,16 @@ class Running:
         await asyncio.sleep(0)
 
 
-def start(changed: dict[str, str], port: int = 0, needed: Requirements | None = None) -> Running:
+def start(
+    changed: dict[str, str], port: int = 0, needed: Requirements | None = None, made: Fit | None = None
+) -> Running:
     """Begin to listen; an event loop must run.
 
     Parameters
     ----------
     changed : fields of the address of the first state, see `explorer_state`.
     port : port to listen on; 0 for any free one.
-    needed : requirements whose margins the pages show.
+    needed, made : requirements whose margins the pages show, and calibrated sensor whose forces and readings.
 
     Raises
     ------
@@ -329,28 +340,38 @@ def start(changed: dict[str, str], port: int = 0, needed: Requirements | None = 
     hosts = frozenset({f"127.0.0.1:{number}", f"localhost:{number}"})
     token = secrets.token_urlsafe(24)
     workers = explorer_workers.Workers(asyncio.get_running_loop())
-    shared = Shared(token, hosts, workers, set(), asyncio.Lock(), needed)
+    shared = Shared(token, hosts, workers, set(), asyncio.Lock(), needed, made)
     server = tornado.httpserver.HTTPServer(application(shared), max_body_size=MOST_BYTES)
     server.add_sockets(sockets)
     fragment = f"#{urlencode(changed)}" if changed else ""
     return Running(f"http://127.0.0.1:{number}/?token={token}{fragment}", shared, server)
 
 
-def serve(changed: dict[str, str], port: int, needed: Requirements | None, ready: Callable[[str], None]) -> None:
+def serve(
+    changed: dict[str, str],
+    port: int,
+    needed: Requirements | None,
+    made: Fit | None,
+    ready: Callable[[str], None],
+) -> None:
     """Serve the page until Ctrl-C.
 
     Parameters
     ----------
-    changed, port, needed : as of `start`.
+    changed, port, needed, made : as of `start`.
     ready : called with the address when the server listens.
     """
-    asyncio.run(_serve(changed, port, needed, ready))
+    asyncio.run(_serve(changed, port, needed, made, ready))
 
 
 async def _serve(
-    changed: dict[str, str], port: int, needed: Requirements | None, ready: Callable[[str], None]
+    changed: dict[str, str],
+    port: int,
+    needed: Requirements | None,
+    made: Fit | None,
+    ready: Callable[[str], None],
 ) -> None:
-    running = start(changed, port, needed)
+    running = start(changed, port, needed, made)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -29,6 +29,7 @@ from studies.inputs.option_groups import Motion
 from studies.simulation import load_cases
 
 if TYPE_CHECKING:
+    from studies.calibration.sensor_fit import Fit
     from studies.sizing.requirements import Requirements
 
 Side = Literal["a", "b"]
@@ -83,7 +84,7 @@ class ExplorerState:
 class Request:
     """One request of the page: its number, the side of the comparison, the state, and the parts to compute.
 
-    `needed` are the requirements with which the explorer was started.
+    `needed` and `made` are the requirements and the calibrated sensor with which the explorer was started.
     """
 
     number: int
@@ -91,6 +92,7 @@ class Request:
     state: ExplorerState
     parts: tuple[Part, ...]
     needed: Requirements | None = None
+    made: Fit | None = None
 
 
 def request_of(message: object) -> Request:

@@ -94,7 +94,7 @@ def do(job: Job) -> bytes | None:
     try:
         with watched(run.watch):
             if job.export:
-                return answers.export(job.export, job.request.state)
+                return answers.export(job.export, job.request)
             run.answer(answers)
     except GivenUp:
         pass

@@ -7,6 +7,7 @@ whatever the friction of the shear. The stability comes first from the surrogate
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,9 +32,13 @@ from studies.web.state_pictures import section
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
+    from studies.calibration.sensor_fit import Fit
 
 DECODER_LEVEL = "finite"
 """Level of the formulas that give the load of a decoded pose."""
+
+CALIBRATED = "Force, readings and decoded load are those of the calibrated sensor, with 90 % intervals."
+NOT_CALIBRATED = "This is not the design that was calibrated: all numbers are those of the design."
 
 Data = dict[str, Any]
 
@@ -43,10 +48,24 @@ def number(name: str, unit: str, value: float | None, half_width: float | None =
     return {"name": name, "unit": unit, "value": value, "half_width": half_width}
 
 
-def answer(state: ExplorerState, solution: Solution, decoder: Decoder | None = None) -> Data:
-    """Return the data of the part `state`; without a decoder, `decoded` is None."""
+def answer(
+    state: ExplorerState,
+    solution: Solution,
+    decoder: Decoder | None = None,
+    made: Fit | None = None,
+    *,
+    other: bool = False,
+) -> Data:
+    """Return the data of the part `state`; without a decoder, `decoded` is None.
+
+    Parameters
+    ----------
+    made : calibrated sensor of this design, whose force, readings and decoded load these are.
+    other : whether the page was started with the calibration of another design.
+    """
     widths = half_widths(solution)
-    return {
+    data = {
+        "calibration": NOT_CALIBRATED if other else "",
         "status": solution.status,
         "message": solution.message,
         "model": solution.model,
@@ -64,6 +83,78 @@ def answer(state: ExplorerState, solution: Solution, decoder: Decoder | None = N
         "formula": formula(state.design, state.load, "paper"),
         "formula_level": {"level": state.formula_level, **formula(state.design, state.load, state.formula_level)},
     }
+    return data if made is None else data | _of_made_sensor(data, state.design, solution.response, made)
+
+
+def response_of_made_sensor(response: Response, design: Design, made: Fit) -> tuple[Response, Data]:
+    """Return a response of a design with the force of its calibrated sensor, and half widths and readings of this.
+
+    The keys are those of the export: output, half_width (of the readings), rest, saturated, force_half_width_N.
+    """
+    from studies.calibration import calibration_file
+
+    pose = (np.array([each, np.zeros(len(each))]) for each in (response.shift, response.rotation, response.force))
+    shift, tilt, load = pose
+    raw, half, force, force_half = made.answers(design.E, shift, tilt, load)
+    output, saturated = calibration_file.outputs_of(made, raw)
+    x, y, z = force[0].tolist()
+    return replace(response, force=(x, y, z)), {
+        "output": output[0].tolist(),
+        "output_half_width": half[0].tolist(),
+        "output_at_rest": output[1].tolist(),
+        "saturated": saturated[0].tolist(),
+        "force_half_width_N": force_half[0].tolist(),
+    }
+
+
+def _of_made_sensor(data: Data, design: Design, response: Response, made: Fit) -> Data:
+    """Return what a calibrated sensor changes in the part `state`."""
+    from studies.calibration import calibration_file
+
+    felt, own = response_of_made_sensor(response, design, made)
+
+    def wider(half: list[float] | None, name: str) -> list[float] | None:
+        return None if half is None else np.hypot(half, own[name]).tolist()
+
+    (row,) = calibration_file.decoded_rows(made, np.array([own["output"]]), None, np.zeros(1))
+    force, half, shift = (
+        [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
+        for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm"))
+    )
+    known, readings = row["status"] == "ok", data["readings"]
+    return {
+        "calibration": CALIBRATED,
+        "response": response_data(felt),
+        "estimates": data["estimates"] | {"force": wider(data["estimates"]["force"], "force_half_width_N")},
+        "readings": readings
+        | {
+            "volts": own["output"],
+            "rest": own["output_at_rest"],
+            "half_width": wider(readings.get("half_width"), "output_half_width"),
+            "saturated": own["saturated"],
+        },
+        "decoded": {
+            "status": row["status"],
+            "level": "calibration",
+            "force": force if known else None,
+            "shift": shift if known else None,
+            "half_width": half if known else None,
+            "noise": None,
+            "multiplicity": int(known),
+        },
+    }
+
+
+def curve_of_made_sensor(data: Data, design: Design, made: Fit) -> Data:
+    """Return a curve of a design with the forces of its calibrated sensor, and their half widths."""
+    shift, load = (np.zeros((len(data["depth"]), 3)) for _ in range(2))
+    shift[:, 2], load[:, 2] = data["shift"], data["force"]
+    _, _, force, half = made.answers(design.E, shift, np.zeros((len(shift), 2)), load)
+    widths = [
+        None if own is None else math.hypot(own, more)
+        for own, more in zip(data["estimates"]["force"], half[:, 2].tolist(), strict=True)
+    ]
+    return data | {"force": force[:, 2].tolist(), "estimates": data["estimates"] | {"force": widths}}
 
 
 def rate(design: Design, frequency: float) -> Data | None:

@@ -27,6 +27,7 @@ from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, Level, plai
 
 if TYPE_CHECKING:
     from fem.solution import Solution
+    from studies.calibration.sensor_fit import Fit
 
 TYPES = {
     "design.toml": "application/toml",
@@ -219,8 +220,11 @@ def _zipped(folder: Path) -> bytes:
     return target.getvalue()
 
 
-def of_solution(name: str, state: ExplorerState, solution: Solution) -> bytes:
-    """Return an export of a solution: the columns of `magtip solve --json` and readings, or the deformed body."""
+def of_solution(name: str, state: ExplorerState, solution: Solution, made: Fit | None = None) -> bytes:
+    """Return an export of a solution: the columns of `magtip solve --json` and readings, or the deformed body.
+
+    made : calibrated sensor, whose force and readings these are.
+    """
     if name == "fields.vtu":
         from studies.output import vtk_files
 
@@ -231,11 +235,19 @@ def of_solution(name: str, state: ExplorerState, solution: Solution) -> bytes:
     from analytic import hall
     from studies.simulation import state_rows
 
+    of_sensor: dict[str, Any] = {}
+    if made is not None:
+        from studies.web.state_answers import response_of_made_sensor
+
+        response, of_sensor = response_of_made_sensor(solution.response, state.design, made)
+        solution = dataclasses.replace(solution, response=response)
+
     row = state_rows.solved_row(solution, design_digest.of_mechanics(state.design, state.magnet))
     made_for = row.pop("made_for", {})
     if state.design.shape.has_magnet:
         readings = hall.readings(state.design, solution.response)
         row |= {"readings_T": list(readings.B_T), "output": list(readings.output), "units": list(readings.units)}
+    row |= of_sensor
     columns: dict[str, Any] = {}
     for key, value in (row | made_for).items():
         parts = value if isinstance(value, (list, tuple)) else None

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from studies.simulation import response_curves
 from studies.simulation.response_curves import At
 from studies.web.explorer_state import ExplorerState
 from studies.web.state_answers import number
+
+if TYPE_CHECKING:
+    from studies.calibration.sensor_fit import Fit
 
 Data = dict[str, Any]
 Rows = list[Data]
@@ -195,15 +199,24 @@ def linear_loop(state: ExplorerState, motion: Motion) -> Data:
     return _loop_data(state, motion, gap, None, [], "That of a linear spring; finite elements follow.")
 
 
-def loop(state: ExplorerState, motion: Motion) -> Data:
-    """Return the part `loop` by finite elements; every time step calls the watch of `fem.solve.load_increments`."""
+def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
+    """Return the part `loop` by finite elements; every time step calls the watch of `fem.solve.load_increments`.
+
+    made : calibrated sensor, whose forces these are.
+    """
     from studies.mechanics import loading_cycles
+
+    of_sensor = None
+    if made is not None:
+        from studies.calibration import calibration_file
+
+        of_sensor = partial(calibration_file.made_states, made)
 
     cycles = loading_cycles.run(
         state.design,
         motion,
         "prony",
-        loading_cycles.Static(None, None),
+        loading_cycles.Static(None, None, made=of_sensor),
         LOOP_LEVEL,
         state.magnet,
         TOLERANCE,

@@ -275,7 +275,8 @@ const Explorer = (() => {
     const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY));
     views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
     const beyond = state(view.edit)?.formula_level?.message;
-    Format.put($("#formula-note"), beyond ? `Formula ${view.formula}: ${beyond}` : "");
+    const notes = [state(view.edit)?.calibration, beyond && `Formula ${view.formula}: ${beyond}`];
+    Format.put($("#formula-note"), notes.filter(Boolean).join(" "));
     views.readings.show(list, rows("readings"), {
       none: state(view.edit)?.readings?.message || "This sensor has no magnet to read.",
     });

@@ -57,6 +57,8 @@ const Numbers = (() => {
   function decoding({ decoded: d, readings: r, response: fem }) {
     if (!r?.elements) return "There are no readings to decode.";
     if (!d) return "";
+    if (d.level === "calibration")
+      return `By the calibration, status ${String(d.status).replaceAll("_", " ")}: 90 % intervals, with noise.`;
     const noise = d.noise ? "" : " Give the Hall elements a noise to see its effect on the forces.";
     const status = String(d.status).replaceAll("_", " ");
     return `By the formulas of level ${d.level}, status ${status}.${offset(d, fem)}${noise}`;
