@@ -102,10 +102,8 @@ def apply_return_map(
 
     Parameters
     ----------
-    displacement : (k, q, 2) trial displacement along the plate relative to the plate.
-    pressure : (k, q) trial pressure.
+    displacement, pressure : trial displacement along the plate relative to it (k, q, 2), and pressure (k, q).
     active : (k, q) mask of the points that touch the plate.
-    et : stiffness of the tangential springs.
     frozen : keep each point slipping or sticking as in `f`, whatever its traction.
     """
     # elastic predictor: the trial traction of a point that sticks over the whole step
@@ -157,10 +155,8 @@ def expect_motion(f: Friction, displacement: Array) -> Friction:
     A point that does not touch yet is expected to touch half way, so its spring is strained from there on. The error
     of a step is then of second order in its length; anchoring at the start or at the end makes it first order.
     """
-    return replace(
-        f,
-        anchor=np.where(f.touching[..., None], f.displacement, f.displacement + (displacement - f.displacement) / 2),
-    )
+    half_way = f.displacement + (displacement - f.displacement) / 2
+    return replace(f, anchor=np.where(f.touching[..., None], f.displacement, half_way))
 
 
 def expect_sticking(f: Friction) -> Friction:
@@ -169,26 +165,14 @@ def expect_sticking(f: Friction) -> Friction:
 
 
 def revolve(f: Friction, points: Array) -> Friction:
-    """Return the history of a solid of revolution from that of its section.
-
-    Parameters
-    ----------
-    f : history with one point (k, q) per point of the section's skin.
-    points : (k, q t, 3) the same points at t angles.
-    """
+    """Return the history of a solid of revolution at points (k, q t, 3), from that of its section's points (k, q)."""
     turns = points.shape[1] // f.pressure.shape[1]
     along = points[..., :2] / np.linalg.norm(points[..., :2], axis=-1, keepdims=True)
-
-    def around(values: Array) -> Array:
-        return np.repeat(values, turns, axis=1)
-
-    return Friction(
-        f.mu,
-        around(f.displacement[..., :1]) * along,
-        around(f.traction[..., :1]) * along,
-        around(f.pressure),
-        np.repeat(f.slipping, turns, axis=1),
+    displacement, traction = (
+        np.repeat(values[..., :1], turns, axis=1) * along for values in (f.displacement, f.traction)
     )
+    pressure, slipping = np.repeat(f.pressure, turns, axis=1), np.repeat(f.slipping, turns, axis=1)
+    return Friction(f.mu, displacement, traction, pressure, slipping)
 
 
 def slip_share(f: Friction, weights: Array) -> float | None:

@@ -50,8 +50,6 @@ not reduce their number before one point at a time is exchanged."""
 class _Compliance:
     """Displacements by unit forces that span the pressures on all points that may switch.
 
-    Attributes
-    ----------
     by_unknown : whether the forces act on single unknowns; otherwise each is the pressure on one point.
     forces : (r,) numbers of these unknowns or points.
     Z : (n, r) displacements by the forces.
@@ -78,8 +76,6 @@ class Switches:
 class KeptTangent:
     """A solver with a factorised tangent, which steps of a path that change little may keep.
 
-    Attributes
-    ----------
     pressed : (k, q) mask of the points whose springs the tangent has; None without one.
     switches : other points, with their compliance by this tangent.
     stability : that of the tangent.
@@ -91,7 +87,6 @@ class KeptTangent:
     stability: Stability = UNKNOWN
 
     def drop(self) -> None:
-        """Forget the tangent."""
         self.pressed, self.switches, self.stability = None, Switches(), UNKNOWN
 
 
@@ -100,8 +95,6 @@ class ActiveSet:
 
     Coulomb friction without it being condensed (tetrahedra) takes plain steps.
 
-    Parameters
-    ----------
     tangent : solver with the tangent of an earlier step, or with nothing.
     plate, pressed : see `fem.solve.newton.newton`.
     keeps_long : whether the tangent of an earlier step may serve, and is kept for long. A tangent is kept only if it
@@ -201,8 +194,6 @@ def settle_contact(
 
     The plain step is returned where the problem is too large to pay off, or has no solution.
 
-    Parameters
-    ----------
     solver : holds the factorised tangent at the state, with springs at the points `pressed`.
     step : the plain step.
     pressed : (k, q) mask; default: the points with a positive overlap.
@@ -274,8 +265,6 @@ def _exchange(
 
     None if the set does not settle, or the body would be unstable without the springs that are removed.
 
-    Parameters
-    ----------
     S, C : see `_Compliance`; the points' compliance is G = C S C^T.
     plain : (m,) overlaps after the plain step.
     acting : (m,) mask of the springs in the factorised tangent.
@@ -307,10 +296,8 @@ def _exchange(
 
 
 def normal_displacements(system: System, points: Ints, plate: Plate) -> tuple[Ints, Array]:
-    """Return the unknowns of displacements (s,) on which skin points' displacements along the plate's normal depend,
-    in rising order, and the derivatives (m, s) by them.
-
-    points : (m,) numbers of the points.
+    """Return the unknowns (s,), rising, on which displacements of points (m,) along the normal depend, and the
+    derivatives (m, s) by them.
     """
     s = system.skin
     facet, point = np.divmod(points, s.weights.shape[1])

@@ -50,14 +50,10 @@ class SingularMatrixError(SolveFailed):
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """Whether an equilibrium is stable. It has no truth value, so that what is unknown cannot be taken for either.
+    """Number of unstable directions of an equilibrium; None where it is unknown.
 
-    Attributes
-    ----------
-    directions : number of unstable directions; None where it is unknown.
+    It has no truth value, so that what is unknown cannot be taken for stable or unstable.
 
-    Examples
-    --------
     >>> Stability(0).verdict, Stability(2).verdict, UNKNOWN.verdict
     ('stable', 'unstable', 'unknown')
     >>> (Stability(1) + UNKNOWN).verdict
@@ -112,8 +108,6 @@ class Solver:
 
     A matrix is the upper triangle of a symmetric one, or a whole unsymmetric one (slipping contact).
 
-    Attributes
-    ----------
     outer : numbers of the unknowns that `condense` kept the last time; empty before the first.
     schur : their Schur complement, for which `forward` and `backward` solve; None where there is none.
     """
@@ -138,15 +132,12 @@ class Solver:
         """
         _check_finite(matrix)
         self._symmetric = symmetric
-        if symmetric not in self._factors:
+        if symmetric not in self._factors and self._use_pardiso:
             size, newton = matrix.shape[0], order is not None and symmetric
-            self._factors[symmetric] = (
-                Pardiso(
-                    matrix, symmetric, order() if order and size >= FEW else None, single=newton and size >= SINGLE
-                )
-                if self._use_pardiso
-                else PlainFactors(symmetric)
-            )
+            chosen = order() if order and size >= FEW else None
+            self._factors[symmetric] = Pardiso(matrix, symmetric, chosen, single=newton and size >= SINGLE)
+        elif symmetric not in self._factors:
+            self._factors[symmetric] = PlainFactors(symmetric)
         self._factors[symmetric].factorise(matrix)
 
     def solve(self, b: Array) -> Array:
@@ -160,16 +151,8 @@ class Solver:
     def condense(self, matrix: sp.csr_matrix, outer: Ints) -> Array | None:
         """Return the Schur complement (c, c) of some unknowns of a symmetric matrix, given as its upper triangle.
 
-        With the unknowns kept, c, and the others, i, it is S = K_cc - K_ci K_ii^-1 K_ic. None where the pivots of
-        K_ii would have to be exchanged with others.
-
-        Parameters
-        ----------
-        outer : (c,) numbers of the unknowns, increasing.
-
-        Raises
-        ------
-        SingularMatrixError : entries are not finite, or K_ii is singular.
+        With the unknowns kept, c, `outer` in rising order, and the others, i, it is S = K_cc - K_ci K_ii^-1 K_ic.
+        None where pivots of K_ii would have to be exchanged with others; SingularMatrixError where it is singular.
         """
         _check_finite(matrix)
         if self._condensed is None or not np.array_equal(outer, self.outer):
@@ -242,11 +225,9 @@ class Ldl:
 
     @property
     def negative(self) -> int:
-        """Number of negative eigenvalues."""
         return int(np.count_nonzero(self._factors.factors()[1] < 0))
 
     def solve(self, b: Array) -> Array:
-        """Solve for b (n,) or (n, m)."""
         if b.ndim == 1:
             return np.asarray(self._factors.solve(b))
         return np.stack([self._factors.solve(column) for column in np.ascontiguousarray(b.T)], axis=1)
@@ -277,7 +258,6 @@ class PlainFactors:
         self._lu: Any = None
 
     def factorise(self, matrix: sp.csr_matrix) -> None:
-        """Factorise a matrix of the pattern; raises SingularMatrixError."""
         self._lu = None
         if self._ldl is not None:
             if self._ldl.factorise(matrix):
@@ -296,7 +276,6 @@ class PlainFactors:
 
     @property
     def negative(self) -> int | None:
-        """Number of negative eigenvalues of the symmetric matrix; None where its pivots do not tell."""
         return None if self._ldl is None or self._lu is not None else self._ldl.negative
 
     def solve(self, b: Array) -> Array:
@@ -334,13 +313,12 @@ class PlainCondensed:
         return x
 
     def negative_inside(self, schur: Array) -> int | None:
-        """Return the number of negative eigenvalues of K_ii."""
         del schur
         return self._inside.negative if self._sound else None
 
 
 def have_pardiso() -> bool:
-    """Return whether the extra `fast` is installed and its library loads."""
+    """Whether the extra `fast` is installed and its library loads."""
     return _mkl() is not None
 
 
@@ -387,15 +365,9 @@ class Pardiso:
 
     Parameters
     ----------
-    matrix : a matrix with the pattern.
     order : order in which the unknowns are eliminated; default: PARDISO's own.
     outer : unknowns that are not eliminated, but left in a Schur complement.
-    single : whether the first factors are in single precision.
-
-    Attributes
-    ----------
-    single : whether the factors are in single precision.
-    iparm : (64,) MKL's parameters, numbered from 0.
+    single : whether the first factors, and then the present ones, are in single precision.
     """
 
     def __init__(
@@ -413,7 +385,6 @@ class Pardiso:
         self._start(matrix, match=not symmetric, single=single)
 
     def _start(self, matrix: sp.csr_matrix, *, match: bool, single: bool) -> None:
-        """Prepare the call of PARDISO for matrices of a pattern."""
         size, self.single, self._match = matrix.shape[0], single, match
         # Newton's method corrects small errors of a solve, so solutions are refined only where pivots were perturbed
         method, perturb = 0 if size < FEW else 2, 8 if self._symmetric else 13
@@ -446,7 +417,6 @@ class Pardiso:
         self._free.atexit = False
 
     def factorise(self, matrix: sp.csr_matrix) -> None:
-        """Factorise a matrix of the pattern; raises SingularMatrixError."""
         self._run(matrix)
         if self.single and not self._is_accurate(matrix):
             self._restart(matrix, match=False)
