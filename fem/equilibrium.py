@@ -15,8 +15,6 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 
-import skfem
-
 from fem.accuracy import STANDARD, Accuracy
 from fem.results.error_estimates import estimate_response
 from fem.results.lateral_stiffness import SidewaysModel
@@ -113,7 +111,6 @@ def walk(
     *,
     estimate: bool = True,
     progress: Progress | None = None,
-    mesh: skfem.MeshTet2 | None = None,
 ) -> Iterator[Solution]:
     """Solve for the states under the loads of a scene; each load applies first its depth, then its shear.
 
@@ -121,21 +118,19 @@ def walk(
     ----------
     estimate : estimate the errors of force, shift and tilt from a second solve of the same scene, on a mesh coarser
         by COARSER and with one harmonic less (two in place of one), see `fem.results.error_estimates`; they stay
-        unknown where that mesh does not resolve the gripped skin. Also check whether an axisymmetric press would be
+        unknown where there is no such mesh (`Scene.coarser`). Also check whether an axisymmetric press would be
         stable sideways; if not, the message says so.
     progress : called with the completed share of the path and a text.
-    mesh : tetrahedra in units of D to solve on, see `fem.model.symmetry_models`; errors are then not
-        estimated.
 
     Yields
     ------
     One solution per load, as soon as it is solved. Where a solve stops early, the last solution is the last converged
     state, with its status and message.
     """
-    coarse, done = scene.coarser() if estimate and mesh is None else None, 0
+    coarse, done = scene.coarser() if estimate else None, 0
     for loads in split_by_mesh(scene):
         report = None if progress is None else functools.partial(_report, progress, done, len(scene.loads))
-        states = _follow(replace(scene, loads=loads), report, watch=coarse is not None, mesh=mesh)
+        states = _follow(replace(scene, loads=loads), report, watch=coarse is not None)
         coarse_states = None if coarse is None else _follow(replace(coarse, loads=loads), None)
         for state in states:
             coarse_state = None if coarse_states is None else next(coarse_states, None)
@@ -160,15 +155,9 @@ def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Sol
     return replace(state, seconds=seconds, estimates=estimates)
 
 
-def _follow(
-    scene: Scene,
-    report: Callable[[int, str], None] | None,
-    *,
-    watch: bool = False,
-    mesh: skfem.MeshTet2 | None = None,
-) -> Generator[Solution]:
+def _follow(scene: Scene, report: Callable[[int, str], None] | None, *, watch: bool = False) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
-    begin, path = time.perf_counter(), Path(path_models(scene, mesh))
+    begin, path = time.perf_counter(), Path(path_models(scene))
     state, margin = path.rest, sideways_model(scene, path).margin if watch else None
     for i, load in enumerate(scene.loads):
         if report is not None:

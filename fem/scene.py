@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+import skfem
 
 from fem.accuracy import LEVELS, STANDARD, Accuracy, coarser
 from fem.model.material import Law, law
@@ -43,6 +44,7 @@ class Scene:
     accuracy : accuracy level of the meshes.
     magnet : "rigid", or "ignored" for a beam that is all silicone.
     model : the model; "auto" is replaced by the smallest model that can carry the loads.
+    mesh : tetrahedra in units of D to solve on in place of those of the accuracy; errors are then not estimated.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class Scene:
     accuracy: Accuracy = STANDARD
     magnet: Magnet = "rigid"
     model: Model = "auto"
+    mesh: skfem.MeshTet2 | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         _check_accuracy(self.accuracy)
@@ -78,8 +81,13 @@ class Scene:
             _check_cap(self.design, grip, self.accuracy)
 
     def coarser(self) -> Scene | None:
-        """Return the scene on the mesh for error estimates; None where that does not resolve the gripped skin."""
+        """Return the scene on the mesh for error estimates.
+
+        None on a mesh of one's own, and where the coarser mesh does not resolve the gripped skin.
+        """
         accuracy, grip = coarser(self.accuracy), self.loads[0].grip
+        if self.mesh is not None:
+            return None
         if grip is not None and self.solid and grip < _least_cap(self.design, accuracy):
             return None
         return dataclasses.replace(self, accuracy=accuracy)

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import skfem
 
-from fem.accuracy import STANDARD, Accuracy, coarser
+from fem.accuracy import STANDARD, Accuracy
 from fem.equilibrium import sideways_model, with_estimates
 from fem.model import coulomb_friction
 from fem.results.postprocess import read, tip_force
@@ -309,7 +309,8 @@ def walk_forces(
 
     Parameters
     ----------
-    estimate, progress, mesh : as in `fem.equilibrium.walk`.
+    estimate, progress : as in `fem.equilibrium.walk`.
+    mesh : as of a `Scene`.
 
     Yields
     ------
@@ -321,14 +322,12 @@ def walk_forces(
         Before the first state: a target does not suit the design or the model. Later: a force is not reached; the
         sentence names the largest one.
     """
-    scenes = [_first_scene(design, target, accuracy, magnet, model) for target in targets]
-    return _walk(targets, scenes, _Search(mesh, estimate and mesh is None), progress)
-
-
-def _first_scene(design: Design, target: ForceTarget, accuracy: Accuracy, magnet: Magnet, model: Model) -> Scene:
-    """Return the scene of a target at its expected depth, with a shear: only its direction decides the mesh."""
-    depth = expected_depth(design, magnet, target.force / (design.E * design.D**2)) * design.D
-    return Scene(design, (target.load_at(depth, depth),), accuracy, magnet, model)
+    scenes = []
+    for target in targets:
+        # a scene at the expected depth, with a shear: only its direction decides the mesh
+        depth = expected_depth(design, magnet, target.force / (design.E * design.D**2)) * design.D
+        scenes.append(Scene(design, (target.load_at(depth, depth),), accuracy, magnet, model, mesh))
+    return _walk(targets, scenes, _Search(estimate), progress)
 
 
 def _walk(
@@ -361,8 +360,8 @@ def _report(
 class _Search:
     """Searches on the path of the present mesh, with error estimates if wanted."""
 
-    def __init__(self, mesh: skfem.MeshTet2 | None, estimate: bool) -> None:
-        self._mesh, self._estimate = mesh, estimate
+    def __init__(self, estimate: bool) -> None:
+        self._estimate = estimate
         # depths, mm, of the forces so far: several shear forces share one press
         self._depths: dict[float, float] = {}
         self._path: ForcePath | None = None
@@ -377,9 +376,9 @@ class _Search:
             shear = point.motion
         load = target.load_at(depth * D, shear * D)
         state = path.read(point, load, time.perf_counter() - begin)
-        if not self._estimate:
+        begin, coarse = time.perf_counter(), path.coarser if self._estimate else None
+        if coarse is None:
             return state
-        begin, coarse = time.perf_counter(), path.coarser
         coarse_point = coarse.press.reach(depth)
         if target.shear_force is not None and not coarse_point.stop:
             coarse_point = coarse.start_shear(coarse_point).reach(shear)
@@ -393,7 +392,7 @@ class _Search:
         for meshes_left in reversed(range(5)):
             load = replace(load, depth=depth)
             if self._path is None or not self._path.suits(load):
-                self._path = ForcePath(replace(scene, loads=(load,)), self._mesh, check_stability=self._estimate)
+                self._path = ForcePath(replace(scene, loads=(load,)), check_stability=self._estimate)
             path = self._path
             found = path.press.find(target.force / (E * D**2), depth / D, watch)
             point = found.point if isinstance(found, NotReached) else found
@@ -414,7 +413,6 @@ class ForcePath:
     ----------
     scene : its load gives the kind of the loads and the direction of the shear, and the depth for which the mesh is
         made.
-    mesh : tetrahedra in units of D to solve on; default: those of the scene.
     check_stability : whether the solutions say that a symmetric press would buckle sideways.
 
     Attributes
@@ -422,8 +420,8 @@ class ForcePath:
     press : force along z over the depth.
     """
 
-    def __init__(self, scene: Scene, mesh: skfem.MeshTet2 | None = None, *, check_stability: bool = False) -> None:
-        self.scene, self._path = scene, Path(path_models(scene, mesh))
+    def __init__(self, scene: Scene, *, check_stability: bool = False) -> None:
+        self.scene, self._path = scene, Path(path_models(scene))
         self._margin = sideways_model(scene, self._path).margin if check_stability else None
         most = (1 - FORCE_TOLERANCE) * silicone_on_axis(scene.design, scene.magnet) / scene.design.D
         # the force grows at first like that of Hertz's contact
@@ -431,9 +429,10 @@ class ForcePath:
         self._begun: tuple[CurvePoint, LoadingCurve] | None = None
 
     @functools.cached_property
-    def coarser(self) -> ForcePath:
-        """The path on the mesh that is coarser than the present one."""
-        return ForcePath(replace(self.scene, accuracy=coarser(self.scene.accuracy)))
+    def coarser(self) -> ForcePath | None:
+        """The path on the mesh for error estimates."""
+        scene = self.scene.coarser()
+        return None if scene is None else ForcePath(scene)
 
     def _curve(self, state: PathState, axis: Array, **options: Any) -> LoadingCurve:
         """Return the curve of a motion along an axis (3,), depth and shear along x and y, from a state on."""

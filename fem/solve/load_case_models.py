@@ -15,8 +15,6 @@ import math
 from dataclasses import replace
 from typing import Literal
 
-import skfem
-
 from fem.accuracy import QUICK
 from fem.model.elements import SAME_PLACE
 from fem.model.symmetry_models import MeshSpecification, specification
@@ -41,10 +39,10 @@ SHALLOW, SPAN = 0.025, 1.25
 sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are graded to their lower bounds."""
 
 
-def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
-    """Return the models for the loads of a scene; `mesh` holds tetrahedra in units of D to use instead."""
+def path_models(scene: Scene) -> PathModels:
+    """Return the models for the loads of a scene."""
     if scene.solid:
-        models = tetrahedra(scene, mesh)
+        models = tetrahedra(scene)
     elif scene.plate_tilt:
         models = tilted_plate(scene)
     elif not scene.sideways:
@@ -104,12 +102,12 @@ def friction_plate(scene: Scene) -> PathModels:
     return PathModels(section, raised=_harmonic(scene, section))
 
 
-def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
+def tetrahedra(scene: Scene) -> PathModels:
     """Return the models of any load on a solid, refined where the tied area ends, or else at the tip."""
     size, patch = scene.accuracy.solid_size, scene.accuracy.solid_patch
     body: Literal["half", "full"] = "half" if scene.model == "half" else "full"
-    solid = replace(specification(scene, size, size / 2), body=body, push=scene.push, mesh=mesh)
-    radius = None if mesh is not None else _sheared_radius(scene)
+    solid = replace(specification(scene, size, size / 2), body=body, push=scene.push, mesh=scene.mesh)
+    radius = None if scene.mesh is not None else _sheared_radius(scene)
     if radius is None:
         fine = scene.sideways or scene.plate_tilt
         return PathModels(replace(solid, tip_size=patch) if fine else solid)

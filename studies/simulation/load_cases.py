@@ -262,8 +262,8 @@ def solve(
             design, targets, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
         )
         return _rows(design, [target.load for target in targets], method, states, vtu, png)
-    scene = Scene(design, tuple(loads), level, method.magnet, method.model)
-    return _rows(design, loads, method, equilibrium.walk(scene, progress=progress, mesh=mesh), vtu, png)
+    scene = Scene(design, tuple(loads), level, method.magnet, method.model, mesh)
+    return _rows(design, loads, method, equilibrium.walk(scene, progress=progress), vtu, png)
 
 
 def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:
