@@ -303,10 +303,10 @@ def test_two_past_states_extrapolate_what_is_quadratic(depths, exact):
     assert bool(error < 1e-12) is exact
 
 
-@pytest.mark.parametrize(("position", "kept"), [(at(0.25), 2), (at(0.15), 0), (at(0.2, 0.1), 0), (at(0.25, 0.01), 0)])
-def test_a_past_that_does_not_lead_ahead_is_forgotten(position, kept):
-    state = after(0.1, 0.15, 0.2)
-    assert len(load_increments.drop_past_at_corner(state, position).past) == kept
+@pytest.mark.parametrize(("direction", "kept"), [(at(1), 2), (at(-1), 0), (at(0, 1), 0), (at(0.98, 0.2), 0)])
+def test_a_past_that_does_not_lead_ahead_is_forgotten(direction, kept):
+    state = replace(after(0.1, 0.15, 0.2), direction=at(1))
+    assert len(load_increments.turn(state, direction).past) == kept
     assert len(state.past) == 2
 
 

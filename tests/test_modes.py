@@ -36,7 +36,7 @@ def cylinder(length, angles):
 def frequencies(system, count):
     """Angular frequencies for E = density = 1."""
     zero = system.state(np.zeros(system.size))
-    values, _ = modes.eigen(system.assemble(zero, None).tangent, system.mass(1.0, np.zeros(0)), count)
+    values, _ = modes.eigen(system.assemble(zero, None).tangent, system.mass(1.0), count)
     return np.sqrt(values)
 
 
@@ -84,7 +84,7 @@ def test_axial_and_torsional_modes_of_a_slender_cylinder_are_those_of_a_rod():
 
 def test_total_mass_is_the_silicones():
     system = cylinder(2, angular_fields.fourier_fields(2))
-    M = system.mass(3.0, np.zeros(0))
+    M = system.mass(3.0)
     up = np.zeros(system.fixed.shape)
     up[:, len(angular_fields.orders(2))] = 1
     free = up[system.free]
@@ -156,7 +156,7 @@ def meshed_magnet():
 
 
 def test_the_rounded_magnet_has_the_mass_and_the_inertia_of_its_mesh():
-    m, across, along = modes.inertia_of_magnet(Scene(ROUNDED, (Load(),)))
+    m, across, along = modes.inertia_of_magnet(Scene(ROUNDED, (Load(),)))[[2, 3, 5]]
     ratio = ROUNDED.magnet_density / ROUNDED.density
     np.testing.assert_allclose((m, across, along), ratio * np.array(meshed_magnet()), rtol=1e-5)
     light = replace(ROUNDED, magnet_density=ROUNDED.density)
@@ -174,7 +174,7 @@ def test_axial_modes_of_a_press_have_the_mass_of_the_rounded_magnet():
     press = modes.pressed_sensor(scene, modes.find_contact(scene))
     K, system = modes._order_matrices(press, scene, 0, press.state.d)[0], press.state.d.system
     m = ROUNDED.magnet_density / ROUNDED.density * meshed_magnet()[0]
-    value = modes.eigen(K, system.mass(1.0, np.array([m])), 1)[0][0]
+    value = modes.eigen(K, system.mass(1.0, np.full(6, m)), 1)[0][0]
     right = modes.frequency_unit(ROUNDED) * math.sqrt(value)
     found = modes.modes(ROUNDED, depth=1.0, accuracy=QUICK, estimate=False)
     assert found.frequency[found.shape.index("axial")] == pytest.approx(right, rel=1e-5)

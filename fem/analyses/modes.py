@@ -177,22 +177,18 @@ def pressed_sensor(scene: Scene, contact: tuple[float, PathState] | None) -> Pre
     return reach_press(specification(scene, size, size / 2), contact, patch, scene.loads[0].depth / D, D)
 
 
-def inertia_of_magnet(scene: Scene) -> tuple[float, float, float]:
-    """Return the magnet's mass and its moments of inertia across and along its axis, over those of silicone and D."""
-    design = scene.design
-    if scene.magnet != "rigid":
-        return 0.0, 0.0, 0.0
-    ratio, (across, along) = design.magnet_density / design.density, magnet_inertia(scene.shape)
-    return ratio * magnet_volume(scene.shape), ratio * across, ratio * along
+def inertia_of_magnet(scene: Scene) -> Array:
+    """Return the magnet's mass, three times, and its inertia about y, x and z (6,), over those of silicone."""
+    design, m, (across, along) = scene.design, magnet_volume(scene.shape), magnet_inertia(scene.shape)
+    return design.magnet_density / design.density * np.array([m, m, m, across, across, along])
 
 
 def _order_matrices(press: Press, scene: Scene, order: int, d: Discretisation) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """Return tangent and mass of the block of one order about a press, in its model."""
     state = about(press.state, d) if order else press.state
-    system, (m, across, _) = state.d.system, inertia_of_magnet(scene)
-    moved = ((m,), (m, across), ())[order]
+    system = state.d.system
     K = system.assemble(system.state(state.q), press.glue(state)).tangent
-    return K, system.mass(1.0, np.array(moved[: system.n_rigid]))
+    return K, system.mass(1.0, inertia_of_magnet(scene))
 
 
 def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr_matrix]:
@@ -213,9 +209,8 @@ def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr
         law=low.law,
         prescribed=(np.insert(at_press.u, 1, 0.0, axis=1), held),
     )
-    m, _, along = inertia_of_magnet(scene)
     K = system.assemble(system.state(np.zeros(system.size)), press.glue(press.state)).tangent
-    M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
+    M = system.mass(1.0, inertia_of_magnet(scene))
     # the magnet's motion along the axis is not part of torsion either
     twist = np.arange(system.size) != (system.n_free if low.rigid else -1)
     return K[twist][:, twist].tocsr(), M[twist][:, twist].tocsr()

@@ -137,9 +137,8 @@ def _press_block(scene: Scene, press: Press, order: int, *, glued: bool) -> Bloc
 
 def build_block(scene: Scene, state: PathState, plate: Plate | None, motions: tuple[Motion, ...]) -> Block:
     """Return the system about a state for some motions."""
-    system, (m, across, _) = state.d.system, inertia_of_magnet(scene)
+    system, inertia = state.d.system, inertia_of_magnet(scene)
     at_state = system.state(state.q)
-    inertia = np.array({0: [], 1: [m], 2: [m, across], 3: [m, m, across]}[system.n_rigid])
     M = system.mass(1.0, inertia, at_state)
     if plate is None:
         here, held = system.assemble(at_state, None), np.zeros((len(motions), len(motions)))

@@ -95,6 +95,7 @@ class System:
     ----------
     size, n_free, n_rigid, n_pressure : numbers of unknowns.
     glued, rigid : the nodes of `magnet` (empty without), and their motion.
+    components : which components of the magnet's motion are unknowns, see `RigidBody`; empty without.
     free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and of those that are fixed or
         follow the magnet.
     corner_nodes : nodes that carry pressures.
@@ -146,7 +147,8 @@ class System:
         self._reduced[free] = np.arange(int(free.sum()))
         self._places = np.flatnonzero(free)
         self.n_free = int(free.sum())
-        self.n_rigid = self.rigid.size if self.rigid else 0
+        self.components = list(self.rigid.components) if self.rigid else []
+        self.n_rigid = len(self.components)
         self.corner_nodes, corners = np.unique(e.corners, return_inverse=True)
         self._corners = corners.reshape(e.corners.shape)
         carried = np.ones((len(self.corner_nodes), e.angles.pressures), dtype=bool)
@@ -271,19 +273,20 @@ class System:
             self.elements, self.law, self.mu, self.inverse_K, self._corners, numbers, self.pattern, self._free_cells
         )
 
-    def mass(self, density: float, magnet: Array, state: State | None = None) -> sp.csr_matrix:
+    def mass(self, density: float, magnet: Array | None = None, state: State | None = None) -> sp.csr_matrix:
         """Return the consistent mass matrix (upper triangle); pressures have no mass.
 
         Parameters
         ----------
         density : density of the silicone.
-        magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
+        magnet : (6,) the magnet's mass, three times, and its moments of inertia about y, x and z; None for zeros.
         state : its magnet's rotation is the only part that matters; default: the undeformed state.
         """
         matrices = element_assembly.mass(self.elements, density)
         T = self._motion_derivative(state or self.state(np.zeros(self.size)))
         data = self._loops.assemble_displacements(matrices, T)
-        self._loops.add_motion(np.diag(magnet), data)
+        if magnet is not None:
+            self._loops.add_motion(np.diag(magnet[self.components]), data)
         return self.pattern.with_data(data)
 
     def relaxing_stiffness(self, state: State) -> sp.csr_matrix:

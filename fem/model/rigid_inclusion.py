@@ -28,11 +28,15 @@ class RigidBody:
     Attributes
     ----------
     fields : (j, n, fields) the constant fields B_j.
-    size : number of unknowns: 1 or 2 axial, 2 sideways, 3 planar, 6 spatial.
+    components : which of U_x, U_y, U_z and the angles about y, x and z the unknowns are, numbered from 0.
     """
 
     fields: Array
-    size: int
+    components: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        return len(self.components)
 
     def displacement(self, q: Array) -> Array:
         """Return the fields at the nodes, shape (n, fields)."""
@@ -61,12 +65,12 @@ def of_solid(arms: Array, size: int) -> RigidBody:
     if size == 3:
         x, z = arms[:, 0, None], arms[:, 2, None]
         ex, ez = np.eye(3)[[0, 2]]
-        return RigidBody(np.stack([shifts[0], shifts[2], z * ex - x * ez, x * ex + z * ez]), 3)
+        return RigidBody(np.stack([shifts[0], shifts[2], z * ex - x * ez, x * ex + z * ez]), (0, 2, 3))
     turned = np.zeros((3, 3, len(arms), 3))
     for i in range(3):
         for J in range(3):
             turned[i, J, :, i] = arms[:, J]
-    return RigidBody(np.concatenate([shifts, turned.reshape(9, len(arms), 3)]), 6)
+    return RigidBody(np.concatenate([shifts, turned.reshape(9, len(arms), 3)]), tuple(range(6)))
 
 
 def of_section(arms: Array, angles: Angles) -> RigidBody:
@@ -81,13 +85,13 @@ def of_section(arms: Array, angles: Angles) -> RigidBody:
         B[0, :, -1] = 1
         if angles.fields == 3:
             B[1, :, 1], B[2, :, 0] = r, r
-        return RigidBody(B, angles.fields - 1)
+        return RigidBody(B, (2, 5)[: angles.fields - 1])
     c, s, t = np.cos(angles.theta), np.sin(angles.theta), len(angles.theta)
     around = np.stack(np.broadcast_arrays(r[:, None] * c, r[:, None] * s, z[:, None]), axis=-1)
     body = of_solid(around.reshape(-1, 3), 6 if angles.sines else 3)
     displaced = np.einsum("ijt,tjf->tif", rotations(angles.theta), angles.E).reshape(3 * t, -1)
     fields = body.fields.reshape(len(body.fields), len(arms), 3 * t) @ np.linalg.pinv(displaced).T
-    return RigidBody(fields, body.size)
+    return RigidBody(fields, body.components)
 
 
 def sideways(arms: Array, angles: Angles) -> RigidBody:
@@ -97,7 +101,7 @@ def sideways(arms: Array, angles: Angles) -> RigidBody:
     B[0, :, 2] = 1
     B[1, :, 2], B[1, :, 4] = z, -r
     B[2, :, 0], B[2, :, 3] = r / 2, z
-    return RigidBody(B, 2)
+    return RigidBody(B, (0, 3))
 
 
 def _functions(q: Array) -> tuple[Array, Array, Array]:

@@ -206,8 +206,7 @@ def raise_harmonics(low: System, high: System, q: Array) -> Array:
     p = np.zeros((len(state.p), len(to_p)))
     p[:, [to_p.index(name) for name in from_p]] = state.p
     motion = np.zeros(high.n_rigid)
-    components = {0: (), 1: (2,), 3: (0, 2, 3), 6: (0, 1, 2, 3, 4, 5)}
-    motion[[components[high.n_rigid].index(place) for place in components[low.n_rigid]]] = low.motion(q)
+    motion[[high.components.index(component) for component in low.components]] = low.motion(q)
     return high.unknowns(u, p, motion)
 
 

@@ -112,11 +112,9 @@ def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
     """
     system = d.system
     if system.rigid:
-        motion = system.motion(q)
-        place = {1: [2], 3: [0, 2], 6: [0, 1, 2]}[len(motion)]
-        shift = np.zeros(3)
-        shift[place] = motion[: len(place)]
-        return shift, _tilt_angles(rigid_inclusion.axis(motion))
+        motion = np.zeros(6)
+        motion[system.components] = system.motion(q)
+        return motion[:3], _tilt_angles(rigid_inclusion.axis(system.motion(q)))
     if d.model == "axisymmetric":
         return d.centre(u)[0], np.zeros(2)
     return recover_pose(d.centre, u)
@@ -136,9 +134,9 @@ def pose_slopes(state: PathState, V: Array) -> Array:
     """
     system, pose = state.d.system, np.zeros((3, V.shape[1]))
     if system.rigid:
-        places = {1: [1], 2: [0, 2], 3: [0, 1, 2]}[system.n_rigid]
-        pose[places] = V[system.n_free : system.n_free + system.n_rigid]
-        return pose
+        motions = np.zeros((6, V.shape[1]))
+        motions[system.components] = V[system.n_free : system.n_free + system.n_rigid]
+        return motions[[0, 2, 3]]
     for i, v in enumerate(V.T):
         step = DIFFERENCE / float(np.abs(v).max())
         ahead, behind = (_point_pose(state, state.q + way * step * v) for way in (1.0, -1.0))

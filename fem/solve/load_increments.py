@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact
-from fem.model.elements import SAME_PLACE
 from fem.model.plate_contact import Plate
 from fem.solve.active_set import KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
@@ -164,7 +163,7 @@ def follow_segment(
         tolerance = PASSED_TOLERANCE if passed else TOLERANCE
         return apply_increment(solver, state, position, tolerance, accept=step * length <= LONGEST_DOUBTFUL)
 
-    state = _set_direction(state, (goal - start) / length)
+    state = turn(state, (goal - start) / length)
     for after in march_in_increments(state, longest, SHORTEST * min(1.0, 1 / length), increment):
         reached = after
     if not reached.stop or state.friction is not None:
@@ -183,7 +182,6 @@ def apply_increment(
 
     accept : accept the result although it is the first with an unstable direction or with crushed silicone.
     """
-    state = drop_past_at_corner(state, position)
     guess, plate = extrapolate_unknowns(state, position), state.plate_at(position)
     if state.friction is not None:
         moved = plate_contact.displacements_along_plate(
@@ -204,21 +202,6 @@ def apply_increment(
         onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
     after = replace(_accept(state, answer, position, plate), onset=onset)
     return Reached(after, "", answer.iterations + more)
-
-
-def drop_past_at_corner(state: PathState, position: Array) -> PathState:
-    """Return the state without its past states where these are not on the straight line to a position (3,).
-
-    Extrapolation around a corner of the path is meaningless.
-    """
-    ahead = position - state.position
-    length = float(np.linalg.norm(ahead))
-    for before in state.past:
-        back = _coordinate(state, before.position, position)
-        off_line = back * ahead / length - (before.position - state.position)
-        if not (back < 0 and np.abs(off_line).max() < SAME_PLACE):
-            return replace(state, past=())
-    return state
 
 
 def extrapolate_unknowns(state: PathState, position: Array) -> Array:
@@ -330,12 +313,15 @@ def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate
     return replace(path_at(state, answer, position, plate), past=past)
 
 
-def _set_direction(state: PathState, direction: Array) -> PathState:
-    if state.friction is None:
+def turn(state: PathState, direction: Array) -> PathState:
+    """Return the state with a direction (3,) of motion.
+
+    Around a corner extrapolation is meaningless, and all points in contact are expected to stick at first.
+    """
+    if direction @ state.direction > 1 - 1e-9:
         return state
-    if direction @ state.direction < 1 - 1e-9:  # all points in contact are expected to stick at first
-        state = replace(state, friction=coulomb_friction.expect_sticking(state.friction))
-    return replace(state, direction=direction)
+    friction = None if state.friction is None else coulomb_friction.expect_sticking(state.friction)
+    return replace(state, direction=direction, past=(), friction=friction)
 
 
 def longest_increment(state: PathState, start: Array, goal: Array, friction_step_factor: float) -> float:

@@ -51,7 +51,7 @@ class PathState:
     bond : the tied points, or None.
     friction : history of the points in contact; None without Coulomb friction.
     dissipated : energy dissipated by slip in the modelled part.
-    direction : (3,) unit vector of the last motion under Coulomb friction; zeros before the first.
+    direction : (3,) unit vector of the last motion; zeros before the first.
     past : up to two earlier states, oldest first, on the smooth path to this one.
     stiffness : of the plate's springs, over E / D, where it does not follow from kappa and the depth.
     reduced : present state of the predictor; None without a predictor.

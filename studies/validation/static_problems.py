@@ -304,7 +304,7 @@ def vibration(rows: int, slenderness: int, nu: float, count: int) -> list[float]
     system, _ = cylinder(slenderness, nu, across=rows, along=rows * slenderness)
     K = system.assemble(system.state(np.zeros(system.size)), None).tangent
     # three times as many modes, since torsion and extension lie between the bending frequencies
-    values, vectors = eigen(K, system.mass(1.0, np.zeros(0)), 3 * count)
+    values, vectors = eigen(K, system.mass(1.0), 3 * count)
     sideways = np.abs([*angular_fields.orders(HARMONICS), *range(HARMONICS + 1)]) == 1
     bends = np.broadcast_to(sideways, system.free.shape)[system.free]
     shapes = np.abs(vectors[: system.n_free]).T
