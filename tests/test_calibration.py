@@ -293,16 +293,25 @@ def test_swapped_elements_and_wrong_rows_are_told(bench, run, tmp_path):
     table.rename(columns={"S2_V": "S3_V", "S3_V": "S2_V"}).to_csv(tmp_path / "swapped.csv", index=False)
     status, _, err = run("calibrate", "paper", tmp_path / "swapped.csv")
     assert status == 3
-    assert "do not use this calibration; check which column is which element" in err
+    # the layout is its own mirror image
+    assert "do not use this calibration; probably S2 is exchanged with S3, or Fx_N is exchanged with Fy_N" in err
     wrong = table.assign(**{"F_z [N]": table["F_z [N]"].where(table.index != 6, 50.0)})
     wrong.to_csv(tmp_path / "wrong.csv", index=False)
     assert "row 7 of wrong fits" in run("calibrate", "paper", tmp_path / "wrong.csv")[2]
 
 
+def test_an_element_with_the_wrong_sign_is_told(simulated):
+    sensor, shift, rng = simulated
+    rows = rows_of(sensor, sensor.unknowns.mean, shift, rng)[:6]
+    rows[:, 1] = 5.0 - rows[:, 1]
+    said = calibration_study.mistaken(sensor, rows, np.zeros(6), ("S1", "S2", "S3"))
+    assert said.startswith("probably S2 has the wrong sign: the rows then fit")
+
+
 def test_a_sensor_that_decodes_nothing_is_no_calibration():
     rows = [{"method": name, "rows": 10, "lost": lost, "rmse_N": rmse} for name, lost, rmse in (
         ("calibration", 10, math.nan), ("linear ridge", 0, 0.1), ("quadratic ridge", 0, 0.1))]  # fmt: skip
-    assert "10 of 10 held-out rows have no force" in calibration_study._failures(rows)[0]
+    assert "10 of 10 held-out rows have no force" in calibration_study._failures(rows, "")[0]
 
 
 def test_four_rows_are_enough(bench, run, tmp_path):

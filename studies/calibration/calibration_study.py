@@ -53,6 +53,12 @@ PATTERN = 4.0
 OUTLIER, UNUSABLE = 6.0, 1.5
 """Misfit of a row over the median from which it is named; RMSE over that of the better regression from which a
 calibration is called unusable."""
+FEW, BETTER = 24, 3.0
+"""Rows with which columns that are exchanged or reversed are sought, and how much better the rows fit with these."""
+CHECK = "check which column is which element, the signs of the forces, and wrong rows"
+CYCLES = ((1, 2, 0), (2, 0, 1))
+DOUBTED = 3.0
+"""Estimated over expected error of the forces from which such columns are sought."""
 METHODS = ("calibration", "linear ridge", "quadratic ridge")
 LAGS = np.linspace(-0.2, 0.2, 41)
 """Lags of the force behind the readings that are tried, s."""
@@ -299,6 +305,39 @@ def _outliers(found: Fit, bench: Bench, rows: Ints) -> list[str]:
     return [text]
 
 
+def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str]) -> str:
+    """Return which columns are probably exchanged or reversed, in words; "" where no such rows fit much better.
+
+    Mirrored layouts make some of these equal, such as S2 with S3 and Fx_N with Fy_N: all of them are named.
+    """
+    k, elements = len(names), parts.of_design(sensor.design)
+    columns, zero = [*names, "Fx_N", "Fy_N"], np.array([*(element.null for element in elements), 0.0, 0.0])
+    pairs_of = [*itertools.combinations(range(k), 2), (k, k + 1)]
+    orders: list[tuple[tuple[int, ...], tuple[int, ...], str]]
+    orders = [(at, at[::-1], " is exchanged with ".join(columns[j] for j in at)) for at in pairs_of]
+    if k == 3:
+        orders += [
+            ((0, 1, 2), at, f"{', '.join(names)} stand in the columns of {', '.join(names[j] for j in at)}")
+            for at in CYCLES
+        ]
+    chosen = np.linspace(0, len(measured) - 1, min(len(measured), FEW)).round().astype(int)
+    rows, warm = measured[chosen], warmer[chosen]
+    given, better = sensor_fit.fit(sensor, rows, warm).chi2, {}
+    for at, source, text in [
+        *orders,
+        *(((j,), (j,), f"{name} has the wrong sign") for j, name in enumerate(columns)),
+    ]:
+        other = rows.copy()
+        other[:, at] = rows[:, source] if len(at) > 1 else 2 * zero[at] - rows[:, source]
+        if np.isfinite(other[:, at]).any():
+            better[text] = sensor_fit.fit(sensor, other, warm).chi2
+    best = min(better.values())
+    if not BETTER * best < given:
+        return ""
+    found = [text for text, chi2 in better.items() if chi2 < 2 * best]
+    return f"probably {', or '.join(found)}: the rows then fit {given / best:.2g} times better"
+
+
 def advice(found: Fit) -> str:
     """Return which next press would help most, in words."""
     low, high = workspace(found.sensor.design, found.sensor.mechanics)
@@ -349,7 +388,17 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     rows, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
     found = (sensor_fit.fit if force_noise else sensor_fit.fit_with_noise)(sensor, measured[rows], warmer[rows])
+    doubtful = found.sensor.force_noise > DOUBTED * sensor.force_noise or found.growth > 2
+    hint = mistaken(sensor, measured[rows], warmer[rows], bench.readings) if doubtful else ""
+    for name in ("modulus", "remanence"):
+        if not (factor := float(sensor.value(found.theta, name))) > 0:
+            raise BadInput(
+                f"no sensor of this design has these rows, as its {name} would be {factor:.2g} times the design's: "
+                f"{hint or CHECK}"
+            )
     table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
+    if not doubtful and _failures(_summary(table), ""):
+        hint = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
     progress(0.95, "pictures")
     tables: dict[str, Rows] = {
         "unknowns": calibration_file.unknown_rows(found), "held_out": table, "learning": curve,
@@ -357,7 +406,7 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     }  # fmt: skip
     origin: FlatRow = {
         "mechanics": source, "lag_s": lag, "full_scale": full_scale, "noise_source": noise_source,
-        "estimated": force_noise is None,
+        "estimated": force_noise is None, "hint": hint,
     }  # fmt: skip
     drawn = partial(figures, truth[rows], force[rows], curve)
     return _result(found, bench, tables, origin, _outliers(found, bench, rows), drawn)
@@ -391,10 +440,13 @@ def _warnings(found: Fit, tables: Mapping[str, Rows], outliers: Sequence[str], o
     return said
 
 
-def _failures(summary: Sequence[FlatRow]) -> list[str]:
-    """Return why a calibration is of no use: most rows have no force, or a regression is much better."""
+def _failures(summary: Sequence[FlatRow], hint: str) -> list[str]:
+    """Return why a calibration is of no use: most rows have no force, or a regression is much better.
+
+    hint : which columns are probably exchanged, or "".
+    """
     own, others = summary[0], [row["rmse_N"] for row in summary[1:] if math.isfinite(row["rmse_N"])]
-    check = "check which column is which element, the signs of the forces, and wrong rows"
+    check = hint or CHECK
     if not own["rows"] > 2 * own["lost"]:
         return [f"{own['lost']} of {own['rows']} held-out rows have no force: do not use this calibration; {check}"]
     if others and not own["rmse_N"] <= UNUSABLE * min(others):
@@ -413,6 +465,9 @@ def _result(
 ) -> Result:
     sensor, design, summary = found.sensor, found.sensor.design, _summary(tables["held_out"])
     said, warnings = [*sentences(found), advice(found)], _warnings(found, tables, outliers, summary[0])
+    failures = _failures(summary, origin["hint"])
+    if origin["hint"] and not failures:
+        warnings.insert(0, origin["hint"])
     record: FlatRow = {
         "rows": len(found.shift), "runs": len(bench.runs), "mechanics": origin["mechanics"],
         "lag_s": origin["lag_s"], "chi2": found.chi2, "freedom": found.freedom, "growth": found.growth,
@@ -448,7 +503,7 @@ def _result(
         },
         pages={"CALIBRATION.md": page},
         warnings=warnings,
-        failures=_failures(summary),
+        failures=failures,
         design=dataclasses.asdict(design),
     )
 
@@ -482,7 +537,7 @@ def _curve(curve: Rows) -> list[FlatRow]:
     frame = pd.DataFrame(curve)
     common = frame.groupby("training_rows").held_out.nunique()
     frame = frame[frame.training_rows.isin(common[common == common.max()].index)]
-    wide = frame.pivot_table("rmse_N", "training_rows", "method", sort=True)[list(METHODS)]
+    wide = frame.pivot_table("rmse_N", "training_rows", "method", sort=True).reindex(columns=METHODS)
     return [
         {"training_rows": int(size)} | {f"{name} (N)": float(value) for name, value in row.items()}
         for size, row in wide.iterrows()
