@@ -70,6 +70,8 @@ __all__ = ["VibratingSensor", "Vibration", "vibrating_sensor"]
 Motion = Literal["z", "x"]
 MOTIONS: tuple[Motion, ...] = ("z", "x")
 """Directions in which the plate, or the base of the free sensor, moves: z along its depth, x along the shear."""
+DISPLACEMENT = {"z": np.array([0.0, 0.0, -1.0]), "x": np.array([1.0, 0.0, 0.0])}
+"""Displacements by a unit motion."""
 ANGLES = 8
 """Angles in a quarter turn at which the pressure of order 1 is compared with that of the press."""
 LOST_AREA = 0.25
@@ -157,30 +159,18 @@ def plate_loads(state: PathState, plate: Plate, motions: tuple[Motion, ...]) -> 
     here, moved = system.assemble(at_state, plate), [_moved(plate, motion) for motion in motions]
     # the springs are linear: moving the plate with the body held changes the residual by the load
     loads = [here.residual - system.assemble(at_state, displaced, tangent=False).residual for displaced in moved]
-    before = _plate_force(state, at_state, plate)
-    held = np.stack([_plate_force(state, at_state, displaced) - before for displaced in moved], axis=1)
+    forces = [plate_contact.resultant(state.skin, at_state.u, each)[[0, 2]] * [-1, 1] for each in (plate, *moved)]
+    held = np.stack([force - forces[0] for force in forces[1:]], axis=1)
     return here, np.stack(loads, axis=1), held[[("x", "z").index(motion) for motion in motions]]
-
-
-def _motion_vector(motion: Motion) -> Array:
-    """Return the displacement (3,) of a unit motion: deeper, or along x."""
-    return np.array([0.0, 0.0, -1.0]) if motion == "z" else np.array([1.0, 0.0, 0.0])
 
 
 def _moved(plate: Plate, motion: Motion) -> Plate:
     """Return the plate or grip moved by D along z (deeper) or x."""
-    along, normal = plate.frame @ _motion_vector(motion), plate.frame[2]
+    along, normal = plate.frame @ DISPLACEMENT[motion], plate.frame[2]
     shear = plate.shear + along[:2]
     # where the moved plane meets the axis
     height = None if plate.height is None else plate.height + along[2] / normal[2]
     return replace(plate, shear=shear, height=height)
-
-
-def _plate_force(state: PathState, nodal: State, plate: Plate) -> Array:
-    """Return the force (2,) along x and z on the tip, over E D^2."""
-    traction = plate_contact.springs(state.skin, nodal.u, plate).traction
-    x, _, z = np.einsum("kq,kqi->i", state.skin.weights, traction)
-    return np.array([-x, z])
 
 
 def _inertial_load(system: System, state: State, inertia: Array, motion: Motion) -> Array:
@@ -237,7 +227,7 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
     normal = plate.frame[2]
     moves = [over_lines(skin.displacement(system.state(state.q + v).u - at_state.u) @ normal) for v in V.T]
     changes = en * np.stack(moves, axis=1) / divisor[:, None]
-    plate_moves = en * np.array([[-normal @ _motion_vector(motion) for motion in block.motions]] * len(area))
+    plate_moves = en * np.array([[-normal @ DISPLACEMENT[motion] for motion in block.motions]] * len(area))
     if system.elements.angles.of_one_order:  # the first of its two angles is 0, where the cosine is 1
         cosines = np.cos((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES))
         pressure, area, plate_moves = (

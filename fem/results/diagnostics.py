@@ -25,7 +25,6 @@ from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.design import LAWS, Design
-from geometry.loads import Load, Response
 
 Margin = Callable[[PathState], StabilityMargin]
 BUCKLED = 0.01
@@ -131,8 +130,8 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
 def _choose_remark(
     state: PathState, found: Solution, D: float, near: StabilityMargin | None, *, touched: bool
 ) -> str | None:
-    load, normal, sheared = found.load, found.response.force[2], state.sheared
-    pressed = load.depth > 0
+    load, response, sheared = found.load, found.response, state.sheared
+    pressed, normal = load.depth > 0, response.force[2]
     if pressed and not normal > 0 and not sheared and not touched:
         return "no_touch"
     if state.stability.is_unstable or state.onset is not None:
@@ -141,13 +140,14 @@ def _choose_remark(
         return "touch_lost"
     if pressed and normal < 0:
         return "pulled"
-    if pressed and not sheared and not load.plate_tilt and _distance_from_axis(found.response, D) > BUCKLED:
+    off_axis = max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y)) > BUCKLED
+    if pressed and not sheared and not load.plate_tilt and off_axis:
         return "leaning" if load.imperfection else "given_way"
     if load.shear and not sheared:
         return "slides_over"
     # with slip, or in time, a force against the shear is no sign of buckling: the plate may have moved back
     if sheared and pressed and not touched and load.friction == "stick" and not load.plate_tilt:
-        force, shear = found.response.force, load.imposed_shear
+        force, shear = response.force, load.imposed_shear
         if force[0] * shear[0] + force[1] * shear[1] < 0:
             return "pushed_aside"
     if near and near.stability.is_unstable:
@@ -163,18 +163,15 @@ def _choose_remark(
     return "idle_stick" if load.friction == "stick" and not sheared else None
 
 
-def _distance_from_axis(response: Response, D: float) -> float:
-    """Return how far the magnet has left the axis: its sideways shift over D or its tilt, whichever is larger."""
-    return max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y))
-
-
 def describe(solution: Solution, design: Design) -> str:
     """Return the facts of a state in words, with the remedy; empty if there is nothing to report."""
     facts, weak = solution.facts, _describe_weakness(solution.facts, design)
     sentences = []
     if facts.stop:
         remedy = weak or "try a smaller load or another accuracy"
-        sentences.append(f"stopped at {_describe_load(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
+        load = solution.load
+        sheared = f", shear {load.shear:.4g} mm" if load.shear else ""
+        sentences.append(f"stopped at depth {load.depth:.4g} mm{sheared}: {STOPPED[facts.stop]}; {remedy}")
     if facts.onset or (solution.status == "unstable" and facts.stability.is_unstable):
         sentences.append(_describe_instability(facts))
         if solution.model == "axisymmetric" and not facts.creased:
@@ -208,11 +205,6 @@ def describe(solution: Solution, design: Design) -> str:
             "displacements at these edges are not"
         )
     return "; ".join(sentences)
-
-
-def _describe_load(load: Load) -> str:
-    shear = load.shear
-    return f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
 
 
 def _describe_instability(facts: Facts) -> str:

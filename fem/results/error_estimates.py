@@ -220,7 +220,9 @@ def estimate_response(found: Response, coarse: Response, load: Load, scene: Scen
     """
     case, accuracy = load_case(load, scene), scene.accuracy
     if load.imperfection and not load.shears_tip and found.shift[0] * coarse.shift[0] < 0:
-        coarse = _mirrored(coarse)
+        # an imperfect press may buckle to either side
+        x, y, z = coarse.shift
+        coarse = replace(coarse, shift=(-x, -y, z), tilt=-coarse.tilt, tilt_y=-coarse.tilt_y)
     edge = accuracy.solid_size if scene.solid else accuracy.section_size
     radius = max(found.contact_radius / scene.design.D, LEAST_RADIUS)
     growth = _growth_beyond_study(case, load, scene)
@@ -358,12 +360,6 @@ def _growth_beyond_study(case: str, load: Load, scene: Scene) -> float:
         depth = load.depth / scene.design.D
         growth *= math.pow(orders_needed(scene, depth) / harmonics_at(scene, depth), ORDER_POWER)
     return growth
-
-
-def _mirrored(response: Response) -> Response:
-    """Return the response that leans to the other side: an imperfect press may buckle to either."""
-    x, y, z = response.shift
-    return replace(response, shift=(-x, -y, z), tilt=-response.tilt, tilt_y=-response.tilt_y)
 
 
 def _force_along_shear(response: Response, load: Load) -> float:

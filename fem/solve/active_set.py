@@ -44,6 +44,9 @@ MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES, BLOCK_EXCHANGES = 600, 50,
 switch one by one and plain steps do not settle; and in tetrahedra (MOST_SOLID), where solving for them costs as much
 as one or two plain steps; rounds, and exchanges of the set in each round; and exchanges of all wrong points that do
 not reduce their number before one point at a time is exchanged."""
+UNDAMPED = 6
+"""Full steps of Newton's method before steps that do not halve the residual are compared with shorter ones. In the
+first steps the contact still changes, and a residual that grows once is no sign of divergence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,17 +113,21 @@ class ActiveSet:
 
     @property
     def stability(self) -> Stability:
+        """Stability that the last tangent tells, as far as it is known."""
         return self._tangent.stability
 
     @property
     def keeps(self) -> bool:
+        """Whether the factorisation of an earlier state near this one is kept for long."""
         return self._keeps_long and self.stability.is_stable
 
     @property
     def confirms(self) -> bool:
+        """Whether only the residual after a last step tells that the contact is settled."""
         return self._plate is not None and self._plate.friction is not None
 
     def knows(self, state: State) -> bool:
+        """Return whether a factorisation serves for a step from a state."""
         del state
         return self._fresh or (self.keeps and self._tangent.pressed is not None)
 
@@ -131,6 +138,7 @@ class ActiveSet:
         return self.system.assemble(state, plate, tangent=tangent)
 
     def is_settled(self, state: State) -> bool:
+        """Return whether the contact in the residual is that of the state itself."""
         self._plate, held = plate_contact.hold_reversing_points(self.system.surface, state.u, self._plate)
         # an iterate whose contact points were only a guess cannot be the solution yet
         return not held and (self._first is None or self._fresh or self.knows(state))

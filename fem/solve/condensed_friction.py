@@ -26,8 +26,8 @@ from fem.model.coulomb_friction import Friction
 from fem.model.elements import Surface
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
-from fem.solve.direct_solver import UNKNOWN, Solver, Stability
-from fem.solve.newton import UNDAMPED, norm
+from fem.solve.active_set import UNDAMPED
+from fem.solve.direct_solver import UNKNOWN, Solver, Stability, norm
 from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]

@@ -197,6 +197,11 @@ def multiply(upper: sp.csr_matrix, x: Array) -> Array:
     return np.asarray(upper @ x + upper.T @ x - (upper.diagonal() * x.T).T)
 
 
+def norm(x: Array) -> float:
+    """Return the Euclidean norm of (n,) numbers: `numpy.linalg.norm`, but faster for few."""
+    return math.sqrt(x @ x)
+
+
 class Ldl:
     """L D L^T by qdldl, in an order of minimum degree, of symmetric matrices of one pattern: upper triangles.
 

@@ -48,9 +48,13 @@ def path_models(scene: Scene) -> PathModels:
     elif not scene.sideways:
         models = press(scene)
     elif scene.grip is not None:
-        models = grip(scene)
-    else:
-        models = glued_plate(scene) if scene.coulomb is None else friction_plate(scene)
+        high = _harmonic(scene, _fine_at(scene, _gripped_radius(scene)))
+        models = PathModels(high, predictor=_predictor(high))
+    elif scene.coulomb is None:
+        models = glued_plate(scene)
+    else:  # axisymmetric until the shear
+        section = _section(scene, scene.accuracy.section_size)
+        models = PathModels(section, raised=_harmonic(scene, section))
     factor = scene.accuracy.friction_step_factor
     return replace(models, grip=scene.grip, tilt=scene.plate_tilt, mu=scene.coulomb, friction_step_factor=factor)
 
@@ -88,18 +92,6 @@ def glued_plate(scene: Scene) -> PathModels:
     if scene.push:  # the contact is not a circle then: the points that touch are glued
         return PathModels(high, predictor=_predictor(high))
     return PathModels(section, raised=high, predictor=_predictor(high), glued_radius=radius, rough=rough)
-
-
-def grip(scene: Scene) -> PathModels:
-    """Return the models of a grip that shears the tip: a section refined at the edge of the gripped skin."""
-    high = _harmonic(scene, _fine_at(scene, _gripped_radius(scene)))
-    return PathModels(high, predictor=_predictor(high))
-
-
-def friction_plate(scene: Scene) -> PathModels:
-    """Return the models of a plate with Coulomb friction: axisymmetric first, then with all harmonics."""
-    section = _section(scene, scene.accuracy.section_size)
-    return PathModels(section, raised=_harmonic(scene, section))
 
 
 def tetrahedra(scene: Scene) -> PathModels:

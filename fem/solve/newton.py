@@ -1,25 +1,27 @@
 """The Newton loop of all models, for two ways to find a step with its contact.
 
 A step is that of the linearised body with its contact settled: `active_set` for contact without friction,
-`condensed_friction` for Coulomb friction on sections. A line search keeps every J positive. While a step reduces the
-residual fast enough, the next one reuses the factorisation, and only the residual is computed.
+`condensed_friction`, with the same methods, for Coulomb friction on sections. A line search keeps every J positive.
+While a step reduces the residual fast enough, the next one reuses its factorisation, and assembles no tangent.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
-from fem.solve.active_set import ActiveSet, KeptTangent
-from fem.solve.direct_solver import UNKNOWN, SingularMatrixError, Solver, Stability
+from fem.solve.active_set import UNDAMPED, ActiveSet, KeptTangent
+from fem.solve.condensed_friction import CondensedFriction
+from fem.solve.direct_solver import UNKNOWN, SingularMatrixError, Solver, Stability, norm
 from geometry.arrays import Array
 from geometry.bad_input import BadInput, SolveFailed
+
+Contact = ActiveSet | CondensedFriction
 
 TOLERANCE = 1e-9
 """Tolerance of the residual over reactions and displacements: small beside the discretisation error also where two
@@ -37,9 +39,6 @@ as much as four iterations."""
 CONFIRMED = 3.0
 """Margin of the tolerance over the predicted residual after a last step with a kept factorisation that is not
 confirmed."""
-UNDAMPED = 6
-"""Full steps before steps that do not halve the residual are compared with shorter ones. In the first steps the
-contact still changes, and a residual that grows once is no sign of divergence."""
 
 Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular"]
 STOPPED: dict[Stop, str] = {
@@ -77,47 +76,6 @@ class Equilibrium:
     @property
     def converged(self) -> bool:
         return not self.reason
-
-
-class Contact(Protocol):
-    """How the contact of a step is found.
-
-    Attributes
-    ----------
-    system : the body.
-    """
-
-    system: System
-
-    @property
-    def keeps(self) -> bool:
-        """Whether the factorisation of an earlier state near this one is kept for long."""
-
-    @property
-    def stability(self) -> Stability:
-        """Stability that the last tangent tells, as far as it is known."""
-
-    @property
-    def confirms(self) -> bool:
-        """Whether only the residual after a last step tells that the contact is settled."""
-
-    def knows(self, state: State) -> bool:
-        """Return whether a factorisation serves for a step from a state."""
-
-    def assemble(self, state: State, *, tangent: bool) -> Assembly:
-        """Return the residual at a state and, with `tangent`, the matrix to factorise."""
-
-    def factorise(self, state: State, assembly: Assembly) -> None:
-        """Factorise the matrix of an assembly; raises SingularMatrixError."""
-
-    def step(self, state: State, assembly: Assembly) -> Array | None:
-        """Return a step (n,) from the state q to q - step; None where its contact does not settle."""
-
-    def is_settled(self, state: State) -> bool:
-        """Return whether the contact in the residual is that of the state itself."""
-
-    def final_stability(self, state: State, assembly: Assembly) -> Stability:
-        """Return the stability of an equilibrium."""
 
 
 def newton(
@@ -263,11 +221,6 @@ def _reaches(contact: Contact, rate: float, left: float, tolerance: float) -> bo
         return rate <= SLOW_CHORD and CONFIRMED * rate * left <= tolerance
     # the rate holds once the contact is settled: steps that leave more than CHORD may still change it
     return rate <= CHORD and rate * left <= tolerance
-
-
-def norm(x: Array) -> float:
-    """Return the Euclidean norm of (n,) numbers: `numpy.linalg.norm`, but faster for few."""
-    return math.sqrt(x @ x)
 
 
 def _damp_step(
