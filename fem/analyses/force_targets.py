@@ -60,8 +60,6 @@ the force depends a little on the increments before it."""
 class CurvePoint:
     """A solved state of a loading curve.
 
-    Attributes
-    ----------
     motion, force : depth or shear over D, and force along it over E D^2.
     stop : why the path ended here; empty if it did not.
     iterations : Newton iterations from the state before.
@@ -82,8 +80,6 @@ class CurvePoint:
 class NotReached:
     """Why no state of a curve has the wanted force.
 
-    Attributes
-    ----------
     point : the state with the largest force, or the one before a jump of the force; the first one, at motion 0, if
         that has a larger force already, such as the force along a tilted plate.
     last : the last state of the curve.
@@ -146,8 +142,6 @@ class LoadingCurve:
 
         It is not reached where the path stops, or its motion ends, before the force; or the force jumps past it.
 
-        Parameters
-        ----------
         guess : first motion to try on an empty curve.
         """
         # deferred: a press to a depth needs no root search

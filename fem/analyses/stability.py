@@ -138,8 +138,6 @@ def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
 class _Search:
     """Result of a search on one mesh, in units of D and E.
 
-    Attributes
-    ----------
     stable : greatest depth that was found to be stable.
     limit : why the search ended there, with room for that depth in mm; empty if it reached its last depth.
     depth, force : critical depth, and normal force there; depth is None where no instability was found.
@@ -171,8 +169,6 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
 
     None where the press does not reach the depth `start`, or is not known to be stable there.
 
-    Parameters
-    ----------
     start, step, end : first depth, step and last depth of the search, over D; a start of 0 is the state at rest.
     """
     path, known = Path(PathModels(section, kappa=KAPPA)), dict[float, float]()

@@ -25,12 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact, viscoelasticity
-from fem.model.plate_contact import Plate
 from fem.model.viscoelasticity import History, PointState
 from fem.results.postprocess import tip_force
 from fem.solve.active_set import KeptTangent
 from fem.solve.load_increments import Reached, extrapolate, find_equilibrium, path_at
-from fem.solve.newton import Equilibrium
 from fem.solve.path_state import PathState
 from geometry.arrays import Array, read_only
 
@@ -66,8 +64,6 @@ def product_weights(times: tuple[float, ...], first: int) -> Array:
 class PastStep:
     """A state of a smooth motion, as the next ones need it.
 
-    Attributes
-    ----------
     time : s.
     q, overlap : unknowns, and overlap of the skin.
     S : elastic stress at the integration points.
@@ -85,8 +81,6 @@ class PastStep:
 class ViscousState:
     """One state of a path in time.
 
-    Attributes
-    ----------
     path : position, unknowns and contact.
     history, points : viscous history, strain and elastic stress at the integration points.
     errors : (b,) error of the force along the axis that each branch carries.
@@ -166,7 +160,14 @@ def advance(tangent: KeptTangent, state: ViscousState, position: Array, dt: floa
         if path.friction is not None:
             moved = plate_contact.displacements_along_plate(path.skin, path.d.system.state(guess).u, plate)
             plate = replace(plate, friction=coulomb_friction.expect_motion(path.friction, moved))
-        answer = _solve(tangent, stepped, guess, plate, pressed, near=bool(state.past))
+        # under a grip nothing touches, and friction keeps a stiffness of its own
+        keeps = pressed is not None and plate.friction is None and path.stability.is_stable
+        if not (state.past and keeps):
+            tangent.drop()
+        # the step before, of the same motion, had nearly this tangent
+        near = bool(state.past) and (keeps or plate.friction is not None)
+        kept = tangent if near else None
+        answer = find_equilibrium(tangent.solver, stepped, guess, plate, pressed, tangent=kept)
         iterations += answer.iterations
         if answer.converged:
             break
@@ -183,24 +184,6 @@ def with_error_of_first(before: ViscousState, first: ViscousState, second: Visco
     decay = np.exp((before.time - first.time) / before.history.times)
     gained = (second.errors - decay**2 * before.errors) / (1 + decay)
     return replace(first, errors=decay * before.errors + gained)
-
-
-def _solve(
-    tangent: KeptTangent,
-    path: PathState,
-    guess: Array,
-    plate: Plate,
-    pressed: NDArray[np.bool_] | None,
-    *,
-    near: bool,
-) -> Equilibrium:
-    """Return the equilibrium of a step; `near`: the step before, of the same motion, had nearly its tangent."""
-    # under a grip nothing touches, and friction keeps a stiffness of its own
-    keeps = pressed is not None and plate.friction is None and path.stability.is_stable
-    if not (near and keeps):
-        tangent.drop()
-    near = near and (keeps or plate.friction is not None)
-    return find_equilibrium(tangent.solver, path, guess, plate, pressed, tangent=tangent if near else None)
 
 
 def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:

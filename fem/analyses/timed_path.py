@@ -166,23 +166,9 @@ def follow(
     BadInput
         Before the first state, if loads or tolerances are not allowed.
     """
-    scene, control = _check(design, loads, accuracy, magnet, model), steps or TimeControl()
-    path = TimedPath(scene, law, control)
-    return _follow(path, _segments(scene, loads), every_step, progress)
-
-
-def _check(
-    design: Design,
-    loads: Sequence[TimedLoad],
-    accuracy: Accuracy,
-    magnet: Magnet,
-    model: Model,
-) -> Scene:
-    """Return the scene of the loads; raises BadInput where they are no path in time."""
     if not loads:
         raise BadInput("a path in time needs at least one load")
-    times = [0.0, *(timed.time for timed in loads)]
-    for before, after in itertools.pairwise(times):
+    for before, after in itertools.pairwise([0.0, *(timed.time for timed in loads)]):
         if not before <= after < math.inf:
             raise BadInput(
                 f"times must be finite and must not decrease from 0 s on; got {after:g} s after {before:g} s"
@@ -191,11 +177,12 @@ def _check(
     if scene.solid:
         raise BadInput(f"model {scene.model} has no time steps: choose auto, axisymmetric or harmonic")
     glued: Load | None = None
-    for timed in loads:
-        if timed.load.bonds_contact and (glued is None or glued.depth != timed.load.depth):
+    for load in scene.loads:
+        if load.bonds_contact and (glued is None or glued.depth != load.depth):
             raise BadInput("a plate that sticks needs one load for the press and a later one for the shear")
-        glued = timed.load
-    return scene
+        glued = load
+    path = TimedPath(scene, law, steps or TimeControl())
+    return _follow(path, _segments(scene, loads), every_step, progress)
 
 
 def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
@@ -263,8 +250,6 @@ def _read(path: TimedPath, state: ViscousState, load: Load, iterations: int, sto
 class Segment:
     """A straight motion.
 
-    Attributes
-    ----------
     begin, end : times, s.
     start, goal : (3,) positions over D.
     run : number of the smooth part of the path that it belongs to.
@@ -291,8 +276,6 @@ class Segment:
 class TimedPath:
     """Models and solver of a path in time; its states are frozen values.
 
-    Attributes
-    ----------
     rest : the state at rest.
     least_force : force over E D^2 that errors refer to at least.
     """
@@ -356,16 +339,16 @@ class TimedPath:
         if segment.end == segment.begin:
             # the silicone answers to a jump with its instantaneous modulus
             return load_increments.march_in_increments(
-                state, longest, SHORTEST_SHARE, lambda state, place, _: self._advance(state, segment, place, 0.0)
+                state,
+                longest,
+                SHORTEST_SHARE,
+                lambda state, place, _: time_steps.advance(self._tangent, state, segment.at(place), 0.0),
             )
         longest *= segment.end - segment.begin
         longest = min(longest, LONGEST_SHARE * duration, self._control.largest_step or math.inf)
         shortest, start = SHORTEST_SHARE * duration, Reached(state, "", 0, segment.begin, step)
         attempt = functools.partial(self._attempt, segment, longest, shortest)
         return load_increments.march(start, segment.end, shortest, attempt)
-
-    def _advance(self, state: ViscousState, segment: Segment, place: float, dt: float) -> Reached[ViscousState]:
-        return time_steps.advance(self._tangent, state, segment.at(place), dt)
 
     def _attempt(
         self, segment: Segment, longest: float, shortest: float, now: Reached[ViscousState]
@@ -381,7 +364,7 @@ class TimedPath:
             for k in range(count):
                 ahead = left - (k + 1) * dt
                 share = 1.0 if ahead <= dt * 1e-9 else 1 - ahead / (segment.end - segment.begin)
-                tried = self._advance(states[-1], segment, share, dt)
+                tried = time_steps.advance(self._tangent, states[-1], segment.at(share), dt)
                 iterations += tried.iterations
                 if tried.stop:
                     before = replace(now.state, past=())

@@ -85,8 +85,6 @@ other share follows in proportion. The first element opens at an amplitude that 
 class Block:
     """One linear system, driven by motions of the plate or of the base.
 
-    Attributes
-    ----------
     state, plate : state about which the sensor vibrates, in the model of this block, and the plate with its contact
         frozen; None for the free sensor.
     problem : matrices, and a column b for each of the `motions`; over E D, lengths over D.
@@ -193,8 +191,6 @@ def _inertial_load(system: System, state: State, inertia: Array, motion: Motion)
 class ContactPressure:
     """Pressure between tip and plate: at rest, and its change with small motions; means over the lines of facets.
 
-    Attributes
-    ----------
     area : (k,) areas that touch, over D^2; about an axisymmetric press up to a common factor.
     static : (k,) pressures at rest, over E.
     by_unknowns, by_motion : changes (k, m) for motions V of the body, and (k, j) for the plate's motions, over E.

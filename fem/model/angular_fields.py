@@ -34,8 +34,6 @@ from geometry.arrays import Array, Ints, read_only
 class FieldPairs:
     """Pairs of fields f <= g, and the products V_iJf V_kLg of their gradients.
 
-    Attributes
-    ----------
     number : (f, f) number of each pair of fields.
     groups : pairs in four groups, of fields that carry the components i and k of the displacement: i, k, numbers of
         the pairs, and products (9, i k t, pairs), with J L first.
@@ -119,8 +117,6 @@ def orders(harmonics: int) -> range:
 def fourier_fields(harmonics: int, count: int | None = None, *, sines: bool = False) -> Angles:
     """Return the fields of a section of revolution.
 
-    Parameters
-    ----------
     count : number of angles in (0, pi); default: 2 N + 1, at least 4, and 1 for N = 0.
     sines : add the sine orders, with as many angles again in (pi, 2 pi).
     """

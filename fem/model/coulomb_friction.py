@@ -38,8 +38,6 @@ point slide; stiffer ones narrow the range in which a point sticks and cost Newt
 class Friction:
     """Coefficient of friction, and history of the skin's points (k, q) at the last converged state.
 
-    Attributes
-    ----------
     mu : coefficient of friction.
     displacement : (k, q, 2) displacement along the plate relative to the plate, over D.
     traction : (k, q, 2) traction along the plate, minus the force on the skin per reference area, over E.
@@ -69,8 +67,6 @@ class Friction:
 class FrictionTraction:
     """Tractions of a trial state, and their derivatives.
 
-    Attributes
-    ----------
     traction : (k, q, 2) traction along the plate.
     by_displacement : (k, q, 2, 2) its derivative by the displacement along the plate.
     by_pressure : (k, q, 2) its derivative by the pressure.
@@ -100,8 +96,6 @@ def apply_return_map(
 ) -> FrictionTraction:
     """Return the tractions of a trial state, by the return map of the module docstring.
 
-    Parameters
-    ----------
     displacement, pressure : trial displacement along the plate relative to it (k, q, 2), and pressure (k, q).
     active : (k, q) mask of the points that touch the plate.
     frozen : keep each point slipping or sticking as in `f`, whatever its traction.

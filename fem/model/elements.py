@@ -63,8 +63,6 @@ class Elements:
 class Surface:
     """Integration points on outer facets, at every angle where there are several.
 
-    Attributes
-    ----------
     nodes : (k, f) nodes of each facet: corners, then the midpoints of its edges (01 or 01, 12, 02).
     shape : (q, f) shape functions of these nodes.
     weights : (k, q) areas, over D^2.
@@ -116,8 +114,6 @@ class Surface:
 
         The integral over the angles comes first, for each point of a facet's line.
 
-        Parameters
-        ----------
         entries : (k, q) stiffness per area between directions i and j, for the (i, j) that are not zero.
         frame : (3, 3) directions as rows.
         """
@@ -264,8 +260,6 @@ def surface(
 ) -> Surface:
     """Return integration points on the named boundary of a mesh.
 
-    Parameters
-    ----------
     order : order up to which integrals over a facet are exact.
     angles : number of angles in (0, pi) on a section of revolution; default: those of the elements.
     """

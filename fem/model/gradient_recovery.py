@@ -35,8 +35,6 @@ FIRST = [int(np.flatnonzero((row == POWERS).all(axis=1))[0]) for row in (np.zero
 class Recovery:
     """Value and gradient at a point as weighted sums over the fields of the nodes around it.
 
-    Attributes
-    ----------
     nodes : (m,) numbers of the nodes.
     shares : (4, 3, m, fields) weights for the displacement, then for its derivatives by x, y, z.
     """
@@ -53,8 +51,6 @@ class Recovery:
 def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
     """Return the recovery of displacement and gradient at the point (0, 0, height).
 
-    Parameters
-    ----------
     height : over D.
     mirrored : whether a solid is one half, y >= 0, of a body that is symmetric about the plane y = 0. Sections are so
         without sine orders.

@@ -49,8 +49,6 @@ directions."""
 class Bond:
     """Points of the skin that a grip holds or that are glued to the plate.
 
-    Attributes
-    ----------
     tied : (k, q) mask of these points.
     targets : (k, q, 2) their positions along the plate at shear 0.
     gap : (k, q) distance to the plate at which each was glued, 0 where it was pressed; None for a grip.
@@ -65,8 +63,6 @@ class Bond:
 class Plate:
     """Position of the plate, and the skin points tied to it.
 
-    Attributes
-    ----------
     height : z at which the plate meets the axis, over D; None where there is no plate (grip).
     stiffness : penalty stiffness en, force per area and length, in units of E / D.
     shear : (2,) sideways displacement of the plate or grip since the points were tied, in the plate's plane, over D.
@@ -129,8 +125,6 @@ zero."""
 class Springs:
     """Tractions of the plate's springs at a trial state.
 
-    Attributes
-    ----------
     traction : (k, q, 3) derivative of the springs' energy by the displacement, that is, minus the force on the skin
         per reference area.
     stiffness : its derivative in the plate's frame; unsymmetric where points slip.
@@ -260,8 +254,6 @@ def choose_glued(surface: Surface, u: Array, plate: Plate, radius: float | None,
     below LARGEST_GLUED_GAP times the depth. A few orders cannot follow the plate exactly: gluing the whole contact
     area makes the tip too stiff, and gluing only what is pressed too soft.
 
-    Parameters
-    ----------
     radius : undeformed radius over D; None: the contact radius, measured from the centre of pressure.
     above : only points above this undeformed height, over D, are glued.
     """

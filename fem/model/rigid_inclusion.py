@@ -25,8 +25,6 @@ from geometry.arrays import Array
 class RigidBody:
     """Motion of the nodes on the magnet's surface.
 
-    Attributes
-    ----------
     fields : (j, n, fields) the constant fields B_j.
     components : which of U_x, U_y, U_z and the angles about y, x and z the unknowns are, numbered from 0.
     """

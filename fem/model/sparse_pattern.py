@@ -88,8 +88,6 @@ class Pattern:
     def unfold(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
         """Return the whole matrix from its upper triangle, where the matrices of the last group are unsymmetric.
 
-        Parameters
-        ----------
         upper : upper triangle, with the upper triangles of the last group.
         last : matrices of the last group, (m, k, k) or with k as nodes and fields; rows and columns are the same.
         """

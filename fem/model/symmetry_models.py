@@ -49,8 +49,6 @@ def _solid_mesh(shape: Shape, size: float, **settings: Any) -> skfem.MeshTet2:
 class Discretisation:
     """A meshed model in units of D and E.
 
-    Attributes
-    ----------
     model : name of the model.
     mesh : scikit-fem's second-order mesh.
     system : unknowns and equations.

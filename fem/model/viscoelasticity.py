@@ -110,8 +110,6 @@ def cauchy_green(G: Array) -> Array:
 def viscous_step(viscous: Array, before: Array, dt: Array) -> tuple[Array, Array]:
     """Return A (6, ...) and b (...) of one branch of the law "finite".
 
-    Parameters
-    ----------
     viscous, before : C_i and Cbar at the start of the step, (6, ...).
     dt : length of the step over tau.
     """
@@ -128,8 +126,6 @@ def viscous_step(viscous: Array, before: Array, dt: Array) -> tuple[Array, Array
 def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array) -> tuple[Array, Array]:
     """Return energy (...) and stress S (6, ...) of one branch at the end of a step.
 
-    Parameters
-    ----------
     A, b : from `viscous_step`.
     C, J : right Cauchy-Green tensor (6, ...) and volume ratio at the end of the step.
     mu : g_i mu0, (...).
@@ -146,8 +142,6 @@ def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
     It is the sum of |dev F Q_i F^T|^2 / (4 mu_i), exact at small strain. Since |dev F Q F^T|^2 is a quadratic form
     that all branches share, Q : (C Q C) - (Q : C)^2 / 3, only the sum of Q_i Q_i / mu_i enters.
 
-    Parameters
-    ----------
     Q : (b, 6, ...).
     mu, shares : modulus (...), and mu_i over it (b,).
     """
@@ -165,8 +159,6 @@ def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
 class Overstress:
     """What a step adds to the elastic law: a factor on its modulus, a dead stress, and branches.
 
-    Attributes
-    ----------
     factor : factor on the isochoric law.
     H : (6, t, m, q) dead second Piola-Kirchhoff stress over E; None without.
     branches : A (6, t, m, q) and b (t, m, q) of `viscous_step`, and g_i mu0 over mu, of the law "finite".
@@ -189,8 +181,6 @@ class Overstress:
     def energy(self, C: Array, J: Array, mu: Array) -> Array:
         """Return the energy (...) over E beside the scaled law.
 
-        Parameters
-        ----------
         C, J : right Cauchy-Green tensor (6, ...) and volume ratio (...).
         mu : shear modulus over E.
         """

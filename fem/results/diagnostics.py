@@ -67,8 +67,6 @@ def diagnose(
 ) -> Solution:
     """Return a solution that was read from a state of a path, with its facts, and status and message by them.
 
-    Parameters
-    ----------
     stop : why the path ended before the requested load; empty if it did not.
     margin : returns the distance of an axisymmetric press from sideways buckling; None: no check.
     touched : whether the tip has carried a force before, so that a plate without force has left it.

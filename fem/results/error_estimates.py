@@ -117,8 +117,6 @@ proportion to the shear."""
 class ErrorRule:
     """Relative error of one quantity from its relative difference d to the coarser mesh, see the module docstring.
 
-    Attributes
-    ----------
     m : usual difference at an edge length of D and a base of 1.
     p : order with which the usual difference decreases with the edge length.
     q : power of the base with which it decreases; negative where it grows.
@@ -273,8 +271,6 @@ def relative_error(
 ) -> float | None:
     """Return the estimated error of a vector over its length; None where that is 0, or the rule or a number unknown.
 
-    Parameters
-    ----------
     value, coarse : the vector, and the vector on the coarser mesh.
     edge, base : edge length of the mesh over D, and base of the rule.
     rounding : length up to which a vector is 0.

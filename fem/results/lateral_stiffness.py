@@ -42,8 +42,6 @@ comparison in the module docstring."""
 class StabilityMargin:
     """Distance of a frictionless press from sideways buckling.
 
-    Attributes
-    ----------
     ratio : lateral stiffness over that of the unloaded beam; 0 at the critical depth, negative beyond. None with
         Coulomb friction, which holds the tip.
     critical_depth : estimate of that depth, over D; None where `ratio` is not between PAST and FAR.

@@ -42,8 +42,6 @@ MOST_SETTLING, SETTLED = 60, 1e-12
 class ContactZone:
     """Facets at and around the contact, and their c unknowns.
 
-    Attributes
-    ----------
     facets : (k,) mask of these facets.
     surface : the same facets, with nodes numbered from 0.
     nodes : (n,) numbers of these nodes in the whole mesh.

@@ -368,8 +368,6 @@ class Pardiso:
     (`match`). That takes most of the symbolic phase; mixed displacement-pressure systems need it only where elements,
     and with them pivots, differ by orders of magnitude.
 
-    Parameters
-    ----------
     order : order in which the unknowns are eliminated; default: PARDISO's own.
     outer : unknowns that are not eliminated, but left in a Schur complement.
     single : whether the first factors, and then the present ones, are in single precision.

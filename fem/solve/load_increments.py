@@ -86,8 +86,6 @@ State = TypeVar("State")
 class Reached(Generic[State]):
     """Where a path is: after one increment, within a segment, or after one or several.
 
-    Attributes
-    ----------
     state : the last state reached; after a failure without its past, for the path is too curved there.
     stop : why the next one, or the goal, was not reached; empty if it was.
     iterations : Newton iterations.

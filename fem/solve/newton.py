@@ -110,8 +110,6 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
     It has converged when the residual forces are below `tolerance` times the reactions, and the residual volumes
     below `tolerance` times the largest displacement (times the unit area: lengths are over D).
 
-    Parameters
-    ----------
     q : (n,) first guess.
     tolerance : see above.
     confirm : compute the residual after the last step. Otherwise that step is not assembled where it leaves at most
@@ -154,8 +152,6 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
 class ReferenceSize:
     """Reference sizes that residuals at an iterate are compared with.
 
-    Attributes
-    ----------
     n : number of residual forces; the residual volumes follow them.
     reaction, reach : norm of the reactions over E D^2, and largest displacement over D.
     """

@@ -72,8 +72,6 @@ class Problem:
 class ReducedSystem:
     """The system on the span of a basis.
 
-    Attributes
-    ----------
     V : (n, m) basis, whose displacements are orthonormal.
     K, R, M, b : projected matrices (m, m), and right-hand sides (m, k).
     W : (s, 2 m) sampled rows of the columns of K^-1 R V and -K^-1 M V in turn, for the error.
@@ -220,8 +218,6 @@ def _errors(static: Array, V: Array, W: Array, y: Complex, c: Complex, eigenvalu
 
     K^-1 r = K^-1 b - (V + c K^-1 R V - lambda K^-1 M V) y.
 
-    Parameters
-    ----------
     static, V, W : rows of K^-1 b (n, k), of the basis (n, m), and `ReducedSystem.W`, over which the norms are taken.
     y : (f, m, k) solutions.
     """
