@@ -99,34 +99,31 @@ def lame(E: float, nu: float) -> tuple[float, float]:
 
 @compiled
 def kinematics(G, Jm1, Hm1):
-    """Write J - 1 (n,) and, unless that is empty, F^-T - 1 (9, n) of displacement gradients."""
+    """Write J - 1 (n,) and F^-T - 1 (9, n) of displacement gradients."""
     n = len(Jm1)
-    full = len(Hm1) > 0
-    minors = Hm1 if full else np.empty((9, n))
     for i in range(3):
         for j in range(3):
             i1, i2, j1, j2 = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
             a, b, c, d = G[3 * i1 + j1], G[3 * i2 + j2], G[3 * i1 + j2], G[3 * i2 + j1]
-            row = minors[3 * i + j]
+            row = Hm1[3 * i + j]
             for x in range(n):
                 row[x] = a[x] * b[x] - c[x] * d[x]
     higher = np.empty(n)
-    a, b, c = minors[0], minors[4], minors[8]
+    a, b, c = Hm1[0], Hm1[4], Hm1[8]
     for x in range(n):
         higher[x] = a[x] + b[x] + c[x]
     for j in range(3):
-        a, b = G[j], minors[j]
+        a, b = G[j], Hm1[j]
         for x in range(n):
             higher[x] += a[x] * b[x]
     a, b, c = G[0], G[4], G[8]
     for x in range(n):
         Jm1[x] = a[x] + b[x] + c[x] + higher[x]
-    if full:
-        for i in range(3):
-            for j in range(3):
-                row, a = Hm1[3 * i + j], G[3 * j + i]
-                for x in range(n):
-                    row[x] = (row[x] - a[x] - (higher[x] if i == j else 0.0)) / (1 + Jm1[x])
+    for i in range(3):
+        for j in range(3):
+            row, a = Hm1[3 * i + j], G[3 * j + i]
+            for x in range(n):
+                row[x] = (row[x] - a[x] - (higher[x] if i == j else 0.0)) / (1 + Jm1[x])
 
 
 @compiled

@@ -98,6 +98,7 @@ class System:
     components : which components of the magnet's motion are unknowns, see `RigidBody`; empty without.
     free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and of those that are fixed or
         follow the magnet.
+    unknown_numbers : (nodes, fields) numbers of the displacements' unknowns; -1 for a displacement that is none.
     corner_nodes : nodes that carry pressures.
     viscous : what a time step of a viscoelastic law adds to the law; None without one.
     """
@@ -143,8 +144,8 @@ class System:
         used[e.cells] = True
         free = used & ~fixed
         free[self.glued] = False
-        self._reduced = np.full(fixed.shape, -1, dtype=np.int64)
-        self._reduced[free] = np.arange(int(free.sum()))
+        self.unknown_numbers = np.full(fixed.shape, -1, dtype=np.int64)
+        self.unknown_numbers[free] = np.arange(int(free.sum()))
         self._places = np.flatnonzero(free)
         self.n_free = int(free.sum())
         self.components = list(self.rigid.components) if self.rigid else []
@@ -181,7 +182,7 @@ class System:
         if self.surface is not None:
             facets = self.surface.nodes
             groups.append((facets, facets))
-            skin = self._reduced[facets].reshape(len(facets), facets.shape[1] * self.fixed.shape[1])
+            skin = self.unknown_numbers[facets].reshape(len(facets), facets.shape[1] * self.fixed.shape[1])
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
         self.pattern = Pattern(groups, sizes, skin)
 
@@ -190,11 +191,6 @@ class System:
         """The surface, of a system that has one."""
         assert self.surface is not None
         return self.surface
-
-    @property
-    def unknown_numbers(self) -> Ints:
-        """(nodes, fields) numbers of the displacements' unknowns; -1 for a displacement that is none."""
-        return self._reduced
 
     def state(self, q: Array) -> State:
         """Return displacements and pressures of unknowns q."""
@@ -247,9 +243,14 @@ class System:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
         T = self._motion_derivative(state)
         energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
-        springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
-        forces += springs - self.dead
-        energy += spring_energy - float(np.vdot(self.dead, state.u))
+        nodal, blocks, symmetric = np.zeros(self.fixed.shape), None, True
+        energy -= float(np.vdot(self.dead, state.u))
+        if plate is not None and self.surface is not None:
+            of_springs = plate_contact.assemble_springs(self.surface, state.u, plate, tangent=tangent)
+            springs, blocks, stored, symmetric = of_springs
+            np.add.at(nodal, self.surface.nodes, springs)
+            energy += stored
+        forces += nodal - self.dead
         residual = np.concatenate([forces[self.free], np.zeros(self.n_rigid), volumes[self._carried]])
         if self.rigid:
             residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
@@ -258,8 +259,8 @@ class System:
         if self.rigid:
             # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
             self._loops.add_motion(self.rigid.curvature(self.motion(state.q), forces[self.glued]), data)
-        if blocks is not None and self.surface is not None:
-            self._loops.add_matrices(blocks, FACETS, (self.surface.nodes, self._reduced), data)
+        if blocks is not None:
+            self._loops.add_matrices(blocks, FACETS, (self.skin.nodes, self.unknown_numbers), data)
         matrix = self.pattern.with_data(data)
         if not symmetric and blocks is not None:
             matrix = self.pattern.unfold(matrix, blocks)
@@ -268,7 +269,7 @@ class System:
     @functools.cached_property
     def _loops(self) -> ElementAssembly:
         motion = np.arange(self.n_free, self.n_free + self.n_rigid)[None]
-        numbers = self._reduced, self._pressures, motion
+        numbers = self.unknown_numbers, self._pressures, motion
         return ElementAssembly(
             self.elements, self.law, self.mu, self.inverse_K, self._corners, numbers, self.pattern, self._free_cells
         )
@@ -297,18 +298,6 @@ class System:
         returned. Pressures do not contribute.
         """
         return self.pattern.with_data(self._loops.assemble_relaxing(state.u, self._motion_derivative(state)))
-
-    def _spring_terms(
-        self, state: State, plate: Plate | None, tangent: bool
-    ) -> tuple[Array, Array | None, float, bool]:
-        """Return nodal forces, facet matrices and energy of the plate's springs, and whether these are symmetric."""
-        nodal = np.zeros(self.fixed.shape)
-        s = self.surface
-        if s is None or plate is None:
-            return nodal, None, 0.0, True
-        forces, blocks, energy, symmetric = plate_contact.assemble_springs(s, state.u, plate, tangent=tangent)
-        np.add.at(nodal, s.nodes, forces)
-        return nodal, blocks, energy, symmetric
 
     def _motion_derivative(self, state: State) -> Array:
         """Return the derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""

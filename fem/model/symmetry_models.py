@@ -162,15 +162,14 @@ class MeshSpecification:
         return Discretisation(model, mesh, system, symmetry, shape)
 
     def _mesh(self) -> skfem.Mesh:
-        settings: dict[str, Any] = {"tip_size": self.tip_size, "rim": self.rim, "magnet": self.hole}
+        settings: dict[str, Any] = {
+            "tip_size": self.tip_size,
+            "rim": self.rim,
+            "magnet": "hole" if self.magnet == "rigid" else "none",
+        }
         if self.body == "section":
             return _section_mesh(self.shape, self.size, **settings, fillet=self.fillet, glued=self.glued)
         return self.mesh or _solid_mesh(self.shape, self.size, **settings, half=self.body == "half")
-
-    @property
-    def hole(self) -> Literal["hole", "none"]:
-        """What a mesh has in place of the magnet."""
-        return "hole" if self.magnet == "rigid" else "none"
 
 
 def specification(scene: Scene, size: float, tip_size: float) -> MeshSpecification:
