@@ -49,17 +49,15 @@ class Recovery:
 
 
 def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
-    """Return the recovery of displacement and gradient at the point (0, 0, height).
+    """Return the recovery of displacement and gradient at the point (0, 0, height), over D.
 
-    height : over D.
-    mirrored : whether a solid is one half, y >= 0, of a body that is symmetric about the plane y = 0. Sections are so
-        without sine orders.
+    mirrored : whether the body is symmetric about the plane y = 0, and a solid is its half y >= 0.
     """
     if e.dim == 2:
         nodes, points, turned = _revolved_nodes(e)
     else:
         nodes, points, turned = np.arange(len(e.nodes)), e.nodes, np.broadcast_to(np.eye(3), (len(e.nodes), 3, 3))
-    if mirrored if e.dim == 3 else not e.angles.sines:
+    if mirrored:
         imaged = points[:, 1] > SAME_PLACE
         mirror = np.array([1.0, -1.0, 1.0])
         points = np.concatenate([points, points[imaged] * mirror])

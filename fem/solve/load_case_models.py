@@ -63,7 +63,7 @@ def press(scene: Scene) -> PathModels:
     """Return the models of a press: axisymmetric, or with harmonics for an imperfection or on request."""
     section = replace(_section(scene, scene.accuracy.section_size), fillet=PRESS_FILLET)
     if scene.model == "axisymmetric":
-        return PathModels(section, raised=replace(section, harmonics=1))
+        return PathModels(section)
     high = _harmonic(scene, section)
     return PathModels(high, predictor=_predictor(high) if scene.coulomb is None else None)
 

@@ -43,8 +43,7 @@ class PathModels:
     Attributes
     ----------
     first : model at the start of the path.
-    raised : model with harmonics on the same mesh that replaces `first` when the shear begins; the sideways stability
-        of an axisymmetric press is also computed in it.
+    raised : model with harmonics on the same mesh that replaces `first` when the shear begins.
     predictor : model that predicts the states of the model with harmonics: one harmonic on the same mesh; only
         without Coulomb friction.
     glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
