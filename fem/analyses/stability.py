@@ -114,16 +114,16 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     end = scene.loads[0].depth / D
     rough = _fine_section(replace(scene, accuracy=QUICK))
     # a search from rest always has a result
-    found = _search(rough, guided, 0.0, min(STEP, end / 8), end) or _Search(0.0, UNREACHED)
+    found, _ = _search(rough, guided, 0.0, min(STEP, end / 8), end) or NOWHERE
     if found.depth is not None:
         edge, _ = find_press(rough, RIM * scene.accuracy.section_patch, found.depth)
-        found = _search_near(_fine_section(scene, edge), guided, found.depth, end)
+        found, now = _search_near(_fine_section(scene, edge), guided, found.depth, end)
         # where the radius at which the contact ends has changed by 2 %, it needs another mesh
-        if found.depth is not None and abs(found.edge / edge - 1) > 0.02:
-            found = _search_near(_fine_section(scene, found.edge), guided, found.depth, end)
-    stable = found.stable * D
-    if found.depth is None:
-        return Critical(None, None, stable, found.limit.format(f"{stable:.4g}"))
+        if found.depth is not None and abs(now / edge - 1) > 0.02:
+            found, _ = _search_near(_fine_section(scene, now), guided, found.depth, end)
+    stable = found.stable_to * D
+    if found.depth is None or found.force is None:
+        return Critical(None, None, stable, found.message.format(f"{stable:.4g}"))
     return Critical(found.depth * D, found.force * scene.design.E * D**2, stable, "")
 
 
@@ -134,37 +134,26 @@ def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
     return replace(specification(scene, size, size / 2), fillet=PRESS_FILLET, rim=rim)
 
 
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """Result of a search on one mesh, in units of D and E.
-
-    stable : greatest depth that was found to be stable.
-    limit : why the search ended there, with room for that depth in mm; empty if it reached its last depth.
-    depth, force : critical depth, and normal force there; depth is None where no instability was found.
-    edge : undeformed radius at which the contact ends.
-    """
-
-    stable: float
-    limit: str = ""
-    depth: float | None = None
-    force: float = 0.0
-    edge: float = 0.0
-
-
 class _StoppedError(Exception):
-    """The press does not reach a depth, or its stability there is unknown: the text of `_Search.limit`."""
+    """The press does not reach a depth, or its stability there is unknown."""
 
 
-def _search_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _Search:
+Found = tuple[Critical, float]
+"""Result on one mesh, in units of D and E, its message with room for the depth in mm; and the undeformed radius at
+which the contact ends at the critical depth."""
+NOWHERE: Found = Critical(None, None, 0.0, UNREACHED), 0.0
+
+
+def _search_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> Found:
     """Find the first instability near a depth; start from rest if the press is unstable or fails before that depth.
 
     An unstable state may lie on another branch, from which unloading does not return to the stable one.
     """
     found = _search(section, guided, (1 - STEP) * depth, STEP * depth, end)
-    return found or _search(section, guided, 0.0, depth / 4, end) or _Search(0.0, UNREACHED)
+    return found or _search(section, guided, 0.0, depth / 4, end) or NOWHERE
 
 
-def _search(section: MeshSpecification, guided: bool, start: float, step: float, end: float) -> _Search | None:
+def _search(section: MeshSpecification, guided: bool, start: float, step: float, end: float) -> Found | None:
     """Find the first instability on one mesh.
 
     None where the press does not reach the depth `start`, or is not known to be stable there.
@@ -197,7 +186,7 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
     try:
         while stiffness(depth) > 0:
             if depth >= end:
-                return _Search(depth)
+                return Critical(None, None, depth, ""), 0.0
             stable, depth = depth, min(depth + step, end)
         if start and not stable:
             return None
@@ -207,7 +196,6 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
         depth = float(brentq(stiffness, stable, depth, rtol=1e-4))
         press(depth)
     except _StoppedError as stopped:
-        return None if start and not stable else _Search(stable, str(stopped))
+        return None if start and not stable else (Critical(None, None, stable, str(stopped)), 0.0)
     stable = max(depth for depth, value in known.items() if value > 0)
-    edge, force = measure_contact_edge(state), integrate_normal_force(state)
-    return _Search(stable, "", depth, force, edge)
+    return Critical(depth, integrate_normal_force(state), stable, ""), measure_contact_edge(state)
