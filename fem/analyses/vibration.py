@@ -17,10 +17,9 @@ gripped, with Coulomb friction) all harmonics form one system, with both motions
 the shear.
 
 Contact is frozen: points in touch keep their normal springs, whatever the sign of their motion, and glued points
-their tangential ones too. With Coulomb friction all points in touch stick: a point that has slipped carries the
-largest traction, so it slips on in one half of a small cycle and sticks in the other; after the first cycles its
-traction has fallen far enough for it to stick in both. A grip moves along x only, and its skin is free along z. With
-q the unknowns and s the motion of the plate, the energy's second derivatives are
+their tangential ones too. With Coulomb friction all points in touch stick, those that have slipped too; fem/README.md
+has the reason, and the limits. A grip moves along x only, and its skin is free along z. With q the
+unknowns and s the motion of the plate, the energy's second derivatives are
 
     Pi_qq = K,    Pi_qs = -b,    Pi_ss = k_held,        so    K q = b s,    F = k_held s - b . q
 
@@ -28,9 +27,6 @@ is the force on the tip, with the signs of `geometry.loads.Response`: positive i
 
 The free sensor has no plate: its base is shaken instead, and q is the motion relative to the base. A unit motion r
 of the base loads it by lambda M r (`fem.solve.reduced_basis` has lambda).
-
-Limits: contact and gluing stay as they are in the state; the plate is rigid and has no mass; amplitudes are small.
-The mesh must carry the shortest shear wave, of length c / f with the wave speed c = (G / rho)^(1/2) at rest.
 """
 
 from __future__ import annotations

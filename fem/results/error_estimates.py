@@ -12,12 +12,8 @@ often a better measure of the error than d, and s is small.
 
 The constants are in error_rules.csv beside this module (all numbers are of dimension 1), by scene, by magnet (rigid,
 ignored) or motion of a vibration (z, x), and by quantity. Each row has the version of the answers that its evidence
-is of (`fem.physics_version`), the study, and the commit whose solves it used. A row of another version than today's
-is no rule: the estimate is then unknown. `magtip validate accuracy` compares solutions of twelve designs at levels
-quick, standard and fine with much finer meshes, and writes the table with wider c where an estimate covers less than
-95 % of the true errors. m, p and q are chosen so that half of the differences in the study exceed the usual one; c
-and s are about the least that cover 95 % of the true errors. For glued and gripped shears, the presses before them
-and small shears, p, q and s are those of some round values with which most estimates are sharp, and c covers 97 %.
+is of (`fem.physics_version`), the study, and the commit whose solves it used; fem/README.md says how the constants
+were found. A row of another version than today's is no rule: the estimate is then unknown.
 
 Scenes and their bases:
 
@@ -27,29 +23,15 @@ Scenes and their bases:
   where the coarser solve also takes longer load steps. b is the contact radius over D, at least LEAST_RADIUS. The
   quantity sideways is the force along the shear alone, and its base the share of that component in the whole force:
   slip depends on the normal force, beside which it may be small. Upright presses have no tilt; their rule of the tilt
-  is that of the shift. far and friction were determined with a rigid magnet and are also used without.
-- tilted press, tilted stick, tilted friction: a tilted plate, on sections. They are not in the study: their constants
-  come from solves of the twelve designs, alternately with a rigid magnet and without, under tilts of 2 to 20 degrees
-  at depths of about D/10. Presses at quick and standard were compared with two to three orders more on a mesh with
-  edges of 0.065 D, and all three at quick with tetrahedra (`magtip validate crosscheck --tilted`).
-- solid, solid press: tetrahedra refined where the contact ends, and not, as in an upright press. Their constants were
-  chosen on meshes of another mesher, two of which agree by chance more often, so s is small. On today's they cover
-  95 % of the errors of presses of designs 0, 3 and 7, for which c of solid press was widened, and all of shears of
-  designs 0 and 3, whose errors are two to eight times smaller than these estimates; at quick and standard, with and
-  without a rigid magnet. With Coulomb friction the force along the shear has the rule of friction.
+  is that of the shift.
+- tilted press, tilted stick, tilted friction: a tilted plate, on sections. solid, solid press: tetrahedra refined
+  where the contact ends, and not, as in an upright press; with friction their rule of sideways is that of friction.
 - critical: depth and force at which a press buckles; b is the depth over D, at least LEAST_DEPTH. small shear:
   stiffness, shift and tilt; b is the contact radius over D, at least LEAST_RADIUS. modes: frequency and pressed
-  frequency; b = 1 / (omega D (rho / E)^(1/2)). The study has no guided tips. The coarser solve of
-  a small shear or of modes has the edge of the contact that the finer one located: d has no part of the error of that
-  edge, c has, since each reference of the study locates its own. The constants are those of solves in which the
-  coarser mesh located its own edge too. Estimates as today cover 98 % of the errors of the study's modes without a
-  press, 95.5 % with one, and 99, 96 and 98 % of those of the stiffness, shift and tilt of its small shears.
+  frequency; b = 1 / (omega D (rho / E)^(1/2)).
 - vibrating press, vibrating shear: gains of a vibration away from resonances, about a press or about a state that is
   sheared, tilted or held; b = 1. force is the force over the motion, shift and reading the magnet's shift and the
-  reading of an element over the force, base the shift over that of the base of the free sensor. The constants come
-  from `magtip validate vibration --out results/vibration` (frictionless and glued presses, glued
-  shears, free, with a rigid magnet), such that 95 % of the errors over all frequencies are at most the estimates.
-  Tilted plates, Coulomb friction, grips and beams without a rigid magnet are not in it, and use them too.
+  reading of an element over the force, base the shift over that of the base of the free sensor.
 """
 
 from __future__ import annotations
