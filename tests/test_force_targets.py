@@ -213,7 +213,7 @@ class Spring:
 
     def __init__(self, law, last=math.inf, *, power=1.5, most=10.0, **options):
         self.law, self.last, self.moves = law, last, []
-        self.curve = LoadingCurve(CurvePoint(0.0, law(0.0), 0.0), self.go, power=power, most=most, **options)
+        self.curve = LoadingCurve([CurvePoint(0.0, law(0.0), 0.0)], self.go, power=power, most=most, **options)
 
     def go(self, state, motion):
         self.moves.append((state, motion))

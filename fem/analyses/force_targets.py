@@ -97,34 +97,23 @@ Watch = Callable[[float], None]
 """Is called before each solve with its motion."""
 
 
+@dataclass(slots=True)
 class LoadingCurve:
-    """The solved states along one motion, in its order.
+    """The solved states along one motion, in its order; at first only that at motion 0.
 
-    Parameters
-    ----------
-    first : the state at motion 0.
     move : leads to the next ones.
     power : power of the motion with which the force grows at first.
     most : largest motion.
     ended : whether no further motion increases the force.
-
-    Attributes
-    ----------
-    points : the states.
-    iterations : Newton iterations of all of them.
+    iterations : Newton iterations of all states.
     """
 
-    def __init__(
-        self,
-        first: CurvePoint,
-        move: Move,
-        *,
-        power: float,
-        most: float,
-        ended: Callable[[PathState], bool] = lambda _: False,
-    ) -> None:
-        self._move, self._power, self.most, self.ended = move, power, most, ended
-        self.points, self.iterations = [first], 0
+    points: list[CurvePoint]
+    move: Move
+    power: float
+    most: float
+    ended: Callable[[PathState], bool] = lambda _: False
+    iterations: int = 0
 
     def reach(self, motion: float) -> CurvePoint:
         """Return the state at a motion, or the one at which the path stops before it."""
@@ -132,7 +121,7 @@ class LoadingCurve:
         before = self.points[after - 1]
         if math.isclose(before.motion, motion, rel_tol=1e-12):
             return before
-        point = self._move(before.state, motion)
+        point = self.move(before.state, motion)
         self.iterations += point.iterations
         bisect.insort(self.points, point, key=lambda point: point.motion)
         return point
@@ -201,7 +190,7 @@ class LoadingCurve:
     def excess(self, point: CurvePoint, force: float) -> float:
         """Return the force of a state over the wanted one, to the power at which it is proportional to the motion."""
         share = point.force / force
-        return math.copysign(abs(share) ** (1 / self._power), share) - 1
+        return math.copysign(abs(share) ** (1 / self.power), share) - 1
 
 
 def _excess_at(motion: float, curve: LoadingCurve, force: float, watch: Watch) -> float:
@@ -430,7 +419,7 @@ class ForcePath:
 
     def _curve(self, state: PathState, axis: Array, **options: Any) -> LoadingCurve:
         """Return the curve of a motion along an axis (3,), depth and shear along x and y, from a state on."""
-        return LoadingCurve(_point(state, axis), functools.partial(_move, self._path, axis), **options)
+        return LoadingCurve([_point(state, axis)], functools.partial(_move, self._path, axis), **options)
 
     def shear(self, pressed: CurvePoint, target: ForceTarget, watch: Watch) -> CurvePoint:
         """Return the state with the shear force of a target, after a press to a state."""

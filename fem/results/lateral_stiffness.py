@@ -53,22 +53,17 @@ class StabilityMargin:
     stability: Stability
 
 
+@dataclass
 class SidewaysModel:
-    """Models of orders 1 to `harmonics` in which the presses on one mesh are checked for sideways stability.
+    """Models of orders 1 to `harmonics`, in which presses of the axisymmetric model `low` are checked sideways."""
 
-    Parameters
-    ----------
-    low : axisymmetric model of the presses.
-    harmonics : largest order.
-    """
-
-    def __init__(self, low: Discretisation, harmonics: int = 1) -> None:
-        self._low, self._harmonics = low, harmonics
+    low: Discretisation
+    harmonics: int = 1
 
     @functools.cached_property
     def orders(self) -> list[Discretisation]:
         """The models, built at their first use, which most paths never reach."""
-        return [single_order.build(self._low, order) for order in range(1, self._harmonics + 1)]
+        return [single_order.build(self.low, order) for order in range(1, self.harmonics + 1)]
 
     @functools.cached_property
     def solvers(self) -> list[Solver]:
