@@ -29,17 +29,18 @@ class Stream:
     """Decoder of a time series, one row at a time; of several poses it chooses the one nearest to the last.
 
     coder : as returned by `analytic.decode.decoder`.
+    jitter : of `analytic.time_series.RowChecks`.
     """
 
-    def __init__(self, coder: Decoder) -> None:
-        self.coder = coder
+    def __init__(self, coder: Decoder, jitter: float = 0.0) -> None:
+        self.coder, self._jitter = coder, jitter
         self.last = np.zeros(3)
         self.offset = np.zeros(len(coder.sigma))
         self._past: TimeSeries | None = None
 
     def zero(self, fields: Array) -> None:
-        """Take rows of readings (n, k), T, at any moment for those of the sensor at rest."""
-        self.offset = zero_offset(self.coder, fields)
+        """Take rows of readings (n, k), T, at any moment for those of the sensor at rest, where it has relaxed."""
+        self.offset, self._past = zero_offset(self.coder, fields), None
 
     def step(self, field: tuple[float, ...], time: float = nan) -> Sample:
         """Decode one row of readings, B.n of each element, T.
@@ -64,7 +65,7 @@ class Stream:
         if status == "ok" and self.coder.mechanics is not None and isnan(force[2, 0]):
             status = "tension"
         if not isnan(time):
-            self._past = self._past or TimeSeries(self.coder)
+            self._past = self._past or TimeSeries(self.coder, self._jitter)
             status, force = self._past.step(time, row, status, force[:, 0], load[:, 0])
         (x, y, z), (rx, ry), (f_x, f_y, f_n) = (values.ravel().tolist() for values in (shift, tilt, force))
         return Sample(status, (x, y, z), (rx, ry), (f_x, f_y, f_n), len(poses))

@@ -94,29 +94,38 @@ class RowChecks:
     Parameters
     ----------
     coder : its elements' noise, and the ranges of their readings.
+    jitter : how much later than it was measured a row may come, s, where its time is that of its arrival.
     """
 
-    def __init__(self, coder: Decoder) -> None:
+    def __init__(self, coder: Decoder, jitter: float = 0.0) -> None:
         # only a noise that moves the converter tells a value at rest from one that is repeated for ever
         self._dithered = np.array([e.noise > 0 and e.noise >= e.step for e in coder.forward.elements])
         places = np.stack(np.meshgrid(*np.linspace(coder.low, coder.high, 3).T)).reshape(3, -1)
         spans = np.ptp(readings_with_slopes(coder.forward, places)[0], axis=1)
         self._least = np.maximum(10 * coder.sigma, LEAST_JUMP * spans)
         self._repeats, self._row = np.zeros(len(self._least), dtype=int), np.full(len(self._least), np.nan)
+        self._steady = self._row
         self._changes: deque[Array] = deque(maxlen=RECENT)
         self._intervals: deque[float] = deque(maxlen=RECENT)
-        self._time = math.nan
+        self._time, self._jitter = math.nan, jitter
 
     def word(self, time: float, row: Array) -> Status:
         """Return the status of a row (k,), T, at a time, s, by the rows before it: frozen, after_gap, jump or ok."""
-        change, interval, full = np.abs(row - self._row), time - self._time, len(self._changes) == RECENT
+        interval, full = time - self._time, len(self._changes) == RECENT
         self._repeats = np.where(row == self._row, self._repeats + 1, 0)
         frozen = bool((self._dithered & (self._repeats >= REPEATS - 1)).any())
-        late = full and interval > LATE * sorted(self._intervals)[RECENT // 2]
-        jumps = full and bool((change > np.maximum(JUMP * np.max(self._changes, axis=0), self._least)).any())
-        if np.isfinite(change).all():
-            self._changes.append(change)
-            self._intervals.append(interval)
+        late = full and interval - self._jitter > LATE * sorted(self._intervals)[RECENT // 2]
+        # a single wrong row is a jump, but neither the way back from it nor a row that stays where a jump led
+        changes = np.abs(row - np.stack([self._row, self._steady]))
+        least = np.maximum(JUMP * np.max(self._changes, axis=0), self._least) if full else np.inf
+        apart = (changes > least).any(axis=1)
+        jumps = bool(apart.all())
+        change = changes[apart.argmin()]
+        if not jumps:
+            self._steady = row
+            if np.isfinite(change).all():
+                self._changes.append(change)
+                self._intervals.append(interval)
         self._time, self._row = time, row
         return "frozen" if frozen else "after_gap" if late else "jump" if jumps else "ok"
 
@@ -124,8 +133,8 @@ class RowChecks:
 class TimeSeries:
     """Status and force of decoded rows, by the rows before them; see `RowChecks` and `RelaxingForce`."""
 
-    def __init__(self, coder: Decoder) -> None:
-        self._checks, self._force = RowChecks(coder), RelaxingForce(coder.forward.design)
+    def __init__(self, coder: Decoder, jitter: float = 0.0) -> None:
+        self._checks, self._force = RowChecks(coder, jitter), RelaxingForce(coder.forward.design)
         self._lost = False
 
     def step(self, time: float, row: Array, status: Status, force: Array, load: Array) -> tuple[Status, Array]:

@@ -15,9 +15,10 @@ from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
 from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit
-from studies.inputs.option_groups import Pose, Reading
+from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
 from studies.sensitivity.made_sensors import made_readings, made_sensors, tolerances
+from studies.streaming import live_stream
 from studies.validation import calibration_check
 from studies.web.explorer_answers import Answers
 from studies.web.explorer_state import request_of
@@ -225,6 +226,12 @@ def test_a_stream_is_decoded_by_a_calibration_with_what_relaxes_from_a_zero_at_a
     assert (half[30:, 2] > decoded.law_error_N[30:40]).all()
     assert decoded.status.tolist() == ["ok"] * 40 + ["saturated"]
     assert decoded.force_z_N.isna().tolist() == [False] * 40 + [True]
+    # what arrives row by row is decoded alike
+    live = live_stream.Live(paper(), Streaming(port="-", calibration=path, rest=0.42))
+    arrived = [row for time, volts in zip(times, drifted, strict=True) for row in live.rows([(time, tuple(volts))])]
+    assert [row["status"] for row in arrived] == ["ok"] * 31 + ["saturated"]
+    for name, row in (("force_z_N", arrived[25]), ("half_width_x_N", arrived[25])):
+        assert row[name] == pytest.approx(decoded[name][34], rel=1e-6)
 
 
 def test_a_cycle_of_a_calibrated_sensor_holds_its_force_in_the_interval(calibration, run, strict, tmp_path):

@@ -263,6 +263,24 @@ def decoded_rows(
 
     An interval grows as its force does by what relaxes, and by what another law would change.
     """
+    words, force, half, shift, load = decoded_arrays(found, readings, warmer, zeroed=zeroed)
+    columns, numbers = DECODED, [force, half, shift]
+    if times is not None:
+        coder = decoder(found.sensor.design, found.sensor.mechanics)
+        field = field_of(parts.of_design(found.sensor.design), readings)
+        total, words, relaxing = decode_readings.over_time(coder, field, times, force, load, words)
+        numbers = [total, sensor_fit.relaxing_half_width(half, force, total, relaxing[:, 3]), shift, relaxing]
+        columns = (*DECODED, *decode_readings.TIME_COLUMNS)
+    return [
+        dict(zip(columns, (word, *row), strict=True))
+        for word, row in zip(words, np.hstack(numbers).tolist(), strict=True)
+    ]
+
+
+def decoded_arrays(
+    found: Fit, readings: Array, warmer: Array, *, zeroed: bool = False
+) -> tuple[list[Any], Array, Array, Array, Array]:
+    """Return status, force of slow loading, half of its interval, shift and load (n, 3) of readings (n, k)."""
     answer = sensor_fit.decode(found, readings, warmer, zeroed=zeroed)
     elements = parts.of_design(found.sensor.design)
     finite, known = (np.asarray(np.isfinite(each).all(axis=1)) for each in (readings, answer.force))
@@ -271,18 +289,7 @@ def decoded_rows(
     status = np.where(~finite, "not_finite", np.where(full, "saturated", np.where(known, "ok", "no_pose")))
     force, half, shift = (np.where(status[:, None] == "ok", each, np.nan) for each in (
         answer.force, answer.half_width, answer.shift))  # fmt: skip
-    words, columns = status.tolist(), DECODED
-    numbers = [force, half, shift]
-    if times is not None:
-        coder = decoder(found.sensor.design, found.sensor.mechanics)
-        field = field_of(elements, readings)
-        total, words, relaxing = decode_readings.over_time(coder, field, times, force, answer.load, words)
-        numbers = [total, sensor_fit.relaxing_half_width(half, force, total, relaxing[:, 3]), shift, relaxing]
-        columns = (*DECODED, *decode_readings.TIME_COLUMNS)
-    return [
-        dict(zip(columns, (word, *row), strict=True))
-        for word, row in zip(words, np.hstack(numbers).tolist(), strict=True)
-    ]
+    return status.tolist(), force, half, shift, answer.load
 
 
 def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: bool) -> Result:

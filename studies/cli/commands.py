@@ -29,8 +29,8 @@ from geometry.design import BadInput
 from studies.output import console, standard_streams
 from studies.output.result import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 
-NEGATIVE = re.compile(r"-[\d.]\S*[,%]")
-"""A negative percentage, or the beginning of a list of numbers whose first number is negative."""
+NEGATIVE = re.compile(r"-[\d.]\S*[,%]|-$")
+"""A negative percentage, the beginning of a list whose first number is negative, or - for a standard stream."""
 
 
 def _version() -> str:
@@ -55,7 +55,7 @@ VERBS = {
         "simulation_commands": "solve analytic compare stability modes response cycle fit",
         "exploration_commands": "demo",
     },
-    "Sensing": {"sensing_commands": "field readings calibrate decode table layout"},
+    "Sensing": {"sensing_commands": "field readings calibrate decode stream table layout"},
     "Exploration": {"exploration_commands": "explore sweep sensitivity report"},
     "Validation": {},
 }

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -35,7 +37,10 @@ from studies.output.records import FlatRow
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
 
 if TYPE_CHECKING:
+    from studies.calibration.sensor_fit import Fit
     from studies.mechanics.study_cases import Plan
+    from studies.sizing.requirements import Requirements
+    from studies.web.explorer_server import Measuring
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
 
@@ -295,7 +300,7 @@ def explore(
         raise BadInput(f"--export writes a file without a server, for which {option} has no meaning: leave it out")
     if export is not None and calibration is not None:
         raise BadInput("--calibration works with the page of a server: leave --export out")
-    from studies.web import required_margins, state_exports
+    from studies.web import required_margins
 
     with console.progress(as_json=False) as progress:
         design, needed = required_margins.sensor_of(source, sets or [], progress)
@@ -309,12 +314,25 @@ def explore(
     if export is not None:
         _export(design, export)
         return GOOD
-    from studies.web import explorer_server
+    load = {} if needed is None else required_margins.opening_load(design, needed)
+    serve_page(design, port=port, needed=needed, made=made, load=load, no_browser=no_browser)
+    return GOOD
 
-    changed = state_exports.address_fields(design)
-    if needed is not None:
-        changed |= {name: f"{value:g}" for name, value in required_margins.opening_load(design, needed).items()}
 
+def serve_page(
+    design: Design,
+    measuring: Measuring | None = None,
+    *,
+    port: int = 0,
+    needed: Requirements | None = None,
+    made: Fit | None = None,
+    load: Mapping[str, float] = MappingProxyType({}),
+    no_browser: bool = False,
+) -> None:
+    """Serve the page of a design, and open it in the user's browser, until Ctrl-C."""
+    from studies.web import explorer_server, state_exports
+
+    changed = state_exports.address_fields(design) | {name: f"{value:g}" for name, value in load.items()}
     with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
 
         def ready(address: str) -> None:
@@ -323,8 +341,7 @@ def explore(
             if not no_browser:
                 _open(address, Path(folder, "explorer.html"))
 
-        explorer_server.serve(changed, port, needed, made, ready)
-    return GOOD
+        explorer_server.serve(changed, port, needed, made, ready, measuring)
 
 
 def _export(design: Design, path: Path) -> None:

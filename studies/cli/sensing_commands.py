@@ -1,7 +1,8 @@
-"""The verbs of the magnetic field and of the Hall elements: field, readings, decode, table, layout."""
+"""The verbs of the magnetic field and of the Hall elements, from field and readings to decode, stream and layout."""
 
 from __future__ import annotations
 
+import dataclasses
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,6 +21,7 @@ from studies.inputs.option_groups import (
     LayoutParts,
     Pose,
     Reading,
+    Streaming,
 )
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
@@ -155,6 +157,7 @@ def decode(
     *,
     decoding: Decoding = Decoding(),
     out: Path | None = None,
+    mcap: Path | None = None,
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
@@ -167,6 +170,8 @@ def decode(
     ----------
     out
         CSV file for the rows of --file with the results added; default: standard output.
+    mcap
+        MCAP file for the forces and flux densities of a --file with times, as messages of ROS 2; see magtip stream.
     """
     from studies.sensing import decode_readings
     from studies.sensitivity import decode_tolerances
@@ -177,8 +182,20 @@ def decode(
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and (out is not None or decoding.zero is not None):
         raise BadInput(f"{'--zero' if out is None else '--out'} works with --file only: leave it out")
-    atomic_files.check_apart([out], [source, file, decoding.responses, decoding.calibration])
+    if mcap is not None:
+        unfit = [decoding.units, decoding.zero, decoding.tolerances, decoding.ignore_tilt or None]
+        if file is None or any(each is not None for each in unfit):
+            raise BadInput(
+                "--mcap records a --file as it is: leave --units, --zero, --tolerance and --ignore-tilt out"
+            )
+        atomic_files.check_output_file(mcap, ".mcap")
+    atomic_files.check_apart([out, mcap], [source, file, decoding.responses, decoding.calibration])
     design = design_of(source, sets)
+    if mcap is not None:
+        from studies.streaming import recording
+
+        with atomic_files.sole_writer(mcap):
+            recording.record(design, decoding, mcap)
     if decoding.calibration is not None:
         from studies.calibration import calibration_file
 
@@ -197,6 +214,59 @@ def decode(
 
     with atomic_files.sole_writer(out):
         return show(decode_readings.decode_file(coder, decoding, out, check, as_json=as_json), here)
+
+
+def stream(
+    source: Source,
+    /,
+    *,
+    streaming: Streaming,
+    out: Path | None = None,
+    mcap: Path | None = None,
+    frame_id: str = "magtip_tip",
+    page: bool = False,
+    no_browser: bool = False,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Decode readings while they arrive, until the stream ends or Ctrl-C: forces on the screen, in a file, as JSON.
+
+    Bytes that are no frame are dropped and counted. The exit status is 3 if no row has a force.
+
+    Parameters
+    ----------
+    out
+        CSV file for time, readings, status, force and shift of each row.
+    mcap
+        MCAP file for the forces (geometry_msgs/WrenchStamped: what acts on the tip, z along the beam) and the flux
+        densities (sensor_msgs/MagneticField).
+    frame_id
+        Frame of these messages.
+    page
+        Show the forces on the page of magtip explore, whose sensor is the design, until Ctrl-C.
+    no_browser
+        Print the address of the page, but do not open it.
+    """
+    from studies.cli.exploration_commands import serve_page
+    from studies.streaming import live_stream
+
+    atomic_files.check_apart([out, mcap], [source, streaming.port, streaming.responses, streaming.calibration])
+    design = design_of(source, sets)
+    targets = {".csv": out, ".mcap": mcap}
+    for suffix, path in targets.items():
+        if path is not None:
+            atomic_files.check_output_file(path, suffix)
+    with atomic_files.sole_writer(out, mcap):
+        live, outputs = live_stream.Live(design, streaming), live_stream.Outputs(out, mcap, frame_id, as_json)
+        readings = live_stream.source_of(design, streaming)
+        if page:
+            result = live_stream.run_with_page(
+                live, readings, outputs, partial(serve_page, design, no_browser=no_browser)
+            )
+        else:
+            result = live_stream.run(live, readings, outputs, partial(live_stream.zero_typed, live, streaming))
+    # the rows on standard output are all of it
+    return show(dataclasses.replace(result, records=[], shown=[]) if as_json else result, Destination())
 
 
 def table(

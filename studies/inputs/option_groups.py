@@ -389,6 +389,62 @@ class Calibrating:
 
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Streaming:
+    """Where readings come from, how a frame of them is laid out, and by what they are decoded.
+
+    Attributes
+    ----------
+    port
+        Serial port (/dev/ttyACM0), named pipe, - for standard input, or a CSV file with time_s and the elements'
+        columns, which is replayed at its own pace.
+    frames
+        Layout of a frame: lines of numbers in the order of the elements; lines-xyzt, x, y, z in uT and the
+        temperature of each chip; anyskin, the binary frames of AnySkin and ReSkin; aa, 0xAA and three counts of 16
+        bits for each chip.
+    units
+        Unit of the numbers of lines: V or mV, of a chip T, mT, uT or G; default: that of the elements' output.
+    chips
+        Which chips of a frame are this design's, counted from 1, such as 3 or 1,2,4; default: the first ones.
+    frame_chips
+        Number of chips in a frame; default: as many as --chips needs.
+    axes
+        Axes of the chip that lie along x, y and z of the sensor, such as y,-x,z.
+    lsb
+        Flux density of a count of aa, uT, along x and y, and along z; default: 0.15,0.242, an MLX90393 at gain 7.
+    clock
+        Unit of the device's time, with which each line then begins; default: times are those of arrival.
+    baud
+        Speed of a serial port, bits per second.
+    speed
+        Pace of a replay: 2 for twice as fast, 0 without waiting.
+    rest
+        Time at the start, s, in which nothing touches the sensor: its readings are taken for those at rest. On a
+        terminal, z and Enter take those of the last half second.
+    level
+        Formulas for tilt and load: paper, column, tip, magnet or finite; default: paper, which has no tilt and
+        underestimates the force.
+    responses
+        File of states printed by `magtip solve --json`, for tilt and load instead of formulas.
+    """
+
+    port: str
+    frames: Literal["lines", "lines-xyzt", "anyskin", "aa"] = "lines"
+    units: str | None = None
+    chips: str | None = None
+    frame_chips: Whole | None = None
+    axes: str = "x,y,z"
+    lsb: str | None = None
+    clock: Literal["s", "ms", "us"] | None = None
+    baud: Whole = 115200
+    speed: float = 1.0
+    rest: Annotated[float, Parameter(name="--zero")] = 0.0
+    level: str | None = None
+    responses: Path | None = None
+    calibration: Annotated[Path | None, CALIBRATION] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutParts:
     """Parts of a study of a layout beside its map.
 

@@ -88,6 +88,31 @@ class ToleranceCheck:
         }
 
 
+class AtRest:
+    """The test of rows against made sensors at rest."""
+
+    def __init__(self, coder: Decoder, sizes: Tolerances = tolerances()) -> None:
+        design = coder.forward.design
+        self.made, self.nominal = made_sensors(design, sizes, SENSORS), nominal_sensor(design)
+        self._rest, deviations = _read(self.nominal, self.made, np.zeros(3), np.zeros(2))
+        deviations = deviations + np.random.default_rng(0).normal(0.0, coder.sigma, deviations.shape)
+        self._inverse = np.linalg.inv(deviations.T @ deviations / len(deviations))
+        self._of_made = np.sort(self._squares(deviations))
+
+    def _squares(self, deviations: Array) -> Array:
+        return np.asarray(np.einsum("ni,ij,nj->n", deviations, self._inverse, deviations))
+
+    def probability(self, field: Array) -> Array:
+        """Return the share of made sensors at rest that differ more than each row (n, k), T; NaN without readings."""
+        squares = self._squares(field - self._rest)
+        larger = len(self._of_made) - np.searchsorted(self._of_made, squares, side="right")
+        return np.where(np.isnan(squares), np.nan, larger / len(self._of_made))
+
+    def status(self, word: Status, probability: float, force: float) -> Status:
+        """Return the status of a row by its force, N, and its probability: uncalibrated in place of ok."""
+        return "uncalibrated" if word == "ok" and force > 0 and probability >= DOUBTFUL else word
+
+
 def check(coder: Decoder, field: Array, decoded: Decoded, sizes: Tolerances = tolerances()) -> ToleranceCheck:
     """Compare decoded rows of a design's own three elements with made sensors of the design.
 
@@ -95,24 +120,13 @@ def check(coder: Decoder, field: Array, decoded: Decoded, sizes: Tolerances = to
     ----------
     field : the readings B.n, shape (n, 3), T.
     """
-    design = coder.forward.design
-    made, nominal = made_sensors(design, sizes, SENSORS), nominal_sensor(design)
-    rest, rest_deviations = _read(nominal, made, np.zeros(3), np.zeros(2))
-    rest_deviations = rest_deviations + np.random.default_rng(0).normal(0.0, coder.sigma, rest_deviations.shape)
-    inverse = np.linalg.inv(rest_deviations.T @ rest_deviations / len(rest_deviations))
-    of_rows, of_made = (np.einsum("ni,ij,nj->n", d, inverse, d) for d in (field - rest, rest_deviations))
-    probability = (of_made > of_rows[:, None]).mean(axis=1)
-    probability[np.isnan(of_rows)] = np.nan
-    size = np.linalg.norm(decoded.force, axis=1)
-    doubtful = (size > 0) & (probability >= DOUBTFUL)
-    status: list[Status] = [
-        "uncalibrated" if name == "ok" and doubt else name
-        for name, doubt in zip(decoded.status, doubtful, strict=True)
-    ]
+    at_rest = AtRest(coder, sizes)
+    probability, size = at_rest.probability(field), np.linalg.norm(decoded.force, axis=1)
+    status = [at_rest.status(*row) for row in zip(decoded.status, probability, size, strict=True)]
     if not (size > 0).any():
         return ToleranceCheck(status, probability, None, [], 0)
     row = int(np.nanargmax(size))
-    deviations = _read(nominal, made, decoded.shift[row], decoded.tilt[row])[1]
+    deviations = _read(at_rest.nominal, at_rest.made, decoded.shift[row], decoded.tilt[row])[1]
     found = decode(coder, field[row] + deviations, near=decoded.shift[row])
     has_force = np.isfinite(found.force[:, 2])
     spread = (found.force[has_force] - decoded.force[row]).T

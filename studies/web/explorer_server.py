@@ -13,6 +13,7 @@ import hmac
 import json
 import secrets
 import signal
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -74,6 +75,7 @@ class Shared:
     molding : held by the one export of a mould that runs.
     needed : requirements whose margins the pages show.
     made : calibrated sensor whose forces and readings they show.
+    zero : called when a page asks for a zero of the stream that it shows.
     """
 
     token: str
@@ -83,6 +85,7 @@ class Shared:
     molding: asyncio.Lock
     needed: Requirements | None = None
     made: Fit | None = None
+    zero: Callable[[], None] | None = None
 
     def request_of(self, content: object) -> Request:
         """Return the request in a message of a page, with what the explorer was started with."""
@@ -187,6 +190,9 @@ class Live(Ours, tornado.websocket.WebSocketHandler):
         content: object = None
         try:
             content = parsed(message)
+            if content == {"zero": True} and self.shared.zero is not None:
+                self.shared.zero()
+                return
             request = self.shared.request_of(content)
             if "commands" in request.parts:
                 data = state_exports.commands(request.state)
@@ -304,6 +310,11 @@ class Running:
     shared: Shared
     server: tornado.httpserver.HTTPServer
 
+    def send(self, text: str) -> None:
+        """Send a text to all pages."""
+        for page in self.shared.pages:
+            page.send(text)
+
     async def close(self) -> None:
         """Close all pages and end the worker processes."""
         self.server.stop()
@@ -314,7 +325,11 @@ class Running:
 
 
 def start(
-    changed: dict[str, str], port: int = 0, needed: Requirements | None = None, made: Fit | None = None
+    changed: dict[str, str],
+    port: int = 0,
+    needed: Requirements | None = None,
+    made: Fit | None = None,
+    zero: Callable[[], None] | None = None,
 ) -> Running:
     """Begin to listen; an event loop must run.
 
@@ -322,7 +337,7 @@ def start(
     ----------
     changed : fields of the address of the first state, see `explorer_state`.
     port : port to listen on; 0 for any free one.
-    needed, made : requirements whose margins the pages show, and calibrated sensor whose forces and readings.
+    needed, made, zero : of `Shared`.
 
     Raises
     ------
@@ -340,7 +355,7 @@ def start(
     hosts = frozenset({f"127.0.0.1:{number}", f"localhost:{number}"})
     token = secrets.token_urlsafe(24)
     workers = explorer_workers.Workers(asyncio.get_running_loop())
-    shared = Shared(token, hosts, workers, set(), asyncio.Lock(), needed, made)
+    shared = Shared(token, hosts, workers, set(), asyncio.Lock(), needed, made, zero)
     server = tornado.httpserver.HTTPServer(application(shared), max_body_size=MOST_BYTES)
     server.add_sockets(sockets)
     fragment = f"#{urlencode(changed)}" if changed else ""
@@ -353,6 +368,7 @@ def serve(
     needed: Requirements | None,
     made: Fit | None,
     ready: Callable[[str], None],
+    measuring: Measuring | None = None,
 ) -> None:
     """Serve the page until Ctrl-C.
 
@@ -361,7 +377,22 @@ def serve(
     changed, port, needed, made : as of `start`.
     ready : called with the address when the server listens.
     """
-    asyncio.run(_serve(changed, port, needed, made, ready))
+    asyncio.run(_serve(changed, port, needed, made, ready, measuring))
+
+
+@dataclass(frozen=True, slots=True)
+class Measuring:
+    """A stream of readings that runs beside the server.
+
+    Attributes
+    ----------
+    run : called in a thread of its own, with a function that sends a text to all pages; returns when `ended` is set.
+    zero : of `Shared`.
+    """
+
+    run: Callable[[Callable[[str], None]], None]
+    ended: threading.Event
+    zero: Callable[[], None]
 
 
 async def _serve(
@@ -370,8 +401,10 @@ async def _serve(
     needed: Requirements | None,
     made: Fit | None,
     ready: Callable[[str], None],
+    measuring: Measuring | None,
 ) -> None:
-    running = start(changed, port, needed, made)
+    running = start(changed, port, needed, made, measuring.zero if measuring else None)
+    thread: threading.Thread | None = None
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -384,6 +417,16 @@ async def _serve(
         ready(running.address)
         # the first request of a page then finds what its checks import
         request_of({})
+        if measuring is not None:
+
+            def send(text: str) -> None:
+                loop.call_soon_threadsafe(running.send, text)
+
+            thread = threading.Thread(target=measuring.run, args=(send,), daemon=True)
+            thread.start()
         await stop.wait()
     finally:
+        if measuring is not None and thread is not None:
+            measuring.ended.set()
+            await asyncio.to_thread(thread.join)
         await running.close()

@@ -1,5 +1,5 @@
 "use strict";
-// Curves over depth and readings as bars, by uPlot, with the model's half widths as whiskers.
+// Curves over depth or time and readings as bars, by uPlot, with the model's half widths as whiskers.
 
 const Charts = (() => {
   const HEIGHT = 210;
@@ -237,5 +237,35 @@ const Charts = (() => {
     };
   }
 
-  return { curve, readings };
+  // Values over the last seconds; data: a list of times and one for each name.
+  function overTime(box, names, data, seconds) {
+    const colours = ["--s0", "--s1", "--s2"];
+    const dashes = [null, [6, 4], [2, 3]];
+    const options = () => ({
+      cursor: { show: false },
+      scales: { x: { time: false, range: (_, __, high) => [Math.max(high - seconds, 0), Math.max(high, seconds)] } },
+      axes: [axis("time (s)"), axis("force (N)", { size: 54 })],
+      series: [
+        {},
+        ...names.map((label, k) => ({
+          label,
+          stroke: () => Format.colour(colours[k]),
+          width: 1.5,
+          dash: dashes[k] || undefined,
+          points: { show: false },
+        })),
+      ],
+    });
+    function legend() {
+      const list = Format.make("ul", { class: "legend" }, box);
+      names.forEach((label, k) => {
+        const item = Format.make("li", {}, list);
+        Format.make("span", { class: "key", "data-dash": dashes[k]?.[0] ?? 0, "data-colour": "abc"[k] }, item);
+        Format.make("span", {}, item, label);
+      });
+    }
+    return plot(box, HEIGHT, { options, data, built: legend });
+  }
+
+  return { curve, readings, overTime };
 })();

@@ -7,6 +7,7 @@ const LiveEngine = () => {
   const token = new URLSearchParams(location.search).get("token");
   let socket = null;
   let answer = () => {};
+  let measured = () => {};
   let closed = () => {};
   let opened = () => {};
   let wait = FIRST_WAIT;
@@ -18,7 +19,11 @@ const LiveEngine = () => {
       wait = FIRST_WAIT;
       opened();
     });
-    socket.addEventListener("message", (event) => answer(unpacked(JSON.parse(event.data))));
+    socket.addEventListener("message", (event) => {
+      const message = JSON.parse(event.data);
+      if (message.measured) measured(message.measured);
+      else answer(unpacked(message));
+    });
     socket.addEventListener("close", () => {
       socket = null;
       closed("gone");
@@ -72,6 +77,10 @@ const LiveEngine = () => {
     },
     onAnswer(callback) {
       answer = callback;
+    },
+    // rows of a stream, where the page belongs to one
+    onMeasured(callback) {
+      measured = callback;
     },
     onClosed(callback) {
       closed = callback;

@@ -141,6 +141,7 @@
     if (/server/i.test(Explorer.notice())) Explorer.say("");
     requests.opened();
   });
+  engine.onMeasured?.(Measured($("#measured-panel"), () => engine.ask({ zero: true })));
   Explorer.begin();
   engine.start();
   document.documentElement.dataset.ready = "yes";

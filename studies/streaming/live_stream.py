@@ -1,0 +1,417 @@
+"""Forces of a sensor while its readings arrive: from bytes to readings, to forces, to a screen, a file or a page.
+
+A row's time is that of its arrival, which may lag by some milliseconds (`JITTER`), unless each frame begins with the
+time of the device. Forces are those of a silicone that relaxes (`analytic.time_series`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import math
+import select
+import sys
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
+
+import numpy as np
+
+from analytic import parts
+from analytic.decode import decoder, field_of
+from analytic.inverse.forward_model import readings_with_slopes
+from analytic.stream import Stream
+from analytic.time_series import RelaxingForce, TimeSeries
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from studies.calibration.bench_file import UNITS
+from studies.inputs.option_groups import Decoding, Streaming
+from studies.inputs.user_input import parse_numbers
+from studies.output import atomic_files
+from studies.output.result import Result
+from studies.sensing import decode_readings
+from studies.sensitivity.decode_tolerances import AtRest
+from studies.streaming import frames, sources
+
+if TYPE_CHECKING:
+    from studies.calibration.sensor_fit import Fit
+    from studies.web import explorer_server
+
+JITTER = 0.02
+"""Time, s, by which a row may come late without being taken for one after missing rows."""
+REDRAW = 0.1
+"""Time between two pictures of the screen or the page, s."""
+RECENT = 2000
+"""Number of rows of which the latency is kept, and of which a zero is taken at most."""
+TARE = 0.5
+"""Time, s, whose readings a zero takes when it is asked for."""
+FOUND = ("status", *(f"{name}_{axis}_{unit}" for name, unit in (("force", "N"), ("shift", "mm")) for axis in "xyz"))
+HALF = ("half_width_x_N", "half_width_y_N", "half_width_z_N")
+"""Columns of a row: those of `decode --file`; with a calibration also half of the force's 90 % interval."""
+CLOCKS = {None: 0.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+Row = dict[str, Any]
+
+
+class Sink(Protocol):
+    """Takes the rows that came together, at least every `sources.WAIT`, also none."""
+
+    def __call__(self, rows: Sequence[Row]) -> None: ...
+
+
+class Nominal:
+    """Decodes rows by a design and a level of the formulas, or states."""
+
+    columns = FOUND
+
+    def __init__(self, design: Design, options: Streaming) -> None:
+        decoding = Decoding(level=options.level, responses=options.responses)
+        self.coder = decode_readings.prepare(design, decoding)
+        self._elements, self._stream = parts.of_design(design), Stream(self.coder, JITTER)
+        self._at_rest = AtRest(self.coder)
+
+    def zero(self, readings: Array) -> None:
+        self._stream.zero(field_of(self._elements, readings))
+
+    def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
+        fields = field_of(self._elements, readings)
+        shares = self._at_rest.probability(fields + self._stream.offset).tolist()
+        for moment, field, share in zip(times, fields.tolist(), shares, strict=True):
+            found = self._stream.step(tuple(field), moment)
+            yield self._at_rest.status(found.status, share, math.hypot(*found.force)), *found.force, *found.shift
+
+
+class Calibrated:
+    """Decodes rows by a calibration, with the interval of each force."""
+
+    columns = (*FOUND, *HALF)
+
+    def __init__(self, found: Fit, design: Design) -> None:
+        self._fit, self._design, self._offset, self._zeroed = found, design, np.zeros(len(found.sensor.noise)), False
+        self.coder = decoder(found.sensor.design, found.sensor.mechanics)
+        self._rest()
+
+    def _rest(self) -> None:
+        """Begin with a silicone that has relaxed."""
+        self._past, branches = TimeSeries(self.coder, JITTER), decode_readings.doubted_branches(self._design)
+        self._doubted = [RelaxingForce(self._design, each) for each in branches]
+
+    def zero(self, readings: Array) -> None:
+        self._rest()
+        rest = self._fit.sensor.predict(self._fit.theta, np.zeros((1, 3)), np.zeros(1))[0]
+        self._offset, self._zeroed = rest[: len(self._offset)] - np.nanmean(readings, axis=0), True
+
+    def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
+        from studies.calibration import calibration_file, sensor_fit
+
+        moved = readings + self._offset
+        status, slow, half, shift, load = calibration_file.decoded_arrays(
+            self._fit, moved, np.zeros(len(moved)), zeroed=self._zeroed
+        )
+        fields = field_of(parts.of_design(self._design), moved)
+        for k, moment in enumerate(times):
+            word, force = self._past.step(moment, fields[k], status[k], slow[k], load[k])
+            laws = [law.step(moment, slow[k], load[k, 1:]) for law in self._doubted]
+            off = max((float(np.linalg.norm(each - force)) for each in laws), default=0.0)
+            wide = sensor_fit.relaxing_half_width(half[k : k + 1], slow[k : k + 1], force[None], np.array([off]))[0]
+            yield word, *force.tolist(), *shift[k].tolist(), *wide.tolist()
+
+
+class Live:
+    """The decoder of one stream, and what it has seen.
+
+    zero_asked : whether the readings of the last `TARE` are to be taken for those at rest, before the next row.
+    """
+
+    def __init__(self, design: Design, options: Streaming) -> None:
+        if options.calibration is None:
+            self._decoder: Nominal | Calibrated = Nominal(design, options)
+        else:
+            from studies.calibration import calibration_file
+
+            if options.level or options.responses:
+                raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
+            self._decoder = Calibrated(calibration_file.of_design(options.calibration, design), design)
+        self.design, self._of_frame = design, reader(design, options)
+        # loads, or after an installation compiles, what decodes: no frame waits for that
+        coder = self._decoder.coder
+        Stream(coder).step(tuple(readings_with_slopes(coder.forward, np.zeros((3, 1)))[0][:, 0].tolist()), 0.0)
+        self.columns = ["time_s", *sources.columns(design), *self._decoder.columns]
+        self._count = len(parts.of_design(design))
+        self.counts: Counter[str] = Counter()
+        self.late: deque[float] = deque(maxlen=RECENT)
+        self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=RECENT)
+        self._rest, self.zero_asked = options.rest, False
+        self.last = math.nan
+
+    def rows(self, arrived: Sequence[sources.Row]) -> list[Row]:
+        """Decode frames; those of the first `rest` seconds make the zero, and give no row."""
+        read = [(moment, self._of_frame(numbers)) for moment, numbers in arrived]
+        self._recent += read
+        if read:
+            self.last = read[-1][0]
+        if self._rest:
+            if not read or self.last < self._rest:
+                return []
+            read, self._rest, self.zero_asked = [row for row in read if row[0] >= self._rest], 0.0, True
+        if self.zero_asked and self._recent:
+            span = [row for moment, row in self._recent if moment > self.last - TARE]
+            self._decoder.zero(np.array(span))
+            self.zero_asked = False
+        times = [moment for moment, _ in read]
+        readings = np.array([row for _, row in read]).reshape(-1, self._count)
+        rows = [
+            dict(zip(self.columns, (moment, *row, *found), strict=True))
+            for (moment, row), found in zip(read, self._decoder.rows(times, readings), strict=True)
+        ]
+        self.counts.update(row["status"] for row in rows)
+        return rows
+
+
+def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """Return the function from the numbers of a frame to readings, in the elements' unit and order.
+
+    Raises
+    ------
+    BadInput
+        The layout of the frames does not fit the design's elements.
+    """
+    elements = parts.of_design(design)
+    unit = elements[0].unit
+    if options.frames == "lines":
+        units = options.units or unit
+        if units not in UNITS[unit]:
+            raise BadInput(f"--units {units} is no unit of these elements: choose one of {', '.join(UNITS[unit])}")
+        factor = UNITS[unit][units]
+        return lambda numbers: tuple(factor * value for value in numbers)
+    if unit != "T":
+        raise BadInput(
+            f"frames of {options.frames} hold the axes of 3-axis chips, but this design reads {len(elements)} "
+            "one-axis elements: choose --frames lines, or a chip by --set hall_layout=NAME"
+        )
+    wanted, mounted = chips(design, options), frames.mounting(options.axes)
+    rows = [(3 * wanted[k // 3], element.direction) for k, element in enumerate(elements)]
+
+    def readings(numbers: Sequence[float]) -> tuple[float, ...]:
+        # of the uT along the chip's axes, those along the sensor's
+        return tuple(
+            1e-6 * sum(n * sign * numbers[first + axis] for n, (axis, sign) in zip(along, mounted, strict=True))
+            for first, along in rows
+        )
+
+    return readings
+
+
+def chips(design: Design, options: Streaming) -> list[int]:
+    """Return which chips of a frame are those of the design, counted from 0."""
+    count = len(parts.of_design(design)) // 3
+    given = [int(number) - 1 for number in parse_numbers("--chips", options.chips)] if options.chips else range(count)
+    if len(given) != count or min(given) < 0 or len(set(given)) < count:
+        raise BadInput(f"--chips names the {count} chips of the frame that are this design's, from 1; got "
+                       f"{options.chips!r}")  # fmt: skip
+    return list(given)
+
+
+def source_of(design: Design, options: Streaming) -> sources.Source:
+    """Open where the readings come from.
+
+    Raises
+    ------
+    BadInput
+        It cannot be opened, or an option does not fit it.
+    """
+    path = Path(options.port)
+    if options.port != "-" and path.is_file():
+        if not (options.speed >= 0 and math.isfinite(options.speed)):
+            raise BadInput(f"--speed must be 0 (no waiting) or more; got {options.speed:g}")
+        if options.frames != "lines":
+            raise BadInput(f"{path} is replayed as a table of readings: leave --frames out, or pipe its bytes to -")
+        return sources.replayed(path, design, options.speed)
+    if options.clock and options.frames != "lines":
+        raise BadInput("--clock is for lines whose first number is the time: leave it out")
+    elements = parts.of_design(design)
+    if options.frames == "lines":
+        width = len(elements) + bool(options.clock)
+    else:
+        width = options.frame_chips or max(chips(design, options)) + 1
+        if width <= max(chips(design, options)):
+            raise BadInput(f"--chips {options.chips} is beyond the {width} chips of a frame: raise --frame-chips")
+    lsb = tuple(parse_numbers("--lsb", options.lsb)) if options.lsb else frames.LSB
+    if len(lsb) != 2 or not all(0 < each < math.inf for each in lsb):
+        raise BadInput(f"--lsb takes two numbers, uT of a count along x and y, and along z; got {options.lsb!r}")
+    port = sources.Port(
+        options.port, frames.Frames(options.frames, width, (lsb[0], lsb[1])), CLOCKS[options.clock], options.baud
+    )
+    port.open()
+    return port
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Where rows go: a CSV file, an MCAP file with its frame, and standard output as JSON or one changing line."""
+
+    csv: Path | None = None
+    mcap: Path | None = None
+    frame_id: str = ""
+    as_json: bool = False
+
+    @contextlib.contextmanager
+    def sinks(self, live: Live) -> Iterator[list[Sink]]:
+        """Yield the sinks; their files appear under their names at the end."""
+        with contextlib.ExitStack() as stack:
+            found: list[Sink] = [json_lines if self.as_json else screen()]
+            if self.csv is not None:
+                temporary = stack.enter_context(atomic_files.atomic(self.csv))
+                file = stack.enter_context(temporary.open("w", encoding="utf-8", newline=""))
+                found.append(csv_rows(file, live.columns))
+            if self.mcap is not None:
+                from studies.streaming import recording
+
+                found.append(stack.enter_context(recording.mcap_file(self.mcap, live.design, self.frame_id)))
+            yield found
+            if not self.as_json:
+                print()
+
+
+def run(
+    live: Live, source: sources.Source, outputs: Outputs, ended: Callable[[], bool], *more: Callable[..., Sink]
+) -> Result:
+    """Decode a stream until it ends, or Ctrl-C, or `ended` says so, and return what was seen.
+
+    more : functions of the source that return further sinks.
+    """
+    with outputs.sinks(live) as sinks:
+        sinks += [sink(source) for sink in more]
+        begun = time.monotonic()
+        with contextlib.suppress(KeyboardInterrupt):
+            for arrived in source.rows():
+                heard = time.monotonic()
+                rows = live.rows(arrived)
+                for sink in sinks:
+                    sink(rows)
+                if rows:
+                    live.late.append(time.monotonic() - heard)
+                if ended():
+                    break
+        return summary(live, source.lost, time.monotonic() - begun)
+
+
+def zero_typed(live: Live, options: Streaming) -> bool:
+    """Ask for a zero where the user has typed z; never the end of the stream."""
+    if options.port != "-" and sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
+        live.zero_asked = sys.stdin.readline().strip().lower() == "z"
+    return False
+
+
+def run_with_page(
+    live: Live, source: sources.Source, outputs: Outputs, serve: Callable[[explorer_server.Measuring], None]
+) -> Result:
+    """Decode a stream while `serve` shows it on a page, until Ctrl-C."""
+    from studies.web import explorer_server
+
+    found: list[Result] = []
+    ended = threading.Event()
+
+    def measure(send: Callable[[str], None]) -> None:
+        found.append(run(live, source, outputs, ended.is_set, lambda source: page(source, send)))
+        send(atomic_files.json_line({"measured": {"rows": [], "lost": source.lost, "ended": True}}))
+
+    def ask_zero() -> None:
+        live.zero_asked = True
+
+    serve(explorer_server.Measuring(measure, ended, ask_zero))
+    return found[0]
+
+
+def summary(live: Live, lost: int, seconds: float) -> Result:
+    """Return the counts of a stream that has ended."""
+    total = sum(live.counts.values())
+    record = {
+        "rows": total,
+        "lost_frames": lost,
+        "seconds": seconds,
+        "rate_Hz": total / seconds if seconds else math.nan,
+        "latency_ms": 1e3 * float(np.quantile(live.late, 0.95)) if live.late else math.nan,
+        **{f"rows_{status}": count for status, count in live.counts.items()},
+    }
+    known = sum(live.counts[status] for status in decode_readings.WITH_POSE)
+    remarks = [
+        f"{count} of {total} rows {status}: {decode_readings.WHY.get(status, 'no pose explains these readings')}"
+        for status, count in live.counts.items()
+        if status != "ok"
+    ]
+    failures = [] if known else ["no frame was understood: check --frames, --chips and --baud" if not total else
+                                 "no row has a force"]  # fmt: skip
+    return Result(title="Stream", records=[record], remarks=remarks, failures=failures)
+
+
+# Where rows go
+
+
+def csv_rows(file: TextIO, columns: Sequence[str]) -> Sink:
+    """Return a sink that writes CSV, all digits, an empty cell for no number."""
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+
+    def write(rows: Sequence[Row]) -> None:
+        for row in rows:
+            cells = (v if isinstance(v, str) else "" if math.isnan(v) else repr(v + 0.0) for v in row.values())
+            writer.writerow(cells)
+        if rows:
+            file.flush()
+
+    return write
+
+
+def json_lines(rows: Sequence[Row]) -> None:
+    """Print each row as one JSON object."""
+    for row in rows:
+        sys.stdout.write(atomic_files.json_line(row) + "\n")
+    if rows:
+        sys.stdout.flush()
+
+
+def screen() -> Sink:
+    """Return a sink that shows the last row on one line of a terminal, some times a second."""
+    shown, count = time.monotonic(), 0
+
+    def show(rows: Sequence[Row]) -> None:
+        nonlocal shown, count
+        count += len(rows)
+        now = time.monotonic()
+        if not rows or now - shown < REDRAW:
+            return
+        row, rate = rows[-1], count / (now - shown)
+        force = "  ".join(f"F{axis} {row[f'force_{axis}_N']:8.3f}" for axis in "xyz")
+        sys.stdout.write(f"\r{row['time_s']:9.2f} s  {force} N  {row['status']:<16} {rate:5.0f} Hz ")
+        sys.stdout.flush()
+        shown, count = now, 0
+
+    return show
+
+
+def page(source: sources.Source, send: Callable[[str], None]) -> Sink:
+    """Return a sink that sends rows to the pages, some times a second: at most 20 at once."""
+    shown, waiting, count = time.monotonic(), deque[Row](maxlen=RECENT), 0
+
+    def show(rows: Sequence[Row]) -> None:
+        nonlocal shown, count
+        waiting.extend(rows)
+        count += len(rows)
+        now = time.monotonic()
+        if now - shown < REDRAW:
+            return
+        keys = ["time_s", *(f"force_{axis}_N" for axis in "xyz"), *HALF, "status"]
+        # the last row always, and every n-th one before it
+        chosen = list(waiting)[:: -max(math.ceil(len(waiting) / 20), 1)][::-1]
+        listed = [[row.get(key) for key in keys] for row in chosen]
+        record = {"rows": listed, "rate": count / (now - shown), "lost": source.lost, "ended": False}
+        send(atomic_files.json_line({"measured": record}))
+        waiting.clear()
+        shown, count = now, 0
+
+    return show

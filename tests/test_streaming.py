@@ -1,0 +1,307 @@
+"""Readings that arrive: frames, what is decoded from them, their records, their page, and bad input."""
+
+import csv
+import json
+import os
+import random
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import tty
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import opened, said, wait
+from numpy.testing import assert_allclose
+
+import studies
+from analytic import decode, time_series
+from analytic.inverse import forward_model
+from geometry.design import Design, paper
+from studies.cli import commands
+from studies.streaming import frames, live_stream, sources
+
+RECORDING = Path(studies.__file__).parent / "examples" / "recording.csv"
+CHIPS = 2
+
+
+def chips(k):
+    """Flux densities of two chips, uT, in the k-th frame; each number is in one frame only."""
+    return [float(np.float32(10 * k + n + 0.25)) for n in range(3 * CHIPS)]
+
+
+def with_sum(text):
+    total = 0
+    for byte in text.encode():
+        total ^= byte
+    return f"{text}*{total:02X}\r\n".encode()
+
+
+def sent(layout, k):
+    values = chips(k)
+    if layout == "anyskin":
+        return b"".join(struct.pack("<4f", 25.0, *values[n : n + 3]) for n in (0, 3)) + b"\r\n"
+    if layout == "aa":
+        return b"\xaa" + b"".join(struct.pack(">H", 0xFFFF - round(v)) for v in values)
+    if layout == "lines-xyzt":
+        return "\t".join(f"{x}\t{y}\t{z}\t25.0" for x, y, z in (values[:3], values[3:])).encode() + b"\n"
+    return with_sum(",".join(map(str, values)))
+
+
+def expected(layout, k):
+    return [round(v) for v in chips(k)] if layout == "aa" else chips(k)
+
+
+def fed(layout, data, pieces):
+    reader = frames.Frames(layout, 3 * CHIPS if layout == "lines" else CHIPS, (1.0, 1.0))
+    found = []
+    while data:
+        count = pieces.randrange(1, 90)
+        found += reader.feed(data[:count])
+        data = data[count:]
+    return found + reader.feed(b"", idle=True), reader
+
+
+@pytest.mark.parametrize("layout", ["lines", "lines-xyzt", "anyskin", "aa"])
+def test_frames_are_found_in_any_pieces(layout):
+    found, reader = fed(layout, b"".join(sent(layout, k) for k in range(200)), random.Random(1))
+    # what comes first may be the end of a frame
+    first = 0 if layout == "aa" else 1
+    assert [list(row) for row in found] == [expected(layout, k) for k in range(first, 200)]
+    assert reader.lost <= 1
+
+
+@pytest.mark.parametrize("layout", ["lines", "anyskin", "aa"])
+def test_cut_doubled_and_foreign_bytes_give_no_wrong_frame(layout):
+    """Every frame that is found was sent; at most three are lost for a fault."""
+    chance, stream, faults = random.Random(2), b"", 0
+    for k in range(2000):
+        frame, fault = sent(layout, k), chance.random()
+        at = chance.randrange(1, len(frame))
+        if fault < 0.02:
+            frame = frame[:at]
+        elif fault < 0.04:
+            frame = frame[:at] + frame[at - 1 : at] + frame[at:]
+        elif fault < 0.05:
+            frame += chance.randbytes(at)
+        elif fault < 0.06:
+            frame = b""
+        faults += fault < 0.06
+        stream += frame
+    found, reader = fed(layout, stream, chance)
+    known = [expected(layout, k) for k in range(2000)]
+    wrong = [row for row in map(list, found) if row not in known]
+    # 0xAA may also stand where a cut frame of this layout would end: once in 256
+    assert len(wrong) <= (faults // 64 if layout == "aa" else 0)
+    assert 2000 - 3 * faults < len(found) < 2000
+    assert reader.lost > 0
+
+
+def test_noise_without_frames_is_not_kept():
+    reader = frames.Frames("anyskin", 5)
+    for _ in range(50):
+        assert reader.feed(random.Random(3).randbytes(1000).replace(b"\r", b"")) == []
+    assert reader.skipped > 45_000
+    assert len(reader._rest) <= frames.LONGEST
+
+
+def test_counts_go_on_where_they_begin_again():
+    reader, values = frames.Frames("aa", 1, (2.0, 3.0)), [32_000, 32_767, 32_900, 33_100]
+    data = b"".join(b"\xaa" + struct.pack(">3H", *[0xFFFF - v] * 3) for v in values)
+    found = reader.feed(data) + reader.feed(b"", idle=True)
+    assert found == [(2.0 * v, 2.0 * v, 3.0 * v) for v in values]
+
+
+def test_a_checksum_is_needed_once_lines_have_it():
+    reader = frames.Frames("lines", 2)
+    good = [with_sum(f"{k},1") for k in range(6)]
+    assert reader.feed(b"\n1,2\n5*zz\n" + b"".join(good[:3])) == [(1.0, 2.0), (0.0, 1.0), (1.0, 1.0), (2.0, 1.0)]
+    assert reader.feed(b"3,1\n" + good[4].replace(b"4", b"7") + good[5]) == [(5.0, 1.0)]
+
+
+def test_single_wrong_row_is_a_jump_and_the_way_back_is_none():
+    coder = decode.decoder(paper())
+    steady = forward_model.readings_with_slopes(coder.forward, np.zeros((3, 1)))[0][:, 0]
+    checks, chance = time_series.RowChecks(coder), np.random.default_rng(4)
+    offsets = [0.0] * 20 + [0.01] + [0.0] * 3 + [0.01] * 3
+    words = [checks.word(0.01 * k, steady + off + 1e-6 * chance.normal(size=3)) for k, off in enumerate(offsets)]
+    assert [k for k, word in enumerate(words) if word == "jump"] == [20, 24]
+
+
+def test_rows_that_arrive_late_are_no_gap():
+    coder = decode.decoder(paper())
+    checks, late = time_series.RowChecks(coder), time_series.RowChecks(coder, jitter=0.02)
+    row = np.array([0.01, 0.02, 0.03])
+    times = [*np.arange(20) * 0.001, 0.030]
+    words = [[each.word(t, row + 1e-6 * k) for k, t in enumerate(times)][-1] for each in (checks, late)]
+    assert words == ["after_gap", "ok"]
+
+
+def streamed(capsys, *options):
+    status = commands.run(["stream", "paper", *map(str, options), "--json"])
+    return status, [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_replay_is_the_decoding_of_its_file(capsys, tmp_path):
+    status, rows = streamed(capsys, "--port", RECORDING, "--speed", 0, "--level", "finite")
+    assert status == 0
+    commands.run(["decode", "paper", "--file", str(RECORDING), "--level", "finite", "--json"])
+    slow = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [row["status"] for row in rows] == [row["status"] for row in slow]
+    for name in ("force_x_N", "force_z_N", "shift_z_mm"):
+        assert_allclose([row[name] for row in rows], [row[name] for row in slow], atol=1e-6)
+
+
+def test_serial_port_is_decoded_until_it_closes(capsys, tmp_path):
+    """Frames of a chip that is mounted a quarter turn about z, the second one of a frame."""
+    design = Design(hall_layout="tmag5273a1")
+    forward = forward_model.model(design, forward_model.NO_TILT)
+    shift = np.zeros((3, 60))
+    shift[:, 40:] = np.array([[0.3], [0.1], [-0.5]])
+    field = forward_model.readings_with_slopes(forward, shift + 1e-6 * np.arange(60))[0]
+    x, y, z = 1e6 * field[1], 1e6 * field[2], -1e6 * field[0]
+    ours, port = os.openpty()
+    tty.setraw(port)
+    found = []
+
+    def listen():
+        found.append(
+            commands.run(
+                [
+                    *("stream", "paper", "--set", "hall_layout=tmag5273a1", "--port", os.ttyname(port)),
+                    *("--frames", "anyskin", "--frame-chips", "2", "--chips", "2", "--axes", "y,-x,z"),
+                    *("--out", str(tmp_path / "rows.csv")),
+                ]
+            )
+        )
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    wait_for(lambda: is_open(os.ttyname(port)))
+    os.write(ours, b"\r\n")
+    for k in range(60):
+        # along the chip's own axes: x of the sensor is its y, y of the sensor its -x
+        os.write(ours, struct.pack("<8f", 20, 1, 2, 3, 20, -y[k], x[k], z[k]) + b"\r\n")
+    wait_for(lambda: any(tmp_path.glob(".writing-*/part.csv")) and lines_of(tmp_path) >= 60)
+    os.close(port)
+    os.close(ours)
+    thread.join(20)
+    assert found == [0]
+    rows = list(csv.DictReader((tmp_path / "rows.csv").open()))
+    assert [row["status"] for row in rows[:40]] == ["ok"] * 40
+    assert_allclose([float(rows[-1][f"shift_{axis}_mm"]) for axis in "xyz"], [0.3, 0.1, -0.5], atol=1e-4)
+
+
+def is_open(name):
+    """Whether another file of this process is the terminal."""
+    return sum(os.path.realpath(f"/proc/self/fd/{n}") == name for n in os.listdir("/proc/self/fd")) > 1
+
+
+def lines_of(folder):
+    return sum(len(path.read_text().splitlines()) - 1 for path in folder.glob(".writing-*/part.csv"))
+
+
+def wait_for(condition):
+    event = threading.Event()
+    for _ in range(1000):
+        if condition():
+            return
+        event.wait(0.02)
+    pytest.fail("nothing came")
+
+
+def test_first_seconds_are_the_zero():
+    design = paper()
+    rest = forward_model.readings_with_slopes(forward_model.model(design, forward_model.NO_TILT), np.zeros((3, 1)))[0]
+    volts = tuple(float(v) for v in 2.5 + 31.25 * (rest[:, 0] + [1e-4, -2e-4, 1e-4]))
+    live = live_stream.Live(design, live_stream.Streaming(port="-", rest=0.2))
+    rows = live.rows([(0.01 * k, volts) for k in range(40)])
+    assert len(rows) == 20
+    assert rows[0]["time_s"] == pytest.approx(0.2)
+    assert_allclose([rows[-1][f"shift_{axis}_mm"] for axis in "xyz"], 0, atol=1e-9)
+
+
+def test_frames_that_come_together_are_spread_over_the_time_since_the_last():
+    port = sources.Port("-", frames.Frames("lines", 1))
+    port._timed([(1.0,)])
+    port._begun -= 1.0
+    times = [moment for moment, _ in port._timed([(2.0,)] * 4)]
+    assert_allclose(np.diff(times), times[0], rtol=1e-6)
+    assert times[-1] == pytest.approx(1.0, abs=0.1)
+
+
+def test_record_is_read_by_another_library(capsys, tmp_path):
+    """Forces act on the tip: a press points along -z; axes without an element, and torques, are NaN."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    file = tmp_path / "press.mcap"
+    _, rows = streamed(capsys, "--port", RECORDING, "--speed", 0, "--level", "finite", "--mcap", file)
+    messages = {}
+    with AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        for connection, moment, raw in reader.messages():
+            messages.setdefault(connection.topic, []).append((moment, reader.deserialize(raw, connection.msgtype)))
+    wrench = [message.wrench for _, message in messages["wrench"]]
+    assert_allclose([w.force.z for w in wrench], [-row["force_z_N"] for row in rows])
+    assert np.isnan([w.torque.x for w in wrench]).all()
+    assert messages["wrench"][0][1].header.frame_id == "magtip_tip"
+    _, s2 = messages["magnetic_field/S2"][-1]
+    assert np.isnan([s2.magnetic_field.y, s2.magnetic_field.z]).all()
+    assert s2.magnetic_field.x == pytest.approx((rows[-1]["S2_V"] - 2.5) / 31.25)
+    assert not s2.magnetic_field_covariance.any()
+    assert [message.data for _, message in messages["status"]] == ["ok", "uncalibrated", "ok"]
+    assert messages["wrench"][-1][0] - messages["wrench"][0][0] == pytest.approx(0.5e9)
+
+
+def test_page_shows_forces_and_takes_a_zero(chromium, tmp_path):
+    """The last row of a replay that goes on: a press, which a zero makes the rest."""
+    with RECORDING.open() as file:
+        *_, pressed = csv.reader(file)
+    file = tmp_path / "rows.csv"
+    rows = [f"{0.02 * k}," + ",".join(pressed[1:]) for k in range(5000)]
+    file.write_text("\n".join(["time_s,S1_V,S2_V,S3_V", *rows]))
+    words = ["stream", "paper", "--port", str(file), "--level", "finite", "--page", "--no-browser"]
+    process = subprocess.Popen([sys.executable, "-m", "studies.cli", *words], stdout=subprocess.PIPE, text=True)
+    try:
+        page = opened(chromium, process.stdout.readline().strip())
+        cell = "document.querySelector('#measured-panel tr:last-child td').textContent"
+        wait(page, f"!document.querySelector('#measured-panel').hidden && parseFloat({cell}) > 2")
+        assert "rows per second; 0 frames lost" in page.inner_text("#measured-panel .state")
+        page.evaluate("document.querySelector('#measured-panel button').click()")
+        wait(page, f"Math.abs(parseFloat({cell})) < 0.01")
+        assert [text for text in said(page) if "GPU stall" not in text] == []
+        page.close()
+        process.send_signal(signal.SIGINT)
+        text, _ = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert process.returncode == 0
+    assert "rows" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--port", "/dev/none"], "there is no port '/dev/none'"),
+        (["--port", "-", "--frames", "anyskin"], "frames of anyskin hold the axes of 3-axis chips"),
+        (["--port", "-", "--units", "mT"], "--units mT is no unit of these elements: choose one of V, mV"),
+        (["--port", RECORDING, "--speed", "-1"], "--speed must be 0 (no waiting) or more; got -1"),
+        (["--port", RECORDING, "--frames", "aa", "--set", "hall_layout=tmag5273a1"], "leave --frames out"),
+        (["--port", "-", "--axes", "x,y,-z", *(chip := ["--frames", "aa", "--set", "hall_layout=tmag5273a1"])],
+         "mirrors the chip"),
+        (["--port", "-", "--axes", "x,x,z", *chip], "--axes names the chip's axis along x, y and z"),
+        (["--port", "-", "--chips", "1,2", *chip], "--chips names the 1 chips of the frame"),
+        (["--port", "-", "--chips", "3", "--frame-chips", "2", *chip], "is beyond the 2 chips of a frame"),
+        (["--port", "-", "--lsb", "1", *chip], "--lsb takes two numbers"),
+        (["--port", "-", "--clock", "ms", *chip], "--clock is for lines"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_sentence(options, sentence, capsys):
+    assert commands.run(["stream", "paper", *map(str, options)]) == 2
+    out, err = capsys.readouterr()
+    assert sentence in err
+    assert out == ""
+    assert err.count("\n") == 1
