@@ -8,6 +8,7 @@ moves and the times from slider to picture, and the same in words, EXPLORER.md.
 import contextlib
 import hashlib
 import json
+import math
 import os
 import random
 import subprocess
@@ -141,7 +142,7 @@ def random_moves(page, count, seed=20):
 
 
 def other_value(field):
-    """Another value of a control: the next choice, or 15 % of the way to the farther end of the slider."""
+    """Another value of a control: the next choice, 15 % of the way to the slider's farther end, at least a step."""
     if "choices" in field:
         return next(one for one in field["choices"] if one != field["value"])
     if field["kind"] == "text":
@@ -149,7 +150,8 @@ def other_value(field):
     if field["kind"] == "logarithmic":
         return 700
     farther = max(field["slider"], key=lambda end: abs(end - field["value"]))
-    return field["value"] + 0.15 * (farther - field["value"])
+    way = farther - field["value"]
+    return field["value"] + math.copysign(max(0.15 * abs(way), field["step"]), way)
 
 
 def percentile(values, share):

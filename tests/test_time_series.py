@@ -69,12 +69,12 @@ def test_press_and_shear_of_finite_elements_in_time():
     law, missed = RelaxingForce(design), []
     law.step(0.0, np.zeros(3), np.zeros(2))
     for state in reached:
-        share = state.load.shear_x / shear
-        pressed = np.array([0.0, 0.0, np.interp(state.load.depth, depths, presses)])
+        share = state.solution.load.shear_x / shear
+        pressed = np.array([0.0, 0.0, np.interp(state.solution.load.depth, depths, presses)])
         slow = pressed + (sheared - pressed) * [share, 0, share**2] if share else pressed
-        found = law.step(state.time, slow, np.array([state.load.shear_x, 0.0]))
-        missed.append(np.abs(found - state.response.force))
-    largest = np.abs([state.response.force for state in reached]).max(axis=0)
+        found = law.step(state.time, slow, np.array([state.solution.load.shear_x, 0.0]))
+        missed.append(np.abs(found - state.solution.response.force))
+    largest = np.abs([state.solution.response.force for state in reached]).max(axis=0)
     assert (np.max(missed, axis=0)[[0, 2]] < 0.03 * largest[[0, 2]]).all()
     # slow loading misses much more, also along the shear
     assert largest[2] > 1.3 * presses[-1]
