@@ -101,11 +101,11 @@ CONTRAST = f"""(() => {{{RATIO}
   return ['--ink', '--soft', '--alarm'].flatMap((name) => grounds.map((ground) => ratio(name, ground)));
 }})()"""
 """Contrast of texts to their grounds."""
-BOXES = """[...document.querySelectorAll('.panel')].map((node) => {
+BOXES = """[...document.querySelectorAll('.panel:not([hidden])')].map((node) => {
   const r = node.getBoundingClientRect();
   return [r.left, r.top, r.right, r.bottom].map((v) => Math.round(v * 10) / 10);
 })"""
-"""Boxes of the panels, pixels."""
+"""Boxes of the panels that are shown, pixels."""
 CLIPPED = """[...document.querySelectorAll('.numbers')]
   .filter((node) => node.scrollWidth > node.clientWidth + 1).map((node) => node.dataset.table)"""
 """Names of the tables that are wider than their panel."""
