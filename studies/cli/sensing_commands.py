@@ -192,10 +192,10 @@ def decode(
     atomic_files.check_apart([out, mcap], [source, file, decoding.responses, decoding.calibration])
     design = design_of(source, sets)
     if mcap is not None:
-        from studies.streaming import recording
+        from studies.streaming import live_stream
 
         with atomic_files.sole_writer(mcap):
-            recording.record(design, decoding, mcap)
+            live_stream.record(design, decoding, mcap)
     if decoding.calibration is not None:
         from studies.calibration import calibration_file
 

@@ -17,7 +17,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
@@ -35,7 +35,8 @@ from studies.output import atomic_files
 from studies.output.result import Result
 from studies.sensing import decode_readings
 from studies.sensitivity.decode_tolerances import AtRest
-from studies.streaming import frames, sources
+from studies.streaming import frames, recording, sources
+from studies.streaming.sources import Decoded, Sink
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
@@ -53,14 +54,6 @@ FOUND = ("status", *(f"{name}_{axis}_{unit}" for name, unit in (("force", "N"), 
 HALF = ("half_width_x_N", "half_width_y_N", "half_width_z_N")
 """Columns of a row: those of `decode --file`; with a calibration also half of the force's 90 % interval."""
 CLOCKS = {None: 0.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
-
-Row = dict[str, Any]
-
-
-class Sink(Protocol):
-    """Takes the rows that came together, at least every `sources.WAIT`, also none."""
-
-    def __call__(self, rows: Sequence[Row]) -> None: ...
 
 
 class Nominal:
@@ -148,7 +141,7 @@ class Live:
         self._rest, self.zero_asked = options.rest, False
         self.last = math.nan
 
-    def rows(self, arrived: Sequence[sources.Row]) -> list[Row]:
+    def rows(self, arrived: Sequence[sources.Row]) -> list[Decoded]:
         """Decode frames; those of the first `rest` seconds make the zero, and give no row."""
         read = [(moment, self._of_frame(numbers)) for moment, numbers in arrived]
         self._recent += read
@@ -269,8 +262,6 @@ class Outputs:
                 file = stack.enter_context(temporary.open("w", encoding="utf-8", newline=""))
                 found.append(csv_rows(file, live.columns))
             if self.mcap is not None:
-                from studies.streaming import recording
-
                 found.append(stack.enter_context(recording.mcap_file(self.mcap, live.design, self.frame_id)))
             yield found
             if not self.as_json:
@@ -298,6 +289,21 @@ def run(
                 if ended():
                     break
         return summary(live, source.lost, time.monotonic() - begun)
+
+
+def record(design: Design, decoding: Decoding, path: Path) -> None:
+    """Write the rows of a table with times as an MCAP file."""
+    options = Streaming(
+        port=str(decoding.file),
+        speed=0.0,
+        level=decoding.level,
+        responses=decoding.responses,
+        calibration=decoding.calibration,
+    )
+    live, source = Live(design, options), source_of(design, options)
+    with recording.mcap_file(path, design, recording.FRAME) as write:
+        for arrived in source.rows():
+            write(live.rows(arrived))
 
 
 def zero_typed(live: Live, options: Streaming) -> bool:
@@ -357,7 +363,7 @@ def csv_rows(file: TextIO, columns: Sequence[str]) -> Sink:
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(columns)
 
-    def write(rows: Sequence[Row]) -> None:
+    def write(rows: Sequence[Decoded]) -> None:
         for row in rows:
             cells = (v if isinstance(v, str) else "" if math.isnan(v) else repr(v + 0.0) for v in row.values())
             writer.writerow(cells)
@@ -367,7 +373,7 @@ def csv_rows(file: TextIO, columns: Sequence[str]) -> Sink:
     return write
 
 
-def json_lines(rows: Sequence[Row]) -> None:
+def json_lines(rows: Sequence[Decoded]) -> None:
     """Print each row as one JSON object."""
     for row in rows:
         sys.stdout.write(atomic_files.json_line(row) + "\n")
@@ -379,7 +385,7 @@ def screen() -> Sink:
     """Return a sink that shows the last row on one line of a terminal, some times a second."""
     shown, count = time.monotonic(), 0
 
-    def show(rows: Sequence[Row]) -> None:
+    def show(rows: Sequence[Decoded]) -> None:
         nonlocal shown, count
         count += len(rows)
         now = time.monotonic()
@@ -396,9 +402,9 @@ def screen() -> Sink:
 
 def page(source: sources.Source, send: Callable[[str], None]) -> Sink:
     """Return a sink that sends rows to the pages, some times a second: at most 20 at once."""
-    shown, waiting, count = time.monotonic(), deque[Row](maxlen=RECENT), 0
+    shown, waiting, count = time.monotonic(), deque[Decoded](maxlen=RECENT), 0
 
-    def show(rows: Sequence[Row]) -> None:
+    def show(rows: Sequence[Decoded]) -> None:
         nonlocal shown, count
         waiting.extend(rows)
         count += len(rows)

@@ -12,16 +12,13 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from analytic import parts
 from analytic.decode import field_of
 from geometry.design import BadInput, Design
-from studies.inputs.option_groups import Decoding, Streaming
 from studies.output import atomic_files
-
-if TYPE_CHECKING:
-    from studies.streaming.live_stream import Row, Sink
+from studies.streaming.sources import Decoded, Sink
 
 FRAME = "magtip_tip"
 """Frame of the messages where none is given."""
@@ -84,7 +81,7 @@ def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
         )
         begun, last = time.time_ns(), ""
 
-        def write(rows: Sequence[Row]) -> None:
+        def write(rows: Sequence[Decoded]) -> None:
             nonlocal last
             for row in rows:
                 now = begun + round(1e9 * row["time_s"])
@@ -112,23 +109,6 @@ def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
                     last = row["status"]
 
         yield write
-
-
-def record(design: Design, decoding: Decoding, path: Path) -> None:
-    """Write the rows of a table with times as an MCAP file."""
-    from studies.streaming import live_stream
-
-    options = Streaming(
-        port=str(decoding.file),
-        speed=0.0,
-        level=decoding.level,
-        responses=decoding.responses,
-        calibration=decoding.calibration,
-    )
-    live, source = live_stream.Live(design, options), live_stream.source_of(design, options)
-    with mcap_file(path, design, FRAME) as write:
-        for arrived in source.rows():
-            write(live.rows(arrived))
 
 
 def grouped(elements: Sequence[parts.Element]) -> dict[str, list[int]]:

@@ -22,6 +22,14 @@ CHUNK = 65536
 
 Row = tuple[float, tuple[float, ...]]
 """Time of a row, s since the first one, and its numbers."""
+Decoded = dict[str, Any]
+"""Columns of a decoded row."""
+
+
+class Sink(Protocol):
+    """Takes the decoded rows that came together, at least every `WAIT`, also none."""
+
+    def __call__(self, rows: Sequence[Decoded]) -> None: ...
 
 
 class Source(Protocol):
