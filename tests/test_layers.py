@@ -78,6 +78,7 @@ STUDIES = [
     {"sizing"},
     {"demo"},
     {"web"},
+    {"streaming"},
     {"validation"},
     {"cli"},
     {"examples"},
