@@ -6,12 +6,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from studies.calibration.sensor_fit import planned
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
 from studies.sizing.candidate_performance import performance
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.front_yield import check_of, drawn, ranges_of, required_load, tolerances_of, yield_of
+from studies.sizing.front_yield import (
+    after_presses,
+    check_of,
+    drawn,
+    ranges_of,
+    required_load,
+    stand,
+    tolerances_of,
+    yield_of,
+)
 from studies.sizing.requirements import Requirements
 from studies.sizing.sensor_arrays import made_sensors_of, sensors_of, sensors_of_variant
 
@@ -92,10 +102,22 @@ def test_easy_requirements_are_met_by_all():
 
 def test_calibration_raises_the_yield():
     """The moduli of the catalogue differ by half: without a calibration no force is right to 5 % in every sensor."""
-    shares = yield_of(MADE, NEEDED, 60).calibrations.set_index("calibration")["within_percent"]
-    assert list(shares.index) == ["none", "offset", "offset and gain", "full"]
+    calibrations = yield_of(MADE, NEEDED, 60).calibrations.set_index("calibration")
+    shares = calibrations["within_percent"]
+    assert list(shares.index) == ["none", "offset", "offset and gain", "twelve presses", "full"]
     assert shares.is_monotonic_increasing
     assert shares["none"] < 30 < shares["offset and gain"] < shares["full"] == 100
+    errors = calibrations["force_error_95_percent"]
+    # a posterior is no exact knowledge, but a better one than two corrections
+    assert 0.5 < errors["twelve presses"] < 0.5 * errors["offset and gain"]
+
+
+def test_the_posterior_of_a_calibration_takes_the_place_of_planned_presses():
+    load, sensor = required_load(MADE.design, NEEDED), stand(MADE, NEEDED)
+    w, turn = -sensor.mechanics.sink * np.linspace(0.05, 0.5, 1000), 2.4 * np.arange(1000)
+    found = planned(sensor, np.stack([0.5 * w * np.cos(turn), 0.5 * w * np.sin(turn), w], axis=1))
+    few, many = (np.quantile(after_presses(MADE, load, NEEDED, each, 500, 0), 0.95) for each in (None, found))
+    assert many < 0.7 * few
 
 
 def test_drawn_sensors_are_held_against_finite_elements(tmp_path):

@@ -176,7 +176,7 @@ def readings(
     if not depth > 0:
         raise BadInput(f"--depth must be above 0 mm, since a plate that does not touch shears nothing; got {depth:g}")
     check_load(nominal, Load(depth, x, y, friction="stick" if x or y else "none"))
-    s, t, force = sensor_fit.poses_of(found, np.array([load]))
+    s, t, force = sensor_fit.poses_of(found.sensor, np.array([load]))
     if np.isnan(s).any():
         raise BadInput(
             f"a depth of {depth:g} mm with a shear of {math.hypot(x, y):g} mm is beyond the mechanics of {path}, in "

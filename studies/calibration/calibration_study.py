@@ -377,7 +377,7 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     progress(0.0, "mechanics")
     law, source, error = mechanics_of(design, options.responses)
     un = sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values, model_error=error)
-    noise, noise_source = _noise(design)
+    noise, noise_source = noise_of(design)
     measured, k, lag = sensor_fit.measured_of(bench), len(noise), estimate_lag(bench)
     truth = measured[:, k : k + 3]
     if lag:
@@ -412,7 +412,7 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     return _result(found, bench, tables, origin, _outliers(found, bench, rows), drawn)
 
 
-def _noise(design: Design) -> tuple[Array, str]:
+def noise_of(design: Design) -> tuple[Array, str]:
     """Return the standard deviations (k,) of the readings, in the elements' unit, and their source."""
     elements, source = parts.with_noise(parts.of_design(design))
     noise = np.array([element.noise_T * element.gain for element in elements])

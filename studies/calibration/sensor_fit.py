@@ -533,20 +533,11 @@ def decode_with(
     start = sensor.starts(theta, measured)
     shift = _settle_shifts(sensor, theta, start, measured, W, warmer)
     un = sensor.unknowns
-    at, by_shift, by_theta = _slopes(sensor, theta, shift, warmer, un.free)
+    at, slope, noise = _decoding_slopes(sensor, theta, shift, W, warmer, zeroed=zeroed)
     misfit = np.sqrt(np.square((W * (np.nan_to_num(measured) - at))[:, :count]).mean(axis=1))
-    if zeroed:
-        rest = _slopes(sensor, theta, np.zeros_like(shift), warmer, un.free)[2]
-        by_theta[:, :count] -= rest[:, :count]
-    Js, Jt = W[..., None] * by_shift, W[..., None] * by_theta
-    F, by_shift, by_theta = (each[:, count : count + 3] for each in (at, by_shift, by_theta))
+    F, noise = at[:, count : count + 3], found.growth * noise
     load = at[:, count + 3 :] - np.outer(sensor.value(theta, "stand_compliance") * F[:, 2], [1, 0, 0])
     load[:, 0] -= sensor.value(theta, "stand_zero")
-    A = np.einsum("nmi,nmj->nij", Js, Js)
-    A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
-    moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
-    slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
-    noise = found.growth * np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
     # errors of the polynomials at their samples
     model = np.array([sensor.mechanics.errors[1], sensor.mechanics.errors[1], sensor.mechanics.errors[2]]) / 2
     good: NDArray[np.bool_] = np.asarray(known & (misfit < LARGEST_MISFIT))
@@ -557,6 +548,50 @@ def decode_with(
         half = QUANTILE * np.sqrt(variance + np.square(model))
         decoded.append(DecodedForces(F, np.where(good[:, None], half, np.nan), shift, load, misfit))
     return decoded
+
+
+def _decoding_slopes(
+    sensor: Sensor, theta: Array, shift: Array, W: Array, warmer: Array, *, zeroed: bool
+) -> tuple[Array, Array, Array]:
+    """Return predictions (n, m) at shifts (n, 3), and of the force that their readings give: slopes by free unknowns
+    (n, 3, f), and variances (n, 3) by the readings' noise."""
+    free, count = sensor.unknowns.free, len(sensor.noise)
+    at, by_shift, by_theta = _slopes(sensor, theta, shift, warmer, free)
+    if zeroed:
+        rest = _slopes(sensor, theta, np.zeros_like(shift), warmer, free)[2]
+        by_theta[:, :count] -= rest[:, :count]
+    Js, Jt = W[..., None] * by_shift, W[..., None] * by_theta
+    by_shift, by_theta = (each[:, count : count + 3] for each in (by_shift, by_theta))
+    A = np.einsum("nmi,nmj->nij", Js, Js)
+    A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
+    moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
+    slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
+    return at, slope, np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
+
+
+def planned(sensor: Sensor, shift: Array) -> Fit:
+    """Return a sensor at the means of its priors, as certain as readings and forces at shifts (n, 3) will make it."""
+    un, warmer = sensor.unknowns, np.zeros(len(shift))
+    rows = sensor.predict(un.mean, shift, warmer)
+    rows[:, len(sensor.noise) + 3 :] = np.nan
+    r, Js, Jt = _linearised(sensor, un.mean, shift, rows, sensor.weights(rows), warmer)
+    covariance = np.zeros((len(un.mean), len(un.mean)))
+    covariance[np.ix_(un.free, un.free)] = np.linalg.inv(_condensed(r, Js, Jt, un, un.mean)[0])
+    return Fit(sensor, un.mean, covariance, shift, np.zeros_like(rows), 1.0, 1)
+
+
+def force_errors(found: Fit, shift: Array, count: int, rng: np.random.Generator) -> Array:
+    """Return errors (count, n, 3), N, of decoded forces at shifts (n, 3) of sensors as uncertain as an estimated one.
+
+    Each of `count` sensors has one error of the unknowns for all shifts; noise of the readings is left out.
+    """
+    sensor, free, warmer = found.sensor, found.sensor.unknowns.free, np.zeros(len(shift))
+    rows = sensor.predict(found.theta, shift, warmer)
+    rows[:, len(sensor.noise) :] = np.nan
+    _, slope, _ = _decoding_slopes(sensor, found.theta, shift, sensor.weights(rows), warmer, zeroed=False)
+    covariance = found.covariance[np.ix_(free, free)]
+    draws = rng.multivariate_normal(np.zeros(len(free)), covariance, count, method="eigh")
+    return np.asarray(np.einsum("nfp,sp->snf", slope, draws))
 
 
 def relaxing_half_width(half: Array, slow: Array, force: Array, law_error: Array) -> Array:
@@ -570,12 +605,12 @@ def relaxing_half_width(half: Array, slow: Array, force: Array, law_error: Array
     return np.asarray(np.hypot(half * np.fmax(ratio, 1.0)[:, None], law_error[:, None]))
 
 
-def poses_of(found: Fit, load: Array) -> tuple[Array, Array, Array]:
+def poses_of(sensor: Sensor, load: Array) -> tuple[Array, Array, Array]:
     """Return shifts (n, 3), tilts (n, 2) and forces (n, 3) of the nominal sensor under loads (n, 3) of the plate, mm.
 
     They are NaN for a load that is no equilibrium of the mechanics' samples.
     """
-    sensor, theta = found.sensor, found.sensor.unknowns.mean.copy()
+    theta = sensor.unknowns.mean.copy()
     measured = np.hstack([np.full((len(load), len(sensor.noise) + 3), np.nan), load])
     for name in ("stand_zero", "stand_compliance"):
         if name in sensor.unknowns.names:

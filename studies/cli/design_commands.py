@@ -232,8 +232,13 @@ def _settings(options: Sizing, seed: int) -> Settings:
         if not least <= value <= most:
             raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
     effort, level = Effort(options.population, options.generations, seed), LEVELS[options.accuracy]
+    made = None
+    if options.calibration is not None:
+        from studies.calibration import calibration_file
+
+        made = calibration_file.read(options.calibration)
     return sizing_study.Settings(
-        effort, level, Processes(options.workers), options.store, options.points, options.sensors
+        effort, level, Processes(options.workers), options.store, options.points, options.sensors, made
     )
 
 
@@ -277,7 +282,7 @@ def size(
     for warning in requirements.warnings():
         console.warn(warning)
     check_files(here)
-    atomic_files.check_apart([options.store], [source])
+    atomic_files.check_apart([options.store], [source, options.calibration])
     sizing_export.check_parts(out)
     with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
         sizing = sizing_study.run(requirements, settings, progress)
@@ -287,10 +292,17 @@ def size(
         progress(0.97, "SIZING.md, tables and front.png")
         write(result, folder, here.command)
         if sizing.winner is not None:
+            if settings.calibration and not settings.calibration_of(sizing.winner.variant.design):
+                said = (
+                    "the best variant is not the design that was calibrated: its yield takes twelve planned presses"
+                )
+                result = replace(result, warnings=[*result.warnings, said])
             sizing_export.write_design(sizing.winner.variant, requirements, folder)
             if options.export:
                 made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
                 lost = [made["message"]] if made["status"] != "ok" else []
-                result = replace(result, warnings=made["warnings"], failures=[*result.failures, *lost])
+                result = replace(
+                    result, warnings=[*result.warnings, *made["warnings"]], failures=[*result.failures, *lost]
+                )
         progress(1.0, "complete")
     return show(result, here)

@@ -13,7 +13,9 @@ from functools import partial
 from pathlib import Path
 
 from fem.accuracy import Accuracy
+from geometry.design import Design
 from geometry.messages import Progress
+from studies.calibration.sensor_fit import Fit
 from studies.mechanics import store as stores
 from studies.mechanics.solve_plan import Processes, Solver
 from studies.output import page_templates
@@ -66,6 +68,7 @@ class Settings:
     ----------
     points : largest number of points of the front that are solved.
     sensors : number of made sensors of the yield.
+    calibration : of a made sensor; its posterior counts in the yield if the best variant is its design.
     """
 
     effort: Effort
@@ -74,6 +77,12 @@ class Settings:
     store: Path | None
     points: int
     sensors: int
+    calibration: Fit | None = None
+
+    def calibration_of(self, design: Design) -> Fit | None:
+        """Return the calibration if it is one of this design."""
+        found = self.calibration
+        return found if found is not None and found.sensor.design == design else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +182,8 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
         model, workers = f"fem:{settings.accuracy.name}", settings.processes.workers
         solves = {"model": model, "store": settings.store, "workers": workers}
         variant, seed = front[0].variant, requirements.seed
-        made = front_yield.yield_of(variant, requirements, settings.sensors, seed, solves=solves)
+        own = settings.calibration_of(variant.design)
+        made = front_yield.yield_of(variant, requirements, settings.sensors, seed, calibration=own, solves=solves)
     return sizing(candidates, len(variants), front, made, None)
 
 
