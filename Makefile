@@ -10,8 +10,8 @@ OUT ?= out/demo
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
-# two at a time, in this order: both environments are set up side by side, numba compiles beside the tests without
-# extras, and the other tests, which read its files, begin while the checks end
+# two at a time, in this order: numba compiles beside the tests without extras, and the other tests, which read its
+# files, begin while the checks end
 test:
 	$(MAKE) --no-print-directory -j2 plain compile check pytest
 
@@ -43,10 +43,8 @@ compile: setup
 plain: $(PLAIN)/ready
 	MAGTIP_PLAIN=1 $(ONE_THREAD) $(PLAIN)/bin/python -m pytest -p no:cacheprovider tests/test_without_extras.py tests/test_direct_solver.py tests/test_lateral_stiffness.py
 
-$(PLAIN)/ready: pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(PLAIN)
-	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=25'
-	$(PLAIN)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e . pytest pytest-timeout
+$(PLAIN)/ready: .venv/ready tests/plain_environment.py
+	$(BIN)/python tests/plain_environment.py $(PLAIN)
 	touch $@
 
 setup: .venv/ready
