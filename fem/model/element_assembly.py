@@ -60,8 +60,6 @@ def pressure_stiffness(e: Elements, inverse_K: Array) -> Array:
 class _Batch:
     """Some elements, and the strains at their points in the last state.
 
-    Attributes
-    ----------
     part : which elements.
     near, beside : those of them that touch the magnet, in all elements and in those at the magnet; empty without.
     mu : (t n,) shear moduli.
@@ -93,8 +91,6 @@ Rows = tuple[Ints, Ints]
 class ElementAssembly:
     """Forces, volumes and stiffness of the elements of one system.
 
-    Parameters
-    ----------
     mu, inverse_K : (m, 1) moduli of the elements.
     corners : (m, c) rows of the pressures.
     numbers : numbers of the unknown displacements (nodes, f), pressures (corners, n) and motion of the magnet (1, r);
@@ -162,8 +158,6 @@ class ElementAssembly:
     ) -> tuple[float, Array, Array, Array]:
         """Return energy, nodal forces (nodes, f), volumes (corners, n), and entries (nnz,) of the tangent, or none.
 
-        Parameters
-        ----------
         u, p : nodal displacements and pressures, read-only.
         T : (nodes, f, r) derivative of the displacements by the magnet's motion.
         viscous : what a time step adds to the law; default: nothing.
@@ -339,8 +333,6 @@ def integrate_stiffness(D, H, K):
 def add_blocks(values, where, rows, row_number, columns, column_number, offset, places, data):
     """Add the upper triangles of element matrices (m, entries) to the entries of the sparse matrix.
 
-    Parameters
-    ----------
     where : (a, f, b, g) positions of the entries of fields f of the a-th row and g of the b-th column.
     rows, columns : (m, a) and (m, b) nodes, whose unknowns are numbered in `row_number` and `column_number`; -1 where
         eliminated.

@@ -39,8 +39,6 @@ Arrays = tuple[Array, Array, Array]
 class Law(Protocol):
     """A law with its constants, which writes energies (n,), stresses (9, n) and tangents (9, 9, n).
 
-    Parameters
-    ----------
     strain : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
     mu, p : (n,) shear moduli and pressures; both times weights give results times these weights.
     out : W, P and A; A of no points, (9, 9, 0), where tangents are not wanted.
@@ -68,8 +66,6 @@ def evaluate(
 ) -> tuple[Array, Array, Array]:
     """Return W (...), P (3, 3, ...) and, with `tangent`, A (9, 9, ...) of displacement gradients G (3, 3, ...), MPa.
 
-    Parameters
-    ----------
     mu, p : shear modulus and pressure, numbers or of a shape that fits (...), MPa.
     """
     shape, flat = G.shape[2:], np.array(G, dtype=np.float64).reshape(9, -1)
@@ -347,8 +343,6 @@ def _ogden(G, mu, alphas, shares, W, P, A, spatial, material):
 def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
     """Write dP/dF of point x over pairs of principal directions (spatial, material) to A.
 
-    Parameters
-    ----------
     stress : principal second Piola-Kirchhoff stresses, with mu.
     s : sum over the terms of 2 share l^alpha, whose deviator in both indices is the derivative of the Kirchhoff
         stresses by the logarithmic strains h.
@@ -384,8 +378,6 @@ def neo_hookean(strain: Arrays, mu: Array, p: Array, out: Arrays, /) -> None:
 def yeoh(strain: Arrays, mu: Array, p: Array, out: Arrays, /, *, c2: float, c3: float) -> None:
     """Isochoric Yeoh law, W = mu/2 (x + c2 x^2 + c3 x^3) with x = I1' - 3, I1' of J^-1/3 F.
 
-    Parameters
-    ----------
     c2, c3 : C20 / C10 and C30 / C10, with C10 = mu / 2. The others are those of `Law`.
     """
     neo_hookean(strain, np.ones_like(mu), np.zeros_like(p), out)
@@ -410,8 +402,6 @@ def ogden(
     differences of S_a = tau_a / l_a^2, which is a sum of exponentials. They are evaluated as quotients of hyperbolic
     sines, exact for distinct, nearly equal and equal stretches.
 
-    Parameters
-    ----------
     alphas, shares : exponents, not 0, and mu_i / mu, which add up to 1. The others are those of `Law`.
     """
     (G, Jm1, Hm1), (_, P, A) = strain, out
