@@ -11,10 +11,11 @@ from analytic.parts import of_design
 from geometry.base import Base, outer_size, plan
 from geometry.mold import Mold, sizes
 from studies.sizing.candidate_performance import LEAST, performance
-from studies.sizing.candidate_variables import Space
+from studies.sizing.candidate_variables import Space, joined
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements
 from studies.sizing.sensor_arrays import sensors_of
+from studies.sizing.variant_search import sorted_parts
 
 NEEDED = Requirements(
     force_z=5.0, force_x=1.5, resolution_z=0.05, largest_strain=1.0, first_mode=50.0, outer_size=25.0
@@ -22,12 +23,17 @@ NEEDED = Requirements(
 PARTS = catalogues_of(NEEDED)
 
 
-def made(
-    D=10.0, L=11.0, magnet="4x4 N45", silicone="Mold Star 30", part="DRV5055A2", places=(1, 1, 1.8), needed=NEEDED
-):
-    parts = zip((PARTS.magnets, PARTS.silicones, PARTS.hall_parts), (magnet, silicone, part), strict=True)
-    choices = [[each.name for each in kind].index(name) for kind, name in parts]
-    return Space(needed, PARTS).rounded(np.array([choices]), np.array([[D, L, *places]]))
+CHIPS = sorted_parts(PARTS, 3)
+"""The same with one to three chips."""
+
+
+def made(D=10.0, L=11.0, magnet="4x4 N45", silicone="Mold Star 30", part="DRV5055A2", places=(1, 1, 1.8), chips=1):
+    names = (
+        [each.name for each in CHIPS.magnets].index(magnet),
+        [each.name for each in CHIPS.silicones].index(silicone),
+    )
+    choices = [*names, [(each.name, each.count) for each in CHIPS.hall_parts].index((part, chips))]
+    return Space(NEEDED, CHIPS).rounded(np.array([choices]), np.array([[D, L, *places]]))
 
 
 def reached(one, needed=NEEDED, **options):
@@ -45,9 +51,9 @@ def narrow(sensors):
 @pytest.mark.parametrize("process", ["fdm", "sla"])
 def test_sizes_are_those_of_base_and_mould(shape, process):
     needed = Requirements(force_z=5.0, outer_shape=shape, process=process)
-    space, random = Space(needed, PARTS), np.random.default_rng(1)
-    counts = [len(PARTS.magnets), len(PARTS.silicones), len(PARTS.hall_parts)]
-    drawn = space.candidates(random.integers(counts, size=(60, 3)), random.random((60, 5)))
+    space, random = Space(needed, CHIPS), np.random.default_rng(1)
+    counts = [len(CHIPS.magnets), len(CHIPS.silicones), len(CHIPS.hall_parts)]
+    drawn = space.candidates(random.integers(counts, size=(80, 3)), random.random((80, 5)))
     drawn, compared = drawn.take(drawn.outside() == ""), 0
     for k, said in enumerate(np.array(drawn.sizes()).T):
         variant = drawn.variant(k)
@@ -61,10 +67,10 @@ def test_sizes_are_those_of_base_and_mould(shape, process):
     assert compared > 50
 
 
-@pytest.mark.parametrize("part", ["DRV5055A2", "TMAG5273A1"])
-def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the_sensor(part):
+@pytest.mark.parametrize(("part", "chips"), [("DRV5055A2", 1), ("TMAG5273A1", 1), ("TMAG5273A1", 3)])
+def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the_sensor(part, chips):
     """Depth and shear of each pose give the required forces, and slopes by differences give the resolution."""
-    one = made(part=part)
+    one = made(part=part, chips=chips)
     design, sensors = one.variant(0).design, sensors_of(one)
     beams = sensors.beams()
     ends = (sensors.E_low[0], sensors.E_high[0])
@@ -97,12 +103,22 @@ def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the
         K, J = (np.stack([(a[i] - b[i]) / (2e-3 * design.D) for a, b in steps], axis=1) for i in (0, 1))
         sigma = force_resolution(J[None], K[None], noise)[0]
         # the readings of a warmer sensor are 0.2 % per K smaller, and so is what they are decoded to
-        change = np.abs(K @ np.linalg.solve(J, 2e-3 * reading)) / [1.5, 1.5, 5.0]
+        change = np.abs(K @ np.linalg.pinv(J) @ (2e-3 * reading)) / [1.5, 1.5, 5.0]
         figures = {"resolution_z": sigma[2], "resolution_x": max(sigma[:2]), "strain": strain, "drift": max(change)}
         for name, value in figures.items():
             worst[name] = max(worst[name], value)
     for name, value in worst.items():
         assert result.values[name][0] == pytest.approx(value, rel=0.04), name
+
+
+def test_sensors_of_one_and_of_three_chips_are_rated_together_as_alone():
+    one, three = made(part="TMAG5273A1"), made(part="TMAG5273A1", chips=3)
+    together = reached(joined([one, three])).values
+    # one chip is rated in half of the directions if it is alone: its other half mirrors that
+    for k, alone in enumerate(map(reached, (one, three))):
+        for name, value in alone.values.items():
+            assert together[name][k] == pytest.approx(value[0], rel=1e-9, nan_ok=True), name
+    assert together["resolution_z"][1] < together["resolution_z"][0]
 
 
 def test_the_worst_pose_is_named():

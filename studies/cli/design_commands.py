@@ -210,7 +210,7 @@ Wanted = Annotated[
     Parameter(
         name="REQUIREMENTS",
         help="TOML file of requirements. Keys: force_z (needed), force_x, friction, press_with_shear, range_cap, "
-        "resolution_z, resolution_x, bandwidth, samples, converter_noise, converter_step, largest_strain, "
+        "resolution_z, resolution_x, bandwidth, samples, chips, converter_noise, converter_step, largest_strain, "
         "no_saturation, unique_decoding, stability_margin, first_mode, outer_size, outer_shape, height, process, "
         "wall, D, catalogues, shipped, magnets, hall_parts, silicones, seed, [weights]; --example prints a file with "
         "all of them.",

@@ -642,7 +642,7 @@ class Sizing:
 
     export: bool = False
     population: Whole = 768
-    generations: Whole = 40
+    generations: Whole = 50
     points: Whole = 12
     sensors: Whole = 1000
     accuracy: AccuracyName = "standard"

@@ -68,21 +68,25 @@ class GaussianProcess:
         return np.asarray(linalg.cho_solve((self.factor, True), rest))
 
     @functools.cached_property
+    def root(self) -> Array:
+        """Inverse of `factor`, shape (N, N): products with it take half the time of solves."""
+        return np.asfortranarray(linalg.solve_triangular(self.factor, np.eye(len(self.x)), lower=True))
+
+    @functools.cached_property
     def inverse(self) -> Array:
         """K^-1 - K^-1 H (H^T K^-1 H)^-1 H^T K^-1, shape (N, N): the precision of the deviations from the trend."""
         whitened, gram, _ = self._trend
         half = linalg.solve_triangular(gram, whitened.T, lower=True)
-        root = linalg.solve_triangular(self.factor, np.eye(len(self.x)), lower=True)
-        across = half @ root
-        return np.asarray(root.T @ root - across.T @ across)
+        across = half @ self.root
+        return np.asarray(self.root.T @ self.root - across.T @ across)
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Return prediction (n, q) and relative spread g (n,) at points (n, p)."""
         k = correlation(x / self.lengths, self.x / self.lengths)
         whitened, gram, trend = self._trend
         mean = with_constant(x) @ trend + k @ self.weights
-        v = linalg.solve_triangular(self.factor, k.T, lower=True, overwrite_b=True, check_finite=False)
-        u = linalg.solve_triangular(gram, with_constant(x).T - whitened.T @ v, lower=True)
+        v = linalg.blas.dtrmm(1.0, self.root, k.T, lower=1, overwrite_b=1)
+        u = linalg.blas.dtrsm(1.0, gram, with_constant(x).T - whitened.T @ v, lower=1)
         square = 1 + self.nugget - np.einsum("in,in->n", v, v) + np.einsum("in,in->n", u, u)
         return mean, np.sqrt(np.maximum(square, self.nugget))
 

@@ -48,8 +48,8 @@ REGIONS = 6
 CRITICAL_GRID = 49
 """Depths at which the sideways stiffness is evaluated to find its zero."""
 CRITICAL = "critical_depth"
-BLOCK = 1024
-"""Points whose correlations with the training points are held in memory at a time."""
+BLOCK = 256
+"""Points whose correlations with the training points are computed at a time: so few stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)

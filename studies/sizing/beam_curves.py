@@ -16,6 +16,7 @@ the largest.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from geometry.arrays import Array
+from geometry.compiled import compiled
 from studies.mechanics import surrogate_range
 
 PRESS_DEPTHS = 8
@@ -128,7 +130,7 @@ class Curves:
         """Return the depths of presses under forces (n, k); NaN for a force that no evaluated depth has."""
         grid = np.linspace(-1, 1, 129)
         curve = np.maximum.accumulate(self.press[:, :, 0] @ _basis(grid, PRESS_DEPTHS).T, axis=1)
-        right = np.clip((curve[:, None] < force[:, :, None]).sum(axis=2), 1, len(grid) - 1)
+        right = np.clip(_ranks(curve, force), 1, len(grid) - 1)
         left_force, right_force = (np.take_along_axis(curve, right - k, axis=1) for k in (1, 0))
         rise = right_force - left_force
         share = np.where(rise > 0, (force - left_force) / np.where(rise > 0, rise, 1.0), 0.0)
@@ -170,16 +172,15 @@ class Curves:
 
     def states(self, force_z: Array, force_x: Array) -> States:
         """Return the states under normal forces and forces along the plate, shape (n, k), over E D^2."""
-        pure = np.broadcast_to(force_x == 0, force_z.shape)
         depth = self.depth_of_force(force_z)
         press, _ = self.pressed(depth)
-        shear = np.zeros_like(depth)
-        if not pure.all():
-            ends = self._shears_of(np.where(pure, np.nan, depth), force_z, force_x)
-            depth, shear = np.where(pure, depth, ends[0]), np.where(pure, 0.0, ends[1])
+        shear, aside = np.zeros_like(depth), np.flatnonzero((force_x != 0).any(axis=0))
+        if len(aside):
+            ends = self._shears_of(*(np.ascontiguousarray(each[:, aside]) for each in (depth, force_z, force_x)))
+            depth[:, aside], shear[:, aside] = ends
         values, slopes, along = self.sheared(depth, shear)
         # above the least depth of the shears the slope of a small shear stays what it is there
-        strain = np.where(pure, press[..., 2], values[..., 5])
+        strain = np.where(force_x == 0, press[..., 2], values[..., 5])
         return States(depth, shear, strain, values[..., :5], slopes[..., :5], along[..., :5])
 
     def shears_of(self, depth: Array, force_x: Array) -> Array:
@@ -193,36 +194,97 @@ class Curves:
         return shear
 
     def _shears_of(self, depth: Array, force_z: Array, force_x: Array) -> tuple[Array, Array]:
-        """Return the depths and shears at which both forces are the wanted ones, by Newton's method."""
-        low, high = self.low * np.ones_like(depth), self.high * np.ones_like(depth)
-        depth, shear = np.clip(depth, low, high), np.full_like(depth, 0.1)
-        ends = np.sqrt(self.low), np.sqrt(self.high)
+        """Return the depths and shears at which both forces are the wanted ones."""
         n, nodes, _, m = self.shear.shape
         # of all quantities only the forces, and the largest shears
         table = np.concatenate([self.shear[:, :, 3:5].reshape(n, nodes, 2 * m), self.farthest[:, :, None]], axis=2)
-        first, last = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        parts = _matrices(nodes)[0] @ table, _matrices(PRESS_DEPTHS)[0] @ self.press[:, :, 0, None]
+        ends = np.sqrt(np.hstack([np.full_like(self.low, surrogate_range.SHALLOWEST), self.deepest]))
+        found = np.empty((2, *depth.shape))
+        _meet(*parts, ends, np.hstack([self.low, self.high]), (force_z, force_x, depth), found)
+        return found[0], found[1]
+
+
+@compiled
+def _ranks(curve, force):
+    """Return how many values of each rising row (n, m) lie below numbers (n, k); 0 in a row of NaN."""
+    ranks = np.zeros(force.shape, np.int64)
+    for i in range(len(curve)):
+        for j in range(force.shape[1]):
+            low, high = 0, curve.shape[1]
+            while low < high:
+                middle = (low + high) // 2
+                if curve[i, middle] < force[i, j]:
+                    low = middle + 1
+                else:
+                    high = middle
+            ranks[i, j] = low
+    return ranks
+
+
+@compiled
+def _meet(table, press, press_ends, ends, loads, found):
+    """Fill the depths and shears under loads (n, k) by Newton's method, one step beyond `CLOSE`; NaN if not reached.
+
+    Parameters
+    ----------
+    table : coefficients in the place of a depth: of m coefficients of F_x / s in s^2, as many of F_z, and of the
+        largest shear, shape (n, nodes, 2 m + 1).
+    press : those of the press force, shape (n, PRESS_DEPTHS, 1).
+    press_ends, ends : roots of the least and largest depth of the presses, and such depths of the shears, (n, 2).
+    loads : normal forces, forces along the plate and depths to start from, shape (n, k) each.
+    found : to be filled, shape (2, n, k).
+    """
+    force_z, force_x, start = loads
+    m = table.shape[2] // 2
+    values, slopes = np.empty(2 * m + 1), np.empty(2 * m + 1)
+    base, base_slope = np.empty(1), np.empty(1)
+    for i in range(len(table)):
+        low, high = ends[i, 0], ends[i, 1]
+        for j in range(start.shape[1]):
+            depth, shear, met = min(max(start[i, j], low), high), 0.1, False
             for step in range(STEPS):
-                (values, far), (slopes, _) = (
-                    np.split(part, [2 * m], axis=2) for part in _through(table, depth, *ends)
-                )
-                press, press_slopes = _through(self.press[:, :, :1], depth, first, last)
-                square = shear**2
-                (x, x_grow), (z, z_grow) = (_powers(values[..., k * m : k * m + m], square) for k in (0, 1))
-                (x_deep, _), (z_deep, _) = (_powers(slopes[..., k * m : k * m + m], square) for k in (0, 1))
-                off_x, off_z = force_x - shear * x, force_z - press[..., 0] - square * z
-                a, b = x + 2 * square * x_grow, shear * x_deep
-                c, d = 2 * shear * (z + square * z_grow), press_slopes[..., 0] + square * z_deep
-                met = (abs(off_x) <= CLOSE * force_x) & (abs(off_z) <= CLOSE * force_z)
-                met &= (
-                    (shear <= far[..., 0] * (1 + 1e-9)) & (depth >= low * (1 - 1e-9)) & (depth <= high * (1 + 1e-9))
-                )
-                if step == STEPS - 1 or met.all():
+                root = math.sqrt(depth)
+                _evaluate(table[i], root, math.sqrt(low), math.sqrt(high), values, slopes)
+                _evaluate(press[i], root, press_ends[i, 0], press_ends[i, 1], base, base_slope)
+                square, far = shear * shear, values[2 * m]
+                x, x_grow, x_deep = _horner(values[:m], slopes[:m], square)
+                z, z_grow, z_deep = _horner(values[m : 2 * m], slopes[m : 2 * m], square)
+                off_x, off_z = force_x[i, j] - shear * x, force_z[i, j] - base[0] - square * z
+                before, met = met, abs(off_x) <= CLOSE * force_x[i, j] and abs(off_z) <= CLOSE * force_z[i, j]
+                met = met and shear <= far * (1 + 1e-9) and low * (1 - 1e-9) <= depth <= high * (1 + 1e-9)
+                if before and met:
                     break
+                a, b = x + 2 * square * x_grow, shear * x_deep
+                c, d = 2 * shear * (z + square * z_grow), base_slope[0] + square * z_deep
                 det = a * d - b * c
-                shear = np.clip(shear + (d * off_x - b * off_z) / det, 0.0, far[..., 0] * 1.0001)
-                depth = np.clip(depth + (a * off_z - c * off_x) / det, 0.999 * low, 1.001 * high)
-        return np.where(met, depth, np.nan), np.where(met, shear, np.nan)
+                if step < STEPS - 1:
+                    shear = min(max(shear + (d * off_x - b * off_z) / det, 0.0), far * 1.0001)
+                    depth = min(max(depth + (a * off_z - c * off_x) / det, 0.999 * low), 1.001 * high)
+            found[0, i, j], found[1, i, j] = (depth, shear) if met else (math.nan, math.nan)
+
+
+@compiled
+def _evaluate(coefficients, root, low, high, values, slopes):
+    """Fill polynomials in the root of the depth, (count, q), and their slopes along the depth; see `_through`."""
+    place = max(2 * (root - low) / (high - low) - 1, -1.0)
+    for k in range(len(values)):
+        value, slope = 0.0, 0.0
+        for power in range(len(coefficients) - 1, -1, -1):
+            slope = slope * place + value
+            value = value * place + coefficients[power, k]
+        values[k], slopes[k] = value, slope / (root * (high - low))
+
+
+@compiled
+def _horner(coefficients, by_depth, square):
+    """Return a polynomial in `square`, and its slopes along it and along the depth."""
+    value, slope, deep = 0.0, 0.0, 0.0
+    for k in range(len(coefficients) - 1, -1, -1):
+        slope = slope * square + value
+        value = value * square + coefficients[k]
+        deep = deep * square + by_depth[k]
+    return value, slope, deep
 
 
 def depths_between(low: Array, high: Array, count: int) -> Array:

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic.clearance import wall_distance
 from analytic.hall import rotated
@@ -129,6 +130,7 @@ def performance(
     share: Array | None = None,
     ask: Array | None = None,
     dense: bool = False,
+    limit: float | None = None,
 ) -> Performance:
     """Return what sensors reach, of which `beams` gives the responses in the same order.
 
@@ -138,11 +140,13 @@ def performance(
     share : shares of the required forces in z and x, shape (n, 2), at which the sensors are rated; default: 1.
     ask : `Performance.ask` of the surrogate, for finite elements: they are evaluated no further.
     dense : more loads, for the points of a front.
+    limit : for a search, largest `missed` of interest. What misses more under presses alone has no other figures,
+        a range beyond the required loads has only what meets all else, and nothing has a `Performance.ask`.
     """
     n = len(sensors)
     share = np.ones((n, 2)) if share is None else share
     loads = needed.loads(dense=dense)
-    poses = _Poses.of(loads, HALF_TURN if sensors.turn is None else WHOLE_TURN)
+    poses = _Poses.of(loads, HALF_TURN if sensors.mirrored else WHOLE_TURN)
     p, units = len(poses.state), np.stack([each * sensors.D**2 for each in (sensors.E_low, sensors.E_high)], axis=1)
     deepest = surrogate_range.deepest(*sensors.beam[:, :3].T) if ask is None else ask[:, 0]
     pressed, stable = pressed_curves(beams, deepest), beams.stable_to(caution)
@@ -167,8 +171,14 @@ def performance(
     if len(rows):
         part = _Rated(
             sensors.take(rows), pressed.take(rows), known[rows], stable[rows], units[rows], share[rows], needed,
-            loads, poses, caution,
+            loads, poses, caution, limit is not None,
         )  # fmt: skip
+        if limit is not None:
+            part.fill_pressed(result, rows)
+            known = {name: np.where(m > LEAST, m, 0.0)[rows] for name, m in margins(values, needed).items()}
+            kept = np.flatnonzero(missed(known) <= limit)
+            part, rows = replace(part.take(kept), pressed=part.pressed.take(kept)), rows[kept]
+    if len(rows):
         part.fill(result, rows, beams if len(rows) == n else beams.take(rows), None if ask is None else ask[rows])
     return replace(result, margins=margins(values, needed))
 
@@ -203,11 +213,33 @@ class _Rated:
     loads: Array
     poses: _Poses
     caution: float
+    brief: bool
 
     def take(self, rows: Ints) -> _Rated:
         """Return some of the sensors; their curves under a press stay those of all."""
         parts = {name: getattr(self, name)[rows] for name in ("known", "stable", "units", "share")}
         return replace(self, sensors=self.sensors.take(rows), **parts)
+
+    def fill_pressed(self, result: Performance, rows: Ints) -> None:
+        """Write what presses alone say of strain, saturation, depth and hysteresis of these rows."""
+        s, strain, saturation = self.sensors, [], []
+        z = self.share[:, :1] * self.loads[self.loads[:, 1] == 0, 0]
+        for k, way in enumerate((1, -1)):
+            curve = self.pressed.softer(way * self.caution, sheared=False)
+            depth = curve.depth_of_force(z / self.units[:, [k]])
+            press, _ = curve.pressed(depth)
+            shift = press[..., 1:2] * s.D[:, None, None] * [0.0, 0.0, -1.0]
+            axis = np.broadcast_to([0.0, 0.0, 1.0], shift.shape)
+            field, _, _ = readings_of_sensors(
+                s.points, s.normals, s.owners, s.magnet, _filled(shift), axis, slopes=False
+            )
+            saturation.append(np.where(np.isnan(depth), np.nan, self._saturation(field)).min(axis=1))
+            strain.append(press[..., 2].max(axis=1))
+            np.put(result.values["depth_stiff" if k else "depth"], rows, depth[:, -1])
+            if not k:
+                np.put(result.values["hysteresis"], rows, self._hysteresis(depth[:, -1]))
+        np.put(result.values["strain"], rows, np.max(strain, axis=0))
+        np.put(result.values["saturation"], rows, np.min(saturation, axis=0))
 
     def fill(self, result: Performance, rows: Ints, beams: Any, ask: Array | None) -> None:
         """Write the figures of these rows."""
@@ -247,11 +279,21 @@ class _Rated:
         for k, part in enumerate((z, x)):
             result.loads[rows, :, k] = np.tile(part[:, self.poses.state], 2)
         result.loads[rows, :, 2] = np.tile(self.poses.angle, 2)
-        factor, deep = self._range(corners[0], values_at["strain"], values_at["saturation"])
+        factor, deep = self._range(
+            corners[0], values_at["strain"], values_at["saturation"], self._ranged(result, rows)
+        )
         put("range_z", factor * self.share[:, 0] * self.needed.force_z)
         if sheared:
             put("range_x", factor * self.share[:, 1] * (self.needed.force_x or 0.0))
-        result.ask[rows] = self._ask(corners, states, factor, deep, sheared)
+        if not self.brief:
+            result.ask[rows] = self._ask(corners, states, factor, deep, sheared)
+
+    def _ranged(self, result: Performance, rows: Ints) -> NDArray[np.bool_]:
+        """Return whose range is wanted, shape (n,)."""
+        if not self.brief:
+            return np.ones(len(rows), dtype=np.bool_)
+        met = margins({name: value[rows] for name, value in result.values.items()}, self.needed)
+        return np.asarray(np.min(list(met.values()), axis=0) >= 0)
 
     def _over_corners(self, table: Array, way: int) -> Array:
         """Return the worst value of poses (n, p) of both corners, the largest if `way` is 1 and the least if -1.
@@ -363,9 +405,15 @@ class _Rated:
         """
         s = self.sensors
         J = np.where(self._rails(field, 0)[..., None] > 0, slopes, 0.0) * s.remanence[:, 0, None, None, None]
-        rows = [J[..., k, :] for k in range(3)]
-        inverse = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=-1)
-        det = (rows[0] * inverse[..., 0]).sum(axis=-1)
+        if J.shape[2] > 3:
+            # least squares; the weight of an element that a sensor has not is 0
+            J *= (s.noise[:, :1] / s.noise)[:, None, :, None]
+            across = np.swapaxes(J, 2, 3)
+            inverse, square = adjugate(across @ J)
+            inverse, det = inverse @ across, np.sqrt(np.maximum(square, 0.0))
+        else:
+            inverse, det = adjugate(J)
+            square = det
         length = np.linalg.norm(J, axis=2).prod(axis=-1)
         scaled = np.where(length > 0, det / np.where(length > 0, length, 1.0), det * 0)
         turned = scaled * np.sign(np.median(scaled, axis=1, keepdims=True))
@@ -378,7 +426,7 @@ class _Rated:
         unit = np.repeat(self.units, p, axis=1) / s.D[:, None]
         aside = np.where(shear > 0, plane[..., 3] / np.where(shear > 0, shear, 1.0), by_shear[..., 3])
 
-        B = field * s.remanence[:, 0, None, None]
+        B, noises = field * s.remanence[:, 0, None, None], np.where(np.isinf(s.noise), 0.0, s.noise)[:, None]
         # what the gain makes up for by its sign does not count
         of_drift = np.max([np.abs(end + s.drift) for end in NEODYMIUM_DRIFT], axis=0)[:, None]
         unknown, known = np.isnan(det), np.abs(scaled) > SINGULAR
@@ -387,10 +435,10 @@ class _Rated:
             """Return the deviations of a force with these slopes along depth, shear and across, and its drifts."""
             vector = np.stack(np.broadcast_arrays(*row), axis=-1)
             parts = (vector[..., None] * inverse).sum(axis=-2)
-            sizes = np.linalg.norm(parts * s.noise[:, None], axis=-1), np.abs((parts * B).sum(axis=-1))
+            sizes = np.linalg.norm(parts * noises, axis=-1), np.abs((parts * B).sum(axis=-1))
             with np.errstate(divide="ignore", invalid="ignore"):
                 noise, change = (
-                    np.where(unknown, np.nan, np.where(known, unit * size / np.abs(det), np.inf)) for size in sizes
+                    np.where(unknown, np.nan, np.where(known, unit * size / np.abs(square), np.inf)) for size in sizes
                 )
             return noise, change * of_drift / full_scale
 
@@ -409,9 +457,9 @@ class _Rated:
     def _distinct(self, field: Array) -> tuple[Array, Ints]:
         """Return the least distance of the readings of two loads of one sensor, and one of the two poses."""
         s, p = self.sensors, len(self.poses.state)
-        values = (field * (s.remanence[:, 0, None, None] / s.noise[:, None])).reshape(len(field), 2, p, 3)
+        values = (field * (s.remanence[:, 0, None, None] / s.noise[:, None])).reshape(len(field), 2, p, -1)
         seen = np.arange(p)
-        if s.turn is None:
+        if s.mirrored:
             # the other half of the directions: x and y change places
             off = np.flatnonzero(np.abs(np.sin(self.poses.angle - np.pi / 4)) > 1e-9)
             off = off[self.loads[self.poses.state[off], 1] > 0]
@@ -420,7 +468,7 @@ class _Rated:
                 np.concatenate([seen, off]),
             )
         square = np.zeros((*values.shape[:3], values.shape[2]))
-        for k in range(3):
+        for k in range(values.shape[3]):
             square += (values[..., :, None, k] - values[..., None, :, k]) ** 2
         same = np.arange(values.shape[2])
         square[..., same, same] = np.inf
@@ -465,10 +513,12 @@ class _Rated:
             shares.append(np.where(np.isnan(state.depth[:, aside]), np.minimum(share, 0.999), np.maximum(share, 1.0)))
         return self._over_corners(np.concatenate(shares, axis=1), -1)
 
-    def _range(self, soft: Curves, strain: Array, saturation: Array) -> tuple[Array, Array]:
+    def _range(
+        self, soft: Curves, strain: Array, saturation: Array, wanted: NDArray[np.bool_]
+    ) -> tuple[Array, Array]:
         """Return the largest factor on all loads that keeps the bounds, and the depth there.
 
-        It is 0 if 1 does not keep them, and NaN if that is unknown.
+        It is 0 if 1 does not keep them, NaN if that is unknown, and 1 at most where it is not `wanted`.
         """
         needed = self.needed
         stable = np.minimum(self.known, self.stable / needed.stability_margin)
@@ -476,25 +526,27 @@ class _Rated:
         most = np.minimum(top / (self.share[:, 0] * needed.force_z), needed.range_cap or np.inf)
         factor = np.where(np.isnan(strain), np.nan, 0.0)
         good = (strain <= (needed.largest_strain or np.inf)) & ~(needed.no_saturation & (saturation < 0))
-        rows = np.flatnonzero(good & (most >= 1))
+        factor[good & ~wanted] = 1.0
+        rows = np.flatnonzero(good & wanted & (most >= 1))
         deep = np.full(len(most), np.nan)
         if not len(rows):
             return factor, deep
         # of the presses alone, the largest one comes first to a bound
         ends = self.loads[int(np.flatnonzero(self.loads[:, 1] == 0)[-1]) :]
-        turns = HALF_TURN if self.sensors.turn is None else WHOLE_TURN
+        turns = HALF_TURN if self.sensors.mirrored else WHOLE_TURN
         part = replace(self.take(rows), loads=ends, poses=_Poses.of(ends, turns))
         curve, top_factor = soft.take(rows), most[rows]
         low, low_slack = np.ones(len(rows)), np.full(len(rows), np.nan)
         high, high_slack = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
         for share in SCAN:
-            trial = 1 + share * (top_factor - 1)
-            slack, _ = part._slack(curve, trial)
-            ended = ~np.isnan(high)
-            good = ~ended & (slack >= 0)
-            low, low_slack = np.where(good, trial, low), np.where(good, slack, low_slack)
-            new = ~ended & ~(slack >= 0)
-            high, high_slack = np.where(new, trial, high), np.where(new, slack, high_slack)
+            left = np.flatnonzero(np.isnan(high))
+            if not len(left):
+                break
+            trial = 1 + share * (top_factor[left] - 1)
+            slack, _ = part.take(left)._slack(curve.take(left), trial)
+            good = slack >= 0
+            low[left], low_slack[left] = np.where(good, trial, low[left]), np.where(good, slack, low_slack[left])
+            high[left], high_slack[left] = np.where(good, np.nan, trial), np.where(good, np.nan, slack)
         open_ = np.flatnonzero(~np.isnan(high))
         for _ in range(REFINED if len(open_) else 0):
             a, b, fa, fb = low[open_], high[open_], low_slack[open_], high_slack[open_]
@@ -509,7 +561,8 @@ class _Rated:
         linear = np.isfinite(high_slack) & np.isfinite(high) & (low_slack > high_slack)
         low = np.where(linear, low + (high - low) * low_slack / np.where(linear, low_slack - high_slack, 1.0), low)
         factor[rows] = low
-        deep[rows] = part._slack(curve, low)[1]
+        if not self.brief:
+            deep[rows] = part._slack(curve, low)[1]
         return factor, deep
 
     def _slack(self, curve: Curves, factor: Array) -> tuple[Array, Array]:
@@ -545,9 +598,22 @@ class _Rated:
         return np.column_stack([press, low, high, np.fmax(np.fmin(DEEPER * shear, most), 0.01)])
 
 
+def adjugate(matrix: Array) -> tuple[Array, Array]:
+    """Return the adjugates of matrices (..., 3, 3), which are the inverses times the determinants, and these."""
+    rows = [matrix[..., k, :] for k in range(3)]
+    result = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=-1)
+    return result, (rows[0] * result[..., 0]).sum(axis=-1)
+
+
 def _filled(values: Array) -> Array:
     """Return values with 1 in place of NaN, for compiled loops."""
     return np.where(np.isnan(values), 1.0, values)
+
+
+def missed(margins: Mapping[str, Array]) -> Array:
+    """Return by how much requirements are missed, shape (n,), as a sum of logarithms: one that is missed by far must
+    not hide the others."""
+    return np.asarray(np.sum([np.log1p(np.maximum(-margin, 0.0)) for margin in margins.values()], axis=0))
 
 
 def margins(values: Mapping[str, Array], needed: Requirements) -> dict[str, Array]:

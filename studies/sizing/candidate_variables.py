@@ -2,13 +2,16 @@
 
 A candidate is a magnet, a silicone, a Hall part and five lengths: D, L, how far S1 or the chip lies below the beam
 and S2 and S3 beside it (both beyond the least that the base needs), and the height of S2 and S3 above the base plane.
+Of several chips, the fourth length is how much larger their circle is than the least one.
 All lengths are whole multiples of `ROUNDING`. Outer size, height and wall are those of `geometry.base` and
 `geometry.mold` with their default choices, for all candidates at once.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +25,7 @@ from geometry.base import EDGE, Base, plan
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
+from geometry.hall_chips import CIRCLES, least_radius
 from studies.mechanics import surrogate_range
 from studies.sizing.catalogues import Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.requirements import Requirements
@@ -58,19 +62,28 @@ class Variant:
             "f_mm": d.f if three else None,
             "l0_mm": d.l0,
             "c_mm": d.c if three else None,
+            "chips": None if three else int(d.chip_count),
+            "chip_x_mm": None if three else d.chip_x,
         }
 
 
 @dataclass(frozen=True, slots=True)
 class Seat:
     """What a Hall part asks of the base, mm: its element, the height of its roof above the plate, its reach along x
-    and y, and the height of its Hall plate above the underside of the base."""
+    and y, and the height of its Hall plate above the underside of the base; and the number of chips."""
 
     three: bool
+    count: int
     element: Element
     roof: float
     reach: tuple[float, float]
     plate: float
+
+    @property
+    def circle(self) -> float:
+        """Least radius of the chips' circle on the grid of the lengths."""
+        along, across = (2 * reach + WEB for reach in self.reach)
+        return math.ceil(least_radius(self.count, along, across) / ROUNDING - 1e-6) * ROUNDING
 
 
 class Space:
@@ -94,6 +107,7 @@ class Space:
         self.fit = self.process.fit / 2
         self.seats = [_seat(part, requirements) for part in parts.hall_parts]
         self.three = np.array([seat.three for seat in self.seats])
+        self.count = np.array([seat.count for seat in self.seats])
         self.elements = {
             name: np.array([getattr(seat.element, name) for seat in self.seats])
             for name in ("gain", "null", "low", "high", "noise_T", "plate")
@@ -142,7 +156,9 @@ class Space:
         """Return the candidates of the nearest printable lengths (n, 5)."""
         grid = np.round(lengths / ROUNDING)
         grid[:, 2:4] = np.maximum(grid[:, 2:4], 0)
-        grid[~self.three[choices[:, 2]], 3:] = 0
+        three, several = self.three[choices[:, 2]], self.count[choices[:, 2]] > 1
+        grid[~(three | several), 3] = 0
+        grid[~three, 4] = 0
         return Candidates(
             self, choices, np.round(grid * ROUNDING, 9), np.ones((len(grid), 2)) if share is None else share
         )
@@ -188,6 +204,11 @@ class Candidates:
         return np.array([read(seat) for seat in self.space.seats], dtype=float)[self.choices[:, 2]]
 
     @property
+    def count(self) -> Ints:
+        """Number of chips, 1 of one-axis parts, shape (n,)."""
+        return self.space.count[self.choices[:, 2]]
+
+    @property
     def D(self) -> Array:
         return self.lengths[:, 0]
 
@@ -200,7 +221,8 @@ class Candidates:
         return self.L - self.D / 2
 
     def places(self) -> tuple[Array, Array, Array]:
-        """Return l0, f and c of each candidate, shape (n,), mm; f and c of a chip have no meaning."""
+        """Return l0, f and c of each candidate, shape (n,), mm; of chips, f is the radius of their circle, and c has
+        no meaning."""
         fit, part = self.space.fit, SS495A
         roof = self._seat(lambda seat: seat.roof)
         least = np.round(_raised(self.H + roof + WEB), 9)
@@ -211,8 +233,20 @@ class Candidates:
             [self.D / 2, np.full(len(self), part.width / 2 + fit), np.full(len(self), part.height / 2 + fit + WEB)]
         )
         least = np.round(_raised(beside + part.depth + fit), 9)
-        f = np.where(least - part.depth - fit < beside, least + ROUNDING, least) + self.lengths[:, 3]
+        least = np.where(least - part.depth - fit < beside, least + ROUNDING, least)
+        f = np.where(self.three, least, self._seat(lambda seat: seat.circle)) + self.lengths[:, 3]
         return tuple(np.round(each, 9) for each in (l0, f, l0 - self.H + self.lengths[:, 4]))  # type: ignore[return-value]
+
+    def circle(self) -> Array:
+        """Return the places of the chips along x and y, shape (c, 2, n), mm, 0 for S1; where there are fewer than c,
+        the first one is repeated."""
+        radius, count = np.where(self.three, 0.0, self.places()[1]), self.count
+        at = np.zeros((count.max(initial=1), 2, len(self)))
+        for k in range(len(at)):
+            for number, places in CIRCLES.items():
+                rows = count == number
+                at[k][:, rows] = np.array(places[k if k < number else 0])[:, None] * radius[rows]
+        return at
 
     def outside(self) -> NDArray[Any]:
         """Return why each candidate is impossible, or outside the surrogate's range; "" where it is neither."""
@@ -246,13 +280,17 @@ class Candidates:
         post = three & (level > 0)
         half = part.width / 2 + fit + np.where(post, wall, 0.0)
         far = f - part.depth + part.thickness + fit + np.where(post, wall, 0.0)
-        near = self._seat(lambda seat: seat.reach[0]), self._seat(lambda seat: seat.reach[1])
+        # the seat of S1, or of each chip on the circle
+        x, y = (
+            [self._seat(lambda seat, k=k: seat.reach[k]) + np.abs(at) for at in ends]
+            for k, ends in enumerate(np.moveaxis(self.circle(), 1, 0))
+        )
         R, hole = self.D / 2, 0.0 if choices.is_round else 1.1
         if choices.is_round:
-            reach = np.maximum(np.hypot(*near), np.where(three, np.hypot(far, half), 0.0))
+            reach = np.maximum(np.hypot(x, y).max(axis=0), np.where(three, np.hypot(far, half), 0.0))
             outer = np.maximum(R + process.fit + wall, reach + wall)
         else:
-            reach = np.maximum(np.maximum(*near), np.where(three, np.maximum(far, half), 0.0))
+            reach = np.maximum(np.max([*x, *y], axis=0), np.where(three, np.maximum(far, half), 0.0))
             at = np.maximum((R + hole + EDGE) / np.sqrt(2), reach + wall - hole)
             outer = np.maximum.reduce([at + hole + EDGE, R + EDGE, reach + wall])
         one_axis = np.maximum.reduce(
@@ -273,7 +311,7 @@ class Candidates:
         l0, f, c = (float(each[k]) for each in self.places())
         fields: dict[str, Any] = {**magnet.fields(), **silicone.fields(), **part_fields(part, needed)}
         fields |= {"D": float(self.D[k]), "L": float(self.L[k]), "l0": l0, "loss_factor": silicone.loss_factor}
-        fields |= {"f": f, "c": c} if part.layout == "three" else {"chip_x": 0.0}
+        fields |= {"f": f, "c": c} if part.layout == "three" else {"chip_x": f}
         try:
             design = Design(**fields)
             plan(design, Base(shape=needed.outer_shape), needed.process)
@@ -307,13 +345,14 @@ def part_fields(part: HallPartEntry, requirements: Requirements) -> dict[str, An
 @functools.cache
 def _seat(part: HallPartEntry, requirements: Requirements) -> Seat:
     """Return the seat of a Hall part, read from the plan of a base that is deep enough for any part."""
-    design = Design(D=20.0, L=20.0, l0=40.0, f=40.0, c=20.0, **part_fields(part, requirements))
+    one = dataclasses.replace(part, count=1)
+    design = Design(D=20.0, L=20.0, l0=40.0, f=40.0, c=20.0, **part_fields(one, requirements))
     made = plan(design, Base(shape=requirements.outer_shape), requirements.process)
     (body, *_), z = made.seats.bodies.values(), design.H - design.l0
     element = of_design(design)[0]
     roof = body.corner[2] + body.sides[2] - z
     reach = tuple(max(-body.corner[k], body.corner[k] + body.sides[k]) for k in (0, 1))
-    return Seat(part.layout == "three", element, roof, (reach[0], reach[1]), made.thickness + z)
+    return Seat(part.layout == "three", part.count, element, roof, (reach[0], reach[1]), made.thickness + z)
 
 
 def _raised(value: Array) -> Array:

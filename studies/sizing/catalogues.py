@@ -68,11 +68,13 @@ class HallPartEntry:
     """A Hall part that is sold: one-axis parts, of which a sensor has three, or a 3-axis chip. None is unknown.
 
     Of a chip the gain is 1, null, its tolerance and rails are in T, and width, height and thickness are its size
-    along x, along y and over its board. The others are those of `catalogue_keys.csv`.
+    along x, along y and over its board. The others are those of `catalogue_keys.csv`. `count` is the number of such
+    chips in a sensor.
     """
 
     name: str
     layout: str
+    count: int = 1
     gain: float = 1.0
     gain_tolerance: float
     gain_drift: float | None = None
@@ -103,13 +105,21 @@ class HallPartEntry:
                 "plate": self.plate_height or 0.0,
             }
             own = {"range": self.high, "step": self.step, "noise": self.noise or 0.0, **body}
-            return {"hall_layout": OWN, **{f"chip_{name}": value for name, value in own.items()}}
+            return {"hall_layout": OWN, **{f"chip_{name}": value for name, value in (own | self._count).items()}}
         if self.layout != "three":
             # the noise that a user has measured replaces that of the data sheet
             noise = {"chip_noise": self.noise} if self.noise and self.noise != CHIPS[self.layout].noise else {}
-            return {"hall_layout": self.layout, **noise}
+            return {
+                "hall_layout": self.layout,
+                **noise,
+                **{f"chip_{name}": value for name, value in self._count.items()},
+            }
         values = {"gain": self.gain, "null": self.null, "low": self.low, "high": self.high, "plate": self.plate}
         return {"hall_layout": "three", **{f"hall_{name}": value for name, value in values.items()}}
+
+    @property
+    def _count(self) -> dict[str, float]:
+        return {"count": float(self.count)} if self.count > 1 else {}
 
     @property
     def unusable(self) -> str:
@@ -463,7 +473,7 @@ def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[d
     """Return a row for each part, with the units in the names of the columns."""
     table = []
     for part in parts:
-        row = {COLUMNS.get(name, name): value for name, value in dataclasses.asdict(part).items()}
+        row = {COLUMNS.get(name, name): value for name, value in dataclasses.asdict(part).items() if name != "count"}
         if isinstance(part, HallPartEntry):
             row["gain_V_per_mT"] = part.gain / 1000 if part.layout == "three" else None
             row["noise_density_V_per_sqrtHz"] = part.noise_fields().get("hall_noise_density")

@@ -19,6 +19,7 @@ from analytic.parts import CONVERTER_NOISE, CONVERTER_STEP
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
+from geometry.hall_chips import CIRCLES
 from studies.inputs.quantity_input import quantity
 from studies.inputs.user_input import check_keys, toml_table, validated
 
@@ -33,6 +34,7 @@ resolution_z = "50 mN"             # standard deviation of the decoded force at 
 resolution_x = "50 mN"
 bandwidth = "100 Hz"               # of the readings, which sets their noise
 samples = 16                       # readings that are averaged
+chips = 3                          # largest number of 3-axis chips of a sensor, up to 3; default: 1
 converter_noise = "0.244 mV"       # rms, of the converter that reads one-axis parts; default: NI 9205
 converter_step = "0.305 mV"        # default: NI 9205
 largest_strain = "100 %"           # of the silicone, under any load
@@ -98,6 +100,7 @@ class Requirements:
     range_cap : loads beyond so many times the required ones have no value; default: none.
     resolution_z, resolution_x : largest standard deviation of the decoded force at the worst pose of the range.
     bandwidth, samples : -3 dB bandwidth of the readings and number of readings averaged, which set the noise.
+    chips : largest number of 3-axis chips of a sensor.
     converter_noise, converter_step : of the analog-to-digital converter of one-axis parts, V.
     largest_strain : bound of the largest principal nominal strain of the silicone (stretch - 1).
     drift_per_K, hysteresis : over full scale, see `candidate_performance`.
@@ -142,6 +145,7 @@ class Requirements:
     converter_noise: float = _number("V", 0, 1, "noise of the converter (rms)", CONVERTER_NOISE)
     converter_step: float = _number("V", 0, 1, "step of the converter", CONVERTER_STEP)
     samples: int = 1
+    chips: int = 1
     outer_shape: Literal["round", "square"] = "round"
     process: Literal["fdm", "sla"] = "fdm"
     catalogues: tuple[str, ...] = ()
@@ -162,6 +166,8 @@ class Requirements:
                 object.__setattr__(self, name, quantity(name, value, spec.metadata["unit"], low, high))
         if not 1 <= self.samples <= MOST_SAMPLES:
             raise BadInput(f"samples must lie between 1 and {MOST_SAMPLES}; got {self.samples}")
+        if not 1 <= self.chips <= max(CIRCLES):
+            raise BadInput(f"chips must lie between 1 and {max(CIRCLES)}; got {self.chips}")
         if self.seed < 0:
             raise BadInput(f"seed must be 0 or more; got {self.seed}")
         weights = {name: getattr(self, f"weight_{name}") for name in OBJECTIVES}
@@ -306,7 +312,7 @@ _KINDS: dict[str, Any] = {
     **{name: _NUMBER for name in LIMITS if name not in ("D_low", "D_high")},
     "D": float | str | list[Any],
     **dict.fromkeys(("no_saturation", "unique_decoding"), bool),
-    "samples": int,
+    **dict.fromkeys(("samples", "chips"), int),
     "outer_shape": Literal["round", "square"],
     "process": Literal["fdm", "sla"],
     **dict.fromkeys(("catalogues", "shipped", *CATALOGUES), list[str]),

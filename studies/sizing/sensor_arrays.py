@@ -18,6 +18,9 @@ from studies.sensitivity.made_sensors import MadeSensors
 from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.requirements import Requirements
 
+ABSENT = 1e9
+"""Rails of an element that a sensor has not, in the unit of its output; its noise is infinite."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensors:
@@ -30,7 +33,7 @@ class Sensors:
     magnet, remanence : diameter and height; least and largest value, shape (n, 2).
     points, normals : where the elements sample the field, from the magnet's centre at rest, and their directions,
         shape (n, m, 3). owners : the element of each point, shape (m,).
-    gain, null, low, high, noise : of the three elements, shape (n, 3).
+    gain, null, low, high, noise : of the k elements, shape (n, k).
     drift, loss : of the gain per K, relative, NaN where unknown; loss factor of the silicone, shape (n,).
     beside : distance of the face of S2 from the axis and its height, shape (n, 2); NaN for a chip.
     offset, turn : displacement and rotation vector of the magnet in the silicone, (n, 3) and (n, 2); None for 0.
@@ -65,6 +68,11 @@ class Sensors:
     def __len__(self) -> int:
         return len(self.D)
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the plane x = y mirrors all sensors: not so a circle of chips, nor what was made."""
+        return self.turn is None and self.noise.shape[1] == 3
+
     def take(self, rows: Any) -> Sensors:
         """Return some of the sensors."""
         values = {name: getattr(self, name) for name in self.__slots__}
@@ -80,20 +88,28 @@ def sensors_of(candidates: Candidates) -> Sensors:
     """Return candidates as sensors."""
     c, n = candidates, len(candidates)
     l0, f, _ = c.places()
-    # element S1 or the chip, then S2 and S3
-    at = np.zeros((n, 3, 3))
+    # element S1 or the chips, then S2 and S3
+    circle = c.circle()
+    at = np.zeros((n, 3 * len(circle), 3))
+    at[:, :, :2] = np.repeat(circle, 3, axis=0).transpose(2, 0, 1)
     at[:, :, 2] = -l0[:, None]
     level = c.lengths[:, 4] - c.H
     for k in (1, 2):
-        at[:, k, k - 1] = np.where(c.three, f, 0.0)
+        at[:, k, k - 1] = np.where(c.three, f, at[:, k, k - 1])
         at[:, k, 2] = np.where(c.three, level, -l0)
-    owners, spread = np.arange(3, dtype=np.int64), np.zeros((3, 3))
+    axes = AXES * len(circle)
+    owners, spread = np.arange(len(axes), dtype=np.int64), np.zeros((len(axes), 3))
     plate = c.element("plate")[:, None, None]
     if plate.any():
-        unit = [Element("", (0.0, 0.0, 0.0), axis, 1.0, 0.0, -1.0, 1.0, plate=1.0) for axis in AXES]
+        unit = [Element("", (0.0, 0.0, 0.0), axis, 1.0, 0.0, -1.0, 1.0, plate=1.0) for axis in axes]
         spread, owners = plates_of(unit)
     points = at[:, owners] + spread * plate
-    three = np.ones((n, 3))
+    # a sensor with fewer chips than others has elements that say nothing
+    real = np.repeat(np.arange(len(circle)) < c.count[:, None], 3, axis=1)
+    values = {name: c.element(name)[:, None] * np.ones(real.shape) for name in ("gain", "null")}
+    values |= {
+        name: np.where(real, c.element(name)[:, None], end) for name, end in (("low", -ABSENT), ("high", ABSENT))
+    }
     size, height, wall = c.sizes()
     D, d, h, edge = c.D, c.magnet("diameter"), c.magnet("height"), c.magnet("edge_radius")
     return Sensors(
@@ -110,10 +126,10 @@ def sensors_of(candidates: Candidates) -> Sensors:
         magnet=np.column_stack([d, h]),
         remanence=np.column_stack([c.magnet("remanence_low"), c.magnet("remanence_high")]),
         points=points,
-        normals=np.broadcast_to(np.array(AXES)[owners], points.shape),
+        normals=np.broadcast_to(np.array(axes)[owners], points.shape),
         owners=owners,
-        **{name: c.element(name)[:, None] * three for name in ("gain", "null", "low", "high")},
-        noise=c.element("noise_T")[:, None] * three,
+        **values,
+        noise=np.where(real, c.element("noise_T")[:, None], np.inf),
         drift=c.element("gain_drift"),
         loss=c.silicone("loss_factor"),
         beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),

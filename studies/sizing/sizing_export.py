@@ -69,7 +69,7 @@ def write_design(variant: Variant, requirements: Requirements, folder: Path) -> 
     lines = [
         f"# magnet: {variant.magnet.name}",
         f"# silicone: {variant.silicone.name}, E = {variant.silicone.E_low:g} to {variant.silicone.E_high:g} MPa",
-        f"# Hall part: {variant.hall_part.name}",
+        f"# Hall part: {f'{variant.hall_part.count} x ' * (variant.hall_part.count > 1)}{variant.hall_part.name}",
     ]
     unused = variant.design.unused_fields()
     fields = user_input.changed_fields(variant.design)
@@ -98,5 +98,11 @@ def parts_text(variant: Variant) -> str:
         f"{silicone.cure_temperature:g} °C. E = {silicone.E_low:g} to {silicone.E_high:g} MPa. "
         f"Source: {silicone.source}."
     )
-    lines = ["## Parts", "", magnet_text, silicone_text, f"- Hall part: {part.name}. Source: {part.source}."]
+    lines = [
+        "## Parts",
+        "",
+        magnet_text,
+        silicone_text,
+        f"- Hall part: {f'{part.count} x ' * (part.count > 1)}{part.name}. Source: {part.source}.",
+    ]
     return "\n".join(lines) + "\n"

@@ -142,7 +142,7 @@ def _unlike(one: FrontPoint, other: FrontPoint) -> int:
     """Return how far two points differ in kind."""
     a, b = one.variant, other.variant
     kinds = (a.hall_part.layout == "three") != (b.hall_part.layout == "three")
-    names = [getattr(a, part).name != getattr(b, part).name for part in ("silicone", "hall_part")]
+    names = [a.silicone.name != b.silicone.name, a.hall_part != b.hall_part]
     return int(8 * kinds + 2 * sum(names) + (a.magnet.name.split()[0] != b.magnet.name.split()[0]))
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.sizing.candidate_performance import LEAST, Performance, performance
+from studies.sizing.candidate_performance import LEAST, Performance, missed, performance
 from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
 from studies.sizing.catalogues import Catalogues
 from studies.sizing.requirements import AT_LEAST, Requirements
@@ -51,8 +51,9 @@ LEAST_SHARE = 1e-3
 UNMET = 0.6
 """Share of the generations after which a search without a candidate that meets all requirements ends."""
 
-Rate = Callable[[Candidates], tuple[Array, Array]]
-"""Returns objectives (n, m), all to be made small, and violations (n,), 0 where all requirements are met."""
+Rate = Callable[[Candidates, float], tuple[Array, Array]]
+"""Returns objectives (n, m), all to be made small, and violations (n,), 0 where all requirements are met; what lies
+above a limit may have any larger one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ class Effort:
     """How long to search: candidates of a generation, number of generations, and seed."""
 
     population: int = 768
-    generations: int = 40
+    generations: int = 50
     seed: int = 0
 
 
@@ -138,13 +139,13 @@ class Rating:
         self.rated = 0
         self.refusals: Counter[str] = Counter()
 
-    def performance(self, candidates: Candidates) -> Performance:
-        """Return what possible candidates reach."""
+    def performance(self, candidates: Candidates, limit: float = np.inf) -> Performance:
+        """Return what possible candidates reach; `limit` as in `performance`."""
         sensors = sensors_of(candidates)
-        return performance(sensors, sensors.beams(), self.needed, share=candidates.share)
+        return performance(sensors, sensors.beams(), self.needed, share=candidates.share, limit=limit)
 
-    def __call__(self, candidates: Candidates) -> tuple[Array, Array]:
-        """Return objectives and violations."""
+    def __call__(self, candidates: Candidates, limit: float = np.inf) -> tuple[Array, Array]:
+        """Return objectives and violations; one above `limit` may be any larger number."""
         n = len(candidates)
         F, violation = np.full((n, 1 if self.free else 3), 1e6), np.full(n, IMPOSSIBLE)
         outside = candidates.outside()
@@ -157,13 +158,10 @@ class Rating:
         for start in range(0, len(rows), BATCH):
             at = rows[start : start + BATCH]
             part = candidates.take(at)
-            result = self.performance(part)
+            result = self.performance(part, np.inf if self.free else limit)
             F[at] = self.goals(result, part)
-            # logarithms: a requirement that is missed by far must not hide the others
             # a share of a force must be reached like the whole
-            held = {n: v for n, v in result.margins.items() if n != self.free or n in FORCES}
-            missed = [np.log1p(np.maximum(-each, 0.0)) for each in held.values()]
-            violation[at] = np.sum(missed, axis=0)
+            violation[at] = missed({n: v for n, v in result.margins.items() if n != self.free or n in FORCES})
         return F, violation
 
     def goals(self, result: Performance, candidates: Candidates) -> Array:
@@ -200,8 +198,7 @@ def search(
     first = first_candidates(
         space, max(4 * effort.population, math.prod(b - a for a, b in space.choices)), effort.seed
     )
-    pool = _rated(_new(first, seen), rate)
-    pool = _survivors(pool, effort.population)
+    pool = _survivors(_rated(_new(first, seen), rate, np.inf), effort.population)
     for number in range(effort.generations):
         met = int((pool.violation == 0).sum())
         if (first_met and met) or (not met and number >= UNMET * effort.generations):
@@ -209,12 +206,12 @@ def search(
         if progress is not None:
             progress(number / effort.generations, f"{len(seen)} candidates, {met} of the best meet all requirements")
         children = _new(_varied(pool, effort.population, random), seen)
-        pool = _survivors(_together(pool, _rated(children, rate)), effort.population)
+        pool = _survivors(_together(pool, _rated(children, rate, _limit(pool, effort))), effort.population)
     for _ in range(ROUNDS):
         near = _new(_neighbours(pool), seen)
         if not len(near):
             break
-        pool = _survivors(_together(pool, _rated(near, rate)), effort.population)
+        pool = _survivors(_together(pool, _rated(near, rate, _limit(pool, effort))), effort.population)
     return dataclasses.replace(pool, rated=len(seen))
 
 
@@ -256,8 +253,13 @@ def _new(candidates: Candidates, seen: set[bytes]) -> Candidates:
     return candidates.take(np.array(kept, dtype=np.int64))
 
 
-def _rated(candidates: Candidates, rate: Rate) -> Found:
-    return Found(candidates, *rate(candidates), len(candidates))
+def _rated(candidates: Candidates, rate: Rate, limit: float) -> Found:
+    return Found(candidates, *rate(candidates, limit), len(candidates))
+
+
+def _limit(pool: Found, effort: Effort) -> float:
+    """Return the violation above which a candidate does not come into the pool."""
+    return float(pool.violation.max()) if len(pool.violation) >= effort.population else np.inf
 
 
 def _together(one: Found, other: Found) -> Found:
@@ -363,25 +365,33 @@ def spread(F: Array, count: int) -> Ints:
     return np.sort(np.array(chosen))
 
 
-def sorted_parts(catalogues: Catalogues) -> Catalogues:
-    """Return the parts so that neighbours in the search are alike, one-axis parts before 3-axis chips."""
+def sorted_parts(catalogues: Catalogues, chips: int = 1) -> Catalogues:
+    """Return the parts so that neighbours in the search are alike: one-axis parts before 3-axis chips, and one chip
+    before two and three, up to `chips`."""
+    hall_parts = [
+        dataclasses.replace(part, count=count)
+        for part in catalogues.hall_parts
+        for count in range(1, 1 + (1 if part.layout == "three" else chips))
+    ]
     return dataclasses.replace(
         catalogues,
         magnets=tuple(sorted(catalogues.magnets, key=lambda one: one.diameter**2 * one.height * one.remanence)),
-        hall_parts=tuple(sorted(catalogues.hall_parts, key=lambda one: (one.layout != "three", one.gain))),
+        hall_parts=tuple(sorted(hall_parts, key=lambda one: (one.layout != "three", one.count, one.gain))),
         silicones=tuple(sorted(catalogues.silicones, key=lambda one: one.E)),
     )
 
 
 def spaces(needed: Requirements, catalogues: Catalogues, free: dict[int, float] | None = None) -> list[Space]:
-    """Return the candidates with one-axis parts and those with 3-axis chips, which are searched apart.
+    """Return the candidates with one-axis parts and those with one, two and three 3-axis chips, which are searched
+    apart.
 
     A good beam for one is none for the other: in a common pool whichever meets the requirements first would displace
     the other one before it is good.
     """
-    parts = sorted_parts(catalogues)
-    axes, count = sum(part.layout == "three" for part in parts.hall_parts), len(parts.hall_parts)
-    return [Space(needed, parts, ends, free) for ends in ((0, axes), (axes, count)) if ends[0] < ends[1]]
+    parts = sorted_parts(catalogues, needed.chips)
+    kinds = [(part.layout != "three", part.count) for part in parts.hall_parts]
+    ends = [(kinds.index(kind), len(kinds) - kinds[::-1].index(kind)) for kind in sorted(set(kinds))]
+    return [Space(needed, parts, each, free) for each in ends]
 
 
 def searched(
@@ -405,7 +415,9 @@ def searched(
     found: list[Found] = []
     ratings = [Rating(needed, free) for _ in kinds]
     for number, space in enumerate(kinds):
-        kind = "one-axis parts" if space.three[space.choices[2][0]] else "3-axis chips"
+        first = space.choices[2][0]
+        several = f"{space.count[first]} 3-axis chips" if space.count[first] > 1 else "3-axis chips"
+        kind = "one-axis parts" if space.three[first] else several
         part = (
             None
             if progress is None

@@ -32,7 +32,7 @@ def random_objectives(needed: Requirements, parts: Catalogues, count: int, seed:
         for start in range(0, count, DRAWN):
             n = min(DRAWN, count - start)
             choices = random.integers(first, end, size=(n, 3))
-            F, violation = rating(space.candidates(choices, random.random((n, 5))))
+            F, violation = rating(space.candidates(choices, random.random((n, 5))), 0.0)
             rows.append(F[violation == 0])
     return np.concatenate(rows)
 
