@@ -10,6 +10,7 @@ import pytest
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from fem.solution import Facts
+from fem.solve import load_increments
 from fem.solve.direct_solver import Stability
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
@@ -114,7 +115,13 @@ def test_what_could_not_be_measured_is_neither_pass_nor_fail(pressed, monkeypatc
     assert extremes.line(row).startswith("not judged  small")
 
 
-def test_a_comparison_that_stops_judges_nothing():
+@pytest.fixture
+def impatient(monkeypatch):
+    """Paths end where an increment of a tenth of D fails."""
+    monkeypatch.setattr(load_increments, "SHORTEST", 0.1)
+
+
+def test_a_comparison_that_stops_judges_nothing(impatient):
     def compare(scene, states):
         return Measurement("force", extremes.follow(scene, press(8.9), magnet="ignored").energy)
 
@@ -133,7 +140,7 @@ def test_a_status_that_is_not_in_the_scenes_own_list_fails_whatever_its_message_
     assert row["measured"] == 0
 
 
-def test_wrong_ends_are_rows_that_fail():
+def test_wrong_ends_are_rows_that_fail(impatient):
     def crash(*_):
         raise ZeroDivisionError("division by zero")
 
