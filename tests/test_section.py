@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.model.section_interpolation import interpolate_section
-from fem.model.symmetry_models import MeshSpecification
+from fem.model.symmetry_models import MeshSpecification, interpolate_section
 from geometry.cad import beam_volume, magnet_volume
 from geometry.design import BadInput, Shape, paper
 from geometry.section import _triangulated, section

@@ -167,14 +167,14 @@ def spring_mass(design: Design) -> tuple[float, float]:
 def find_contact(scene: Scene) -> tuple[float, PathState] | None:
     """Return where the contact of a press ends, and that press, see `find_press`; None for the free sensor."""
     depth, size = scene.loads[0].depth / scene.design.D, scene.accuracy.section_size
-    section = specification(scene, size, size / 2)
+    section = specification(scene, size)
     return find_press(section, scene.accuracy.section_patch, depth) if depth else None
 
 
 def pressed_sensor(scene: Scene, contact: tuple[float, PathState] | None) -> Press:
     """Return the press of a scene, on a mesh refined where `contact` of `find_contact` ends."""
     size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
-    return reach_press(specification(scene, size, size / 2), contact, patch, scene.loads[0].depth / D, D)
+    return reach_press(specification(scene, size), contact, patch, scene.loads[0].depth / D, D)
 
 
 def inertia_of_magnet(scene: Scene) -> Array:

@@ -10,10 +10,10 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass, replace
 
-from fem.accuracy import QUICK, STANDARD, Accuracy
+from fem.accuracy import STANDARD, Accuracy
 from fem.analyses.vibration import plate_loads
 from fem.model import plate_contact, single_order
-from fem.model.symmetry_models import MeshSpecification, specification
+from fem.model.symmetry_models import specification
 from fem.results.error_estimates import LEAST_RADIUS, estimate_numbers, estimated
 from fem.results.lateral_stiffness import integrate_normal_force
 from fem.results.postprocess import pose_slopes
@@ -83,7 +83,7 @@ def small_shear(
     check_depth(design, depth, magnet)
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
     level = located or accuracy
-    rough = _section(replace(scene, accuracy=replace(QUICK, section_size=max(ROUGH, level.section_size))))
+    rough = specification(scene, max(ROUGH, level.section_size))
     contact = find_press(rough, EDGE * level.section_patch, depth / design.D)
     find = functools.partial(_solve_small_shear, contact=contact)
     return estimated(scene, find, estimate_small_shear) if estimate else find(scene)
@@ -100,9 +100,9 @@ def _solve_small_shear(scene: Scene, contact: tuple[float, PathState]) -> SmallS
 
     contact : where the contact ends, and a press on another mesh, of `find_press`.
     """
-    D, E = scene.design.D, scene.design.E
-    section, edge_length = replace(_section(scene), glued=True), EDGE * scene.accuracy.section_patch
-    press = reach_press(section, contact, edge_length, scene.loads[0].depth / D, D)
+    D, E, accuracy = scene.design.D, scene.design.E, scene.accuracy
+    section = replace(specification(scene, accuracy.section_size), glued=True)
+    press = reach_press(section, contact, EDGE * accuracy.section_patch, scene.loads[0].depth / D, D)
     pressed = press.state
     turned = about(pressed, single_order.build(pressed.d, 1))
     plate = press.glue(turned)
@@ -119,11 +119,6 @@ def _solve_small_shear(scene: Scene, contact: tuple[float, PathState]) -> SmallS
         force=integrate_normal_force(pressed) * E * D**2,
         contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
     )
-
-
-def _section(scene: Scene) -> MeshSpecification:
-    """Return the section of a press from which a small shear starts."""
-    return specification(scene, scene.accuracy.section_size, scene.accuracy.section_size / 2)
 
 
 def check_depth(design: Design, depth: float, magnet: Magnet) -> None:

@@ -131,7 +131,7 @@ def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
     """Return the axisymmetric section, refined at the undeformed radius `edge` over D at which the contact ends."""
     size, patch = scene.accuracy.section_size, RIM * scene.accuracy.section_patch
     rim = None if edge is None else (edge, min(patch, EDGE_SHARE * edge))
-    return replace(specification(scene, size, size / 2), fillet=PRESS_FILLET, rim=rim)
+    return replace(specification(scene, size), fillet=PRESS_FILLET, rim=rim)
 
 
 class _StoppedError(Exception):

@@ -98,7 +98,7 @@ def tetrahedra(scene: Scene) -> PathModels:
     """Return the models of any load on a solid, refined where the tied area ends, or else at the tip."""
     size, patch = scene.accuracy.solid_size, scene.accuracy.solid_patch
     body: Literal["half", "full"] = "half" if scene.model == "half" else "full"
-    solid = replace(specification(scene, size, size / 2), body=body, push=scene.push, mesh=scene.mesh)
+    solid = replace(specification(scene, size), body=body, push=scene.push, mesh=scene.mesh)
     radius = None if scene.mesh is not None else _sheared_radius(scene)
     if radius is None:
         fine = scene.sideways or scene.plate_tilt

@@ -22,8 +22,7 @@ import numpy as np
 
 from fem.model import plate_contact
 from fem.model.plate_contact import SECTION_KAPPA
-from fem.model.section_interpolation import interpolate_section
-from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
+from fem.model.symmetry_models import Discretisation, MeshSpecification, interpolate_section, raise_harmonics
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import CRUSHED, LONGEST, Reached, follow_segment, path_at, turns_over
 from fem.solve.newton import newton
