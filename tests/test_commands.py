@@ -20,7 +20,7 @@ from studies.output import console
 ORDER = """
     Design: design cad mesh cache catalogue size
     Simulation: solve analytic compare stability modes response cycle fit demo
-    Sensing: field readings calibrate decode stream table layout
+    Sensing: field readings calibrate decode stream firmware table layout
     Exploration: explore sweep sensitivity report store
     Validation: validate
     Options: --help --version

@@ -75,6 +75,7 @@ STUDIES = [
     {"fabrication"},
     {"sensitivity"},
     {"calibration"},
+    {"firmware"},
     {"sizing"},
     {"demo"},
     {"web"},

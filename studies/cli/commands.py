@@ -55,7 +55,7 @@ VERBS = {
         "simulation_commands": "solve analytic compare stability modes response cycle fit",
         "exploration_commands": "demo",
     },
-    "Sensing": {"sensing_commands": "field readings calibrate decode stream table layout"},
+    "Sensing": {"sensing_commands": "field readings calibrate decode stream firmware table layout"},
     "Exploration": {"exploration_commands": "explore sweep sensitivity report"},
     "Validation": {},
 }
@@ -63,7 +63,7 @@ VERBS = {
 
 STUDIES = (
     *("verify", "friction", "extremes", "accuracy", "vibration", "crosscheck", "ladder", "range_", "claims"),
-    *("assumption", "bench", "trade", "calibration", "surrogate"),
+    *("assumption", "bench", "trade", "calibration", "firmware", "surrogate"),
 )
 """Studies of validation in the order of their list; those that are not named here follow."""
 

@@ -269,6 +269,44 @@ def stream(
     return show(dataclasses.replace(result, records=[], shown=[]) if as_json else result, Destination())
 
 
+def firmware(
+    source: Source,
+    /,
+    *,
+    out: Path,
+    flash: str = "64k",
+    level: str | None = None,
+    responses: Path | None = None,
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Export the decoder of a design as a C header for a microcontroller, in an Arduino library with test vectors.
+
+    Parameters
+    ----------
+    out
+        Folder of the library: src/magtip_decoder.h, library.properties, examples, extras/test_vectors.csv.
+    flash
+        Largest size of decoder and tables on a Cortex-M4F, bytes or 64k; a smaller one makes the tables coarser, and
+        the result and the header say what this costs.
+    level
+        Formulas for tilt and load: paper, column, tip, magnet or finite; default: finite.
+    responses
+        File of states printed by `magtip solve --json`, one per line, for tilt and load instead of formulas.
+    tolerances
+        NAME=VALUE: largest deviation of a built sensor, as in `decode`, for the status uncalibrated; repeatable.
+    """
+    from studies.firmware import decoder_export
+    from studies.sensitivity.made_sensors import parse_tolerances
+
+    here = destination(firmware, locals(), decoder_export.FILES, [responses])
+    design = design_of(source, sets)
+    made = parse_tolerances(tolerances or [], design)
+    return publish(partial(decoder_export.run, design, level, responses, flash, made, here.command), here)
+
+
 def table(
     source: Source,
     /,

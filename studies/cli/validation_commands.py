@@ -17,7 +17,12 @@ from studies.inputs.option_groups import Whole
 from studies.output import atomic_files
 from studies.output.result import publish
 
-MODULES = {"accuracy": "accuracy_study", "vibration": "vibration_check", "calibration": "calibration_check"}
+MODULES = {
+    "accuracy": "accuracy_study",
+    "vibration": "vibration_check",
+    "calibration": "calibration_check",
+    "firmware": "firmware_check",
+}
 """Modules of studies that have other names."""
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 Folder = Annotated[Path | None, Parameter(help="Folder for the page, tables and pictures of the study.")]

@@ -190,9 +190,9 @@ def inside(folder: Path | None, names: Iterable[str]) -> list[Path]:
     BadInput
         The folder has a file of such a name that magtip did not write.
     """
-    paths = [] if folder is None else [folder / name for name in names]
-    own_files.check(folder, [path.name for path in paths])
-    return paths
+    names = list(names)
+    own_files.check(folder, names)
+    return [] if folder is None else [folder / name for name in names]
 
 
 @contextlib.contextmanager

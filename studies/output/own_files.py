@@ -74,12 +74,14 @@ def check(folder: str | Path | None, names: Iterable[str]) -> None:
         return
     where = Path(folder)
     files = sorted({file for name in names for file in where.glob(name) if file.is_file()})
-    listed = _listed(where)
-    if listed is not None:
-        for file in files:
-            _check_listed(file, listed, "another folder")
-        return
-    stated = {file: states_origin(file) for file in files}
+    # each folder below has its own list
+    listed = {place: _listed(place) for place in {file.parent for file in files}}
+    unlisted = [file for file in files if listed[file.parent] is None]
+    for file in files:
+        entries = listed[file.parent]
+        if entries is not None:
+            _check_listed(file, entries, "another folder")
+    stated = {file: states_origin(file) for file in unlisted}
     known = any(stated.values()) or states_origin(where / RECORD)
     for file, own in stated.items():
         if not own and (not known or any(map(file.match, STATING))):

@@ -89,24 +89,29 @@ class ToleranceCheck:
 
 
 class AtRest:
-    """The test of rows against made sensors at rest."""
+    """The test of rows against made sensors at rest.
+
+    Attributes
+    ----------
+    inverse : C^-1 of their readings, shape (k, k), 1/T^2. of_made : their chi^2, ascending, shape (n,).
+    """
 
     def __init__(self, coder: Decoder, sizes: Tolerances = tolerances()) -> None:
         design = coder.forward.design
         self.made, self.nominal = made_sensors(design, sizes, SENSORS), nominal_sensor(design)
         self._rest, deviations = _read(self.nominal, self.made, np.zeros(3), np.zeros(2))
         deviations = deviations + np.random.default_rng(0).normal(0.0, coder.sigma, deviations.shape)
-        self._inverse = np.linalg.inv(deviations.T @ deviations / len(deviations))
-        self._of_made = np.sort(self._squares(deviations))
+        self.inverse = np.linalg.inv(deviations.T @ deviations / len(deviations))
+        self.of_made = np.sort(self._squares(deviations))
 
     def _squares(self, deviations: Array) -> Array:
-        return np.asarray(np.einsum("ni,ij,nj->n", deviations, self._inverse, deviations))
+        return np.asarray(np.einsum("ni,ij,nj->n", deviations, self.inverse, deviations))
 
     def probability(self, field: Array) -> Array:
         """Return the share of made sensors at rest that differ more than each row (n, k), T; NaN without readings."""
         squares = self._squares(field - self._rest)
-        larger = len(self._of_made) - np.searchsorted(self._of_made, squares, side="right")
-        return np.where(np.isnan(squares), np.nan, larger / len(self._of_made))
+        larger = len(self.of_made) - np.searchsorted(self.of_made, squares, side="right")
+        return np.where(np.isnan(squares), np.nan, larger / len(self.of_made))
 
     def status(self, word: Status, probability: float, force: float) -> Status:
         """Return the status of a row by its force, N, and its probability: uncalibrated in place of ok."""

@@ -1,0 +1,394 @@
+"""Study firmware: the decoder of a design as a C header in an Arduino library, with examples and test vectors.
+
+The header is a template beside this module; `studies.firmware.decoder_tables` makes its constants. The answers of the
+test vectors are those of the decoder in Python, `reference`.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic import time_series
+from analytic.decode import Decoder, decode, decoder, field_of
+from analytic.inverse import pose_search
+from analytic.inverse.forward_model import readings_at
+from analytic.parts import columns, with_noise
+from analytic.time_series import TimeSeries
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from geometry.design_digest import digest
+from geometry.messages import Progress
+from studies.firmware import decoder_tables
+from studies.firmware.decoder_tables import Tables
+from studies.inputs.user_input import design_text
+from studies.output import page_templates
+from studies.output.atomic_files import write_text
+from studies.output.result import Result, Table
+from studies.sensing import decode_readings
+from studies.sensitivity import decode_tolerances
+from studies.sensitivity.made_sensors import Tolerances, tolerances
+
+if TYPE_CHECKING:
+    from analytic.decode import Status
+
+STATUSES: tuple[Status, ...] = (
+    *("ok", "ambiguous", "out_of_workspace", "saturated", "not_finite"),
+    *("tension", "uncalibrated", "frozen", "after_gap", "jump"),
+)
+"""Statuses of the decoder by their numbers in C; three readings cannot be inconsistent."""
+LEVEL = "finite"
+"""Formulas that give the mechanics if nothing else does."""
+SIZES = (
+    *(((8, 8, 4), 40), ((8, 8, 4), 28), ((8, 8, 4), 20), ((8, 8, 4), 16)),
+    *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10)),
+)
+"""Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
+CODE = 9700
+"""Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/firmware)."""
+MOST_FLASH = 1_000_000
+WORST = 0.5
+"""Largest error of the force by the tables, % of full scale, with which a header is written."""
+STARTS, EVALUATIONS = 16, 13
+"""Largest number of starts and of evaluations of the field of one decoding: they limit its time."""
+SHORT, SAME, EDGE, FIT, REST = 1e-6, 2e-4, 1e-4, 2e-6, 2e-7
+"""Over D: error at which the iteration ends, distance of two poses that count as one, of a pose beyond the edge of
+the workspace, misfit of a pose as a distance, and height that counts as rest: above the rounding of float."""
+ROUNDING = 4e-7
+"""Misfit over the largest reading that rounding of float may leave."""
+REACH = 1.2
+"""Farthest that the iteration moves from a start, over the diagonal of a cell."""
+QUANTILE = 1.6449
+EXAMPLES = {"three": "AnalogElements", "mlx90393": "MLX90393", "tlv493d": "TLx493D", "tle493d": "TLx493D",
+            "tli493d": "TLx493D"}  # fmt: skip
+"""Examples by the beginning of the layout's name."""
+OTHER = "OtherChip"
+SKETCHES = ("SelfTest", *dict.fromkeys([*EXAMPLES.values(), OTHER]))
+HEADER, VECTORS = "src/magtip_decoder.h", "src/magtip_vectors.h"
+PLAIN = (HEADER, VECTORS, "extras/test_vectors.csv", "library.properties", "keywords.txt", "README.md")
+FILES = (*PLAIN, *(f"examples/{name}/{name}.ino" for name in SKETCHES))
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Firmware:
+    """A decoder with what its export in C needs.
+
+    Attributes
+    ----------
+    source : of the mechanics, in words.
+    rest : C^-1 of made sensors' readings at rest, shape (3, 3), 1/T^2, and chi^2 below which a row may be of one.
+    errors : largest errors by the tables of shift, mm, and force, N, and the largest force, N.
+    """
+
+    coder: Decoder
+    source: str
+    made: Tolerances
+    rest: tuple[Array, float]
+    tables: Tables
+    errors: tuple[float, float, float]
+
+    @property
+    def flash(self) -> int:
+        return self.tables.size + CODE
+
+    @property
+    def state(self) -> int:
+        """Bytes of `magtip_sensor`."""
+        recent = time_series.RECENT
+        return 4 * (12 + 4 * recent + 5 + 3 * len(self.tables.floats["branches"]) + 6)
+
+
+def bytes_of(text: str) -> int:
+    """Return a number of bytes, such as 64k or 16384.
+
+    >>> bytes_of("16k"), bytes_of("20000")
+    (16384, 20000)
+    """
+    match = re.fullmatch(r"(\d+)\s*(k?)(i?B)?", text.strip(), re.IGNORECASE)
+    size = int(match[1]) * (1024 if match[2] else 1) if match else 0
+    if not 0 < size <= MOST_FLASH:
+        raise BadInput(f"--flash takes a size such as 64k or 16384 (bytes), at most {MOST_FLASH}; got {text!r}")
+    return size
+
+
+def prepare(
+    design: Design, level: str | None, responses: Path | None, flash: str, made: Tolerances | None = None
+) -> Firmware:
+    """Return what the export of a design's decoder needs, with tables that fit into the flash.
+
+    Raises
+    ------
+    BadInput
+        The design cannot be decoded, or the flash is too small for it.
+    """
+    room = bytes_of(flash)
+    law = decode_readings.mechanics_of(design, level or (None if responses else LEVEL), responses)
+    coder = decoder(design, law)
+    if len(coder.forward.elements) != 3:
+        raise BadInput(f"the exported decoder takes three readings; got {len(coder.forward.elements)}: set chip_count=1")
+    name = decode_readings.level_name(level, responses, LEVEL)
+    source = "solved states" if responses else f"formulas of level {name}"
+    sizes = tolerances() if made is None else made
+    rest = decode_tolerances.AtRest(coder, sizes)
+    # the share of made sensors beyond a row below this is at least DOUBTFUL
+    limit = float(rest.of_made[-math.ceil(decode_tolerances.DOUBTFUL * len(rest.of_made))])
+    tables = _fitting(coder, room, flash)
+    errors = decoder_tables.errors_of(coder, tables)
+    share = 100 * errors[1] / errors[2]
+    if not share <= WORST:
+        raise BadInput(
+            f"the tables for --flash {flash} would miss {share:.2g} % of the largest force, more than {WORST:g} %: "
+            "raise --flash, or keep the elements farther from the magnet (larger l0)"
+        )
+    return Firmware(coder, source, sizes, (rest.inverse, limit), tables, errors)
+
+
+def _fitting(coder: Decoder, room: int, flash: str) -> Tables:
+    doubt = decode_readings.TENTH if coder.forward.design.prony else decode_readings.HALF
+    for cells, knots in SIZES:
+        tables = decoder_tables.tables_of(coder, cells, (knots, knots), doubt)
+        if tables.size + CODE <= room:
+            return tables
+    raise BadInput(
+        f"--flash {flash} is too small: the smallest decoder of this design takes {tables.size + CODE} bytes, "
+        f"{CODE} of them code"
+    )
+
+
+def reference(coder: Decoder, made: Tolerances, outputs: Array, times: Array | None = None) -> dict[str, Any]:
+    """Return what Python decodes from outputs of the elements (n, 3): status, shift, tilt, force, poses.
+
+    times : shape (n,), s; with them, the force is that of a silicone that relaxes.
+    """
+    field = field_of(coder.forward.elements, outputs)
+    found = decode(coder, field, follow=True)
+    status, force = decode_tolerances.check(coder, field, found, made).status, found.force.copy()
+    if times is not None:
+        past = TimeSeries(coder)
+        for k, row in enumerate(zip(times.tolist(), field, status, found.force, found.load, strict=True)):
+            status[k], force[k] = past.step(*row)
+    return {"status": status, "shift": found.shift, "tilt": found.tilt, "force": force, "poses": found.multiplicity}
+
+
+def outputs_at(coder: Decoder, shift: Array) -> Array:
+    """Return outputs of the elements (n, 3) at shifts (3, n), mm, in float as C gets them, as double."""
+    elements = coder.forward.elements
+    null, gain = (np.array([getattr(e, name) for e in elements]) for name in ("null", "gain"))
+    outputs = null + gain * readings_at(coder.forward, np.ascontiguousarray(shift)).T
+    return outputs.astype(np.float32).astype(np.float64)
+
+
+def vectors(firmware: Firmware) -> list[dict[str, Any]]:
+    """Return test vectors: poses of the workspace and bad readings, then a time series with a gap and a jump.
+
+    Column `seconds` is empty for single rows; a series begins with 0.
+    """
+    coder, rng = firmware.coder, np.random.default_rng(1)
+    low, high = coder.low, coder.high
+    single = outputs_at(coder, np.column_stack([np.zeros(3), rng.uniform(low, high, (30, 3)).T]))
+    bad = np.array([[1.1 * e.high for e in coder.forward.elements], single[1], 2 * single[2] - single[3]])
+    bad[1, 1] = np.nan
+    single = np.concatenate([single, bad])
+    t = np.linspace(0, 1, 60)
+    path = np.stack([0.4 * high[0] * np.sin(5 * t), 0.3 * high[1] * np.sin(8 * t), 0.4 * low[2] * np.sin(3 * t)])
+    series = outputs_at(coder, path)
+    series[30, 0], series[40] = np.nan, series[10]
+    times = (0.01 * np.arange(60) + 0.05 * (np.arange(60) >= 50)).astype(np.float32).astype(np.float64)
+    names = [f"{name}_{coder.forward.elements[0].unit}" for name in columns(coder.forward.elements)]
+    rows = []
+    for outputs, at in ((single, None), (series, times)):
+        found = reference(coder, firmware.made, outputs, at)
+        for k, output in enumerate(outputs.tolist()):
+            seconds = math.nan if at is None else float(at[k] - at[max(k - 1, 0)])
+            row = {**dict(zip(names, output, strict=True)), "seconds": seconds, "status": found["status"][k]}
+            for name, unit in (("shift", "mm"), ("force", "N")):
+                row |= {f"{name}_{axis}_{unit}": v for axis, v in zip("xyz", found[name][k].tolist(), strict=True)}
+            rows.append(row)
+    return rows
+
+
+# C text
+
+
+def number(value: float) -> str:
+    """Return a number as a constant of C, float.
+
+    >>> number(0.1), number(1e-7), number(3), number(float("nan"))
+    ('0.1f', '1e-07f', '3.0f', 'NAN')
+    """
+    return "NAN" if math.isnan(value) else f"{np.float32(value)!s}f"
+
+
+def _braces(values: Any) -> str:
+    if isinstance(values, list):
+        return "{" + ", ".join(map(_braces, values)) + "}"
+    return number(values) if isinstance(values, float) else str(values)
+
+
+def declaration(name: str, values: NDArray[Any]) -> str:
+    """Return the declaration of a constant array, in lines of at most 120 characters."""
+    kind = {"f": "float", "i": "int16_t", "u": "uint8_t"}[values.dtype.kind]
+    dims = "".join(f"[{n}]" for n in values.shape)
+    text = f"static const {kind} {name}{dims} = {_braces(values.tolist())};"
+    return "\n    ".join(re.findall(r".{1,114}(?:\s|$)", text)).replace(" \n", "\n")
+
+
+def header(firmware: Firmware, command: str) -> str:
+    """Return the text of magtip_decoder.h."""
+    coder, tables = firmware.coder, firmware.tables
+    design, elements, floats = coder.forward.design, coder.forward.elements, tables.floats
+    diagonal = float(np.linalg.norm(floats["edge"]))
+    inverse, limit = firmware.rest
+    arrays: dict[str, NDArray[Any]] = {**floats, "at_rest": inverse.astype(np.float32), **tables.integers}
+    largest = float(np.abs(readings_at(coder.forward, np.stack([coder.low, coder.high], axis=1))).max())
+    numbers = {
+        "share": 1 / (len(floats["places"]) // 3),
+        "apart_2": (0.8 * diagonal) ** 2,
+        "farthest": 0.5 + decoder_tables.margin_of(coder),
+        "short": SHORT * design.D,
+        "scale": 1e-3 * design.D,
+        "fit_2": (FIT * design.D) ** 2,
+        "rounding_2": (ROUNDING * largest) ** 2,
+        "reach": REACH * diagonal,
+        "probe": 0.03 * diagonal,
+        "longest": design.D / 16,
+        "edge": EDGE * design.D + firmware.errors[0],
+        "rest": REST * design.D,
+        "same": SAME * design.D,
+        "quantile": QUANTILE,
+        "jump": time_series.JUMP,
+        "late": time_series.LATE,
+        "chi": limit,
+    }
+    counts = {
+        "branches": len(floats["branches"]),
+        "recent": time_series.RECENT,
+        "repeats": time_series.REPEATS,
+        "field": floats["spline"].shape[1:3],
+        "cells": tables.cells,
+        "nodes": [n + 1 for n in tables.cells],
+        "corners": [int(np.ravel_multi_index(tuple(c), [n + 1 for n in tables.cells])) for c in pose_search.CORNERS],
+        "points": len(floats["places"]),
+        "folds": len(coder.table.corners) > 0,
+        "starts": STARTS,
+        "evaluations": EVALUATIONS,
+    }
+    return _rendered(
+        "magtip_decoder.h.j2",
+        **_told(firmware, command),
+        **{name: number(value) for name, value in numbers.items()},
+        arrays=[declaration(f"magtip_{name}", values) for name, values in arrays.items()],
+        shape={name: list(values.shape) for name, values in floats.items()},
+        n=counts,
+        design=design_text(design).splitlines(),
+        noise=with_noise(elements)[1],
+    )
+
+
+def _rendered(template: str, **values: Any) -> str:
+    return page_templates.rendered(Path(__file__).with_name(template), **values) + "\n"
+
+
+def _told(firmware: Firmware, command: str) -> dict[str, Any]:
+    """Return what pages and comments say of an export."""
+    elements, (shift, force, full) = firmware.coder.forward.elements, firmware.errors
+    design = firmware.coder.forward.design
+    return {
+        "command": command,
+        "digest": digest(dataclasses.asdict(design)),
+        "layout": design.hall_layout,
+        "names": [e.name for e in elements],
+        "unit": elements[0].unit,
+        "source": firmware.source,
+        "statuses": STATUSES,
+        "rails": (elements[0].low, elements[0].high),
+        "average": elements[0].average,
+        "doubt_percent": 100 * float(firmware.tables.floats["slow"][3]),
+        "example": example_of(design.hall_layout),
+        "table_bytes": firmware.tables.size,
+        "code_bytes": CODE,
+        "state_bytes": firmware.state,
+        "shift_um": 1e3 * shift,
+        "force_percent": 100 * force / full,
+        "full": full,
+        "low": firmware.coder.low.tolist(),
+        "high": firmware.coder.high.tolist(),
+    }
+
+
+def example_of(layout: str) -> str:
+    return next((name for start, name in EXAMPLES.items() if layout.startswith(start)), OTHER)
+
+
+def vectors_header(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the test vectors as constants of C."""
+    table = np.array([[v for key, v in row.items() if key != "status"] for row in rows], dtype=np.float32)
+    numbers = np.array([STATUSES.index(row["status"]) for row in rows], dtype=np.uint8)
+    arrays: dict[str, NDArray[Any]] = {
+        "readings": table[:, :3],
+        "seconds": table[:, 3],
+        "status": numbers,
+        "answers": table[:, 4:],
+    }
+    declared = [declaration(f"magtip_vector_{name}", values) for name, values in arrays.items()]
+    return _rendered("magtip_vectors.h.j2", arrays=declared, count=len(rows))
+
+
+def vectors_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({key: "" if v != v else v for key, v in row.items()} for row in rows)
+    return text.getvalue()
+
+
+def texts(firmware: Firmware, command: str) -> dict[str, str]:
+    """Return the texts of all files of the library by their names."""
+    rows, told = vectors(firmware), _told(firmware, command)
+    found = {HEADER: header(firmware, command), VECTORS: vectors_header(rows), PLAIN[2]: vectors_table(rows)}
+    found |= {name: _rendered(f"{name}.j2", **told) for name in PLAIN[3:]}
+    for name, template in (("SelfTest", "SelfTest"), (told["example"], "sketch")):
+        found[f"examples/{name}/{name}.ino"] = _rendered(f"{template}.ino.j2", **told)
+    return found
+
+
+def run(
+    design: Design,
+    level: str | None,
+    responses: Path | None,
+    flash: str,
+    made: Tolerances | None,
+    command: str,
+    progress: Progress,
+) -> Result:
+    """Return the library with the decoder of a design."""
+    progress(0.0, "tables")
+    firmware = prepare(design, level, responses, flash, made)
+    progress(0.5, "test vectors")
+    files = {name: partial(write_text, text=text) for name, text in texts(firmware, command).items()}
+    shift, force, full = firmware.errors
+    assert firmware.coder.mechanics is not None
+    record = {
+        "status": "ok",
+        "digest": digest(dataclasses.asdict(design)),
+        "flash_bytes": firmware.flash,
+        "table_bytes": firmware.tables.size,
+        "state_bytes": firmware.state,
+        "table_error_mm": shift,
+        "table_error_N": force,
+        "table_error_percent": 100 * force / full,
+        "full_scale_N": full,
+        "fit_error_N": max(firmware.coder.mechanics.errors[1:3]),
+        "example": example_of(design.hall_layout),
+    }
+    return Result(title="Firmware", records=[record], shown=[Table(title="Firmware", rows=[record])], files=files)

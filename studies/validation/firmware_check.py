@@ -1,0 +1,277 @@
+"""The exported decoder in C beside the decoder in Python: on this machine, under sanitizers, and on a Cortex-M4F.
+
+`firmware_run.c` decodes a file of rows. QEMU emulates the Cortex-M4F and counts instructions; sizes are those of a
+whole program with -Os, functions of math.h and some 0.7 kB of the program around the decoder included.
+"""
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.decode import Decoder
+from geometry.arrays import Array
+from geometry.bad_input import BadInput
+from geometry.design import Design
+from geometry.messages import Progress
+from studies.firmware import decoder_export
+from studies.firmware.decoder_export import STATUSES, Firmware
+from studies.output.goals import Goal, failures, verdict
+from studies.output.result import Result
+from studies.validation import pages
+from studies.validation.pages import Row
+
+FILES = ("FIRMWARE.md", "firmware.csv")
+FOLDED = {"magnet_diameter": 6.0, "magnet_height": 3.0, "L": 12.0, "l0": 8.5}
+CASES: tuple[tuple[str, dict[str, Any], str, str], ...] = (
+    ("paper", {}, "finite", "64k"),
+    ("paper", {}, "finite", "16k"),
+    ("paper, level paper", {}, "paper", "64k"),
+    ("paper, plates of 0.5 mm", {"hall_plate": 0.5}, "finite", "64k"),
+    ("TLE493D-P2B6", {"hall_layout": "tle493d-p2b6"}, "finite", "64k"),
+    ("TLE493D-P2B6", {"hall_layout": "tle493d-p2b6"}, "finite", "16k"),
+    ("TLV493D-A1B6", {"hall_layout": "tlv493d-a1b6"}, "finite", "64k"),
+    ("MLX90393", {"hall_layout": "mlx90393"}, "finite", "64k"),
+    ("wide magnet, level paper", FOLDED, "paper", "64k"),
+)
+"""Name, fields, level and flash; in the last one folds of the readings cross the workspace."""
+ROWS, SERIES, ON_TARGET, HOSTILE = 20_000, 2_000, 2_000, 1_000_000
+QUICK = 100
+"""Factor by which --quick has fewer rows."""
+MOST_ERROR, MOST_INSTRUCTIONS, MOST_RAM = 0.5, 100_000, 4096
+STEP = 1e-3
+"""Height about rest, mm, within which rows are left out of the errors: there the decoder's lateral force has a step,
+between a plate that does not touch and one that does."""
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+SANITIZED = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+TARGET = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-std=gnu99", "-fno-math-errno"]
+QEMU = [
+    "-M",
+    "mps2-an386",
+    "-cpu",
+    "cortex-m4",
+    "-nographic",
+    "-monitor",
+    "none",
+    "-serial",
+    "null",
+    "-icount",
+    "shift=10",
+]
+HERE = Path(__file__).parent
+ANSWER = np.dtype(
+    [
+        ("status", "<i4"),
+        ("poses", "<i4"),
+        ("shift", "<f4", 3),
+        ("tilt", "<f4", 2),
+        ("force", "<f4", 3),
+        ("half_width", "<f4", 3),
+        ("instructions", "<u4"),
+        ("stack", "<u4"),
+    ]
+)
+"""A record of answers.bin."""
+
+
+def write_header(firmware: Firmware, folder: Path) -> None:
+    (folder / "magtip_decoder.h").write_text(decoder_export.header(firmware, "magtip firmware"), "utf-8")
+
+
+def compiled(folder: Path, compiler: str, flags: Sequence[str], name: str = "run") -> Path:
+    """Compile firmware_run.c with the header of a folder, and return the program."""
+    command = [compiler, *flags, "-I.", str(HERE / "firmware_run.c"), "-o", name, "-lm"]
+    _run(command, folder)
+    return folder / name
+
+
+def for_target(folder: Path, optimised: str = "-Os") -> tuple[Path, int, int]:
+    """Compile for a Cortex-M4F; return the program, its bytes of flash, and of RAM without the stack."""
+    flags = [*TARGET, optimised, "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "--specs=nosys.specs"]
+    flags += ["-nostartfiles", "-T", str(HERE / "firmware_m4.ld")]
+    program = compiled(folder, "arm-none-eabi-gcc", flags, "run.elf")
+    sizes = _run(["arm-none-eabi-size", program.name], folder).splitlines()[1].split()
+    text, data, bss = map(int, sizes[:3])
+    return program, text + data, data + bss
+
+
+def answers(program: Path, outputs: Array, times: Array | None = None) -> NDArray[Any]:
+    """Return what a program decodes from outputs (n, 3), and from a time series with times (n,), s."""
+    seconds = np.full(len(outputs), np.nan) if times is None else np.diff(times, prepend=times[0])
+    np.column_stack([outputs, seconds]).astype("<f4").tofile(program.parent / "rows.bin")
+    emulator = ["qemu-system-arm", *QEMU, "-semihosting-config", "enable=on,target=native", "-kernel"]
+    _run([*(emulator if program.suffix == ".elf" else ()), str(program)], program.parent)
+    return np.fromfile(program.parent / "answers.bin", ANSWER)
+
+
+def _run(command: Sequence[str], folder: Path) -> str:
+    if shutil.which(command[0]) is None:
+        raise BadInput(f"{command[0]} is not installed: install gcc, gcc-arm-none-eabi and qemu-system-arm")
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=1200)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done.stdout
+
+
+def random_outputs(coder: Decoder, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return outputs at random shifts of the workspace (n, 3), and the shifts (3, n), mm."""
+    shift = rng.uniform(coder.low, coder.high, (count, 3)).T
+    return decoder_export.outputs_at(coder, shift), shift
+
+
+def series_outputs(coder: Decoder, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return outputs (n, 3) and times (n,), s, of presses and shears with noise, gaps, bad rows and jumps."""
+    t = 0.005 * np.arange(count)
+    shares = 0.45 * (1 - np.cos(2 * np.pi * 0.7 * t)), 0.5 * np.sin(2 * np.pi * 0.3 * t), 0.5 * np.sin(2 * np.pi * t)
+    w, x, y = shares
+    outputs = decoder_export.outputs_at(
+        coder, np.stack([x * w * coder.high[0], y * w * coder.high[1], w * coder.low[2]])
+    )
+    elements = coder.forward.elements
+    outputs = outputs + np.array([e.noise_T * e.gain for e in elements]) * rng.normal(size=outputs.shape)
+    outputs[count // 5, 0], outputs[count // 4], outputs[count // 3] = np.nan, 1.1 * elements[0].high, outputs[3]
+    outputs[count // 2 : count // 2 + 25, 1] = outputs[count // 2, 1]
+    gaps = np.cumsum(rng.random(count) < 0.005) * 0.05
+    return (v.astype(np.float32).astype(float) for v in (outputs, t + gaps))  # type: ignore[return-value]
+
+
+def hostile_outputs(coder: Decoder, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return random outputs (n, 3) with NaN, infinities, rails and huge numbers, and times, some of them bad."""
+    low, high = (np.array([getattr(e, name) for e in coder.forward.elements]) for name in ("low", "high"))
+    outputs = rng.uniform(low - 0.1 * (high - low), high + 0.1 * (high - low), (count, 3))
+    near, _ = random_outputs(coder, count, rng)
+    some = rng.random(count) < 0.4
+    outputs[some] = near[some]
+    bad = np.array([np.nan, np.inf, -np.inf, 3e38, -3e38, 1e-45, 0.0, low[0], high[0]])
+    where = rng.random((count, 3)) < 0.1
+    outputs[where] = rng.choice(bad, int(where.sum()))
+    seconds = rng.choice([1e-3, 1e-3, 0.0, 1e-30, -1.0, np.nan, np.inf, 3e38, 10.0], count)
+    return outputs, seconds
+
+
+def differences(
+    found: NDArray[Any], expected: dict[str, Any], full: float, truth: Array | None = None
+) -> dict[str, float]:
+    """Return how answers differ from `decoder_export.reference`: statuses, force (% of `full`), shift (um).
+
+    truth : shifts (3, n), mm; rows in which Python misses its own shift are left out.
+    """
+    words = np.array(STATUSES)[found["status"]]
+    known = np.isfinite(found["force"][:, 2]) & np.isfinite(expected["force"][:, 2])
+    # which of several poses is nearest depends on the row before
+    known &= (np.abs(expected["shift"][:, 2]) > STEP) & (expected["poses"] == 1)
+    if truth is not None:
+        known &= np.abs(expected["shift"] - truth.T).max(axis=1) < STEP
+    off = np.abs(found["force"] - expected["force"])[known].max(axis=1, initial=0.0)
+    return {
+        "statuses_percent": 100 * float((words != np.array(expected["status"])).mean()),
+        "force_percent": 100 * float(off.max(initial=0.0)) / full,
+        "shift_um": 1e3 * float(np.abs(found["shift"] - expected["shift"])[known].max(initial=0.0)),
+    }
+
+
+def hostile_faults(program: Path, coder: Decoder, count: int) -> tuple[int, float]:
+    """Return the number of rows whose force contradicts their status, and the share with a force, %.
+
+    A fault that a sanitizer finds ends the program with an error.
+    """
+    outputs, seconds = hostile_outputs(coder, count, np.random.default_rng(2))
+    np.column_stack([outputs, seconds]).astype("<f4").tofile(program.parent / "rows.bin")
+    _run([str(program)], program.parent)
+    found = np.fromfile(program.parent / "answers.bin", ANSWER)
+    force = np.isfinite(found["force"]).all(axis=1)
+    silent = np.isin(found["status"], [STATUSES.index(w) for w in ("ok", "uncalibrated", "after_gap", "jump")])
+    mute = ~silent & (found["status"] != STATUSES.index("ambiguous"))
+    unusable = ~np.isfinite(outputs.astype(np.float32)).all(axis=1)
+    wrong = (silent & ~force) | (mute & force) | (unusable & force) | ~np.isin(found["status"], range(len(STATUSES)))
+    return int(wrong.sum()) + (len(found) != count), 100 * float(force.mean())
+
+
+def judge(name: str, fields: dict[str, Any], level: str, flash: str, fewer: int) -> Row:
+    """Return the row of one case."""
+    firmware = decoder_export.prepare(Design(**fields), level, None, flash)
+    coder, rng = firmware.coder, np.random.default_rng(1)
+    outputs, shift = random_outputs(coder, ROWS // fewer, rng)
+    series, times = series_outputs(coder, max(SERIES // fewer, 200), rng)
+    expected = decoder_export.reference(coder, firmware.made, outputs)
+    over_time = decoder_export.reference(coder, firmware.made, series, times)
+    full = float(np.nanmax(np.abs(expected["force"])))
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        write_header(firmware, folder)
+        host = compiled(folder, "gcc", [*STRICT, "-O2"])
+        found = differences(answers(host, outputs), expected, full, shift)
+        timed = differences(answers(host, series, times), over_time, full)
+        program, size, ram = for_target(folder)
+        few = outputs[: ON_TARGET // fewer]
+        on_target = answers(program, few)
+        target = differences(on_target, {k: v[: len(few)] for k, v in expected.items()}, full, shift[:, : len(few)])
+        timed_there = answers(program, series, times)
+    stack = int(max(on_target["stack"].max(), timed_there["stack"].max()))
+    each = np.concatenate([on_target["instructions"], timed_there["instructions"]])
+    return {
+        "design": name,
+        "flash": flash,
+        **found,
+        "series_statuses_percent": timed["statuses_percent"],
+        "series_force_percent": timed["force_percent"],
+        "target_force_percent": max(
+            target["force_percent"], differences(timed_there, over_time, full)["force_percent"]
+        ),
+        "instructions_median": int(np.median(each)),
+        "instructions_most": int(each.max()),
+        "flash_bytes": size,
+        "ram_bytes": ram + stack,
+        "full_scale_N": full,
+    }
+
+
+def run(progress: Progress, *, quick: bool = False) -> Result:
+    """Compare the decoder in C with Python, also on a Cortex-M4F and under sanitizers; exit status 3 if a goal fails.
+
+    It needs gcc, gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm.
+
+    Parameters
+    ----------
+    quick
+        Decode a hundredth of the rows: seconds instead of minutes.
+    """
+    fewer = QUICK if quick else 1
+    rows = [judge(*case, fewer) for case in pages.told(progress, CASES, lambda case: f"{case[0]}, {case[3]}")]
+    progress(0.9, "sanitizers")
+    firmware = decoder_export.prepare(Design(), None, None, "64k")
+    with tempfile.TemporaryDirectory() as place:
+        write_header(firmware, Path(place))
+        program = compiled(Path(place), "gcc", [*SANITIZED, "-Wall", "-Wextra"])
+        faults, share = hostile_faults(program, firmware.coder, HOSTILE // fewer)
+    full, n = "% of full scale", len(rows)
+
+    def most(key: str, among: Sequence[Row] = rows) -> float:
+        return float(max(row[key] for row in among))
+
+    goals = [
+        Goal("force beside Python", most("force_percent"), MOST_ERROR, n, full),
+        Goal("force of time series", most("series_force_percent"), MOST_ERROR, n, full),
+        Goal("force on the target", most("target_force_percent"), MOST_ERROR, n, full),
+        Goal("rows with another status, without folds", most("statuses_percent", rows[:-1]), 0.1, n - 1, "%"),
+        Goal("rows of time series with another status", most("series_statuses_percent", rows[:-1]), 0.1, n - 1, "%"),
+        Goal("instructions of a decoding", most("instructions_most"), MOST_INSTRUCTIONS, n),
+        Goal("RAM with stack", most("ram_bytes"), MOST_RAM, n, "bytes"),
+    ]
+    for flash in ("64k", "16k"):
+        size = most("flash_bytes", [row for row in rows if row["flash"] == flash])
+        goals.append(Goal(f"flash with --flash {flash}", size, decoder_export.bytes_of(flash), n, "bytes"))
+    goals.append(Goal("faults under hostile readings", faults, 0, HOSTILE // fewer))
+    page: Row = {"verdict": verdict(goals), "goals": list(map(str, goals)), "rows": rows, "share": share}
+    page |= {"singles": ROWS // fewer, "hostile": HOSTILE // fewer, "step_um": 1e3 * STEP, "versions": _versions()}
+    return pages.study("firmware", "Firmware", rows, page, failures=failures(goals))
+
+
+def _versions() -> list[str]:
+    tools = ("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
+    return [_run([tool, "--version"], HERE).splitlines()[0] for tool in tools]

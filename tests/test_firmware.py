@@ -1,0 +1,324 @@
+"""The exported decoder in C: answers of Python, warnings and sanitizers, a Cortex-M4F, sketches, and bad input."""
+
+import ctypes
+import dataclasses
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from analytic.decode import decode, field_of
+from analytic.time_series import RelaxingForce
+from geometry.bad_input import BadInput
+from geometry.design import Design, paper
+from studies.cli import main
+from studies.firmware import decoder_export
+from studies.firmware.decoder_export import STATUSES
+from studies.sensing import decode_readings
+from studies.validation import firmware_check
+
+LIBRARY = """
+#include "magtip_decoder.h"
+static magtip_sensor sensor;
+void set_up(void); void set_up(void) { magtip_set_up(&sensor); }
+int zero(const float *r); int zero(const float *r) { return (int)magtip_zero(&sensor, r); }
+void one(const float *r, magtip_answer *a);
+void one(const float *r, magtip_answer *a) { magtip_decode(&sensor, r, a); }
+void step(const float *r, float s, magtip_answer *a);
+void step(const float *r, float s, magtip_answer *a) { magtip_step(&sensor, r, s, a); }
+"""
+
+
+def needs(*programs):
+    missing = [name for name in programs if shutil.which(name) is None]
+    return pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
+
+
+@pytest.fixture(scope="module")
+def firmware():
+    return decoder_export.prepare(paper(), None, None, "16k")
+
+
+@pytest.fixture(scope="module")
+def chip():
+    """A chip whose noise moves its converter, so that a repeated value is frozen."""
+    return decoder_export.prepare(Design(hall_layout="tlv493d-a1b6"), None, None, "64k")
+
+
+class Answer(ctypes.Structure):
+    _fields_ = [("status", ctypes.c_int), ("poses", ctypes.c_int)] + [
+        (name, ctypes.c_float * n) for name, n in (("shift", 3), ("tilt", 2), ("force", 3), ("half_width", 3))
+    ]
+
+
+@pytest.fixture(scope="module")
+def library(chip, tmp_path_factory):
+    """The chip's decoder as a shared library, called row by row."""
+    if shutil.which("gcc") is None:
+        pytest.skip("not installed: gcc")
+    folder = tmp_path_factory.mktemp("library")
+    firmware_check.write_header(chip, folder)
+    (folder / "library.c").write_text(LIBRARY)
+    command = ["gcc", *firmware_check.STRICT, "-O1", "-shared", "-fPIC", "library.c", "-o", "library.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    loaded = ctypes.CDLL(str(folder / "library.so"))
+    loaded.step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_void_p]
+
+    def call(name, reading, *more):
+        row, found = np.asarray(reading, dtype=np.float32), Answer()
+        getattr(loaded, name)(ctypes.c_void_p(row.ctypes.data), *more, ctypes.byref(found))
+        return STATUSES[found.status], found
+
+    loaded.set_up()
+    call.loaded = loaded
+    return call
+
+
+@pytest.mark.parametrize("compiler", [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")])
+def test_c_is_python_over_the_workspace_and_over_time(firmware, compiler, tmp_path):
+    coder, rng = firmware.coder, np.random.default_rng(0)
+    firmware_check.write_header(firmware, tmp_path)
+    program = firmware_check.compiled(tmp_path, compiler, [*firmware_check.STRICT, "-O1"])
+    outputs, truth = firmware_check.random_outputs(coder, 1500, rng)
+    expected = decoder_export.reference(coder, firmware.made, outputs)
+    full = np.nanmax(np.abs(expected["force"]))
+    found = firmware_check.answers(program, outputs)
+    off = firmware_check.differences(found, expected, full, truth)
+    assert off["statuses_percent"] == 0
+    # the goal is 0.5 %, float alone leaves 0.001 %
+    assert off["force_percent"] < 0.02
+    assert off["force_percent"] < 100 * firmware.errors[1] / firmware.errors[2] + 0.005
+    assert_allclose(found["tilt"], expected["tilt"], atol=1e-4)
+    assert_array_equal(found["poses"], expected["poses"])
+    series, times = firmware_check.series_outputs(coder, 400, rng)
+    timed = decoder_export.reference(coder, firmware.made, series, times)
+    off = firmware_check.differences(firmware_check.answers(program, series, times), timed, full)
+    assert off["statuses_percent"] == 0
+    assert off["force_percent"] < 0.02
+    assert {"ok", "after_gap", "jump", "not_finite", "saturated"} <= set(timed["status"])
+
+
+@needs("gcc")
+def test_folds_are_ambiguous_as_in_python(tmp_path):
+    firmware = decoder_export.prepare(Design(**firmware_check.FOLDED), "paper", None, "64k")
+    firmware_check.write_header(firmware, tmp_path)
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O1"])
+    outputs, truth = firmware_check.random_outputs(firmware.coder, 1500, np.random.default_rng(3))
+    expected = decoder_export.reference(firmware.coder, firmware.made, outputs)
+    found = firmware_check.answers(program, outputs)
+    words, several = np.array(STATUSES)[found["status"]], np.array(expected["status"]) == "ambiguous"
+    assert several.sum() >= 3
+    assert (words[several] == "ambiguous").mean() > 0.6
+    assert (words == np.array(expected["status"])).mean() > 0.95
+    assert firmware_check.differences(found, expected, np.nanmax(expected["force"]), truth)["force_percent"] < 0.5
+
+
+@needs("gcc")
+def test_hostile_readings_under_sanitizers(chip, tmp_path):
+    firmware_check.write_header(chip, tmp_path)
+    program = firmware_check.compiled(tmp_path, "gcc", firmware_check.SANITIZED)
+    faults, share = firmware_check.hostile_faults(program, chip.coder, 5_000)
+    assert faults == 0
+    assert share > 5
+
+
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+def test_the_target_gives_the_same_answers_within_its_limits(firmware, tmp_path):
+    firmware_check.write_header(firmware, tmp_path)
+    program, flash, ram = firmware_check.for_target(tmp_path)
+    outputs, truth = firmware_check.random_outputs(firmware.coder, 60, np.random.default_rng(1))
+    expected = decoder_export.reference(firmware.coder, firmware.made, outputs)
+    found = firmware_check.answers(program, outputs)
+    off = firmware_check.differences(found, expected, firmware.errors[2], truth)
+    assert (off["statuses_percent"], off["force_percent"] < 0.02) == (0, True)
+    assert 1000 < found["instructions"].max() < firmware_check.MOST_INSTRUCTIONS
+    assert flash < 16384
+    assert ram + found["stack"].max() < firmware_check.MOST_RAM
+
+
+def test_the_interval_is_that_of_noise_fit_and_branches(chip, library):
+    outputs = decoder_export.outputs_at(chip.coder, np.array([[0.3, -0.2, -0.6], [0.1, 0.2, -0.9]]).T)
+    found = decode(chip.coder, field_of(chip.coder.forward.elements, outputs))
+    fit = chip.coder.mechanics.errors
+    expected = decoder_export.QUANTILE * np.hypot(found.noise_N, np.array([fit[1], fit[1], fit[2]]) / 2)
+    library.loaded.set_up()
+    for output, half in zip(outputs, expected, strict=True):
+        assert_allclose(list(library("one", output)[1].half_width), half, rtol=2e-3)
+    # a fast press: the force changes with doubted branches
+    design = chip.coder.forward.design
+    laws = [RelaxingForce(design), *(RelaxingForce(design, b) for b in decode_readings.doubted_branches(design))]
+    rest = decoder_export.outputs_at(chip.coder, np.zeros((3, 1)))[0]
+    library("step", rest, 0.0)
+    _, answer = library("step", outputs[0], 0.01)
+    for law in laws:
+        law.step(0.0, np.zeros(3), np.zeros(2))
+    forces = [law.step(0.01, found.force[0], found.load[0, 1:]) for law in laws]
+    assert_allclose(list(answer.force), forces[0], rtol=1e-4, atol=1e-4)
+    assert np.linalg.norm(forces[0] - found.force[0]) > 0.2 * np.linalg.norm(found.force[0])
+    assert min(answer.half_width) > max(np.linalg.norm(force - forces[0]) for force in forces[1:])
+
+
+def test_zero_and_frozen(chip, library):
+    coder, loaded = chip.coder, library.loaded
+    rest, pressed = decoder_export.outputs_at(coder, np.array([[0, 0, 0], [0.2, 0.1, -0.5]]).T)
+    loaded.set_up()
+    drift = np.array([2e-3, -1e-3, 5e-4])
+    off = (rest + drift).astype(np.float32)
+    assert STATUSES[loaded.zero(ctypes.c_void_p(off.ctypes.data))] == "ok"
+    assert_allclose(list(library("one", pressed + drift)[1].shift), [0.2, 0.1, -0.5], atol=1e-3)
+    # a bad mean changes nothing, and a reading at a rail stays one after zeroing
+    bad = np.array([np.nan, 0, 0], dtype=np.float32)
+    assert STATUSES[loaded.zero(ctypes.c_void_p(bad.ctypes.data))] == "not_finite"
+    assert_allclose(list(library("one", pressed + drift)[1].shift), [0.2, 0.1, -0.5], atol=1e-3)
+    assert library("one", [np.float32(coder.forward.elements[0].high), *pressed[1:]])[0] == "saturated"
+    loaded.set_up()
+    for _ in range(25):
+        word, answer = library("step", pressed, 0.01)
+    assert word == "frozen"
+    assert np.isnan(list(answer.force)).all()
+    assert library("step", pressed + 2e-4, 0.01)[0] == "after_gap"
+
+
+STAND_INS = {
+    "Arduino.h": """
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+static const int A0 = 14, A1 = 15, A2 = 16;
+static unsigned long ticks;
+inline unsigned long micros() { return ticks += 10; }
+inline void delay(int) {}
+inline void analogReadResolution(int) {}
+inline int analogRead(int) { return 1800; }
+struct Port {
+    explicit operator bool() const { return true; }
+    void begin(long) {}
+    int available() { return 0; }
+    int read() { return -1; }
+    void print(const char *s) { fputs(s, stdout); }
+    void print(unsigned long n) { printf("%lu", n); }
+    void print(float x, int digits = 2) { printf("%.*f", digits, double(x)); }
+    template <class T> void println(T x) { print(x); puts(""); }
+    void println() { puts(""); }
+} static Serial;
+""",
+    "TLx493D_inc.hpp": """
+struct TwoWire {} static Wire;
+enum TLx493D_IICAddressType_t { TLx493D_IIC_ADDR_A0_e };
+namespace ifx { namespace tlx493d {
+struct TLx493D_A1B6 {
+    TLx493D_A1B6(TwoWire &, TLx493D_IICAddressType_t) {}
+    bool begin() { return true; }
+    bool getMagneticField(double *x, double *y, double *z) { *x = *y = 0; *z = -20; return true; }
+};
+} }
+""",
+    "Adafruit_MLX90393.h": """
+enum mlx90393_gain { MLX90393_GAIN_1X = 7 };
+enum mlx90393_resolution { MLX90393_RES_19 = 3 };
+enum mlx90393_axis { MLX90393_X, MLX90393_Y, MLX90393_Z };
+enum mlx90393_filter { MLX90393_FILTER_2 = 2 };
+enum mlx90393_oversampling { MLX90393_OSR_0 };
+struct Adafruit_MLX90393 {
+    bool begin_I2C(uint8_t) { return true; }
+    bool setGain(mlx90393_gain) { return true; }
+    bool setResolution(mlx90393_axis, mlx90393_resolution) { return true; }
+    bool setOversampling(mlx90393_oversampling) { return true; }
+    bool setFilter(mlx90393_filter) { return true; }
+    bool readData(float *x, float *y, float *z) { *x = *y = 0; *z = -2e4f; return true; }
+};
+""",
+}
+
+
+def run_sketch(folder, name):
+    """Compile a sketch with stand-ins for core and driver, run set-up and one loop, and return what it prints."""
+    source = folder / "sketch.cpp"
+    sketch = (folder / "examples" / name / f"{name}.ino").read_text()
+    main_text = "\nint main() { setup(); loop(); return 0; }\n"
+    source.write_text(f'#include "Arduino.h"\n{sketch}{main_text}')
+    for file, text in STAND_INS.items():
+        (folder / file).write_text(text)
+    flags = ["-std=c++11", "-O0", "-Wall", "-Wextra", "-Werror", "-Wno-unused-variable", "-I.", "-Isrc"]
+    subprocess.run(["g++", *flags, "sketch.cpp", "-o", "sketch", "-lm"], cwd=folder, check=True)
+    done = subprocess.run(["./sketch"], cwd=folder, check=True, capture_output=True, text=True)
+    return done.stdout
+
+
+@needs("g++")
+@pytest.mark.parametrize(
+    ("layout", "name"), [("three", "AnalogElements"), ("tlv493d-a1b6", "TLx493D"), ("mlx90393", "MLX90393")]
+)
+def test_sketches_compile_and_the_self_test_agrees(firmware, chip, layout, name, tmp_path):
+    if layout == "mlx90393":
+        ready = decoder_export.prepare(Design(hall_layout=layout), None, None, "16k")
+    else:
+        ready = firmware if layout == "three" else chip
+    for file, text in decoder_export.texts(ready, "magtip firmware").items():
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text(text)
+    assert "zero: " in run_sketch(tmp_path, name)
+    if layout == "mlx90393":
+        return
+    printed = run_sketch(tmp_path, "SelfTest")
+    assert printed.startswith("wrong statuses: 0,")
+    differences = printed.replace(",", "").split()
+    assert max(float(differences[5]), float(differences[7])) < 5e-3
+
+
+def test_verb(tmp_path, capsys):
+    out = tmp_path / "library"
+    assert main(["firmware", "paper", "--out", str(out), "--flash", "16k", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["flash_bytes"] <= 16384
+    assert record["table_error_percent"] < 0.5
+    assert sorted(p.relative_to(out).as_posix() for p in out.rglob("[!.]*") if p.is_file()) == sorted(
+        [*decoder_export.PLAIN, "examples/AnalogElements/AnalogElements.ino", "examples/SelfTest/SelfTest.ino"]
+    )
+    header = (out / "src" / "magtip_decoder.h").read_text()
+    assert record["digest"] in header
+    assert "double" not in header
+    assert max(map(len, header.splitlines())) <= 120
+    vectors = (out / "extras" / "test_vectors.csv").read_text().splitlines()
+    assert vectors[0].startswith("S1_V,S2_V,S3_V,seconds,status,shift_x_mm")
+    assert {"ok", "saturated", "not_finite", "out_of_workspace", "after_gap"} <= {v.split(",")[4] for v in vectors}
+    # its own files are written again, those of others are not
+    assert main(["firmware", "paper", "--out", str(out), "--flash", "16k"]) == 0
+    (out / "src" / "magtip_decoder.h").write_text("mine")
+    capsys.readouterr()
+    assert main(["firmware", "paper", "--out", str(out)]) == 2
+    assert "magtip_decoder.h' was changed after magtip had written it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--flash", "9k"], "--flash 9k is too small: the smallest decoder of this design takes"),
+        (["--flash", "big"], "--flash takes a size such as 64k or 16384 (bytes), at most 1000000; got 'big'"),
+        (["--flash", "nan"], "--flash takes a size"),
+        (["--set", "magnet_diameter=0", "--set", "magnet_height=0"], "this design has no magnet"),
+        (["--level", "none"], "level must be one of"),
+        (["--set", "l0=4.5"], "lies inside the beam"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments, sentence, tmp_path, capsys):
+    assert main(["firmware", "paper", "--out", str(tmp_path / "new"), *arguments]) == 2
+    err = capsys.readouterr().err
+    assert sentence in err
+    assert not (tmp_path / "new").exists()
+
+
+def test_less_flash_costs_accuracy_and_says_so():
+    large, small = (decoder_export.prepare(paper(), None, None, flash) for flash in ("64k", "16k"))
+    assert small.tables.size < large.tables.size / 3
+    assert small.errors[1] > 5 * large.errors[1]
+    told = [decoder_export.header(each, "magtip firmware") for each in (large, small)]
+    assert all("of the largest force" in text for text in told)
+    # a table that is too coarse is refused, not written
+    near = dataclasses.replace(paper(), l0=6.0, c=2.5)
+    with pytest.raises(BadInput, match=r"would miss .* % of the largest force"):
+        decoder_export.prepare(near, "paper", None, "20k")
