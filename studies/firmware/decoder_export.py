@@ -135,7 +135,9 @@ def prepare(
     law = decode_readings.mechanics_of(design, level or (None if responses else LEVEL), responses)
     coder = decoder(design, law)
     if len(coder.forward.elements) != 3:
-        raise BadInput(f"the exported decoder takes three readings; got {len(coder.forward.elements)}: set chip_count=1")
+        raise BadInput(
+            f"the exported decoder takes three readings; got {len(coder.forward.elements)}: set chip_count=1"
+        )
     name = decode_readings.level_name(level, responses, LEVEL)
     source = "solved states" if responses else f"formulas of level {name}"
     sizes = tolerances() if made is None else made

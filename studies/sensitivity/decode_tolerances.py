@@ -101,7 +101,7 @@ class AtRest:
         self.made, self.nominal = made_sensors(design, sizes, SENSORS), nominal_sensor(design)
         self._rest, deviations = _read(self.nominal, self.made, np.zeros(3), np.zeros(2))
         deviations = deviations + np.random.default_rng(0).normal(0.0, coder.sigma, deviations.shape)
-        self.inverse = np.linalg.inv(deviations.T @ deviations / len(deviations))
+        self.inverse: Array = np.asarray(np.linalg.inv(deviations.T @ deviations / len(deviations)), dtype=float)
         self.of_made = np.sort(self._squares(deviations))
 
     def _squares(self, deviations: Array) -> Array:
