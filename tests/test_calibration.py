@@ -10,50 +10,26 @@ import pandas as pd
 import pytest
 
 from analytic.time_series import RelaxingForce
-from fem.accuracy import QUICK
-from fem.equilibrium import trace
 from geometry.design import paper
-from geometry.loads import Load
-from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit
+from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit, simulated_bench
+from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE
 from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
-from studies.sensitivity.made_sensors import made_readings, made_sensors, tolerances
+from studies.sensitivity.made_sensors import tolerances
 from studies.streaming import live_stream
 from studies.validation import calibration_check
 from studies.web.explorer_answers import Answers
 from studies.web.explorer_state import request_of
 
-FORCE_NOISE, READING_NOISE = 0.02, 2.5e-4
 EXAMPLES = f"{Path(calibration_study.__file__).parents[1]}/examples/bench/"
 SCAN = ["calibrate", "paper", EXAMPLES + "magnet_scan_d8h2.csv", "--scan", "--set", "hall_layout=tle493d-w2b6"]
 SCAN += ["--set", "D=12", "--set", "L=14", "--set", "magnet_diameter=8", "--set", "magnet_height=2", "--set", "l0=7"]
 
 
-def bench_table(seed, count):
-    """Presses and shears of a made sensor, by finite elements, with noise; a stand with compliance and a zero."""
-    rng, made = np.random.default_rng(seed), made_sensors(paper(), tolerances(), 1, seed)
-    rows = []
-    for k in range(count // 3):
-        depth = 0.4 + 1.7 * (3 * k + 1.5) / count
-        loads = [Load(depth=depth, shear_x=share * depth, friction="stick") for share in (0.1, 0.5, 0.9)]
-        for j, state in enumerate(trace(made.designs[0], loads, QUICK, estimate=False)):
-            angle = 2.4 * (3 * k + j)
-            c, s = math.cos(angle), math.sin(angle)
-            x, _, z = state.response.force
-            u, _, w = state.response.shift
-            lean = state.response.tilt
-            shift, turn = np.array([[[c * u, s * u, w]]]), np.array([[[-s * lean, c * lean]]])
-            read, force = made_readings(made, shift, turn).output[0, 0], np.array([c * x, s * x, z])
-            noise = np.array([READING_NOISE] * 3 + [FORCE_NOISE] * 3) * rng.normal(size=6)
-            rows.append([*np.append(read, force) + noise, depth + 0.004 * z + 0.1, *force])
-    heads = ["S1_V", "S2_V", "S3_V", "Fx_N", "Fy_N", "F_z [N]", "depth_mm", "true x", "true y", "true z"]
-    return pd.DataFrame(rows, columns=heads)
-
-
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     """A bench of 24 presses in two runs: the table with the true forces, and the files without them."""
-    table = bench_table(5, 24)
+    table = simulated_bench.bench(5, 24).rename(columns={"Fz_N": "F_z [N]"})
     folder = tmp_path_factory.mktemp("bench")
     files = []
     for k in range(2):
