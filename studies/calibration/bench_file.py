@@ -129,11 +129,14 @@ def read_texts(file: Path) -> Any:
     import pandas as pd
 
     try:
-        return pd.read_csv(file, comment="#", dtype=str, skipinitialspace=True)
+        table = pd.read_csv(file, comment="#", dtype=str, skipinitialspace=True)
     except FileNotFoundError:
         raise BadInput(f"there is no file {str(file)!r}: check its path") from None
     except (OSError, ValueError, pd.errors.ParserError) as error:
         raise BadInput(f"{str(file)!r} is no CSV table ({str(error).splitlines()[0]}): check the file") from None
+    if len(table.columns) == 1 and ";" in (head := str(table.columns[0])):
+        raise BadInput(f"{str(file)!r} parts its columns by semicolons ({head}): write commas, and points in numbers")
+    return table
 
 
 def split_head(head: str) -> tuple[str, str]:
@@ -206,9 +209,10 @@ def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> t
         return "", ""
     wanted = unit if element else column.rpartition("_")[2]
     if named not in UNITS[wanted]:
+        whole = name if any(named in factors for factors in UNITS.values()) else head.strip()
         raise BadInput(
-            f"the column {head!r} has no unit that a {'reading' if element else column.rpartition('_')[0]} can have: "
-            f"write one of {', '.join(UNITS[wanted])} behind its name, as in {name}_{wanted}"
+            f"the column {head!r} has no unit that {'a reading' if element else column.rpartition('_')[0]} can have: "
+            f"write one of {', '.join(UNITS[wanted])} behind its name, as in {whole}_{wanted}"
         )
     return column, named
 
@@ -252,11 +256,35 @@ def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: par
                 f"readings of {name} such as {values[beyond].iloc[0]:.4g} {element.unit} cannot be: this element "
                 f"reads from {element.low:g} to {element.high:g} {element.unit}: check the unit of its column"
             )
+    for name in forces:
+        values = table[name].dropna()
+        if values.nunique() == 1 and len(values) >= FEWEST:
+            raise BadInput(
+                f"all forces {name} are {values.iloc[0]:g} N: press to different forces, or leave out the column of "
+                "a component that is not measured"
+            )
     pressed = table["Fz_N"].dropna() if "Fz_N" in table else table[forces[0]].iloc[:0]
     if (pressed <= 0).all() and (pressed < 0).any():
         raise BadInput("all forces along z are negative, but a press is positive: use --force-sign -1")
-    complete = table[[*names]].notna().all(axis=1) & table[list(forces)].notna().any(axis=1)
-    if complete.sum() < FEWEST:
+    read, felt = table[[*names]].notna().all(axis=1), table[list(forces)].notna().any(axis=1)
+    if (count := int((read & felt).sum())) < FEWEST:
         raise BadInput(
-            f"only {int(complete.sum())} rows have all readings and a force: a calibration needs at least {FEWEST}"
+            f"only {count} rows have all readings and a force: a calibration needs at least {FEWEST}"
+            f"{_apart(table, read, felt)}"
         )
+
+
+def _apart(table: Any, read: Any, felt: Any) -> str:
+    """Return what is wrong with rows of which some have readings (n,) and others forces (n,), in words."""
+    if min(read.sum(), felt.sum()) < FEWEST:
+        return ""
+    if "time_s" not in table:
+        return "; readings and forces stand in different rows"
+    ends = [(float(times.min()), float(times.max())) for times in (table["time_s"][read], table["time_s"][felt])]
+    (a, b), (c, d) = ends
+    if max(a, c) > min(b, d):
+        return (
+            f"; the times of the readings, {a:g} to {b:g} s, and of the forces, {c:g} to {d:g} s, do not overlap: "
+            "use one clock"
+        )
+    return "; readings and forces stand in different rows: interpolate the forces to the times of the readings"

@@ -56,7 +56,8 @@ def unknown_rows(found: Fit) -> list[FlatRow]:
     ]  # fmt: skip
 
 
-def as_text(found: Fit, source: str, lag: float | None) -> str:
+def as_text(found: Fit, source: str, lag: float | None, failures: Sequence[str] = ()) -> str:
+    """Return the content of calibration.json; with failures, why nothing may use it."""
     sensor = found.sensor
     law = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(sensor.mechanics).items()}
     record = {
@@ -64,6 +65,7 @@ def as_text(found: Fit, source: str, lag: float | None) -> str:
         "design": dataclasses.asdict(sensor.design),
         "mechanics_source": source,
         "lag_s": lag,
+        "failures": list(failures),
         "unknowns": unknown_rows(found),
         "covariance": found.covariance.tolist(),
         "growth": found.growth,
@@ -81,12 +83,14 @@ def read(path: Path) -> Fit:
     Raises
     ------
     BadInput
-        The file is no calibration, or of another version.
+        The file is no calibration, of another version, or of one that failed.
     """
     try:
         record = json.loads(table_input.text_of(path, "JSON"))
         if record["format"] != FORMAT:
             raise BadInput(f"{path} has format {record['format']}; this magtip reads {FORMAT}: calibrate again")
+        if record.get("failures"):
+            raise BadInput(f"{path} is of no use, as magtip calibrate said: {record['failures'][0]}")
         law: Any = dict(record["mechanics"]) | {"errors": tuple(record["mechanics"]["errors"])}
         law |= {name: np.array(law[name]) for name in ("tau", "lateral", "normal", "depth", "shear")}
         rows = record["unknowns"]

@@ -53,12 +53,14 @@ PATTERN = 4.0
 OUTLIER, UNUSABLE = 6.0, 1.5
 """Misfit of a row over the median from which it is named; RMSE over that of the better regression from which a
 calibration is called unusable."""
-FEW, BETTER = 24, 3.0
-"""Rows with which columns that are exchanged or reversed are sought, and how much better the rows fit with these."""
+FEW, ROUGH, BETTER = 24, 8, 3.0
+"""Rows and steps with which columns that are exchanged or reversed are sought, and how much better the rows fit with
+these."""
 CHECK = "check which column is which element, the signs of the forces, and wrong rows"
 CYCLES = ((1, 2, 0), (2, 0, 1))
-DOUBTED = 3.0
-"""Estimated over expected error of the forces from which such columns are sought."""
+DOUBTED, CERTAIN = 3.0, 1000.0
+"""Estimated over expected error of the forces from which such columns are sought, and how much better rows must fit
+with them so that a bench is refused."""
 METHODS = ("calibration", "linear ridge", "quadratic ridge")
 LAGS = np.linspace(-0.2, 0.2, 41)
 """Lags of the force behind the readings that are tried, s."""
@@ -305,8 +307,9 @@ def _outliers(found: Fit, bench: Bench, rows: Ints) -> list[str]:
     return [text]
 
 
-def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str]) -> str:
-    """Return which columns are probably exchanged or reversed, in words; "" where no such rows fit much better.
+def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str]) -> tuple[str, float]:
+    """Return which columns are probably exchanged, reversed or in another unit, in words, and how much better rows
+    then fit; "" where no such rows fit much better.
 
     Mirrored layouts make some of these equal, such as S2 with S3 and Fx_N with Fy_N: all of them are named.
     """
@@ -322,7 +325,7 @@ def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str
         ]
     chosen = np.linspace(0, len(measured) - 1, min(len(measured), FEW)).round().astype(int)
     rows, warm = measured[chosen], warmer[chosen]
-    given, better = sensor_fit.fit(sensor, rows, warm).chi2, {}
+    given, better = sensor_fit.fit(sensor, rows, warm, ROUGH).chi2, {}
     for at, source, text in [
         *orders,
         *(((j,), (j,), f"{name} has the wrong sign") for j, name in enumerate(columns)),
@@ -330,12 +333,17 @@ def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str
         other = rows.copy()
         other[:, at] = rows[:, source] if len(at) > 1 else 2 * zero[at] - rows[:, source]
         if np.isfinite(other[:, at]).any():
-            better[text] = sensor_fit.fit(sensor, other, warm).chi2
+            better[text] = sensor_fit.fit(sensor, other, warm, ROUGH).chi2
+    for unit in ("mN", "g", "kg"):
+        other = rows.copy()
+        other[:, k : k + 3] *= bench_file.UNITS["N"][unit]
+        better[f"the forces are in {unit} and not in N"] = sensor_fit.fit(sensor, other, warm, ROUGH).chi2
     best = min(better.values())
     if not BETTER * best < given:
-        return ""
+        return "", 1.0
     found = [text for text, chi2 in better.items() if chi2 < 2 * best]
-    return f"probably {', or '.join(found)}: the rows then fit {given / best:.2g} times better"
+    ratio = given / best
+    return f"probably {', or '.join(found)}: the rows then fit {ratio:.2g} times better", ratio
 
 
 def advice(found: Fit) -> str:
@@ -389,7 +397,9 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     progress(0.1, f"{len(rows)} rows")
     found = (sensor_fit.fit if force_noise else sensor_fit.fit_with_noise)(sensor, measured[rows], warmer[rows])
     doubtful = found.sensor.force_noise > DOUBTED * sensor.force_noise or found.growth > 2
-    hint = mistaken(sensor, measured[rows], warmer[rows], bench.readings) if doubtful else ""
+    hint, better = mistaken(sensor, measured[rows], warmer[rows], bench.readings) if doubtful else ("", 1.0)
+    if better > CERTAIN:
+        raise BadInput(f"the columns are not what their heads say: {hint}")
     for name in ("modulus", "remanence"):
         if not (factor := float(sensor.value(found.theta, name))) > 0:
             raise BadInput(
@@ -398,7 +408,7 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
             )
     table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
     if not doubtful and _failures(_summary(table), ""):
-        hint = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
+        hint, _ = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
     progress(0.95, "pictures")
     tables: dict[str, Rows] = {
         "unknowns": calibration_file.unknown_rows(found), "held_out": table, "learning": curve,
@@ -433,6 +443,14 @@ def _warnings(found: Fit, tables: Mapping[str, Rows], outliers: Sequence[str], o
         wider = f", and all intervals are {math.sqrt(found.growth):.3g} times as wide" if found.growth > 1.1 else ""
         said.append(
             f"residuals are larger than the stated errors, or no noise{where}: the model lacks something{wider}"
+        )
+    un, count = found.sensor.unknowns, len(found.sensor.unknowns.free)
+    if found.freedom < count:
+        kept = [un.names[k] for k in un.free if found.deviation[k] > SAME * un.deviation[k]]
+        known = f", such as {', '.join(kept[:3])}" if kept else ""
+        said.append(
+            f"{len(found.shift)} rows give {found.freedom} numbers beyond the magnet's places for {count} unknowns: "
+            f"tolerances decide the rest; press more often, or --fix what is known{known}"
         )
     said += outliers
     if lost := own["lost"]:
@@ -485,7 +503,7 @@ def _result(
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
         curve=_curve(tables["learning"]),
     )
-    text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"])
+    text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"], failures)
     return Result(
         title="Calibration",
         records=[record],

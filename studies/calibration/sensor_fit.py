@@ -30,6 +30,7 @@ sheet for flat magnets. Lengths mm, angles rad, N, T.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -61,6 +62,8 @@ AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
 """Standard deviations of priors: ambient field (T, as the earth's), zero (mm) and compliance (mm/N) of the stand."""
 FARTHEST = 30.0
 """Largest distance of a fixed value from its prior, in standard deviations."""
+MOST_WIDER = 0.25
+"""Largest deviation of a magnet's size over the size: a fit on its way must not leave what can be a magnet."""
 MOST_POSES = 20_000
 """Most shifts that are predicted at once, which takes some 20 MB."""
 MECHANICS = 0.03
@@ -239,8 +242,9 @@ class Sensor:
     def made(self, theta: Array, names: Sequence[str]) -> MadeSensors:
         """Return sensors (m, p) with their displaced parts and their magnets; gains and nulls stay nominal."""
         count, design = len(theta), self.design
-        wider = self.vector(theta, "wider", ("diameter", "height"))
-        sizes = list(map(tuple, (wider + np.array([design.magnet_diameter, design.magnet_height])).tolist()))
+        size = np.array([design.magnet_diameter, design.magnet_height])
+        wider = np.clip(self.vector(theta, "wider", ("diameter", "height")), -MOST_WIDER * size, MOST_WIDER * size)
+        sizes = list(map(tuple, (wider + size).tolist()))
         # only the field is that of another magnet
         designs = {
             size: dataclasses.replace(design, magnet_diameter=size[0], magnet_height=size[1]) for size in {*sizes}
@@ -264,13 +268,7 @@ class Sensor:
 
     def starts(self, theta: Array, measured: Array) -> Array:
         """Return shifts (n, 3) near those of rows, from a grid over the workspace: the one that predicts best."""
-        low, high = workspace(self.design, self.mechanics)
-        # 0 sideways and at rest are points of the grid
-        axes = [np.linspace(a, b, n) for a, b, n in zip(low, [*high[:2], 0.0], GRID, strict=True)]
-        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        found = self.predict(theta, grid, np.zeros(len(grid)))
-        defined = np.isfinite(found).all(axis=1)  # not so inside an element
-        grid, found = grid[defined], found[defined]
+        grid, found = _start_grid(self, tuple(theta.tolist()))
         scale = found.std(axis=0)
         scale[scale == 0] = 1.0
         known, shift = np.isfinite(measured), np.empty((len(measured), 3))
@@ -279,6 +277,18 @@ class Sensor:
             tree = cKDTree((found / scale)[:, pattern])
             shift[rows] = grid[tree.query((measured[rows] / scale)[:, pattern])[1]]
         return shift
+
+
+@functools.lru_cache(maxsize=4)
+def _start_grid(sensor: Sensor, theta: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return shifts (n, 3) over the workspace, and what a sensor predicts there (n, k + 6)."""
+    low, high = workspace(sensor.design, sensor.mechanics)
+    # 0 sideways and at rest are points of the grid
+    axes = [np.linspace(a, b, n) for a, b, n in zip(low, [*high[:2], 0.0], GRID, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = sensor.predict(np.array(theta), grid, np.zeros(len(grid)))
+    defined = np.isfinite(found).all(axis=1)  # not so inside an element
+    return grid[defined], found[defined]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -357,8 +367,8 @@ def warmer_of(sensor: Sensor, bench: Bench) -> Array:
     return np.nan_to_num(bench.values(["temperature_C"])[:, 0] - sensor.temperature_C)
 
 
-def fit(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
-    """Estimate the sensor from rows (n, k + 6).
+def fit(sensor: Sensor, measured: Array, warmer: Array, steps: int = STEPS) -> Fit:
+    """Estimate the sensor from rows (n, k + 6), in a number of steps at most.
 
     Raises
     ------
@@ -371,7 +381,7 @@ def fit(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
     shift = sensor.starts(theta, measured)
     shift = _settle_shifts(sensor, theta, shift, measured, W, warmer)
     total, lever = _total(sensor, theta, shift, measured, W, warmer), 1e-3
-    for _ in range(STEPS):
+    for _ in range(steps):
         r, Js, Jt = _linearised(sensor, theta, shift, measured, W, warmer)
         S, g, A, B, gs = _condensed(r, Js, Jt, un, theta)
         while True:
