@@ -1,15 +1,18 @@
 """Readings that arrive: frames, what is decoded from them, their records, their page, and bad input."""
 
 import csv
+import importlib
 import json
 import os
 import random
+import re
 import signal
 import struct
 import subprocess
 import sys
 import threading
 import tty
+import xml.etree.ElementTree
 from pathlib import Path
 
 import numpy as np
@@ -280,6 +283,34 @@ def test_page_shows_forces_and_takes_a_zero(chromium, tmp_path):
         process.kill()
     assert process.returncode == 0
     assert "rows" in text
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """The ROS 2 package that firmware writes for the paper's sensor, importable."""
+    assert commands.run(["firmware", "paper", "--out", str(tmp_path / "o"), "--flash", "16k", "--ros2"]) == 0
+    folder = tmp_path / "o" / "ros2" / "magtip_sensor"
+    monkeypatch.syspath_prepend(folder)
+    return folder
+
+
+def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys):
+    """The node itself needs ROS: its files are compiled, and what it publishes comes from the feed."""
+    for file in package.rglob("*.py"):
+        compile(file.read_text("utf-8"), file, "exec")
+    assert xml.etree.ElementTree.parse(package / "package.xml").getroot().get("format") == "3"
+    named = re.findall(r'"((?:resource|launch|config)/[\w./]*)"', (package / "setup.py").read_text("utf-8"))
+    assert len(named) == 4
+    assert all((package / name).exists() for name in named)
+    feed = importlib.import_module("magtip_sensor.feed").Feed
+    capsys.readouterr()
+    _, rows = streamed(capsys, "--port", RECORDING, "--speed", 0, "--level", "finite")
+    messages = list(feed(str(RECORDING), str(package / "config" / "design.toml"), "tip", level="finite"))
+    pushed = [fields["wrench"]["force"]["z"] for topic, _, fields in messages if topic == "wrench"]
+    assert_allclose(pushed, [-row["force_z_N"] for row in rows])
+    assert {topic for topic, _, _ in messages} == {"wrench", "status", *(f"magnetic_field/S{k}" for k in (1, 2, 3))}
+    slower = feed(str(RECORDING), "paper", "tip", level="finite", rate=10.0)
+    assert sum(topic == "wrench" for topic, _, _ in slower) == 6
 
 
 @pytest.mark.parametrize(

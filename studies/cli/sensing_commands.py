@@ -278,6 +278,7 @@ def firmware(
     level: str | None = None,
     responses: Path | None = None,
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
+    ros2: bool = False,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -297,14 +298,18 @@ def firmware(
         File of states printed by `magtip solve --json`, one per line, for tilt and load instead of formulas.
     tolerances
         NAME=VALUE: largest deviation of a built sensor, as in `decode`, for the status uncalibrated; repeatable.
+    ros2
+        Also write a ROS 2 package, ros2/magtip_sensor, whose node publishes what magtip stream decodes.
     """
     from studies.firmware import decoder_export
     from studies.sensitivity.made_sensors import parse_tolerances
+    from studies.streaming import ros2_package
 
-    here = destination(firmware, locals(), decoder_export.FILES, [responses])
+    here = destination(firmware, locals(), (*decoder_export.FILES, *ros2_package.FILES), [responses])
     design = design_of(source, sets)
     made = parse_tolerances(tolerances or [], design)
-    return publish(partial(decoder_export.run, design, level, responses, flash, made, here.command), here)
+    more = ros2_package.files(design) if ros2 else {}
+    return publish(partial(decoder_export.run, design, level, responses, flash, made, here.command, more), here)
 
 
 def table(

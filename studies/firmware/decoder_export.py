@@ -34,7 +34,7 @@ from studies.firmware.decoder_tables import Tables
 from studies.inputs.user_input import design_text
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
-from studies.output.result import Result, Table
+from studies.output.result import Result, Table, Writer
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
 from studies.sensitivity.made_sensors import Tolerances, tolerances
@@ -371,9 +371,10 @@ def run(
     flash: str,
     made: Tolerances | None,
     command: str,
+    more: Mapping[str, Writer],
     progress: Progress,
 ) -> Result:
-    """Return the library with the decoder of a design."""
+    """Return the library with the decoder of a design, and `more` files."""
     progress(0.0, "tables")
     firmware = prepare(design, level, responses, flash, made)
     progress(0.5, "test vectors")
@@ -393,4 +394,5 @@ def run(
         "fit_error_N": max(firmware.coder.mechanics.errors[1:3]),
         "example": example_of(design.hall_layout),
     }
-    return Result(title="Firmware", records=[record], shown=[Table(title="Firmware", rows=[record])], files=files)
+    shown = [Table(title="Firmware", rows=[record])]
+    return Result(title="Firmware", records=[record], shown=shown, files={**files, **more})

@@ -49,7 +49,11 @@ geometry_msgs/Vector3 torque
     + VECTOR
 )
 FIELD = HEADER.format(fields="geometry_msgs/Vector3 magnetic_field\nfloat64[9] magnetic_field_covariance") + VECTOR
-STATUS = "string data"
+TYPES = {
+    "geometry_msgs/msg/WrenchStamped": WRENCH,
+    "sensor_msgs/msg/MagneticField": FIELD,
+    "std_msgs/msg/String": "string data",
+}
 """Definitions of the messages, as ROS 2 states them."""
 
 
@@ -68,47 +72,52 @@ def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
         from mcap_ros2.writer import Writer
     except ImportError:
         raise BadInput("--mcap needs two packages: pip install 'magtip[record]'") from None
-    elements = parts.of_design(design)
-    groups = grouped(elements)
+    messages = Messages(design, frame_id)
     with atomic_files.atomic(path) as temporary, temporary.open("wb") as file, Writer(file) as writer:
-        wrench, field, word = (
-            writer.register_msgdef(name, text)
-            for name, text in (
-                ("geometry_msgs/msg/WrenchStamped", WRENCH),
-                ("sensor_msgs/msg/MagneticField", FIELD),
-                ("std_msgs/msg/String", STATUS),
-            )
-        )
-        begun, last = time.time_ns(), ""
+        schemas = {name: writer.register_msgdef(name, text) for name, text in TYPES.items()}
 
         def write(rows: Sequence[Decoded]) -> None:
-            nonlocal last
             for row in rows:
-                now = begun + round(1e9 * row["time_s"])
-                head = {"stamp": {"sec": now // 10**9, "nanosec": now % 10**9}, "frame_id": frame_id}
-
-                def send(topic: str, schema: Any, message: Any, now: int = now) -> None:
-                    writer.write_message(topic, schema, message, log_time=now, publish_time=now)
-
-                x, y, z = (row[f"force_{axis}_N"] for axis in "xyz")
-                unknown = dict.fromkeys("xyz", math.nan)
-                send("wrench", wrench, {"header": head, "wrench": {"force": {"x": x, "y": y, "z": -z},
-                                                                   "torque": unknown}})  # fmt: skip
-                readings = [row[f"{name}_{elements[0].unit}"] for name in parts.columns(elements)]
-                tesla = field_of(elements, [readings])[0].tolist()
-                for name, members in groups.items():
-                    along = dict(unknown)
-                    for k in members:
-                        for axis, n in zip("xyz", elements[k].direction, strict=True):
-                            if n:
-                                along[axis] = n * tesla[k]
-                    message = {"header": head, "magnetic_field": along, "magnetic_field_covariance": [0.0] * 9}
-                    send(f"magnetic_field/{name}", field, message)
-                if row["status"] != last:
-                    send("status", word, {"data": row["status"]})
-                    last = row["status"]
+                now = messages.moment(row)
+                for topic, kind, fields in messages.of_row(row):
+                    writer.write_message(topic, schemas[kind], fields, log_time=now, publish_time=now)
 
         yield write
+
+
+class Messages:
+    """Messages of ROS 2 for decoded rows, as their fields; times begin with the clock of the first one."""
+
+    def __init__(self, design: Design, frame_id: str) -> None:
+        self._elements = parts.of_design(design)
+        self._groups, self._frame = grouped(self._elements), frame_id
+        self._begun, self._status = time.time_ns(), ""
+
+    def moment(self, row: Decoded) -> int:
+        """Return the time of a row, ns since 1970."""
+        return self._begun + round(1e9 * float(row["time_s"]))
+
+    def of_row(self, row: Decoded) -> Iterator[tuple[str, str, dict[str, Any]]]:
+        """Yield topic, type and fields of the messages of a row: wrench, magnetic fields, status if it changed."""
+        now, elements = self.moment(row), self._elements
+        head = {"stamp": {"sec": now // 10**9, "nanosec": now % 10**9}, "frame_id": self._frame}
+        x, y, z = (row[f"force_{axis}_N"] for axis in "xyz")
+        unknown = dict.fromkeys("xyz", math.nan)
+        wrench = {"force": {"x": x, "y": y, "z": -z}, "torque": unknown}
+        yield "wrench", "geometry_msgs/msg/WrenchStamped", {"header": head, "wrench": wrench}
+        readings = [row[f"{name}_{elements[0].unit}"] for name in parts.columns(elements)]
+        tesla = field_of(elements, [readings])[0].tolist()
+        for name, members in self._groups.items():
+            along = dict(unknown)
+            for k in members:
+                for axis, n in zip("xyz", elements[k].direction, strict=True):
+                    if n:
+                        along[axis] = n * tesla[k]
+            fields = {"header": head, "magnetic_field": along, "magnetic_field_covariance": [0.0] * 9}
+            yield f"magnetic_field/{name}", "sensor_msgs/msg/MagneticField", fields
+        if row["status"] != self._status:
+            self._status = row["status"]
+            yield "status", "std_msgs/msg/String", {"data": self._status}
 
 
 def grouped(elements: Sequence[parts.Element]) -> dict[str, list[int]]:

@@ -1,0 +1,31 @@
+"""A ROS 2 package for one sensor: its files, which are templates in the folder `ros2`."""
+
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+from geometry.design import Design
+from studies.inputs.user_input import design_text
+from studies.output import page_templates
+from studies.output.atomic_files import write_text
+from studies.output.result import Writer
+
+PACKAGE = "magtip_sensor"
+PLACES = {
+    "package.xml": "", "setup.py": "", "setup.cfg": "", "README.md": "",
+    "sensor.yaml": "config/", "sensor.launch.py": "launch/", "feed.py": f"{PACKAGE}/", "node.py": f"{PACKAGE}/",
+}  # fmt: skip
+"""Templates, and their folders in the package."""
+MADE = {f"resource/{PACKAGE}": "", f"{PACKAGE}/__init__.py": ""}
+FILES = tuple(f"ros2/{PACKAGE}/{name}" for name in (*(p + t for t, p in PLACES.items()), *MADE, "config/design.toml"))
+
+
+def files(design: Design) -> dict[str, Writer]:
+    """Return the writers of the package's files."""
+    folder = Path(__file__).with_name("ros2")
+    texts = {
+        place + name: page_templates.rendered(folder / f"{name}.j2", version=version("magtip")) + "\n"
+        for name, place in PLACES.items()
+    }
+    texts |= {**MADE, "config/design.toml": design_text(design)}
+    return {f"ros2/{PACKAGE}/{name}": partial(write_text, text=text) for name, text in texts.items()}
