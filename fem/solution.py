@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 import skfem
-from numpy.typing import NDArray
 
 from fem.model import angular_fields
 from fem.solve.direct_solver import UNKNOWN, Stability, Verdict
 from fem.solve.newton import Stop
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 from geometry.loads import Load, Response
 
 CREASE = 2.4
@@ -117,7 +115,7 @@ class Field:
     mesh: skfem.Mesh
     u: Array
     p: Array
-    vertices: NDArray[np.int64]
+    vertices: Ints
     angles: angular_fields.Angles
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 Point = tuple[float, float]
 Vector = tuple[float, float, float]
 Kept = TypeVar("Kept")

@@ -22,7 +22,6 @@ import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact, viscoelasticity
 from fem.model.viscoelasticity import History, PointState
@@ -30,7 +29,7 @@ from fem.results.postprocess import tip_force
 from fem.solve.active_set import KeptTangent
 from fem.solve.load_increments import Reached, extrapolate, find_equilibrium, path_at
 from fem.solve.path_state import PathState
-from geometry.arrays import Array, read_only
+from geometry.arrays import Array, Mask, read_only
 
 CERTAINTY = 2.0
 """Estimated error over its leading term: points of the skin that touch within a step add terms beyond it, up to half
@@ -186,7 +185,7 @@ def with_error_of_first(before: ViscousState, first: ViscousState, second: Visco
     return replace(first, errors=decay * before.errors + gained)
 
 
-def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:
+def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, Mask | None]]:
     """Return first guesses of the unknowns and of the points in contact: extrapolated in time, and the last state."""
     path, guess = state.path, state.path.q
     overlap = None if path.grip else path.overlap

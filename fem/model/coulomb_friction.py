@@ -23,11 +23,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geometry.arrays import Array
-
-Mask = NDArray[np.bool_]
+from geometry.arrays import Array, Mask
 
 STICK = 0.2
 """Stiffness of the tangential springs over that of the plate's normal springs. Softer springs would let a sticking

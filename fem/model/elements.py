@@ -21,7 +21,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem.model.angular_fields import Angles, cartesian_fields, fourier_fields, rotations
-from geometry.arrays import Array, Ints, read_only
+from geometry.arrays import Array, Ints, Mask, read_only
 from geometry.bad_input import MeshError
 
 SAME_PLACE = 1e-9
@@ -100,7 +100,7 @@ class Surface:
         return float(self.radii.max())
 
     @functools.cached_property
-    def dome(self) -> NDArray[np.bool_]:
+    def dome(self) -> Mask:
         """(k, q) mask of the points around the top: within 1.4 times `reach` from the highest point on the axis."""
         return np.asarray(np.hypot(self.radii, self.points[..., 2] - self.points[..., 2].max()) < 1.4 * self.reach)
 

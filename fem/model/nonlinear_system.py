@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fem.model import element_assembly, material, plate_contact
 from fem.model.element_assembly import FACETS, ElementAssembly
@@ -30,7 +29,7 @@ from fem.model.plate_contact import Plate
 from fem.model.rigid_inclusion import RigidBody
 from fem.model.sparse_pattern import Pattern
 from fem.model.viscoelasticity import Overstress
-from geometry.arrays import Array, Ints
+from geometry.arrays import Array, Ints, Mask
 
 NONE: Ints = np.empty(0, dtype=np.int64)
 """No nodes."""
@@ -108,7 +107,7 @@ class System:
         elements: Elements,
         surface: Surface | None,
         moduli: tuple[float | Array, float | Array],
-        fixed: NDArray[np.bool_],
+        fixed: Mask,
         magnet: tuple[Ints, RigidBody] | None = None,
         dead: Array | None = None,
         law: material.Law = material.neo_hookean,
@@ -138,7 +137,7 @@ class System:
         self._number_unknowns(fixed, held)
         self._build_pattern()
 
-    def _number_unknowns(self, fixed: NDArray[np.bool_], held: Array | None) -> None:
+    def _number_unknowns(self, fixed: Mask, held: Array | None) -> None:
         e = self.elements
         used = np.zeros(fixed.shape, dtype=bool)
         used[e.cells] = True

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from fem.model import coulomb_friction
 from fem.model.coulomb_friction import Friction, FrictionTraction
 from fem.model.elements import SAME_PLACE, Surface
-from geometry.arrays import Array, read_only
+from geometry.arrays import Array, Mask, read_only
 
 KAPPA = 3e3
 SECTION_KAPPA = 10 * KAPPA
@@ -54,7 +54,7 @@ class Bond:
     gap : (k, q) distance to the plate at which each was glued, 0 where it was pressed; None for a grip.
     """
 
-    tied: NDArray[np.bool_]
+    tied: Mask
     targets: Array
     gap: Array | None = None
 
@@ -78,7 +78,7 @@ class Plate:
     shear: Array
     tilt: float = 0.0
     bond: Bond | None = None
-    pressed: NDArray[np.bool_] | None = None
+    pressed: Mask | None = None
     friction: Friction | None = None
 
     @property
@@ -247,7 +247,7 @@ def average_over_facets(surface: Surface, values: Array) -> Array:
     return np.broadcast_to(lines.mean(axis=1, keepdims=True), lines.shape).reshape(values.shape)
 
 
-def choose_glued(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> NDArray[np.bool_]:
+def choose_glued(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> Mask:
     """Return the points (k, q) to glue to the plate: facets whose mean distance from the axis is below `radius`.
 
     Under a tilted plate a section's facets are glued, at each angle, where their mean distance from the plate is
@@ -266,7 +266,7 @@ def choose_glued(surface: Surface, u: Array, plate: Plate, radius: float | None,
     return (average_over_facets(surface, out) < radius) & (surface.points[..., 2] > above)
 
 
-def bond_here(surface: Surface, u: Array, plate: Plate, tied: NDArray[np.bool_]) -> Bond:
+def bond_here(surface: Surface, u: Array, plate: Plate, tied: Mask) -> Bond:
     """Return the bond of points (k, q) that are tied to the plate where they are now."""
     targets = positions_along_plate(surface, u, plate) - plate.shear
     return Bond(tied, targets, np.maximum(-overlap(surface, u, plate), 0.0))

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from geometry.arrays import Array, Ints
+from geometry.arrays import Array, Ints, Mask
 
 
 class Pattern:
@@ -113,7 +113,7 @@ class Pattern:
         return np.flatnonzero(upper), place[upper]
 
     @functools.cached_property
-    def _mirror(self) -> tuple[Ints, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
+    def _mirror(self) -> tuple[Ints, Mask, NDArray[np.int32], NDArray[np.int32]]:
         """Structure of the whole matrix: positions of its entries in the upper triangle, mask of those below the
         diagonal, column numbers and row pointers.
         """

@@ -16,7 +16,6 @@ from typing import Any, Literal
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fem.model import angular_fields, elements
@@ -26,7 +25,7 @@ from fem.model.material import Law, lame, neo_hookean
 from fem.model.nonlinear_system import System
 from fem.model.rigid_inclusion import of_section, of_solid
 from fem.scene import Scene
-from geometry.arrays import Array, Ints, read_only
+from geometry.arrays import Array, Ints, Mask, read_only
 from geometry.design import Shape
 from geometry.loads import Magnet
 from geometry.section import FILLET, section
@@ -191,7 +190,7 @@ def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: floa
     return dead
 
 
-def on_axis(harmonics: int, *, sines: bool = False) -> NDArray[np.bool_]:
+def on_axis(harmonics: int, *, sines: bool = False) -> Mask:
     """Return which fields of a section may differ from zero on the axis: w_-1, a sideways displacement, and z_0."""
     return np.array([name in (("a", -1), ("b", -1), ("z", 0)) for name in field_names(harmonics, sines=sines)])
 

@@ -46,11 +46,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import elements, material
 from fem.model.elements import Elements
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 from geometry.compiled import compiled
 from geometry.relaxation import Relaxation
 
@@ -58,7 +57,7 @@ ViscousLaw = Literal["prony", "finite"]
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Rows and columns of the six components of a symmetric tensor."""
-PLACES: NDArray[np.int64] = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+PLACES: Ints = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 """(3, 3) number of each entry among the six components."""
 TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 """Shares of the six components in a product of two tensors."""

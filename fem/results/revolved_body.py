@@ -10,12 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fem.model import angular_fields
 from fem.solution import Field, Solution
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 from geometry.mesh import turned
 
 SECTORS = 12
@@ -29,7 +28,7 @@ class Body:
     mesh: skfem.Mesh
     u: Array
     p: Array
-    vertices: NDArray[np.int64]
+    vertices: Ints
 
 
 def place(solution: Solution) -> Body:

@@ -29,15 +29,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import plate_contact
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.solve.direct_solver import UNKNOWN, Solver, Stability
-from geometry.arrays import Array, Ints
-
-Mask = NDArray[np.bool_]
+from geometry.arrays import Array, Ints, Mask
 
 MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES, BLOCK_EXCHANGES = 600, 50, 4, 100, 3
 """Limits: points that may switch on sections (MOST_POINTS), where under a tilted plate the points at all angles

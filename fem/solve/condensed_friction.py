@@ -19,7 +19,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import plate_contact
 from fem.model.coulomb_friction import Friction
@@ -28,9 +27,7 @@ from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
 from fem.solve.active_set import UNDAMPED
 from fem.solve.direct_solver import UNKNOWN, Solver, Stability, norm
-from geometry.arrays import Array, Ints
-
-Mask = NDArray[np.bool_]
+from geometry.arrays import Array, Ints, Mask
 
 RINGS = 3
 """Facets on each side of the contact whose unknowns are kept, so that the contact can grow; one is the least."""

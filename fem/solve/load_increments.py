@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model import coulomb_friction, plate_contact
 from fem.model.plate_contact import Plate
@@ -26,7 +25,7 @@ from fem.solve.condensed_friction import CondensedFriction
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import TOLERANCE, Equilibrium, Stop, iterate, newton
 from fem.solve.path_state import PastState, PathState
-from geometry.arrays import Array
+from geometry.arrays import Array, Mask
 
 LONGEST = 0.25
 """Longest increment over D without friction, on sections. Tetrahedra distort more at the edge of the contact: theirs
@@ -218,7 +217,7 @@ def extrapolate(at: Sequence[float], values: Sequence[Array], ahead: float) -> A
     return np.asarray(sum(share * value for share, value in zip(shares, values, strict=True)))
 
 
-def extrapolate_contact(state: PathState, position: Array) -> NDArray[np.bool_] | None:
+def extrapolate_contact(state: PathState, position: Array) -> Mask | None:
     """Return the skin points (k, q) in contact at a position (3,): those where the extrapolated gap is closed.
 
     At first touch these are the points of the Hertz contact, which a plate at half the depth would cut. None for a
@@ -260,7 +259,7 @@ def find_equilibrium(
     state: PathState,
     guess: Array,
     plate: Plate,
-    pressed: NDArray[np.bool_] | None = None,
+    pressed: Mask | None = None,
     tolerance: float = TOLERANCE,
     *,
     tangent: KeptTangent | None = None,

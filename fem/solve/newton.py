@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.solve.active_set import UNDAMPED, ActiveSet, KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
 from fem.solve.direct_solver import UNKNOWN, SingularMatrixError, Solver, Stability, norm
-from geometry.arrays import Array
+from geometry.arrays import Array, Mask
 from geometry.bad_input import BadInput, SolveFailed
 
 Contact = ActiveSet | CondensedFriction
@@ -83,7 +82,7 @@ def newton(
     solver: Solver,
     q: Array,
     plate: Plate | None,
-    pressed: NDArray[np.bool_] | None = None,
+    pressed: Mask | None = None,
     *,
     tolerance: float = TOLERANCE,
     confirm: bool = True,
