@@ -66,7 +66,10 @@ class Scene:
     mesh: skfem.MeshTet2 | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        _check_accuracy(self.accuracy)
+        accuracy: object = self.accuracy
+        if not isinstance(accuracy, Accuracy):
+            names = ", ".join(name.upper() for name in LEVELS)
+            raise TypeError(f"accuracy must be {names} of fem.accuracy, or another Accuracy; got {accuracy!r}")
         object.__setattr__(self, "loads", tuple(self.loads))
         if not self.loads:
             raise BadInput("a path needs at least one load")
@@ -227,12 +230,6 @@ def turns(loads: Sequence[Load]) -> bool:
 def silicone_on_axis(design: Design, magnet: Magnet) -> float:
     """Return the thickness of the silicone on the axis, above and below a rigid magnet, mm."""
     return design.L - (design.magnet_height if magnet == "rigid" else 0.0)
-
-
-def _check_accuracy(accuracy: object) -> None:
-    if not isinstance(accuracy, Accuracy):
-        names = ", ".join(name.upper() for name in LEVELS)
-        raise TypeError(f"accuracy must be {names} of fem.accuracy, or another Accuracy; got {accuracy!r}")
 
 
 def _check_path(loads: Sequence[Load]) -> None:

@@ -23,7 +23,7 @@ import functools
 import itertools
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -310,15 +310,13 @@ def walk_forces(
         # a scene at the expected depth, with a shear: only its direction decides the mesh
         depth = expected_depth(design, magnet, target.force / (design.E * design.D**2)) * design.D
         scenes.append(Scene(design, (target.load_at(depth, depth),), accuracy, magnet, model, mesh))
-    return _walk(targets, scenes, _Search(estimate), progress)
-
-
-def _walk(
-    targets: Sequence[ForceTarget], scenes: Sequence[Scene], search: _Search, progress: Progress | None
-) -> Generator[Solution]:
-    for done, (target, scene) in enumerate(zip(targets, scenes, strict=True)):
-        report = functools.partial(_report, progress, done, len(targets), target, scene, itertools.count(1))
-        yield search.solve(target, scene, report)
+    search, total = _Search(estimate), len(targets)
+    return (
+        search.solve(
+            target, scene, functools.partial(_report, progress, done, total, target, scene, itertools.count(1))
+        )
+        for done, (target, scene) in enumerate(zip(targets, scenes, strict=True))
+    )
 
 
 def _report(

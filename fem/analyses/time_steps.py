@@ -215,16 +215,17 @@ def _accept(state: ViscousState, path: PathState, points: PointState, dt: float,
         strain=(points.C - state.points.C) / (2 * along) if along else state.strain,
         largest=max(state.largest, abs(float(force @ state.axis))),
     )
-    if dt == 0:
-        return _jumped(state, after)
+    if dt == 0:  # a jump is elastic: nothing is dissipated but by slip
+        gained = after.history.stored(points) - state.history.stored(state.points)
+        slip = path.dissipated - state.path.dissipated
+        return replace(after, works=state.works + np.array([gained + elastic - state.elastic + slip, gained]))
     # while all states of a motion are kept, all of it is integrated again
     again = len(state.past) < PAST
     before = state.works_before if state.past else state.works
     past = (*state.past, state.as_past)[-PAST:]
-    gained = _gained((*past, after.as_past), 0 if again else -2)
     return replace(
         after,
-        works=(before if again else state.works) + gained,
+        works=(before if again else state.works) + _gained((*past, after.as_past), 0 if again else -2),
         works_before=before,
         errors=_carry_errors(state, after, dt),
         past=past,
@@ -241,13 +242,6 @@ def _gained(states: tuple[PastStep, ...], first: int) -> Array:
             for k in (0, 1)
         ]
     )
-
-
-def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
-    """Return the state after a jump, which is elastic: nothing is dissipated but by slip."""
-    slip = after.path.dissipated - before.path.dissipated
-    gained = after.history.stored(after.points) - before.history.stored(before.points)
-    return replace(after, works=before.works + np.array([gained + after.elastic - before.elastic + slip, gained]))
 
 
 def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array:

@@ -98,7 +98,15 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
     """Solve for the state under the scene's load, and return it with the systems of all motions of the plate."""
     (load,) = scene.loads
     if scene.model == "harmonic":
-        state = _solve_path(scene)
+        path = Path(path_models(scene))
+        reached = path.advance(path.rest, scene.position(load))
+        state = reached.state
+        if reached.stop:
+            depth, along, _ = state.position * scene.design.D
+            raise NoStateError(
+                f"the path stops at depth {depth:.4g} mm, shear {along:.4g} mm ({STOPPED[reached.stop]}): take a "
+                "smaller load"
+            )
         plate, motions = state.plate, MOTIONS[1:] if load.grip is not None else MOTIONS
         if plate.friction is not None:
             plate = replace(plate, friction=coulomb_friction.expect_sticking(plate.friction))
@@ -110,18 +118,6 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
     if glued or free:  # a frictionless plate transmits no motion along x
         blocks.append(_press_block(scene, press, 1, glued=glued))
     return press.state, blocks
-
-
-def _solve_path(scene: Scene) -> PathState:
-    path = Path(path_models(scene))
-    reached = path.advance(path.rest, scene.position(scene.loads[0]))
-    if reached.stop:
-        depth, along, _ = reached.state.position * scene.design.D
-        raise NoStateError(
-            f"the path stops at depth {depth:.4g} mm, shear {along:.4g} mm ({STOPPED[reached.stop]}): take a smaller "
-            "load"
-        )
-    return reached.state
 
 
 def _press_block(scene: Scene, press: Press, order: int, *, glued: bool) -> Block:

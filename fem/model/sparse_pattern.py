@@ -41,7 +41,9 @@ class Pattern:
 
     def __init__(self, groups: list[tuple[Ints, Ints]], sizes: Ints, skin: Ints | None = None) -> None:
         count, first = len(sizes), np.cumsum(sizes) - sizes
-        pairs = [_pair_keys(rows[:, :, None], columns[:, None, :], count) for rows, columns in groups]
+        ends_of_pairs = [(rows[:, :, None], columns[:, None, :]) for rows, columns in groups]
+        # one number for each unordered pair of blocks
+        pairs = [np.minimum(a, b) * count + np.maximum(a, b) for a, b in ends_of_pairs]
         # every block is coupled with itself, so that no row of the matrix is empty
         keys = np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)])
         # sorted keys are rows of blocks, and in each row the columns in rising order
@@ -124,11 +126,6 @@ class Pattern:
         full.sort_indices()
         rows = np.repeat(np.arange(self.size), np.diff(full.indptr))
         return full.data.astype(np.int64) - 1, rows > full.indices, full.indices, full.indptr
-
-
-def _pair_keys(a: Ints, b: Ints, count: int) -> Ints:
-    """Return one number for each unordered pair of numbers below `count`."""
-    return np.asarray(np.minimum(a, b) * count + np.maximum(a, b))
 
 
 def nested_dissection(matrix: sp.csr_matrix) -> Ints:

@@ -147,7 +147,9 @@ class ActiveSet:
             assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order
         )
         tangent.stability = tangent.solver.stability(system.n_pressure)
-        tangent.pressed = self._overlapping(state) if self._first is None else self._first
+        tangent.pressed = self._first
+        if self._first is None and self._plate is not None and system.surface is not None:
+            tangent.pressed = plate_contact.overlap(system.surface, state.u, self._plate) > 0
         self._fresh = True
 
     def step(self, state: State, assembly: Assembly) -> Array:
@@ -165,10 +167,6 @@ class ActiveSet:
         if not self.knows(state) or self.stability.is_unstable:
             self.factorise(state, assembly if assembly.matrix is not None else self.assemble(state, tangent=True))
         return self.stability
-
-    def _overlapping(self, state: State) -> Mask | None:
-        surface, plate = self.system.surface, self._plate
-        return None if surface is None or plate is None else plate_contact.overlap(surface, state.u, plate) > 0
 
     def _with_springs_of_tangent(self, state: State, residual: Array) -> Array:
         """Return a residual with the springs of the points whose springs the tangent has."""

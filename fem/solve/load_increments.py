@@ -203,9 +203,10 @@ def apply_increment(
 
 def extrapolate_unknowns(state: PathState, position: Array) -> Array:
     """Return the unknowns at a position (3,), from the polynomial through the past and present states."""
-    ahead = float(np.linalg.norm(position - state.position))
-    at = [*(_coordinate(state, before.position, position) for before in state.past), 0.0]
-    return extrapolate(at, [*(before.q for before in state.past), state.q], ahead)
+    ahead = position - state.position
+    length = float(np.linalg.norm(ahead))
+    at = [*(float((before.position - state.position) @ ahead) / length for before in state.past), 0.0]
+    return extrapolate(at, [*(before.q for before in state.past), state.q], length)
 
 
 def extrapolate(at: Sequence[float], values: Sequence[Array], ahead: float) -> Array:
@@ -234,12 +235,6 @@ def extrapolate_contact(state: PathState, position: Array) -> Mask | None:
         rate = np.linalg.norm(position - state.position) / np.linalg.norm(state.position - last.position)
         overlap = overlap + rate * (overlap - last.overlap)
     return overlap > 0
-
-
-def _coordinate(state: PathState, past: Array, position: Array) -> float:
-    """Return the coordinate of a past position (3,) on the line to the next one; the present position is at 0."""
-    ahead = position - state.position
-    return float((past - state.position) @ ahead) / float(np.linalg.norm(ahead))
 
 
 def turns_over(state: PathState, position: Array, u: Array) -> bool:
