@@ -344,3 +344,15 @@ def test_rows_without_a_force_have_none_at_a_rate():
 def test_impossible_rates_are_refused(rate, part):
     with pytest.raises(BadInput, match=part):
         comparison_rows.check_rate(paper(), 3.0, *rate)
+
+
+def test_readings_of_several_chips_have_errors_of_full_scale_along_z_and_aside():
+    design = Design(hall_layout="tmag5273a1", chip_x=3.0, chip_count=2, l0=7.5)
+    rest = comparison_rows.at_rest(design)
+    names = ["chip1_-z", "chip1_x", "chip1_y", "chip2_-z", "chip2_x", "chip2_y"]
+    changes = dict(zip(names, (1.0, 0.5, 0.0, 2.0, 0.25, 0.1), strict=True))
+    row = {f"fem_{name}_mT": rest[k][0] + changes[name] for k, name in enumerate(names)}
+    row |= {f"analytic_{name}_mT": row[f"fem_{name}_mT"] + 0.1 for name in names}
+    (found,) = with_reading_errors(design, [row])
+    assert found["analytic_chip1_-z_error_percent_FS"] == pytest.approx(5.0)
+    assert found["analytic_chip2_y_error_percent_FS"] == pytest.approx(20.0)

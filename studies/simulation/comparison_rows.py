@@ -80,7 +80,7 @@ def _reading_columns(kind: Kind, design: Design, poses: Poses) -> FlatRow:
     names, unit = columns(design)
     models = {"fem": poses["fem"], "analytic": poses["analytic"]}
     if kind == "press":
-        names = names[:2]  # the third reads what the second does
+        names = names if len(names) > 3 else names[:2]  # the third reads what the second does
     else:
         upright = None if poses["fem"] is None else dataclasses.replace(poses["fem"], tilt=0.0)
         models = {"fem": poses["fem"], "untilted": upright, "analytic": poses["analytic"]}
@@ -103,11 +103,11 @@ def percent(model: float, truth: float) -> float:
 
 
 def readings(design: Design, pose: Response | None) -> list[tuple[float, float]]:
-    """Return field, mT, and output, V, or mT for a chip, of the three elements at a pose.
+    """Return field, mT, and output, V, or mT for a chip, of the elements at a pose.
 
     NaN without a pose, a magnet or a finite field.
     """
-    unknown = [(NAN, NAN)] * 3
+    unknown = [(NAN, NAN)] * design.element_count
     if pose is None or not design.shape.has_magnet:
         return unknown
     try:
@@ -127,7 +127,10 @@ def with_reading_errors(design: Design, rows: Sequence[FlatRow]) -> list[FlatRow
     """Return all rows of press and shear with the errors of their readings in % of full scale."""
     names, rest = columns(design)[0], at_rest(design)
     largest = [_largest_change(rows, f"fem_{name}_mT", at) for name, (at, _) in zip(names, rest, strict=True)]
-    scales = dict(zip(names, (largest[0] or NAN, *[max(largest[1:]) or NAN] * 2), strict=True))
+    # the elements along z, and all others
+    along = max(largest[::3]) or NAN
+    aside = max(change for k, change in enumerate(largest) if k % 3) or NAN
+    scales = {name: aside if k % 3 else along for k, name in enumerate(names)}
 
     def errors(row: FlatRow) -> FlatRow:
         return {

@@ -214,7 +214,8 @@ const Charts = (() => {
       },
       axes: [
         axis(null, {
-          values: (_, splits) => splits.map((v) => sides[0].elements[v - 1] ?? ""),
+          // of several chips, whose names would overlap, the number and the axis
+          values: (_, splits) => splits.map((v) => (sides[0].elements[v - 1] ?? "").replace(/chip(?=\d)/, "")),
           splits: places,
           grid: { show: false },
           labelSize: 0,
