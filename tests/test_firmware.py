@@ -117,6 +117,23 @@ def test_folds_are_ambiguous_as_in_python(tmp_path):
 
 
 @needs("gcc")
+def test_several_chips_decode_as_python_and_may_contradict_each_other(tmp_path):
+    firmware = decoder_export.prepare(Design(**firmware_check.THREE_CHIPS), None, None, "64k")
+    firmware_check.write_header(firmware, tmp_path)
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O1"])
+    outputs, truth = firmware_check.random_outputs(firmware.coder, 600, np.random.default_rng(4))
+    outputs[500:, 4] += 2e-3
+    expected = decoder_export.reference(firmware.coder, firmware.made, outputs)
+    found = firmware_check.answers(program, outputs)
+    words, right = np.array(STATUSES)[found["status"]], np.array(expected["status"])
+    assert (words[:500] == right[:500]).mean() > 0.99
+    off = firmware_check.differences(found, expected, firmware.errors[2], truth)
+    assert off["force_percent"] < 0.02
+    assert "inconsistent" in words[500:]
+    assert set(words[500:]) <= {"inconsistent", "out_of_workspace"}
+
+
+@needs("gcc")
 def test_hostile_readings_under_sanitizers(chip, tmp_path):
     firmware_check.write_header(chip, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", firmware_check.SANITIZED)

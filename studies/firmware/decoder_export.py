@@ -44,9 +44,9 @@ if TYPE_CHECKING:
 
 STATUSES: tuple[Status, ...] = (
     *("ok", "ambiguous", "out_of_workspace", "saturated", "not_finite"),
-    *("tension", "uncalibrated", "frozen", "after_gap", "jump"),
+    *("tension", "uncalibrated", "frozen", "after_gap", "jump", "inconsistent"),
 )
-"""Statuses of the decoder by their numbers in C; three readings cannot be inconsistent."""
+"""Statuses of the decoder by their numbers in C."""
 LEVEL = "finite"
 """Formulas that give the mechanics if nothing else does."""
 SIZES = (
@@ -54,7 +54,7 @@ SIZES = (
     *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10)),
 )
 """Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
-CODE = 9700
+CODE = 10_000
 """Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/firmware)."""
 MOST_FLASH = 1_000_000
 WORST = 0.5
@@ -105,7 +105,8 @@ class Firmware:
     def state(self) -> int:
         """Bytes of `magtip_sensor`."""
         recent = time_series.RECENT
-        return 4 * (12 + 4 * recent + 5 + 3 * len(self.tables.floats["branches"]) + 6)
+        count = len(self.tables.floats["rest"])
+        return 4 * (3 + 4 * count + recent * (count + 1) + 2 + 3 * len(self.tables.floats["branches"]) + 6)
 
 
 def bytes_of(text: str) -> int:
@@ -134,10 +135,6 @@ def prepare(
     room = bytes_of(flash)
     law = decode_readings.mechanics_of(design, level or (None if responses else LEVEL), responses)
     coder = decoder(design, law)
-    if len(coder.forward.elements) != 3:
-        raise BadInput(
-            f"the exported decoder takes three readings; got {len(coder.forward.elements)}: set chip_count=1"
-        )
     name = decode_readings.level_name(level, responses, LEVEL)
     source = "solved states" if responses else f"formulas of level {name}"
     sizes = tolerances() if made is None else made
@@ -254,7 +251,7 @@ def header(firmware: Firmware, command: str) -> str:
     arrays: dict[str, NDArray[Any]] = {**floats, "at_rest": inverse.astype(np.float32), **tables.integers}
     largest = float(np.abs(readings_at(coder.forward, np.stack([coder.low, coder.high], axis=1))).max())
     numbers = {
-        "share": 1 / (len(floats["places"]) // 3),
+        "share": len(elements) / len(floats["places"]),
         "apart_2": (0.8 * diagonal) ** 2,
         "farthest": 0.5 + decoder_tables.margin_of(coder),
         "short": SHORT * design.D,
@@ -282,6 +279,8 @@ def header(firmware: Firmware, command: str) -> str:
         "corners": [int(np.ravel_multi_index(tuple(c), [n + 1 for n in tables.cells])) for c in pose_search.CORNERS],
         "points": len(floats["places"]),
         "folds": len(coder.table.corners) > 0,
+        "twins": len(coder.table.corners) > 0 and len(elements) == 3,
+        "elements": len(elements),
         "starts": STARTS,
         "evaluations": EVALUATIONS,
     }
@@ -316,7 +315,7 @@ def _told(firmware: Firmware, command: str) -> dict[str, Any]:
         "rails": (elements[0].low, elements[0].high),
         "average": elements[0].average,
         "doubt_percent": 100 * float(firmware.tables.floats["slow"][3]),
-        "example": example_of(design.hall_layout),
+        "example": example_of(design),
         "table_bytes": firmware.tables.size,
         "code_bytes": CODE,
         "state_bytes": firmware.state,
@@ -328,8 +327,10 @@ def _told(firmware: Firmware, command: str) -> dict[str, Any]:
     }
 
 
-def example_of(layout: str) -> str:
-    return next((name for start, name in EXAMPLES.items() if layout.startswith(start)), OTHER)
+def example_of(design: Design) -> str:
+    if design.chip_count > 1:
+        return OTHER
+    return next((name for start, name in EXAMPLES.items() if design.hall_layout.startswith(start)), OTHER)
 
 
 def vectors_header(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -337,10 +338,10 @@ def vectors_header(rows: Sequence[Mapping[str, Any]]) -> str:
     table = np.array([[v for key, v in row.items() if key != "status"] for row in rows], dtype=np.float32)
     numbers = np.array([STATUSES.index(row["status"]) for row in rows], dtype=np.uint8)
     arrays: dict[str, NDArray[Any]] = {
-        "readings": table[:, :3],
-        "seconds": table[:, 3],
+        "readings": table[:, :-7],
+        "seconds": table[:, -7],
         "status": numbers,
-        "answers": table[:, 4:],
+        "answers": table[:, -6:],
     }
     declared = [declaration(f"magtip_vector_{name}", values) for name, values in arrays.items()]
     return _rendered("magtip_vectors.h.j2", arrays=declared, count=len(rows))
@@ -392,7 +393,7 @@ def run(
         "table_error_percent": 100 * force / full,
         "full_scale_N": full,
         "fit_error_N": max(firmware.coder.mechanics.errors[1:3]),
-        "example": example_of(design.hall_layout),
+        "example": example_of(design),
     }
     shown = [Table(title="Firmware", rows=[record])]
     return Result(title="Firmware", records=[record], shown=shown, files={**files, **more})

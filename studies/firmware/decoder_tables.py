@@ -28,9 +28,9 @@ from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.relaxation import moduli, relaxation_of
 
-MARGIN, FOLD_MARGIN = 0.3, 0.2
-"""Margins of cells, as in `analytic.inverse.pose_search`, without a fold in the workspace and with one, where more
-starts take more time."""
+MARGIN, FOLD_MARGIN, CHIPS_MARGIN = 0.3, 0.2, 0.45
+"""Margins of cells, as in `analytic.inverse.pose_search`: without a fold in the workspace, with one, where more
+starts take more time, and for more than three readings, whose linear map fits less."""
 POWERS, LARGEST_TILT = 7, 2.0
 """Powers of the series of cos and sin, and the angle, rad, up to which they have the digits of float."""
 STEPS = 24_000
@@ -167,13 +167,13 @@ def _start_tables(coder: Decoder, cells: tuple[int, int, int]) -> tuple[dict[str
     edge, nodes = (high - low) / cells, [n + 1 for n in cells]
     shifts = low + edge * np.indices(nodes).reshape(3, -1).T
     readings, slopes = readings_with_slopes(coder.forward, shifts.T.copy())
-    side = np.linalg.det(slopes.transpose(2, 1, 0)) > 0
     # readings are turned into what a linear map takes for the shift: then few boxes of cells overlap
     linear = np.linalg.lstsq(np.vstack([readings, np.ones(len(shifts))]).T, (shifts - low) / edge, rcond=None)[0].T
-    places = linear[:, :3] @ readings + linear[:, 3:]
+    places = linear[:, :-1] @ readings + linear[:, -1:]
+    side = np.linalg.det(np.einsum("ik,jkn->nij", linear[:, :-1], slopes)) > 0
     middle, reach = (places.max(axis=1) + places.min(axis=1)) / 2, np.ptp(places, axis=1) / 2
-    to_steps = (linear - np.outer(middle, [0, 0, 0, 1])) * (STEPS / reach)[:, None]
-    steps = np.round(to_steps[:, :3] @ readings + to_steps[:, 3:]).astype(np.int16).T
+    to_steps = (linear - np.outer(middle, np.arange(linear.shape[1]) == len(readings))) * (STEPS / reach)[:, None]
+    steps = np.round(to_steps[:, :-1] @ readings + to_steps[:, -1:]).astype(np.int16).T
     where = np.indices(cells).reshape(3, -1).T
     corner = np.ravel_multi_index(tuple((where[:, None] + pose_search.CORNERS).T), nodes).T
     at, signs = steps[corner].astype(float), side[corner]
@@ -193,6 +193,8 @@ def _start_tables(coder: Decoder, cells: tuple[int, int, int]) -> tuple[dict[str
 
 
 def margin_of(coder: Decoder) -> float:
+    if len(coder.forward.elements) > 3:
+        return CHIPS_MARGIN
     return FOLD_MARGIN if len(coder.table.corners) else MARGIN
 
 
@@ -226,6 +228,7 @@ def _mechanics(coder: Decoder) -> dict[str, Any]:
         "rails": [(e.low, e.high) for e in elements],
         "noise": [e.noise_T for e in with_noise(elements)[0]],
         "rest": rest[:, 0],
+        "tolerance": coder.goal.tolerance,
         "least_jump": np.maximum(10 * coder.sigma, LEAST_JUMP * spans),
         "tau": tau,
         "lean_range": (least, most),
@@ -275,6 +278,6 @@ def errors_of(coder: Decoder, tables: Tables, count: int = 4000) -> tuple[float,
         bases = _basis(spline.shape[0], across), _basis(spline.shape[1], along)
         lean, up = np.einsum("ai,ijk,aj->ka", bases[0], spline, bases[1]).reshape(2, *rho[:, own].shape)
         read[k] = (lean * rho[:, own] * on_u[:, own] + up * on_m[:, own]).mean(axis=1)
-    moves = np.linalg.solve(slopes.transpose(2, 1, 0), (read - exact).T[..., None])[..., 0]
+    moves = (np.linalg.pinv(slopes.transpose(2, 1, 0)) @ (read - exact).T[..., None])[..., 0]
     off = np.einsum("jin,nj->ni", by_shift, moves)
     return float(np.abs(moves).max()), float(np.abs(off).max()), float(np.abs(force).max())

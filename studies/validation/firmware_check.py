@@ -28,6 +28,7 @@ from studies.validation.pages import Row
 
 FILES = ("FIRMWARE.md", "firmware.csv")
 FOLDED = {"magnet_diameter": 6.0, "magnet_height": 3.0, "L": 12.0, "l0": 8.5}
+THREE_CHIPS = {"hall_layout": "tlv493d-a1b6", "chip_count": 3, "chip_x": 5.0}
 CASES: tuple[tuple[str, dict[str, Any], str, str], ...] = (
     ("paper", {}, "finite", "64k"),
     ("paper", {}, "finite", "16k"),
@@ -37,6 +38,7 @@ CASES: tuple[tuple[str, dict[str, Any], str, str], ...] = (
     ("TLE493D-P2B6", {"hall_layout": "tle493d-p2b6"}, "finite", "16k"),
     ("TLV493D-A1B6", {"hall_layout": "tlv493d-a1b6"}, "finite", "64k"),
     ("MLX90393", {"hall_layout": "mlx90393"}, "finite", "64k"),
+    ("three TLV493D-A1B6", THREE_CHIPS, "finite", "64k"),
     ("wide magnet, level paper", FOLDED, "paper", "64k"),
 )
 """Name, fields, level and flash; in the last one folds of the readings cross the workspace."""

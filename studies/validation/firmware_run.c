@@ -1,6 +1,6 @@
 /* Decodes rows.bin into answers.bin: on this machine, or on a Cortex-M4F in QEMU without a library but math.h.
  *
- * A row is three readings and seconds, float: NaN for a single reading (magtip_decode), 0 at the beginning of a time
+ * A row is the readings and seconds, float: NaN for a single reading (magtip_decode), 0 at the beginning of a time
  * series (magtip_step). An answer is that of magtip_decoder.h, the number of instructions and the bytes of stack, which
  * are 0 on this machine.
  */
@@ -12,20 +12,20 @@ static struct {
     uint32_t instructions, stack;
 } result;
 
-static void decode(const float row[4]) __attribute__((noinline));
-static void decode(const float row[4]) {
-    if (row[3] == 0.0f) magtip_set_up(&sensor);
-    if (isnan(row[3]))
+static void decode(const float row[MAGTIP_ELEMENTS + 1]) __attribute__((noinline));
+static void decode(const float row[MAGTIP_ELEMENTS + 1]) {
+    if (row[MAGTIP_ELEMENTS] == 0.0f) magtip_set_up(&sensor);
+    if (isnan(row[MAGTIP_ELEMENTS]))
         magtip_decode(&sensor, row, &result.answer);
     else
-        magtip_step(&sensor, row, row[3], &result.answer);
+        magtip_step(&sensor, row, row[MAGTIP_ELEMENTS], &result.answer);
 }
 
 #ifndef __arm__
 #include <stdio.h>
 
 int main(void) {
-    float row[4];
+    float row[MAGTIP_ELEMENTS + 1];
     FILE *rows = fopen("rows.bin", "rb"), *answers = fopen("answers.bin", "wb");
     if (rows == NULL || answers == NULL) return 2;
     magtip_set_up(&sensor);
@@ -68,7 +68,7 @@ static volatile uint8_t *below(void) { return (uint8_t *)__builtin_frame_address
 static int run(void) __attribute__((noinline));
 static int run(void) {
     uint32_t in, out, i;
-    float row[4];
+    float row[MAGTIP_ELEMENTS + 1];
     in = file("rows.bin", 1, 8);
     out = file("answers.bin", 5, 11);
     magtip_set_up(&sensor);
