@@ -10,10 +10,12 @@ shells, Sybil wants parsers for each form that are as long as this file, and eac
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import shutil
 import subprocess
+import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +27,7 @@ from studies.inputs import study_input, user_input
 
 ROOT = Path(__file__).resolve().parent.parent
 READMES = [ROOT / name / "README.md" for name in (".", "geometry", "fem", "analytic", "studies", "results")]
+TUTORIAL = ROOT / "studies" / "examples" / "TUTORIAL.md"
 FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^\1```$", flags=re.M | re.S)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 INLINE = re.compile(r"`((?:magtip|python -m) [^`]+)`")
@@ -134,6 +137,34 @@ def test_command_prints_what_is_shown(block, capsys, tmp_path, monkeypatch):
         assert program == "magtip", command
         assert entry_point.main(tokens) == 0, command
         assert same(lines(output), lines(capsys.readouterr().out)), command
+
+
+def run_shown(command, capsys):
+    """What a command of the tutorial prints on standard output, run where it stands."""
+    words, _, given = command.partition(" < ")
+    program, *tokens = shlex.split(words)
+    if program == "magtip":
+        assert entry_point.main(tokens) == 0, command
+        return capsys.readouterr().out
+    program = sys.executable if program == "python" else program
+    with open(given or os.devnull, encoding="utf-8") as source:
+        done = subprocess.run([program, *tokens], stdin=source, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="the tutorial compiles the decoder: gcc is not installed")
+def test_tutorial_prints_what_it_shows(capsys, tmp_path, monkeypatch):
+    """Its commands follow each other in one folder, with the files that it shows."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    for block in blocks(TUTORIAL):
+        if block.kind == "c":
+            Path(re.match(r"/\* (\S+):", block.text)[1]).write_text(block.text, encoding="utf-8")
+            continue
+        assert block.kind == "console"
+        for command, output in commands_of(block):
+            assert same(lines(output), lines(run_shown(command, capsys))), command
 
 
 @of_kind("python")

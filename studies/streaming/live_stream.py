@@ -139,21 +139,20 @@ class Live:
         self.late: deque[float] = deque(maxlen=RECENT)
         self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=RECENT)
         self._rest, self.zero_asked = options.rest, False
-        self.last = math.nan
 
     def rows(self, arrived: Sequence[sources.Row]) -> list[Decoded]:
         """Decode frames; those of the first `rest` seconds make the zero, and give no row."""
         read = [(moment, self._of_frame(numbers)) for moment, numbers in arrived]
-        self._recent += read
-        if read:
-            self.last = read[-1][0]
         if self._rest:
-            if not read or self.last < self._rest:
+            self._recent += [row for row in read if row[0] < self._rest]
+            read = [row for row in read if row[0] >= self._rest]
+            if not read:
                 return []
-            read, self._rest, self.zero_asked = [row for row in read if row[0] >= self._rest], 0.0, True
+            self._zero(0.0)
+            self._rest = 0.0
+        self._recent += read
         if self.zero_asked and self._recent:
-            span = [row for moment, row in self._recent if moment > self.last - TARE]
-            self._decoder.zero(np.array(span))
+            self._zero(self._recent[-1][0] - TARE)
             self.zero_asked = False
         times = [moment for moment, _ in read]
         readings = np.array([row for _, row in read]).reshape(-1, self._count)
@@ -163,6 +162,12 @@ class Live:
         ]
         self.counts.update(row["status"] for row in rows)
         return rows
+
+    def _zero(self, begun: float) -> None:
+        """Take the last rows since a time, s, for those at rest."""
+        rest = [row for moment, row in self._recent if moment >= begun]
+        if rest:
+            self._decoder.zero(np.array(rest))
 
 
 def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tuple[float, ...]]:
