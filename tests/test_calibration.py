@@ -182,7 +182,7 @@ def test_a_stream_is_decoded_by_a_calibration_with_what_relaxes_from_a_zero_at_a
     shift = np.stack([0.2 * w, np.zeros(41), w], axis=1)
     rows = found.sensor.predict(found.theta, shift, np.zeros(41))
     drifted = rows[:, :3] + [0.012, -0.008, 0.005]
-    drifted[40] = 5.0
+    drifted[39, 1], drifted[40] = np.nan, 5.0
     table = pd.DataFrame(drifted, columns=["S1_V", "S2_V", "S3_V"]).assign(time_ms=1e3 * times)
     table.to_csv(tmp_path / "rows.csv", index=False)
     out = tmp_path / "forces.csv"
@@ -192,20 +192,20 @@ def test_a_stream_is_decoded_by_a_calibration_with_what_relaxes_from_a_zero_at_a
     assert "loss factor of 0.1 is an assumption" in err
     decoded = pd.read_csv(out)
     law = RelaxingForce(paper())
-    exact = np.array([law.step(t, row[3:6], row[7:9]) for t, row in zip(times, rows, strict=True)])[:40]
+    exact = np.array([law.step(t, row[3:6], row[7:9]) for t, row in zip(times, rows, strict=True)])[:39]
     force, half = (
-        decoded[[f"{name}_{axis}_N" for axis in "xyz"]].to_numpy()[:40] for name in ("force", "half_width")
+        decoded[[f"{name}_{axis}_N" for axis in "xyz"]].to_numpy()[:39] for name in ("force", "half_width")
     )
     assert force == pytest.approx(exact, abs=2e-3)
     # a fast press exceeds the slow one, and its interval holds that of half an assumed loss factor
-    assert exact[:, 2].max() > 1.2 * rows[:40, 5].max()
-    assert (half[30:, 2] > decoded.law_error_N[30:40]).all()
-    assert decoded.status.tolist() == ["ok"] * 40 + ["saturated"]
-    assert decoded.force_z_N.isna().tolist() == [False] * 40 + [True]
+    assert exact[:, 2].max() > 1.2 * rows[:39, 5].max()
+    assert (half[30:, 2] > decoded.law_error_N[30:39]).all()
+    assert decoded.status.tolist() == ["ok"] * 39 + ["not_finite", "saturated"]
+    assert decoded.force_z_N.isna().tolist() == [False] * 39 + [True, True]
     # what arrives row by row is decoded alike
     live = live_stream.Live(paper(), Streaming(port="-", calibration=path, rest=0.42))
     arrived = [row for time, volts in zip(times, drifted, strict=True) for row in live.rows([(time, tuple(volts))])]
-    assert [row["status"] for row in arrived] == ["ok"] * 31 + ["saturated"]
+    assert [row["status"] for row in arrived] == ["ok"] * 30 + ["not_finite", "saturated"]
     for name, row in (("force_z_N", arrived[25]), ("half_width_x_N", arrived[25])):
         assert row[name] == pytest.approx(decoded[name][34], rel=1e-6)
 

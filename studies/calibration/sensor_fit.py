@@ -271,8 +271,10 @@ class Sensor:
         grid, found = _start_grid(self, tuple(theta.tolist()))
         scale = found.std(axis=0)
         scale[scale == 0] = 1.0
-        known, shift = np.isfinite(measured), np.empty((len(measured), 3))
+        known, shift = np.isfinite(measured), np.zeros((len(measured), 3))
         for pattern in np.unique(known, axis=0):
+            if not pattern.any():
+                continue
             rows = (known == pattern).all(axis=1)
             tree = cKDTree((found / scale)[:, pattern])
             shift[rows] = grid[tree.query((measured[rows] / scale)[:, pattern])[1]]

@@ -227,6 +227,8 @@ def yield_of(
     none = pd.DataFrame()
     presses = None if load is None else after_presses(variant, load, requirements, calibration, len(batch), seed)
     calibrations = none if load is None else _calibrations(sensors, load, requirements, every, batch, count, presses)
+    if calibration is not None and not calibrations.empty:
+        calibrations = calibrations.replace({"calibration": {"twelve presses": "the calibration"}})
     check = none if load is None or not solves else check_of(sensors, load, count, **solves)
     return Yield(table, batches.rename_axis("batch").reset_index(), calibrations, check)
 
