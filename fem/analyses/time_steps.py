@@ -155,7 +155,7 @@ def advance(tangent: KeptTangent, state: ViscousState, position: Array, dt: floa
     path, overstress = state.path, state.history.overstress(dt)
     stepped = replace(path, d=replace(path.d, system=path.d.system.with_viscous(overstress)))
     plate, iterations = path.plate_at(position), 0
-    for guess, pressed in _guesses(state, position, dt):
+    for guess, pressed in _guesses(state, dt):
         if path.friction is not None:
             moved = plate_contact.displacements_along_plate(path.skin, path.d.system.state(guess).u, plate)
             plate = replace(plate, friction=coulomb_friction.expect_motion(path.friction, moved))
@@ -185,7 +185,7 @@ def with_error_of_first(before: ViscousState, first: ViscousState, second: Visco
     return replace(first, errors=decay * before.errors + gained)
 
 
-def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, Mask | None]]:
+def _guesses(state: ViscousState, dt: float) -> list[tuple[Array, Mask | None]]:
     """Return first guesses of the unknowns and of the points in contact: extrapolated in time, and the last state."""
     path, guess = state.path, state.path.q
     overlap = None if path.grip else path.overlap
