@@ -108,25 +108,6 @@ def test_uniaxial_press_of_a_block_has_its_closed_form(make, depth):
     assert force == pytest.approx(expected, rel=1e-8)
 
 
-@pytest.mark.parametrize("make", [cylinder, cube])
-def test_prescribed_stretch_of_a_block_has_its_closed_form(make):
-    """Pulled to twice its height: mu (s - s^-2), s = 2, on the base of reference area."""
-    given = make(nu=0.5)
-    e = given.elements
-    top = e.nodes[:, -1] > 1 - 1e-9
-    fixed, prescribed = given.fixed.copy(), np.zeros(e.nodes.shape)
-    fixed[top, -1] = True
-    prescribed[top, -1] = 1.0
-    system = System(e, None, lame(1.0, 0.5), fixed, prescribed=(prescribed, None))
-    stretched = np.zeros(system.size)
-    stretched[: system.n_free] = (e.nodes * ([-0.3] * (e.dim - 1) + [1.0]))[system.free]
-    answer = newton(system, Solver(), stretched, None)
-    assert answer.converged
-    np.testing.assert_array_equal(answer.state.u[top, -1], 1.0)
-    assert (answer.state.u[given.fixed] == 0).all()
-    assert answer.assembly.forces[top, -1].sum() == pytest.approx(1.75 / 3 * given.surface.weights.sum(), rel=1e-10)
-
-
 def test_compressible_uniaxial_block():
     """nu = 0.3: the free lateral stretch of P_rr = 0, solved by a scalar equation."""
     from scipy.optimize import brentq
