@@ -41,10 +41,6 @@ BATCH = 1 << 17
 Complex = NDArray[np.complex128]
 
 
-class NotReachedError(SolveFailed):
-    """The basis did not reach the tolerance."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
     """One system.
@@ -121,14 +117,9 @@ def reduce(
 ) -> ReducedSystem:
     """Return the reduced system whose error is below a tolerance at frequencies with c (f,) and lambda (f,).
 
-    most_rounds : rounds, each with one factorisation; a sensor under a plate needs some ten.
+    It raises SolveFailed where it does not reach the tolerance, or K is singular.
 
-    Raises
-    ------
-    NotReachedError
-        The basis did not reach the tolerance.
-    SingularMatrixError
-        K is singular.
+    most_rounds : rounds, each with one factorisation; a sensor under a plate needs some ten.
     """
     n, residual, worst = len(problem.b), problem.b, 0
     best: ReducedSystem | None = None
@@ -158,7 +149,7 @@ def reduce(
         residual = _residual(problem, system.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
     assert best is not None
     if best.error > max(tolerance, ACCEPTED):
-        raise NotReachedError(f"the reduced basis has an error of {best.error:.2g}, above {tolerance:g}")
+        raise SolveFailed(f"the reduced basis has an error of {best.error:.2g}, above {tolerance:g}")
     return best
 
 
