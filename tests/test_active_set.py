@@ -45,7 +45,9 @@ def within(system, radius):
 def test_springs_act_where_the_settled_step_presses(harmonics, radius):
     system, held = sensor(harmonics), plate()
     rest, solver, step = plain_step(system, held, within(system, radius))
-    q = rest.q - active_set.settle_contact(system, solver, rest, step, held, within(system, radius))
+    q = rest.q - active_set.settle_contact(
+        system, active_set.KeptTangent(solver, within(system, radius)), rest, step, held
+    )
     bare = system.assemble(rest, None)
     upper = bare.tangent.toarray()
     K = upper + np.triu(upper, 1).T
@@ -62,7 +64,11 @@ def test_the_settled_step_does_not_depend_on_the_springs_before():
     found = []
     for radius in (0.0, 0.15, 0.3):
         rest, solver, step = plain_step(system, held, within(system, radius))
-        found.append(active_set.settle_contact(system, solver, rest, step, held, within(system, radius)))
+        found.append(
+            active_set.settle_contact(
+                system, active_set.KeptTangent(solver, within(system, radius)), rest, step, held
+            )
+        )
     assert np.allclose(found[1:], found[0], rtol=0, atol=1e-10)
 
 
@@ -73,7 +79,9 @@ def test_exchanging_one_point_at_a_time_settles_the_same_step(harmonics, monkeyp
     steps = []
     for exchanges in (active_set.BLOCK_EXCHANGES, 0):
         monkeypatch.setattr(active_set, "BLOCK_EXCHANGES", exchanges)
-        steps.append(active_set.settle_contact(system, solver, rest, step, held, within(system, 0.1)))
+        steps.append(
+            active_set.settle_contact(system, active_set.KeptTangent(solver, within(system, 0.1)), rest, step, held)
+        )
     assert steps[1] is not step
     np.testing.assert_allclose(steps[1], steps[0], rtol=0, atol=1e-10)
 

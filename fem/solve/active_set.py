@@ -160,7 +160,7 @@ class ActiveSet:
         if assembly.matrix is None:
             residual = self._with_springs_of_tangent(state, residual)
         step = tangent.solver.solve(residual)
-        return settle_contact(system, tangent.solver, state, step, plate, tangent.pressed, tangent.switches)
+        return settle_contact(system, tangent, state, step, plate)
 
     def final_stability(self, state: State, assembly: Assembly) -> Stability:
         # not known yet, or from an earlier iterate, which may be far from here
@@ -184,32 +184,19 @@ class ActiveSet:
         return residual
 
 
-def settle_contact(
-    system: System,
-    solver: Solver,
-    state: State,
-    step: Array,
-    plate: Plate | None,
-    pressed: Mask | None = None,
-    known: Switches | None = None,
-) -> Array:
-    """Return a step (n,) from the state q to q - step with its contact settled.
+def settle_contact(system: System, tangent: KeptTangent, state: State, step: Array, plate: Plate) -> Array:
+    """Return the plain step (n,), from the state q to q - step, with its contact settled.
 
-    The plain step is returned where the problem is too large to pay off, or has no solution.
+    It stays as it is where the problem is too large to pay off, or has no solution.
 
-    solver : holds the factorised tangent at the state, with springs at the points `pressed`.
-    step : the plain step.
-    pressed : (k, q) mask; default: the points with a positive overlap.
-    known : points whose compliance is known for this factorisation; those that are needed are added.
+    tangent : factorised at the state; points whose compliance is needed are added to its `switches`.
     """
-    if plate is None or plate.height is None or plate.friction is not None:
-        return step
-    surface = system.skin
-    acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
+    surface, known = system.skin, tangent.switches
+    assert tangent.pressed is not None
+    acting = tangent.pressed.ravel()
     loose = np.ones(len(acting), dtype=bool) if plate.bond is None else ~plate.bond.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
     plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
-    known = known or Switches()
     settled, now = step, plain
     most = MOST_SOLID if system.elements.dim == 3 else MOST_POINTS
     for turn in range(MOST_ROUNDS):
@@ -224,7 +211,7 @@ def settle_contact(
             return step
         if len(new):
             known.points = np.append(known.points, new)
-            known.compliance = _extend(known.compliance, system, solver, known.points, plate)
+            known.compliance = _extend(known.compliance, system, tangent.solver, known.points, plate)
         assert known.compliance is not None
         points, S, C = known.points, known.compliance.S, known.compliance.C
         force = _exchange(S, C, plain[points], acting[points], spring_stiffness[points], now[points] > 0)
