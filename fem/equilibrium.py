@@ -106,12 +106,7 @@ def trace(
     return list(walk(scene, estimate=estimate, progress=progress))
 
 
-def walk(
-    scene: Scene,
-    *,
-    estimate: bool = True,
-    progress: Progress | None = None,
-) -> Iterator[Solution]:
+def walk(scene: Scene, *, estimate: bool = True, progress: Progress | None = None) -> Iterator[Solution]:
     """Solve for the states under the loads of a scene; each load applies first its depth, then its shear.
 
     Parameters
@@ -129,7 +124,7 @@ def walk(
     """
     coarse, done = scene.coarser() if estimate else None, 0
     for loads in split_by_mesh(scene):
-        report = None if progress is None else functools.partial(_report, progress, done, len(scene.loads))
+        report = None if progress is None else functools.partial(_report, progress, scene, done)
         states = _follow(replace(scene, loads=loads), report, watch=coarse is not None)
         coarse_states = None if coarse is None else _follow(replace(coarse, loads=loads), None)
         for state in states:
@@ -140,8 +135,9 @@ def walk(
         done += len(loads)
 
 
-def _report(progress: Progress, done: int, total: int, count: int, text: str) -> None:
-    progress((done + count) / total, text)
+def _report(progress: Progress, scene: Scene, done: int, count: int, load: Load) -> None:
+    shear = math.hypot(*load.imposed_shear)
+    progress((done + count) / len(scene.loads), f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
 
 
 def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Solution:
@@ -155,14 +151,13 @@ def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Sol
     return replace(state, seconds=seconds, estimates=estimates)
 
 
-def _follow(scene: Scene, report: Callable[[int, str], None] | None, *, watch: bool = False) -> Generator[Solution]:
+def _follow(scene: Scene, report: Callable[[int, Load], None] | None, *, watch: bool = False) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
     begin, path = time.perf_counter(), Path(path_models(scene))
     state, margin = path.rest, sideways_model(scene, path).margin if watch else None
     for i, load in enumerate(scene.loads):
         if report is not None:
-            shear = math.hypot(*load.imposed_shear)
-            report(i, f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")
+            report(i, load)
         reached = path.apply(state, scene.position(load))
         state, seconds, begin = reached.state, time.perf_counter() - begin, time.perf_counter()
         solution = read(

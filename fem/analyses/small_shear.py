@@ -70,9 +70,8 @@ def small_shear(
     Parameters
     ----------
     located : accuracy at which the edge of the contact is located; default: `accuracy`.
-    estimate : estimate the errors from a second solve on a mesh coarser by COARSER, with the same glued area.
-        The error of its location is covered by the constants of the rules, not by the difference of both solves; see
-        `fem.results.error_estimates`.
+    estimate : estimate the errors from a second solve on a mesh coarser by COARSER, with the same glued area: the
+        constants of the rules cover the error of its location, not the difference of both solves (fem/README.md).
 
     Raises
     ------

@@ -33,7 +33,7 @@ class Pattern:
 
     Attributes
     ----------
-    size, entries : numbers of unknowns, and of entries of the upper triangle.
+    entries : number of entries of the upper triangle.
     inside : (n,) number of an unknown within its block.
     diagonal : (n,) position where the diagonal block of a row would begin if it were full.
     offsets : (m, b, c) start of each pair of blocks from the diagonal block of its first row, for each group.
@@ -63,7 +63,7 @@ class Pattern:
         # PARDISO and SuperLU take 32-bit structures
         indices, pointers = shared[place].astype(np.int32), np.append(0, ends).astype(np.int32)
         self._empty = sp.csr_matrix((np.zeros(len(indices)), indices, pointers), shape=(len(block), len(block)))
-        self.size, self.entries = len(block), len(indices)
+        self.entries = len(indices)
         groups_end = count + np.cumsum([pair.size for pair in pairs])
         self.offsets: list[Ints] = [
             offset[end - pair.size : end].reshape(pair.shape) for pair, end in zip(pairs, groups_end, strict=True)
@@ -124,7 +124,7 @@ class Pattern:
         upper.data = np.arange(1, upper.nnz + 1)
         full = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
         full.sort_indices()
-        rows = np.repeat(np.arange(self.size), np.diff(full.indptr))
+        rows = np.repeat(np.arange(len(self.inside)), np.diff(full.indptr))
         return full.data.astype(np.int64) - 1, rows > full.indices, full.indices, full.indptr
 
 
