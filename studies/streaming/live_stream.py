@@ -138,6 +138,8 @@ class Live:
         self.counts: Counter[str] = Counter()
         self.late: deque[float] = deque(maxlen=RECENT)
         self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=RECENT)
+        if not 0 <= options.rest < math.inf:
+            raise BadInput(f"--zero must be a time of 0 s or more; got {options.rest:g}")
         self._rest, self.zero_asked = options.rest, False
 
     def rows(self, arrived: Sequence[sources.Row]) -> list[Decoded]:
@@ -162,6 +164,14 @@ class Live:
         ]
         self.counts.update(row["status"] for row in rows)
         return rows
+
+    def why_nothing(self) -> str:
+        """Return why no row has a force."""
+        if self._rest and self._recent:
+            return f"the stream ended before --zero {self._rest:g} s: give a shorter time"
+        if not self.counts:
+            return "no frame was understood: check --frames, --units, --chips and --baud"
+        return "no row has a force"
 
     def _zero(self, begun: float) -> None:
         """Take the last rows since a time, s, for those at rest."""
@@ -355,8 +365,7 @@ def summary(live: Live, lost: int, seconds: float) -> Result:
         for status, count in live.counts.items()
         if status != "ok"
     ]
-    failures = [] if known else ["no frame was understood: check --frames, --chips and --baud" if not total else
-                                 "no row has a force"]  # fmt: skip
+    failures = [] if known else [live.why_nothing()]
     return Result(title="Stream", records=[record], remarks=remarks, failures=failures)
 
 

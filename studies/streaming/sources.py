@@ -73,6 +73,8 @@ class Port:
             raise BadInput(f"there is no port {self.name!r}: check its name and its cable, or give - for a pipe")
         import serial
 
+        if os.path.isdir(self.name):
+            raise BadInput(f"{self.name!r} is a folder: give a serial port, a pipe or a CSV file")
         try:
             if stat.S_ISCHR(os.stat(self.name).st_mode):
                 self._device = serial.Serial(self.name, self.baud, timeout=0)
