@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
+from studies.mechanics.workers import clock_text
 from studies.sizing.candidate_performance import LEAST, Performance, missed, performance
 from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
 from studies.sizing.catalogues import Catalogues
@@ -193,7 +195,7 @@ def search(
     space: Space, rate: Rate, effort: Effort, progress: Progress | None = None, *, first_met: bool = False
 ) -> Found:
     """Return the pool at the end of a search, or where the first candidate meets all requirements."""
-    random = np.random.default_rng(effort.seed)
+    random, started = np.random.default_rng(effort.seed), time.monotonic()
     seen: set[bytes] = set()
     first = first_candidates(
         space, max(4 * effort.population, math.prod(b - a for a, b in space.choices)), effort.seed
@@ -204,7 +206,10 @@ def search(
         if (first_met and met) or (not met and number >= UNMET * effort.generations):
             return dataclasses.replace(pool, rated=len(seen))
         if progress is not None:
-            progress(number / effort.generations, f"{len(seen)} candidates, {met} of the best meet all requirements")
+            left = (time.monotonic() - started) * (effort.generations / max(number, 1) - 1)
+            time_left = f", {clock_text(left)} left" if number else ""
+            said = f"{len(seen)} candidates, {met} of the best meet all requirements{time_left}"
+            progress(number / effort.generations, said)
         children = _new(_varied(pool, effort.population, random), seen)
         pool = _survivors(_together(pool, _rated(children, rate, _limit(pool, effort))), effort.population)
     for _ in range(ROUNDS):
