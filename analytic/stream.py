@@ -7,7 +7,7 @@ import numpy as np
 
 from analytic.decode import Decoder, Status, nearest_of, rows_of, state
 from analytic.inverse.pose_search import poses_of
-from analytic.time_series import TimeSeries, zero_offset
+from analytic.time_series import TimeSeries, zero_offset, zeroed
 from geometry.arrays import Array
 
 __all__ = ["Sample", "Stream"]
@@ -33,7 +33,7 @@ class Stream:
     """
 
     def __init__(self, coder: Decoder, jitter: float = 0.0) -> None:
-        self.coder, self._jitter = coder, jitter
+        self.coder, self._jitter, self._nominal = coder, jitter, coder
         self.last = np.zeros(3)
         self.offset = np.zeros(len(coder.sigma))
         self._past: TimeSeries | None = None
@@ -41,6 +41,7 @@ class Stream:
     def zero(self, fields: Array) -> None:
         """Take rows of readings (n, k), T, at any moment for those of the sensor at rest, where it has relaxed."""
         self.offset, self._past = zero_offset(self.coder, fields), None
+        self.coder = zeroed(self._nominal, self.offset)
 
     def step(self, field: tuple[float, ...], time: float = nan) -> Sample:
         """Decode one row of readings, B.n of each element, T.

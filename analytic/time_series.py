@@ -23,6 +23,7 @@ Exact for an incompressible silicone under small motions about a press, for any 
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
@@ -150,6 +151,11 @@ class TimeSeries:
         if lost and word == "ok":
             word = "after_gap"
         return (word if word != "ok" and status in ("ok", "uncalibrated") else status), total
+
+
+def zeroed(coder: Decoder, offset: Array) -> Decoder:
+    """Return a decoder of readings (k,), T, with this offset, whose rails have moved with them."""
+    return replace(coder, goal=coder.goal._replace(rails=coder.goal.rails + offset[:, None]))
 
 
 def zero_offset(coder: Decoder, fields: Array) -> Array:

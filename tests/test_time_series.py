@@ -160,6 +160,24 @@ def test_a_stream_with_times_is_the_table_and_zero_removes_an_offset(run, tmp_pa
     assert_allclose(zero_offset(coder, fields[:5]), [-0.001, 0.002, -0.0005], atol=1e-12)
 
 
+def test_a_reading_at_a_rail_stays_saturated_after_a_zero(run, tmp_path):
+    coder = coder_of()
+    rest = rows_at(coder, np.zeros(5)) + 0.002
+    stream = Stream(coder)
+    stream.zero(rest)
+    row = rest[0] + 0.001
+    assert stream.step(tuple(row)).status == "ok"
+    # moved by the zero, it would be no rail any more
+    row[0] = coder.goal.rails[0, 1]
+    assert stream.step(tuple(row)).status == "saturated"
+    path, out = tmp_path / "rows.csv", tmp_path / "found.csv"
+    lines = [*enumerate(rest.tolist()), (5, row.tolist())]
+    path.write_text("time_s,S1_T,S2_T,S3_T\n" + "".join(",".join(map(repr, [t, *v])) + "\n" for t, v in lines))
+    run("decode", "paper", "--file", path, "--units", "T", "--zero", "0,4", "--out", out)
+    with out.open(encoding="utf-8") as file:
+        assert [each["status"] for each in csv.DictReader(file)][-1] == "saturated"
+
+
 def test_doubted_laws_have_half_and_three_halves_of_the_loss():
     less, more = (np.array(law.shares) / law.rest for law in doubted_branches(paper()))
     assert_allclose(more, 3 * less, rtol=1e-12)

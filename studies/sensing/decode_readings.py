@@ -24,7 +24,7 @@ from analytic import beam
 from analytic.decode import decode, decoder, exceeded_limit, field_of, poses_outside
 from analytic.inverse import response_surface
 from analytic.parts import columns
-from analytic.time_series import RelaxingForce, TimeSeries, zero_offset
+from analytic.time_series import RelaxingForce, TimeSeries, zero_offset, zeroed
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Response, tilts_of
@@ -310,7 +310,8 @@ def decode_file(
     )
     field, times = in_tesla(elements, values, unit), _times(decoding, head, rows)
     if decoding.zero is not None:
-        field = field + zero_offset(coder, field[rows_at_rest(decoding, field, times)])
+        offset = zero_offset(coder, field[rows_at_rest(decoding, field, times)])
+        field, coder = field + offset, zeroed(coder, offset)
     with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
         if progress is not None:
             progress(0.0, f"poses of {len(rows)} rows")
