@@ -227,6 +227,12 @@ def test_first_seconds_are_the_zero():
     assert_allclose([rows[0][f"shift_{axis}_mm"] for axis in "xyz"], 0, atol=1e-9)
 
 
+def test_a_zero_beyond_the_end_is_said(run):
+    status, _, err = run("stream", "paper", "--port", RECORDING, "--speed", "0", "--zero", "9")
+    assert status == 3
+    assert "the stream ended before --zero 9 s" in err
+
+
 def test_frames_that_come_together_are_spread_over_the_time_since_the_last():
     port = sources.Port("-", frames.Frames("lines", 1))
     port._timed([(1.0,)])
@@ -328,6 +334,8 @@ def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys):
         (["--port", "-", "--chips", "3", "--frame-chips", "2", *chip], "is beyond the 2 chips of a frame"),
         (["--port", "-", "--lsb", "1", *chip], "--lsb takes two numbers"),
         (["--port", "-", "--clock", "ms", *chip], "--clock is for lines"),
+        (["--port", RECORDING, "--zero", "-1"], "--zero must be a time of 0 s or more; got -1"),
+        (["--port", "/tmp"], "is a folder"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(options, sentence, capsys):

@@ -184,7 +184,9 @@ def decode(
         raise BadInput(f"{'--zero' if out is None else '--out'} works with --file only: leave it out")
     if mcap is not None:
         unfit = [decoding.units, decoding.zero, decoding.tolerances, decoding.ignore_tilt or None]
-        if file is None or any(each is not None for each in unfit):
+        if file is None:
+            raise BadInput("--mcap works with --file only: leave it out")
+        if any(each is not None for each in unfit):
             raise BadInput(
                 "--mcap records a --file as it is: leave --units, --zero, --tolerance and --ignore-tilt out"
             )
