@@ -11,7 +11,14 @@ import pytest
 
 from analytic.time_series import RelaxingForce
 from geometry.design import paper
-from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit, simulated_bench
+from studies.calibration import (
+    bench_file,
+    calibrated_forces,
+    calibration_file,
+    calibration_study,
+    sensor_fit,
+    simulated_bench,
+)
 from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE
 from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
@@ -93,7 +100,7 @@ def test_more_rows_never_widen_a_deviation(simulated):
 def test_forces_are_within_their_intervals_after_twelve_presses(bench, calibration):
     table, files = bench
     found, unseen = calibration[0], table.iloc[1::2]
-    decoded = sensor_fit.decode(found, unseen[["S1_V", "S2_V", "S3_V"]].to_numpy(), np.zeros(12))
+    decoded = calibrated_forces.decode(found, unseen[["S1_V", "S2_V", "S3_V"]].to_numpy(), np.zeros(12))
     off = decoded.force - unseen[["true x", "true y", "true z"]].to_numpy()
     assert np.mean(np.abs(off) < decoded.half_width) > 0.75
     assert np.sqrt(np.square(off).sum(axis=1).mean()) < 0.1

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from studies.calibration.sensor_fit import planned
+from studies.calibration.calibrated_forces import planned
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
 from studies.sizing.candidate_performance import performance

@@ -26,7 +26,7 @@ from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
-from studies.calibration import bench_file, sensor_fit
+from studies.calibration import bench_file, calibrated_forces
 from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
 from studies.inputs import table_input
 from studies.inputs.option_groups import Decoding, Pose, Reading
@@ -180,7 +180,7 @@ def readings(
     if not depth > 0:
         raise BadInput(f"--depth must be above 0 mm, since a plate that does not touch shears nothing; got {depth:g}")
     check_load(nominal, Load(depth, x, y, friction="stick" if x or y else "none"))
-    s, t, force = sensor_fit.poses_of(found.sensor, np.array([load]))
+    s, t, force = calibrated_forces.poses_of(found.sensor, np.array([load]))
     if np.isnan(s).any():
         raise BadInput(
             f"a depth of {depth:g} mm with a shear of {math.hypot(x, y):g} mm is beyond the mechanics of {path}, in "
@@ -227,13 +227,13 @@ def made_states(found: Fit, design: Design, times: Array, shift: Array, tilt: Ar
     raw, _, felt, _ = found.answers(design.E, shift, tilt, force)
     outputs, saturated = outputs_of(found, raw)
     readings = np.where(saturated.any(axis=1, keepdims=True), np.nan, outputs)
-    answer, law = sensor_fit.decode(found, readings, np.zeros(len(raw))), RelaxingForce(design)
+    answer, law = calibrated_forces.decode(found, readings, np.zeros(len(raw))), RelaxingForce(design)
     # the motion begins at rest
     times, slow, load = (np.insert(each, 0, 0.0, axis=0) for each in (times, answer.force, answer.load))
     rows = zip(times.tolist(), slow, load[:, 1:], strict=True)
     observed = np.array([law.step(*row) for row in rows])
     off = decode_readings.law_errors(design, times, slow, load, observed)[1:]
-    half = sensor_fit.relaxing_half_width(answer.half_width, answer.force, observed[1:], off)
+    half = calibrated_forces.relaxing_half_width(answer.half_width, answer.force, observed[1:], off)
     return MadeStates(felt, outputs, law.slow * answer.force, observed[1:], half)
 
 
@@ -273,7 +273,7 @@ def decoded_rows(
         coder = decoder(found.sensor.design, found.sensor.mechanics)
         field = field_of(parts.of_design(found.sensor.design), readings)
         total, words, relaxing = decode_readings.over_time(coder, field, times, force, load, words)
-        numbers = [total, sensor_fit.relaxing_half_width(half, force, total, relaxing[:, 3]), shift, relaxing]
+        numbers = [total, calibrated_forces.relaxing_half_width(half, force, total, relaxing[:, 3]), shift, relaxing]
         columns = (*DECODED, *decode_readings.TIME_COLUMNS)
     return [
         dict(zip(columns, (word, *row), strict=True))
@@ -285,7 +285,7 @@ def decoded_arrays(
     found: Fit, readings: Array, warmer: Array, *, zeroed: bool = False
 ) -> tuple[list[Any], Array, Array, Array, Array]:
     """Return status, force of slow loading, half of its interval, shift and load (n, 3) of readings (n, k)."""
-    answer = sensor_fit.decode(found, readings, warmer, zeroed=zeroed)
+    answer = calibrated_forces.decode(found, readings, warmer, zeroed=zeroed)
     elements = parts.of_design(found.sensor.design)
     finite, known = (np.asarray(np.isfinite(each).all(axis=1)) for each in (readings, answer.force))
     low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))

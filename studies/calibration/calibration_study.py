@@ -18,7 +18,7 @@ from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.calibration import bench_file, calibration_file, sensor_fit
+from studies.calibration import bench_file, calibrated_forces, calibration_file, sensor_fit
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.inputs.option_groups import Calibrating
@@ -222,7 +222,7 @@ def held_out(
             # with one seed the smaller sets are parts of the larger ones
             own = np.sort(np.random.default_rng(place).permutation(train)[:size])
             found = sensor_fit.fit(sensor, measured[own], warmer[own])
-            decoded = sensor_fit.decode(found, readings[test], warmer[test])
+            decoded = calibrated_forces.decode(found, readings[test], warmer[test])
             answers = [decoded.force] + [ridge(readings[own], truth[own], readings[test], n) for n in (1, 2)]
             for method, answer in zip(METHODS, answers, strict=True):
                 score: FlatRow = {"method": method, "held_out": name}
@@ -257,7 +257,7 @@ def sentences(found: Fit) -> list[str]:
         directions.append(along)
     # what the variance of the force gains where all are less certain by their deviations, along each other
     wider = [found.covariance + np.outer(along, along) for along in directions]
-    total, *more = sensor_fit.force_variances(found, [found.covariance, *wider], found.shift)
+    total, *more = calibrated_forces.force_variances(found, [found.covariance, *wider], found.shift)
     for group, along, variance in zip(groups, directions, more, strict=True):
         first = group[0]
         effect = ": the decoded force does not depend on it" if variance / total - 1 < IRRELEVANT else ""
@@ -353,7 +353,7 @@ def advice(found: Fit) -> str:
     grid = [[0.0, 0.0, w] for w in (deep / 4, deep / 2, deep)]
     grid += [[side * x, side * y, w] for w in (deep / 2, deep) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     candidates = np.array(grid)
-    best, now, after = sensor_fit.next_press(found, candidates)
+    best, now, after = calibrated_forces.next_press(found, candidates)
     at = found.sensor.predict(found.theta, best[None], np.zeros(1))[0, len(found.sensor.noise) :]
     x, y, z = at[:3]
     return (

@@ -37,7 +37,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from analytic import parts
@@ -381,11 +380,11 @@ def fit(sensor: Sensor, measured: Array, warmer: Array, steps: int = STEPS) -> F
     free, theta = un.free, un.mean.copy()
     W = sensor.weights(measured)
     shift = sensor.starts(theta, measured)
-    shift = _settle_shifts(sensor, theta, shift, measured, W, warmer)
+    shift = settle_shifts(sensor, theta, shift, measured, W, warmer)
     total, lever = _total(sensor, theta, shift, measured, W, warmer), 1e-3
     for _ in range(steps):
-        r, Js, Jt = _linearised(sensor, theta, shift, measured, W, warmer)
-        S, g, A, B, gs = _condensed(r, Js, Jt, un, theta)
+        r, Js, Jt = linearised(sensor, theta, shift, measured, W, warmer)
+        S, g, A, B, gs = condensed(r, Js, Jt, un, theta)
         while True:
             step = np.linalg.solve(S + lever * np.diag(np.diag(S)), g)
             along = np.linalg.solve(A, (gs - np.einsum("nip,p->ni", B, step))[..., None])[..., 0]
@@ -403,8 +402,8 @@ def fit(sensor: Sensor, measured: Array, warmer: Array, steps: int = STEPS) -> F
         fall, theta, shift, total, lever = total - after, trial, shift + along, after, max(lever / 10, 1e-9)
         if fall <= SETTLED * max(total, 1.0):
             break
-    r, Js, Jt = _linearised(sensor, theta, shift, measured, W, warmer)
-    S = _condensed(r, Js, Jt, un, theta)[0]
+    r, Js, Jt = linearised(sensor, theta, shift, measured, W, warmer)
+    S = condensed(r, Js, Jt, un, theta)[0]
     freedom = int((W > 0).sum()) - 3 * len(measured)
     growth = max(1.0, total / max(freedom, 1))
     covariance = np.zeros((len(theta), len(theta)))
@@ -436,7 +435,7 @@ def _total(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array
     return float(total) if np.isfinite(total) else math.inf
 
 
-def _slopes(sensor: Sensor, theta: Array, shift: Array, warmer: Array, free: Ints) -> tuple[Array, Array, Array]:
+def slopes_of(sensor: Sensor, theta: Array, shift: Array, warmer: Array, free: Ints) -> tuple[Array, Array, Array]:
     """Return predictions (n, m), and their slopes by the shifts (n, m, 3) and by free unknowns (n, m, f)."""
     h, (moved_thetas, d) = 1e-5 * sensor.design.D, _moved(sensor, theta, free)
     thetas = np.concatenate([np.tile(theta, (3, 1)), moved_thetas])
@@ -454,17 +453,15 @@ def _moved(sensor: Sensor, theta: Array, free: Ints) -> tuple[Array, Array]:
     return np.concatenate([theta[None], theta + step[:, None] * np.eye(len(theta))[free]]), step
 
 
-def _linearised(
+def linearised(
     sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array
 ) -> tuple[Array, Array, Array]:
     """Return weighted residuals (n, m) and weighted slopes of the predictions by shifts (n, m, 3) and unknowns."""
-    at, Js, Jt = _slopes(sensor, theta, shift, warmer, sensor.unknowns.free)
+    at, Js, Jt = slopes_of(sensor, theta, shift, warmer, sensor.unknowns.free)
     return W * (np.nan_to_num(measured) - at), W[..., None] * Js, W[..., None] * Jt
 
 
-def _condensed(
-    r: Array, Js: Array, Jt: Array, un: Unknowns, theta: Array
-) -> tuple[Array, Array, Array, Array, Array]:
+def condensed(r: Array, Js: Array, Jt: Array, un: Unknowns, theta: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Return the system S step = g of the free unknowns, and A, B and right side of the rows' shifts."""
     A = np.einsum("nmi,nmj->nij", Js, Js)
     # a direction in which a row tells nothing keeps its shift
@@ -477,14 +474,14 @@ def _condensed(
     return S, g - prior * (theta - un.mean)[un.free], A, B, gs
 
 
-def _settle_shifts(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> Array:
+def settle_shifts(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> Array:
     """Return the shifts (n, 3) that explain each row best, for given unknowns, from shifts near them."""
     most, none = LARGEST_STEP * sensor.design.D, np.zeros(0, dtype=np.int64)
     known = np.nan_to_num(measured)
     cost = np.square(W * (known - sensor.predict(theta, shift, warmer))).sum(axis=1)
     lever = np.full(len(shift), 1e-3)
     for _ in range(STEPS):
-        at, J, _ = _slopes(sensor, theta, shift, warmer, none)
+        at, J, _ = slopes_of(sensor, theta, shift, warmer, none)
         J = W[..., None] * J
         A = np.einsum("nmi,nmj->nij", J, J)
         damp = lever[:, None, None] * np.einsum("nii->n", A)[:, None, None] / 3 * np.eye(3) + 1e-12 * np.eye(3)
@@ -499,176 +496,3 @@ def _settle_shifts(sensor: Sensor, theta: Array, shift: Array, measured: Array, 
         if not moving.any() and (better | (lever > MOST_DAMPED)).all():
             break
     return shift
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DecodedForces:
-    """Forces that readings give.
-
-    Attributes
-    ----------
-    force, half_width : (n, 3) N, and half of the 90 % interval; NaN where no pose explains the readings.
-    shift : (n, 3) mm.
-    load : (n, 3) depth and shears of the plate, mm.
-    misfit : (n,) root of the mean squared error of the readings over their standard deviation.
-    """
-
-    force: Array
-    half_width: Array
-    shift: Array
-    load: Array
-    misfit: Array
-
-
-LARGEST_MISFIT = 5.0
-"""Largest error of the readings, in their standard deviations, of a pose that explains them."""
-
-
-def decode(found: Fit, readings: Array, warmer: Array, *, zeroed: bool = False) -> DecodedForces:
-    """Decode readings (n, k), in the elements' unit, by an estimated sensor.
-
-    zeroed : whether the readings were moved to those of the estimated sensor at rest, whose errors then fall out.
-    """
-    return decode_with(found, [found.covariance], readings, warmer, zeroed=zeroed)[0]
-
-
-def decode_with(
-    found: Fit, covariances: Sequence[Array], readings: Array, warmer: Array, *, zeroed: bool = False
-) -> list[DecodedForces]:
-    """Decode readings by a sensor whose unknowns have other covariances (p, p), which change the intervals only."""
-    sensor, theta = found.sensor, found.theta
-    count = readings.shape[1]
-    measured = np.hstack([readings, np.full((len(readings), 6), np.nan)])
-    known = np.isfinite(readings).all(axis=1)
-    measured[~known] = np.nan
-    W = sensor.weights(measured)
-    start = sensor.starts(theta, measured)
-    shift = _settle_shifts(sensor, theta, start, measured, W, warmer)
-    un = sensor.unknowns
-    at, slope, noise = _decoding_slopes(sensor, theta, shift, W, warmer, zeroed=zeroed)
-    misfit = np.sqrt(np.square((W * (np.nan_to_num(measured) - at))[:, :count]).mean(axis=1))
-    F, noise = at[:, count : count + 3], found.growth * noise
-    load = at[:, count + 3 :] - np.outer(sensor.value(theta, "stand_compliance") * F[:, 2], [1, 0, 0])
-    load[:, 0] -= sensor.value(theta, "stand_zero")
-    # errors of the polynomials at their samples
-    model = np.array([sensor.mechanics.errors[1], sensor.mechanics.errors[1], sensor.mechanics.errors[2]]) / 2
-    good: NDArray[np.bool_] = np.asarray(known & (misfit < LARGEST_MISFIT))
-    F, shift, load = (np.where(good[:, None], each, np.nan) for each in (F, shift, load))
-    decoded = []
-    for covariance in covariances:
-        variance = np.einsum("nfp,pq,nfq->nf", slope, covariance[np.ix_(un.free, un.free)], slope) + noise
-        half = QUANTILE * np.sqrt(variance + np.square(model))
-        decoded.append(DecodedForces(F, np.where(good[:, None], half, np.nan), shift, load, misfit))
-    return decoded
-
-
-def _decoding_slopes(
-    sensor: Sensor, theta: Array, shift: Array, W: Array, warmer: Array, *, zeroed: bool
-) -> tuple[Array, Array, Array]:
-    """Return predictions (n, m) at shifts (n, 3), and of the force that their readings give: slopes by free unknowns
-    (n, 3, f), and variances (n, 3) by the readings' noise."""
-    free, count = sensor.unknowns.free, len(sensor.noise)
-    at, by_shift, by_theta = _slopes(sensor, theta, shift, warmer, free)
-    if zeroed:
-        rest = _slopes(sensor, theta, np.zeros_like(shift), warmer, free)[2]
-        by_theta[:, :count] -= rest[:, :count]
-    Js, Jt = W[..., None] * by_shift, W[..., None] * by_theta
-    by_shift, by_theta = (each[:, count : count + 3] for each in (by_shift, by_theta))
-    A = np.einsum("nmi,nmj->nij", Js, Js)
-    A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
-    moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
-    slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
-    return at, slope, np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
-
-
-def planned(sensor: Sensor, shift: Array) -> Fit:
-    """Return a sensor at the means of its priors, as certain as readings and forces at shifts (n, 3) will make it."""
-    un, warmer = sensor.unknowns, np.zeros(len(shift))
-    rows = sensor.predict(un.mean, shift, warmer)
-    rows[:, len(sensor.noise) + 3 :] = np.nan
-    r, Js, Jt = _linearised(sensor, un.mean, shift, rows, sensor.weights(rows), warmer)
-    covariance = np.zeros((len(un.mean), len(un.mean)))
-    covariance[np.ix_(un.free, un.free)] = np.linalg.inv(_condensed(r, Js, Jt, un, un.mean)[0])
-    return Fit(sensor, un.mean, covariance, shift, np.zeros_like(rows), 1.0, 1)
-
-
-def force_errors(found: Fit, shift: Array, count: int, rng: np.random.Generator) -> Array:
-    """Return errors (count, n, 3), N, of decoded forces at shifts (n, 3) of sensors as uncertain as an estimated one.
-
-    Each of `count` sensors has one error of the unknowns for all shifts; noise of the readings is left out.
-    """
-    sensor, free, warmer = found.sensor, found.sensor.unknowns.free, np.zeros(len(shift))
-    rows = sensor.predict(found.theta, shift, warmer)
-    rows[:, len(sensor.noise) :] = np.nan
-    _, slope, _ = _decoding_slopes(sensor, found.theta, shift, sensor.weights(rows), warmer, zeroed=False)
-    covariance = found.covariance[np.ix_(free, free)]
-    draws = rng.multivariate_normal(np.zeros(len(free)), covariance, count, method="eigh")
-    return np.asarray(np.einsum("nfp,sp->snf", slope, draws))
-
-
-def relaxing_half_width(half: Array, slow: Array, force: Array, law_error: Array) -> Array:
-    """Return half of the intervals (n, 3) of forces (n, 3) of a silicone that relaxes, from those of the slow ones.
-
-    They are proportional to the force, which follows linearly from the slow one, and do not fall below those of
-    slow loading; what another law would change (n,), N, is independent of them.
-    """
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.linalg.norm(force, axis=1) / np.linalg.norm(slow, axis=1)
-    return np.asarray(np.hypot(half * np.fmax(ratio, 1.0)[:, None], law_error[:, None]))
-
-
-def poses_of(sensor: Sensor, load: Array) -> tuple[Array, Array, Array]:
-    """Return shifts (n, 3), tilts (n, 2) and forces (n, 3) of the nominal sensor under loads (n, 3) of the plate, mm.
-
-    They are NaN for a load that is no equilibrium of the mechanics' samples.
-    """
-    theta = sensor.unknowns.mean.copy()
-    measured = np.hstack([np.full((len(load), len(sensor.noise) + 3), np.nan), load])
-    for name in ("stand_zero", "stand_compliance"):
-        if name in sensor.unknowns.names:
-            theta[sensor.unknowns.names.index(name)] = 0.0
-    W, warmer = sensor.weights(measured), np.zeros(len(load))
-    # below a nanometre is rounding
-    shift = np.round(_settle_shifts(sensor, theta, sensor.starts(theta, measured), measured, W, warmer), 6)
-    force, reached, _ = force_and_load(sensor.mechanics, np.ascontiguousarray(shift.T), contact=False)
-    low, high = workspace(sensor.design, sensor.mechanics)
-    slack = 1e-3 * sensor.design.D
-    lost = ((shift < low - slack) | (shift > high + slack)).any(axis=1) | (np.abs(reached.T - load) > slack).any(
-        axis=1
-    )
-    tilt = rotation(sensor.mechanics.tilt, np.ascontiguousarray(shift.T))
-    shift[lost] = np.nan
-    return shift, tilt.T, force.T
-
-
-def force_variances(found: Fit, covariances: Sequence[Array], shift: Array) -> list[float]:
-    """Return the mean variance of the force that readings at shifts (n, 3) give, N^2, for each covariance."""
-    warmer = np.zeros(len(shift))
-    readings = found.sensor.predict(found.theta, shift, warmer)[:, : len(found.sensor.noise)]
-    decoded = decode_with(found, covariances, readings, warmer)
-    return [float(np.nanmean(np.square(each.half_width / QUANTILE))) for each in decoded]
-
-
-def next_press(found: Fit, candidates: Array) -> tuple[Array, float, float]:
-    """Return the shift (3,) among candidates (n, 3) whose row, with readings and force, would help most.
-
-    Returns
-    -------
-    shift, and the root of the mean variance of forces over the candidates, N, now and after it.
-    """
-    sensor, theta, un = found.sensor, found.theta, found.sensor.unknowns
-    warmer = np.zeros(len(candidates))
-    ideal = sensor.predict(theta, candidates, warmer)
-    ideal[:, len(sensor.noise) + 3 :] = np.nan
-    r, Js, Jt = _linearised(sensor, theta, candidates, ideal, sensor.weights(ideal), warmer)
-    now = np.linalg.inv(found.covariance[np.ix_(un.free, un.free)])
-    prior = np.diag(1 / un.deviation[un.free] ** 2)
-    covariances = [found.covariance]
-    for k in range(len(candidates)):
-        rows = slice(k, k + 1)
-        added = _condensed(r[rows], Js[rows], Jt[rows], un, theta)[0] - prior
-        covariances.append(np.zeros_like(found.covariance))
-        covariances[-1][np.ix_(un.free, un.free)] = np.linalg.inv(now + added / found.growth)
-    before, *after = np.nan_to_num(force_variances(found, covariances, candidates), nan=math.inf).tolist()
-    best = int(np.argmin(after))
-    return candidates[best], math.sqrt(before), math.sqrt(after[best])

@@ -26,7 +26,7 @@ from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load
 from geometry.messages import Progress
-from studies.calibration import calibration_study, sensor_fit
+from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.output import page_templates
@@ -352,12 +352,12 @@ def after_presses(
     share, turn = np.repeat([1 / 3, 2 / 3, 1.0], 4), np.tile([0.0, 0.0, 2 * np.pi / 3, 4 * np.pi / 3], 3)
     aside = share * load.shear * np.tile([0.0, 1.0, 1.0, 1.0], 3)
     at = np.stack([share * load.depth, aside * np.cos(turn), aside * np.sin(turn)], axis=1)
-    shift, _, _ = sensor_fit.poses_of(sensor, at)
+    shift, _, _ = calibrated_forces.poses_of(sensor, at)
     shift = shift[np.isfinite(shift).all(axis=1)]
     if len(shift) < len(share) / 2:
         return None
-    found = sensor_fit.planned(sensor, shift) if calibration is None else calibration
-    errors = sensor_fit.force_errors(found, shift, count, np.random.default_rng(seed))
+    found = calibrated_forces.planned(sensor, shift) if calibration is None else calibration
+    errors = calibrated_forces.force_errors(found, shift, count, np.random.default_rng(seed))
     return np.asarray(np.nanmax(np.abs(errors).max(axis=1) / span, axis=1))
 
 

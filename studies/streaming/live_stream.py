@@ -99,7 +99,7 @@ class Calibrated:
         self._offset, self._zeroed = rest[: len(self._offset)] - np.nanmean(readings, axis=0), True
 
     def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
-        from studies.calibration import calibration_file, sensor_fit
+        from studies.calibration import calibrated_forces, calibration_file
 
         moved = readings + self._offset
         status, slow, half, shift, load = calibration_file.decoded_arrays(
@@ -110,7 +110,9 @@ class Calibrated:
             word, force = self._past.step(moment, fields[k], status[k], slow[k], load[k])
             laws = [law.step(moment, slow[k], load[k, 1:]) for law in self._doubted]
             off = max((float(np.linalg.norm(each - force)) for each in laws), default=0.0)
-            wide = sensor_fit.relaxing_half_width(half[k : k + 1], slow[k : k + 1], force[None], np.array([off]))[0]
+            wide = calibrated_forces.relaxing_half_width(
+                half[k : k + 1], slow[k : k + 1], force[None], np.array([off])
+            )[0]
             yield word, *force.tolist(), *shift[k].tolist(), *wide.tolist()
 
 

@@ -22,7 +22,7 @@ from geometry.design import Design, paper
 from geometry.loads import Load, Response
 from geometry.messages import Progress
 from studies import cases
-from studies.calibration import calibration_study, sensor_fit
+from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Sensor
 from studies.output.goals import Goal, failures, verdict
@@ -147,7 +147,7 @@ def _judge(
     sensor = Sensor(base, model[0], un, np.full(3, READING_NOISE), 0.05)
     found = sensor_fit.fit_with_noise(sensor, rows[:ROWS], np.zeros(ROWS))
     readings, true = rows[MANY:, :3], force[MANY:]
-    decoded = sensor_fit.decode(found, readings, np.zeros(len(readings)))
+    decoded = calibrated_forces.decode(found, readings, np.zeros(len(readings)))
     off = decoded.force - true
     known = np.isfinite(off).all(axis=1)
 
