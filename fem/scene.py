@@ -75,13 +75,17 @@ class Scene:
             raise BadInput("a path needs at least one load")
         for load in self.loads:
             check_kinds(self.design, load, self.magnet)
-            _check_spot(self.design, load)
+            spot = LEAST_SPOT**2 * self.design.D
+            if load.grip is not None and load.grip < spot:
+                raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {spot:.3g} mm; got {load.grip:g} mm")
             check_load(self.design, load, self.magnet)
         object.__setattr__(self, "model", choose_model(self.loads, self.model))
         _check_path(self.loads)
-        grip = self.loads[0].grip
-        if grip is not None and self.solid:
-            _check_cap(self.design, grip, self.accuracy)
+        grip, least = self.loads[0].grip, _least_cap(self.design, self.accuracy)
+        if grip is not None and self.solid and grip < least:
+            raise BadInput(
+                f"grip must be at least {least:.3g} mm for the mesh of this accuracy to resolve it; got {grip:g} mm"
+            )
 
     def coarser(self) -> Scene | None:
         """Return the scene on the mesh for error estimates.
@@ -256,23 +260,9 @@ def _check_path(loads: Sequence[Load]) -> None:
             glued = load.depth
 
 
-def _check_spot(design: Design, load: Load) -> None:
-    least = LEAST_SPOT**2 * design.D
-    if load.grip is not None and load.grip < least:
-        raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {least:.3g} mm; got {load.grip:g} mm")
-
-
 def _least_cap(design: Design, accuracy: Accuracy) -> float:
     """Return the least height, mm, of a gripped cap that is two elements of a solid wide."""
     return 2 * (2 * accuracy.solid_patch) ** 2 * design.D**2 / design.R / 4
-
-
-def _check_cap(design: Design, grip: float, accuracy: Accuracy) -> None:
-    least = _least_cap(design, accuracy)
-    if grip < least:
-        raise BadInput(
-            f"grip must be at least {least:.3g} mm for the mesh of this accuracy to resolve it; got {grip:g} mm"
-        )
 
 
 def _rounded(value: Any) -> Any:

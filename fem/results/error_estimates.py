@@ -209,31 +209,19 @@ def estimate_response(found: Response, coarse: Response, load: Load, scene: Scen
     # the coarser solve of a model with one harmonic has two: the whole difference is an error of the model
     certain = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else CERTAIN_SHARE
 
-    def estimate(
-        name: str,
-        value: Sequence[float],
-        coarse_value: Sequence[float],
-        base: float = radius,
-        case: str = case,
-        rounding: float = 0.0,
-    ) -> float | None:
-        rule = error_rule(case, scene.magnet, name)
-        return relative_error(
-            rule, value, coarse_value, edge, base, rounding=rounding, growth=growth, certain=certain
-        )
-
-    tilt = estimate("tilt", (found.tilt, found.tilt_y), (coarse.tilt, coarse.tilt_y), rounding=ROUNDING)
+    error = functools.partial(relative_error, edge=edge, growth=growth, certain=certain)
+    of_force, of_shift, of_tilt = (error_rule(case, scene.magnet, name) for name in ("force", "shift", "tilt"))
+    tilt = error(of_tilt, (found.tilt, found.tilt_y), (coarse.tilt, coarse.tilt_y), base=radius)
     upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
     sideways, along = None, _force_along_shear(found, load)
     if along:
         of_case = load.coulomb is None or case == "tilted friction"
-        share = abs(along) / math.hypot(*found.force)
-        sideways = estimate(
-            "sideways", (along,), (_force_along_shear(coarse, load),), share, case if of_case else "friction"
-        )
+        rule = error_rule(case if of_case else "friction", scene.magnet, "sideways")
+        coarse_along, share = _force_along_shear(coarse, load), abs(along) / math.hypot(*found.force)
+        sideways = error(rule, (along,), (coarse_along,), base=share, rounding=0.0)
     return Estimates(
-        force=estimate("force", found.force, coarse.force),
-        shift=estimate("shift", found.shift, coarse.shift),
+        force=error(of_force, found.force, coarse.force, base=radius, rounding=0.0),
+        shift=error(of_shift, found.shift, coarse.shift, base=radius, rounding=0.0),
         # the tilt of tetrahedra under an upright press is mesh noise
         tilt=None if tilt is None or (upright and tilt > 1) else tilt,
         sideways=sideways,

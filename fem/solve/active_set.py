@@ -243,14 +243,7 @@ def _extend(before: _Compliance | None, system: System, solver: Solver, points: 
     return _Compliance(False, forces, Z, rows @ Z[unknowns], np.eye(count))
 
 
-def _exchange(
-    S: Array,
-    C: Array,
-    plain: Array,
-    acting: Mask,
-    spring_stiffness: Array,
-    pressed: Mask,
-) -> Array | None:
+def _exchange(S: Array, C: Array, plain: Array, acting: Mask, spring_stiffness: Array, pressed: Mask) -> Array | None:
     """Return the unit forces (r,) that replace the springs that switch.
 
     None if the set does not settle, or the body would be unstable without the springs that are removed.
