@@ -380,7 +380,7 @@ def fit(sensor: Sensor, measured: Array, warmer: Array, steps: int = STEPS) -> F
     free, theta = un.free, un.mean.copy()
     W = sensor.weights(measured)
     shift = sensor.starts(theta, measured)
-    shift = settle_shifts(sensor, theta, shift, measured, W, warmer)
+    shift = settle_shifts(sensor, theta, shift, measured, W, warmer, steps)
     total, lever = _total(sensor, theta, shift, measured, W, warmer), 1e-3
     for _ in range(steps):
         r, Js, Jt = linearised(sensor, theta, shift, measured, W, warmer)
@@ -474,13 +474,15 @@ def condensed(r: Array, Js: Array, Jt: Array, un: Unknowns, theta: Array) -> tup
     return S, g - prior * (theta - un.mean)[un.free], A, B, gs
 
 
-def settle_shifts(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> Array:
+def settle_shifts(
+    sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array, steps: int = STEPS
+) -> Array:
     """Return the shifts (n, 3) that explain each row best, for given unknowns, from shifts near them."""
     most, none = LARGEST_STEP * sensor.design.D, np.zeros(0, dtype=np.int64)
     known = np.nan_to_num(measured)
     cost = np.square(W * (known - sensor.predict(theta, shift, warmer))).sum(axis=1)
     lever = np.full(len(shift), 1e-3)
-    for _ in range(STEPS):
+    for _ in range(steps):
         at, J, _ = slopes_of(sensor, theta, shift, warmer, none)
         J = W[..., None] * J
         A = np.einsum("nmi,nmj->nij", J, J)
