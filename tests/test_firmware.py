@@ -62,7 +62,7 @@ def library(chip, tmp_path_factory):
     folder = tmp_path_factory.mktemp("library")
     firmware_check.write_header(chip, folder)
     (folder / "library.c").write_text(LIBRARY)
-    command = ["gcc", *firmware_check.STRICT, "-O1", "-shared", "-fPIC", "library.c", "-o", "library.so", "-lm"]
+    command = ["gcc", *firmware_check.STRICT, "-O0", "-shared", "-fPIC", "library.c", "-o", "library.so", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     loaded = ctypes.CDLL(str(folder / "library.so"))
     loaded.step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_void_p]
@@ -81,7 +81,7 @@ def library(chip, tmp_path_factory):
 def test_c_is_python_over_the_workspace_and_over_time(firmware, compiler, tmp_path):
     coder, rng = firmware.coder, np.random.default_rng(0)
     firmware_check.write_header(firmware, tmp_path)
-    program = firmware_check.compiled(tmp_path, compiler, [*firmware_check.STRICT, "-O1"])
+    program = firmware_check.compiled(tmp_path, compiler, [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(coder, 1500, rng)
     expected = decoder_export.reference(coder, firmware.made, outputs)
     full = np.nanmax(np.abs(expected["force"]))
@@ -105,7 +105,7 @@ def test_c_is_python_over_the_workspace_and_over_time(firmware, compiler, tmp_pa
 def test_folds_are_ambiguous_as_in_python(tmp_path):
     firmware = decoder_export.prepare(Design(**firmware_check.FOLDED), "paper", None, "64k")
     firmware_check.write_header(firmware, tmp_path)
-    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O1"])
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(firmware.coder, 1500, np.random.default_rng(3))
     expected = decoder_export.reference(firmware.coder, firmware.made, outputs)
     found = firmware_check.answers(program, outputs)
@@ -120,7 +120,7 @@ def test_folds_are_ambiguous_as_in_python(tmp_path):
 def test_several_chips_decode_as_python_and_may_contradict_each_other(tmp_path):
     firmware = decoder_export.prepare(Design(**firmware_check.THREE_CHIPS), None, None, "64k")
     firmware_check.write_header(firmware, tmp_path)
-    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O1"])
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(firmware.coder, 600, np.random.default_rng(4))
     outputs[500:, 4] += 2e-3
     expected = decoder_export.reference(firmware.coder, firmware.made, outputs)
@@ -136,7 +136,8 @@ def test_several_chips_decode_as_python_and_may_contradict_each_other(tmp_path):
 @needs("gcc")
 def test_hostile_readings_under_sanitizers(chip, tmp_path):
     firmware_check.write_header(chip, tmp_path)
-    program = firmware_check.compiled(tmp_path, "gcc", firmware_check.SANITIZED)
+    # without optimisation it is compiled five times as fast
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.SANITIZED, "-O0", "-g0"])
     faults, share = firmware_check.hostile_faults(program, chip.coder, 3_000)
     assert faults == 0
     assert share > 5
