@@ -38,7 +38,8 @@ class Facts:
     remark : the most important limitation of the answer, a key of `fem.results.diagnostics.REMARKS`; None if there
         is none. "given_way": the tip has buckled to a
         side that the mesh chose. "leaning": an imperfection led it there. "guided_only": the tip would buckle if it
-        were free to slide; "guided_unknown": whether it would is not known; "nearly_guided_only": it is close to
+        were free to slide; "guided_unknown": whether it would is not known; "guided_unchecked": it was not looked
+        at; "nearly_guided_only": it is close to
         that. "pulled": a glued plate pulls at the tip.
     sideways_stiffness_ratio : lateral stiffness of a frictionless press with a tip free to slide, over that of the
         unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
@@ -81,7 +82,7 @@ class Facts:
         """
         if self.onset or self.creased or self.remark in ("given_way", "guided_only"):
             return "unstable"
-        return "unknown" if self.remark == "guided_unknown" else self.stability.verdict
+        return "unknown" if self.remark in ("guided_unknown", "guided_unchecked") else self.stability.verdict
 
     @property
     def status(self) -> Status:

@@ -47,6 +47,8 @@ REMARKS = {
     "guided_only": "a beam whose tip slides freely on the plate buckles sideways {before}: "
     "this solution holds the tip on the axis (magtip stability computes the critical depth)",
     "guided_unknown": "whether a beam whose tip slides freely on the plate would buckle sideways is not known",
+    "guided_unchecked": "whether a beam whose tip slides freely on the plate would buckle sideways was not checked, "
+    "which a solve with error estimates does",
     "nearly_guided_only": "a beam whose tip slides freely on the plate buckles sideways {soon}: "
     "magtip stability computes the critical depth",
     "full_slip": "full slip: the whole contact area slides",
@@ -89,7 +91,9 @@ def diagnose(
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
         # an element whose J stays above 0.5 at its integration points has no inverted spot between them
         inverted_share=inverted_share(state.d, u) if state.least_J < 0.5 else 0.0,
-        remark=None if stop else _choose_remark(state, found, D, near, touched=touched),
+        remark=None
+        if stop
+        else _choose_remark(state, found, D, near, touched=touched, looked=not checked or bool(near)),
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
         crease_ratio=None if stop else silicone_limits.crease_ratio(state),
@@ -126,7 +130,7 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
 
 
 def _choose_remark(
-    state: PathState, found: Solution, D: float, near: StabilityMargin | None, *, touched: bool
+    state: PathState, found: Solution, D: float, near: StabilityMargin | None, *, touched: bool, looked: bool
 ) -> str | None:
     load, response, sheared = found.load, found.response, state.sheared
     pressed, normal = load.depth > 0, response.force[2]
@@ -158,6 +162,8 @@ def _choose_remark(
             return "full_slip" if slips == 1 and sheared else "part_slips"
     if near and near.stability.is_unknown:
         return "guided_unknown"
+    if not looked:
+        return "guided_unchecked"
     return "idle_stick" if load.friction == "stick" and not sheared else None
 
 
