@@ -182,15 +182,6 @@ def decode(
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and (out is not None or decoding.zero is not None):
         raise BadInput(f"{'--zero' if out is None else '--out'} works with --file only: leave it out")
-    if mcap is not None:
-        unfit = [decoding.units, decoding.zero, decoding.tolerances, decoding.ignore_tilt or None]
-        if file is None:
-            raise BadInput("--mcap works with --file only: leave it out")
-        if any(each is not None for each in unfit):
-            raise BadInput(
-                "--mcap records a --file as it is: leave --units, --zero, --tolerance and --ignore-tilt out"
-            )
-        atomic_files.check_output_file(mcap, ".mcap")
     atomic_files.check_apart([out, mcap], [source, file, decoding.responses, decoding.calibration])
     design = design_of(source, sets)
     if mcap is not None:

@@ -309,7 +309,18 @@ def run(
 
 
 def record(design: Design, decoding: Decoding, path: Path) -> None:
-    """Write the rows of a table with times as an MCAP file."""
+    """Write the rows of a table with times as an MCAP file.
+
+    Raises
+    ------
+    BadInput
+        There is no table, or an option changes its readings.
+    """
+    if decoding.file is None:
+        raise BadInput("--mcap works with --file only: leave it out")
+    if decoding.units or decoding.zero or decoding.tolerances or decoding.ignore_tilt:
+        raise BadInput("--mcap records a --file as it is: leave --units, --zero, --tolerance and --ignore-tilt out")
+    atomic_files.check_output_file(path, ".mcap")
     options = Streaming(
         port=str(decoding.file),
         speed=0.0,
