@@ -280,6 +280,8 @@ def test_a_value_too_many_is_a_sentence(run, tmp_path):
         "analytic": ("--depth", 1),
         "field": ("--points", "a"),
         "table": ("--out", "a"),
+        "stream": ("--port", "a"),
+        "firmware": ("--out", "a"),
         "size": ("--out", "a"),
         "sensitivity": ("--depth", 1),
     }
