@@ -233,9 +233,17 @@ def test_a_zero_beyond_the_end_is_said(run):
     assert "the stream ended before --zero 9 s" in err
 
 
+def test_a_stream_that_is_asked_to_end_is_complete():
+    with live_stream._ended_by_signals():
+        os.kill(os.getpid(), signal.SIGTERM)
+        pytest.fail("the stream goes on")
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
 def test_frames_that_come_together_are_spread_over_the_time_since_the_last():
     port = sources.Port("-", frames.Frames("lines", 1))
-    port._timed([(1.0,)])
+    port._timed([])
+    assert port._timed([(1.0,)]) == [(0.0, (1.0,))]
     port._begun -= 1.0
     times = [moment for moment, _ in port._timed([(2.0,)] * 4)]
     assert_allclose(np.diff(times), times[0], rtol=1e-6)
@@ -326,14 +334,17 @@ def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys):
         (["--port", "-", "--frames", "anyskin"], "frames of anyskin hold the axes of 3-axis chips"),
         (["--port", "-", "--units", "mT"], "--units mT is no unit of these elements: choose one of V, mV"),
         (["--port", RECORDING, "--speed", "-1"], "--speed must be 0 (no waiting) or more; got -1"),
-        (["--port", RECORDING, "--frames", "aa", "--set", "hall_layout=tmag5273a1"], "leave --frames out"),
+        (["--port", RECORDING, "--frames", "aa", "--set", "hall_layout=tmag5273a1"],
+         "--frames has no meaning for a table"),
         (["--port", "-", "--axes", "x,y,-z", *(chip := ["--frames", "aa", "--set", "hall_layout=tmag5273a1"])],
          "mirrors the chip"),
         (["--port", "-", "--axes", "x,x,z", *chip], "--axes names the chip's axis along x, y and z"),
         (["--port", "-", "--chips", "1,2", *chip], "--chips names the 1 chips of the frame"),
         (["--port", "-", "--chips", "3", "--frame-chips", "2", *chip], "is beyond the 2 chips of a frame"),
         (["--port", "-", "--lsb", "1", *chip], "--lsb takes two numbers"),
-        (["--port", "-", "--clock", "ms", *chip], "--clock is for lines"),
+        (["--port", "-", "--clock", "ms", *chip], "--clock has no meaning for frames of aa"),
+        (["--port", RECORDING, "--clock", "ms"], "--clock has no meaning for a table that is replayed"),
+        (["--port", RECORDING, "--no-browser"], "--no-browser works with --page only"),
         (["--port", RECORDING, "--zero", "-1"], "--zero must be a time of 0 s or more; got -1"),
         (["--port", "/tmp"], "is a folder"),
     ],

@@ -106,7 +106,7 @@ def read_readings(file: Path, design: Design) -> tuple[Any, Array, Array | None,
     """
     elements = parts.of_design(design)
     names = parts.columns(elements)
-    raw, table, _ = _read_file(file, names, elements[0].unit, {})
+    raw, table, _ = _read_file(file, names, elements[0].unit, None)
     readings, temperature = (
         np.asarray(table.reindex(columns=which).to_numpy(dtype=float)) for which in (names, ["temperature_C"])
     )
@@ -153,12 +153,12 @@ def split_head(head: str) -> tuple[str, str]:
 
 
 def _read_file(
-    file: Path, names: Sequence[str], unit: str, columns: Mapping[str, str]
+    file: Path, names: Sequence[str], unit: str, columns: Mapping[str, str] | None
 ) -> tuple[Any, Any, list[dict[str, Any]]]:
     import pandas as pd
 
     raw = read_texts(file)
-    given = {head: name for name, head in columns.items()}
+    given = {head: name for name, head in (columns or {}).items()}
     if lost := [head for head in given if head not in raw]:
         raise BadInput(f"{file.name} has no column {lost[0]!r}: --column names one of {', '.join(raw.columns)}")
     for head in raw.columns:
@@ -183,7 +183,7 @@ def _read_file(
     if missing := [name for name in names if name not in table]:
         raise BadInput(
             f"{file.name} has no reading {missing[0]}: this design has the elements {', '.join(names)}; name its "
-            f"column {missing[0]}_{unit}, or give --column {missing[0]}=HEAD"
+            f"column {missing[0]}_{unit}{'' if columns is None else f', or give --column {missing[0]}=HEAD'}"
         )
     times = table.get("time_s")
     if times is not None and (times.dropna().diff() < 0).any():

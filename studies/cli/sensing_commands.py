@@ -245,6 +245,10 @@ def stream(
 
     atomic_files.check_apart([out, mcap], [source, streaming.port, streaming.responses, streaming.calibration])
     design = design_of(source, sets)
+    if frame_id != "magtip_tip" and mcap is None:
+        raise BadInput("--frame-id works with --mcap only: leave it out")
+    if no_browser and not page:
+        raise BadInput("--no-browser works with --page only: leave it out")
     targets = {".csv": out, ".mcap": mcap}
     for suffix, path in targets.items():
         if path is not None:

@@ -10,6 +10,7 @@ import contextlib
 import csv
 import math
 import select
+import signal
 import sys
 import threading
 import time
@@ -31,7 +32,7 @@ from geometry.design import BadInput, Design
 from studies.calibration.bench_file import UNITS
 from studies.inputs.option_groups import Decoding, Streaming
 from studies.inputs.user_input import parse_numbers
-from studies.output import atomic_files
+from studies.output import atomic_files, text_tables
 from studies.output.result import Result
 from studies.sensing import decode_readings
 from studies.sensitivity.decode_tolerances import AtRest
@@ -119,6 +120,7 @@ class Calibrated:
 class Live:
     """The decoder of one stream, and what it has seen.
 
+    times : of the first and the last row, s.
     zero_asked : whether the readings of the last `TARE` are to be taken for those at rest, before the next row.
     """
 
@@ -139,6 +141,7 @@ class Live:
         self._count = len(parts.of_design(design))
         self.counts: Counter[str] = Counter()
         self.late: deque[float] = deque(maxlen=RECENT)
+        self.times = (0.0, 0.0)
         self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=RECENT)
         if not 0 <= options.rest < math.inf:
             raise BadInput(f"--zero must be a time of 0 s or more; got {options.rest:g}")
@@ -146,7 +149,11 @@ class Live:
 
     def rows(self, arrived: Sequence[sources.Row]) -> list[Decoded]:
         """Decode frames; those of the first `rest` seconds make the zero, and give no row."""
-        read = [(moment, self._of_frame(numbers)) for moment, numbers in arrived]
+        read = [
+            # an infinite number is none
+            (moment, tuple(v if math.isfinite(v) else math.nan for v in self._of_frame(numbers)))
+            for moment, numbers in arrived
+        ]
         if self._rest:
             self._recent += [row for row in read if row[0] < self._rest]
             read = [row for row in read if row[0] >= self._rest]
@@ -164,6 +171,8 @@ class Live:
             dict(zip(self.columns, (moment, *row, *found), strict=True))
             for (moment, row), found in zip(read, self._decoder.rows(times, readings), strict=True)
         ]
+        if times:
+            self.times = self.times[0] if self.counts else times[0], times[-1]
         self.counts.update(row["status"] for row in rows)
         return rows
 
@@ -235,14 +244,12 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
         It cannot be opened, or an option does not fit it.
     """
     path = Path(options.port)
-    if options.port != "-" and path.is_file():
+    is_table = options.port != "-" and path.is_file()
+    _check_fit(options, is_table=is_table)
+    if is_table:
         if not (options.speed >= 0 and math.isfinite(options.speed)):
             raise BadInput(f"--speed must be 0 (no waiting) or more; got {options.speed:g}")
-        if options.frames != "lines":
-            raise BadInput(f"{path} is replayed as a table of readings: leave --frames out, or pipe its bytes to -")
         return sources.replayed(path, design, options.speed)
-    if options.clock and options.frames != "lines":
-        raise BadInput("--clock is for lines whose first number is the time: leave it out")
     elements = parts.of_design(design)
     if options.frames == "lines":
         width = len(elements) + bool(options.clock)
@@ -258,6 +265,20 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
     )
     port.open()
     return port
+
+
+def _check_fit(options: Streaming, *, is_table: bool) -> None:
+    """Refuse options that the source of the readings does not have."""
+    what = "a table that is replayed" if is_table else f"frames of {options.frames}"
+    chips, lines = {"chips", "frame_chips", "axes"}, {"clock", "units"}
+    of_frames = {"lines": lines, "aa": {*chips, "lsb"}}.get(options.frames, chips)
+    fitting = {"speed"} if is_table else {"frames", "baud", *of_frames}
+    for name in ("frames", "units", "chips", "frame_chips", "axes", "lsb", "clock", "baud", "speed"):
+        default = Streaming.__dataclass_fields__[name].default
+        if name not in fitting and getattr(options, name) != default:
+            raise BadInput(f"--{name.replace('_', '-')} has no meaning for {what}: leave it out")
+    if options.baud < 1:
+        raise BadInput(f"--baud must be at least 1 bit per second; got {options.baud}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,8 +315,7 @@ def run(
     """
     with outputs.sinks(live) as sinks:
         sinks += [sink(source) for sink in more]
-        begun = time.monotonic()
-        with contextlib.suppress(KeyboardInterrupt):
+        with _ended_by_signals():
             for arrived in source.rows():
                 heard = time.monotonic()
                 rows = live.rows(arrived)
@@ -305,7 +325,21 @@ def run(
                     live.late.append(time.monotonic() - heard)
                 if ended():
                     break
-        return summary(live, source.lost, time.monotonic() - begun)
+        return summary(live, source.lost)
+
+
+@contextlib.contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """End the block at Ctrl-C, or when the process is asked to end, so that the files are complete."""
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if main else None
+    try:
+        yield
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if main:
+            signal.signal(signal.SIGTERM, before)
 
 
 def record(design: Design, decoding: Decoding, path: Path) -> None:
@@ -361,14 +395,14 @@ def run_with_page(
     return found[0]
 
 
-def summary(live: Live, lost: int, seconds: float) -> Result:
+def summary(live: Live, lost: int) -> Result:
     """Return the counts of a stream that has ended."""
-    total = sum(live.counts.values())
+    total, seconds = sum(live.counts.values()), live.times[1] - live.times[0]
     record = {
         "rows": total,
         "lost_frames": lost,
         "seconds": seconds,
-        "rate_Hz": total / seconds if seconds else math.nan,
+        "rate_Hz": (total - 1) / seconds if seconds else math.nan,
         "latency_ms": 1e3 * float(np.quantile(live.late, 0.95)) if live.late else math.nan,
         **{f"rows_{status}": count for status, count in live.counts.items()},
     }
@@ -419,7 +453,7 @@ def screen() -> Sink:
         if not rows or now - shown < REDRAW:
             return
         row, rate = rows[-1], count / (now - shown)
-        force = "  ".join(f"F{axis} {row[f'force_{axis}_N']:8.3f}" for axis in "xyz")
+        force = "  ".join(f"F{axis} {text_tables.shown('', row[f'force_{axis}_N']):>8}" for axis in "xyz")
         sys.stdout.write(f"\r{row['time_s']:9.2f} s  {force} N  {row['status']:<16} {rate:5.0f} Hz ")
         sys.stdout.flush()
         shown, count = now, 0

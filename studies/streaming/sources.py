@@ -107,13 +107,15 @@ class Port:
             yield self._timed(found)
 
     def _timed(self, found: Sequence[tuple[float, ...]]) -> list[Row]:
-        if self.clock:
-            return [(self.clock * numbers[0], numbers[1:]) for numbers in found]
-        now = time.monotonic()
+        if not found:
+            return []
+        now = self.clock * found[0][0] if self.clock else time.monotonic()
         if math.isnan(self._begun):
             self._begun = now
+        if self.clock:
+            return [(self.clock * numbers[0] - self._begun, numbers[1:]) for numbers in found]
         last, self._last = self._last, now - self._begun
-        step = (self._last - last) / max(len(found), 1)
+        step = (self._last - last) / len(found)
         return [(last + step * (k + 1), numbers) for k, numbers in enumerate(found)]
 
 
