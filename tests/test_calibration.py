@@ -209,6 +209,9 @@ def test_a_stream_is_decoded_by_a_calibration_with_what_relaxes_from_a_zero_at_a
     assert (half[30:, 2] > decoded.law_error_N[30:39]).all()
     assert decoded.status.tolist() == ["ok"] * 39 + ["not_finite", "saturated"]
     assert decoded.force_z_N.isna().tolist() == [False] * 39 + [True, True]
+    # a zero moves readings, not the rails
+    raw = np.array([[2.9, 2.8, 4.8]])
+    assert calibration_file.decoded_rows(found, raw, None, np.zeros(1), np.full(3, -0.1))[0]["status"] == "saturated"
     # what arrives row by row is decoded alike
     live = live_stream.Live(paper(), Streaming(port="-", calibration=path, rest=0.42))
     arrived = [row for time, volts in zip(times, drifted, strict=True) for row in live.rows([(time, tuple(volts))])]

@@ -23,7 +23,7 @@ from numpy.testing import assert_allclose
 import studies
 from analytic import decode, time_series
 from analytic.inverse import forward_model
-from geometry.design import Design, paper
+from geometry.design import BadInput, Design, paper
 from studies.cli import commands
 from studies.streaming import frames, live_stream, sources
 
@@ -225,6 +225,30 @@ def test_first_seconds_are_the_zero():
     rows = live.rows([(0.01 * k, volts) for k in range(21)] + [(0.01 * k, pressed) for k in range(21, 40)])[:1]
     assert rows[0]["time_s"] == pytest.approx(0.2)
     assert_allclose([rows[0][f"shift_{axis}_mm"] for axis in "xyz"], 0, atol=1e-9)
+
+
+def test_a_zero_needs_a_number_of_each_element():
+    live = live_stream.Live(paper(), live_stream.Streaming(port="-", rest=0.2))
+    with pytest.raises(BadInput, match="an element sent no number"):
+        live.rows([(0.1 * k, (2.87, float("nan"), 2.79)) for k in range(4)])
+    # one that is asked for later waits for the numbers, and loses no row
+    live = live_stream.Live(paper(), live_stream.Streaming(port="-"))
+    live.zero_asked = True
+    (row,) = live.rows([(0.0, (2.87, float("nan"), 2.79))])
+    assert (row["status"], live.zero_asked) == ("not_finite", True)
+    live.rows([(1.0, (2.87, 2.79, 2.79))])
+    assert not live.zero_asked
+
+
+def test_a_row_that_a_recording_lacks_is_a_gap_and_one_that_arrives_late_is_none():
+    times = [*(0.01 * k for k in range(20)), 0.22]
+    rows = [(t, (2.871 + 1e-4 * (k % 3), 2.793, 2.793)) for k, t in enumerate(times)]
+    words = [
+        live_stream.Live(paper(), live_stream.Streaming(port=port, level="finite")).rows(rows)[-1]["status"]
+        for port in (str(RECORDING), "-")
+    ]
+    assert words[0] == "after_gap"
+    assert words[1] != "after_gap"
 
 
 def test_a_zero_beyond_the_end_is_said(run):

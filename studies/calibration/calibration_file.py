@@ -261,13 +261,15 @@ WHY = decode_readings.WHY | {
 
 
 def decoded_rows(
-    found: Fit, readings: Array, times: Array | None, warmer: Array, *, zeroed: bool = False
+    found: Fit, readings: Array, times: Array | None, warmer: Array, offset: Array | None = None
 ) -> list[FlatRow]:
     """Return the columns DECODED of readings (n, k), in the elements' unit; with times also `TIME_COLUMNS`.
 
     An interval grows as its force does by what relaxes, and by what another law would change.
+
+    offset : of a zero, see `decoded_arrays`.
     """
-    words, force, half, shift, load = decoded_arrays(found, readings, warmer, zeroed=zeroed)
+    words, force, half, shift, load = decoded_arrays(found, readings, warmer, offset)
     columns, numbers = DECODED, [force, half, shift]
     if times is not None:
         coder = decoder(found.sensor.design, found.sensor.mechanics)
@@ -282,10 +284,14 @@ def decoded_rows(
 
 
 def decoded_arrays(
-    found: Fit, readings: Array, warmer: Array, *, zeroed: bool = False
+    found: Fit, readings: Array, warmer: Array, offset: Array | None = None
 ) -> tuple[list[Any], Array, Array, Array, Array]:
-    """Return status, force of slow loading, half of its interval, shift and load (n, 3) of readings (n, k)."""
-    answer = calibrated_forces.decode(found, readings, warmer, zeroed=zeroed)
+    """Return status, force of slow loading, half of its interval, shift and load (n, 3) of readings (n, k).
+
+    offset : (k,) `zero_offset`, if a zero was taken: it moves readings, but not the rails of the elements.
+    """
+    moved = readings if offset is None else readings + offset
+    answer = calibrated_forces.decode(found, moved, warmer, zeroed=offset is not None)
     elements = parts.of_design(found.sensor.design)
     finite, known = (np.asarray(np.isfinite(each).all(axis=1)) for each in (readings, answer.force))
     low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))
@@ -294,6 +300,12 @@ def decoded_arrays(
     force, half, shift = (np.where(status[:, None] == "ok", each, np.nan) for each in (
         answer.force, answer.half_width, answer.shift))  # fmt: skip
     return status.tolist(), force, half, shift, answer.load
+
+
+def zero_offset(found: Fit, readings: Array, warmer: Array) -> Array:
+    """Return what to add to readings (k,) from rows of them at rest (n, k), at dT (n,); NaN counts in no mean."""
+    rest = found.sensor.predict(found.theta, np.zeros((1, 3)), warmer.mean(keepdims=True))[0]
+    return np.asarray(rest[: readings.shape[1]] - np.nanmean(readings, axis=0))
 
 
 def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: bool) -> Result:
@@ -334,11 +346,11 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     if added := [name for name in raw.columns if name in (*DECODED, *decode_readings.TIME_COLUMNS)]:
         raise BadInput(f"{decoding.file} has a column {added[0]} already, which decoding adds: rename or delete it")
     warmer = np.nan_to_num(temperature - found.sensor.temperature_C)
+    offset = None
     if decoding.zero is not None:
         at_rest = decode_readings.rows_at_rest(decoding, numbers, times)
-        rest = found.sensor.predict(found.theta, np.zeros((1, 3)), warmer[at_rest].mean(keepdims=True))[0]
-        numbers = numbers + rest[: len(names)] - np.nanmean(numbers[at_rest], axis=0)
-    decoded = decoded_rows(found, numbers, times, warmer, zeroed=decoding.zero is not None)
+        offset = zero_offset(found, numbers[at_rest], warmer[at_rest])
+    decoded = decoded_rows(found, numbers, times, warmer, offset)
     rows = [{**texts, **row} for texts, row in zip(raw.fillna("").to_dict("records"), decoded, strict=True)]
     table = table_of(rows).to_csv(index=False)
     if target is not None:

@@ -261,7 +261,7 @@ def stream(
                 live, readings, outputs, partial(serve_page, design, no_browser=no_browser)
             )
         else:
-            result = live_stream.run(live, readings, outputs, partial(live_stream.zero_typed, live, streaming))
+            result = live_stream.run(live, readings, outputs, live_stream.typed_zero(live, streaming))
     # the rows on standard output are all of it
     return show(dataclasses.replace(result, records=[], shown=[]) if as_json else result, Destination())
 

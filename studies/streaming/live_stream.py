@@ -16,6 +16,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -62,10 +63,10 @@ class Nominal:
 
     columns = FOUND
 
-    def __init__(self, design: Design, options: Streaming) -> None:
+    def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
         decoding = Decoding(level=options.level, responses=options.responses)
         self.coder = decode_readings.prepare(design, decoding)
-        self._elements, self._stream = parts.of_design(design), Stream(self.coder, JITTER)
+        self._elements, self._stream = parts.of_design(design), Stream(self.coder, jitter)
         self._at_rest = AtRest(self.coder)
 
     def zero(self, readings: Array) -> None:
@@ -84,29 +85,30 @@ class Calibrated:
 
     columns = (*FOUND, *HALF)
 
-    def __init__(self, found: Fit, design: Design) -> None:
-        self._fit, self._design, self._offset, self._zeroed = found, design, np.zeros(len(found.sensor.noise)), False
+    def __init__(self, found: Fit, design: Design, jitter: float) -> None:
+        self._fit, self._design, self._jitter = found, design, jitter
+        self._offset: Array | None = None
         self.coder = decoder(found.sensor.design, found.sensor.mechanics)
         self._rest()
 
     def _rest(self) -> None:
         """Begin with a silicone that has relaxed."""
-        self._past, branches = TimeSeries(self.coder, JITTER), decode_readings.doubted_branches(self._design)
+        self._past, branches = TimeSeries(self.coder, self._jitter), decode_readings.doubted_branches(self._design)
         self._doubted = [RelaxingForce(self._design, each) for each in branches]
 
     def zero(self, readings: Array) -> None:
+        from studies.calibration import calibration_file
+
         self._rest()
-        rest = self._fit.sensor.predict(self._fit.theta, np.zeros((1, 3)), np.zeros(1))[0]
-        self._offset, self._zeroed = rest[: len(self._offset)] - np.nanmean(readings, axis=0), True
+        self._offset = calibration_file.zero_offset(self._fit, readings, np.zeros(len(readings)))
 
     def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
         from studies.calibration import calibrated_forces, calibration_file
 
-        moved = readings + self._offset
         status, slow, half, shift, load = calibration_file.decoded_arrays(
-            self._fit, moved, np.zeros(len(moved)), zeroed=self._zeroed
+            self._fit, readings, np.zeros(len(readings)), self._offset
         )
-        fields = field_of(parts.of_design(self._design), moved)
+        fields = field_of(parts.of_design(self._design), readings)
         for k, moment in enumerate(times):
             word, force = self._past.step(moment, fields[k], status[k], slow[k], load[k])
             laws = [law.step(moment, slow[k], load[k, 1:]) for law in self._doubted]
@@ -125,14 +127,16 @@ class Live:
     """
 
     def __init__(self, design: Design, options: Streaming) -> None:
+        # the times of a table, and of a device, are those at which rows were measured
+        jitter = 0.0 if options.clock or is_table(options) else JITTER
         if options.calibration is None:
-            self._decoder: Nominal | Calibrated = Nominal(design, options)
+            self._decoder: Nominal | Calibrated = Nominal(design, options, jitter)
         else:
             from studies.calibration import calibration_file
 
             if options.level or options.responses:
                 raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
-            self._decoder = Calibrated(calibration_file.of_design(options.calibration, design), design)
+            self._decoder = Calibrated(calibration_file.of_design(options.calibration, design), design, jitter)
         self.design, self._of_frame = design, reader(design, options)
         # loads, or after an installation compiles, what decodes: no frame waits for that
         coder = self._decoder.coder
@@ -159,12 +163,13 @@ class Live:
             read = [row for row in read if row[0] >= self._rest]
             if not read:
                 return []
-            self._zero(0.0)
+            if not self._zero(0.0):
+                raise BadInput(f"--zero {self._rest:g}: an element sent no number in this time: check the elements")
             self._rest = 0.0
         self._recent += read
         if self.zero_asked and self._recent:
-            self._zero(self._recent[-1][0] - TARE)
-            self.zero_asked = False
+            # else with the next rows
+            self.zero_asked = not self._zero(self._recent[-1][0] - TARE)
         times = [moment for moment, _ in read]
         readings = np.array([row for _, row in read]).reshape(-1, self._count)
         rows = [
@@ -184,11 +189,13 @@ class Live:
             return "no frame was understood: check --frames, --units, --chips and --baud"
         return "no row has a force"
 
-    def _zero(self, begun: float) -> None:
-        """Take the last rows since a time, s, for those at rest."""
-        rest = [row for moment, row in self._recent if moment >= begun]
-        if rest:
-            self._decoder.zero(np.array(rest))
+    def _zero(self, begun: float) -> bool:
+        """Take the last rows since a time, s, for those at rest; not where an element has no reading in them."""
+        rest = np.array([row for moment, row in self._recent if moment >= begun])
+        whole = bool(np.isfinite(rest).any(axis=0).all())
+        if whole:
+            self._decoder.zero(rest)
+        return whole
 
 
 def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tuple[float, ...]]:
@@ -243,13 +250,11 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
     BadInput
         It cannot be opened, or an option does not fit it.
     """
-    path = Path(options.port)
-    is_table = options.port != "-" and path.is_file()
-    _check_fit(options, is_table=is_table)
-    if is_table:
+    _check_fit(options)
+    if is_table(options):
         if not (options.speed >= 0 and math.isfinite(options.speed)):
             raise BadInput(f"--speed must be 0 (no waiting) or more; got {options.speed:g}")
-        return sources.replayed(path, design, options.speed)
+        return sources.replayed(Path(options.port), design, options.speed)
     elements = parts.of_design(design)
     if options.frames == "lines":
         width = len(elements) + bool(options.clock)
@@ -267,12 +272,18 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
     return port
 
 
-def _check_fit(options: Streaming, *, is_table: bool) -> None:
+def is_table(options: Streaming) -> bool:
+    """Return whether the readings are those of a file, which is replayed."""
+    return options.port != "-" and Path(options.port).is_file()
+
+
+def _check_fit(options: Streaming) -> None:
     """Refuse options that the source of the readings does not have."""
-    what = "a table that is replayed" if is_table else f"frames of {options.frames}"
+    replayed = is_table(options)
+    what = "a table that is replayed" if replayed else f"frames of {options.frames}"
     chips, lines = {"chips", "frame_chips", "axes"}, {"clock", "units"}
     of_frames = {"lines": lines, "aa": {*chips, "lsb"}}.get(options.frames, chips)
-    fitting = {"speed"} if is_table else {"frames", "baud", *of_frames}
+    fitting = {"speed"} if replayed else {"frames", "baud", *of_frames}
     for name in ("frames", "units", "chips", "frame_chips", "axes", "lsb", "clock", "baud", "speed"):
         default = Streaming.__dataclass_fields__[name].default
         if name not in fitting and getattr(options, name) != default:
@@ -307,23 +318,22 @@ class Outputs:
 
 
 def run(
-    live: Live, source: sources.Source, outputs: Outputs, ended: Callable[[], bool], *more: Callable[..., Sink]
+    live: Live, source: sources.Source, outputs: Outputs, *more: Sink, ended: threading.Event | None = None
 ) -> Result:
-    """Decode a stream until it ends, or Ctrl-C, or `ended` says so, and return what was seen.
+    """Decode a stream until it ends, or Ctrl-C, or `ended` is set, and return what was seen.
 
-    more : functions of the source that return further sinks.
+    more : further sinks.
     """
     with outputs.sinks(live) as sinks:
-        sinks += [sink(source) for sink in more]
         with _ended_by_signals():
             for arrived in source.rows():
                 heard = time.monotonic()
                 rows = live.rows(arrived)
-                for sink in sinks:
+                for sink in (*sinks, *more):
                     sink(rows)
                 if rows:
                     live.late.append(time.monotonic() - heard)
-                if ended():
+                if ended is not None and ended.is_set():
                     break
         return summary(live, source.lost)
 
@@ -368,31 +378,28 @@ def record(design: Design, decoding: Decoding, path: Path) -> None:
             write(live.rows(arrived))
 
 
-def zero_typed(live: Live, options: Streaming) -> bool:
-    """Ask for a zero where the user has typed z; never the end of the stream."""
-    if options.port != "-" and sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
-        live.zero_asked = sys.stdin.readline().strip().lower() == "z"
-    return False
-
-
 def run_with_page(
     live: Live, source: sources.Source, outputs: Outputs, serve: Callable[[explorer_server.Measuring], None]
 ) -> Result:
     """Decode a stream while `serve` shows it on a page, until Ctrl-C."""
     from studies.web import explorer_server
 
-    found: list[Result] = []
+    outcome: Future[Result] = Future()
     ended = threading.Event()
 
     def measure(send: Callable[[str], None]) -> None:
-        found.append(run(live, source, outputs, ended.is_set, lambda source: page(source, send)))
-        send(atomic_files.json_line({"measured": {"rows": [], "lost": source.lost, "ended": True}}))
+        try:
+            outcome.set_result(run(live, source, outputs, page(source, send), ended=ended))
+        except BaseException as error:  # it is raised where the result is wanted
+            outcome.set_exception(error)
+        finally:
+            send(atomic_files.json_line({"measured": {"rows": [], "lost": source.lost, "ended": True}}))
 
     def ask_zero() -> None:
         live.zero_asked = True
 
     serve(explorer_server.Measuring(measure, ended, ask_zero))
-    return found[0]
+    return outcome.result()
 
 
 def summary(live: Live, lost: int) -> Result:
@@ -459,6 +466,17 @@ def screen() -> Sink:
         shown, count = now, 0
 
     return show
+
+
+def typed_zero(live: Live, options: Streaming) -> Sink:
+    """Return a sink that asks for a zero when the user has typed z and Enter."""
+    listens = options.port != "-" and sys.stdin.isatty()
+
+    def look(rows: Sequence[Decoded]) -> None:
+        if listens and select.select([sys.stdin], [], [], 0)[0]:
+            live.zero_asked = sys.stdin.readline().strip().lower() == "z"
+
+    return look
 
 
 def page(source: sources.Source, send: Callable[[str], None]) -> Sink:

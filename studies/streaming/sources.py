@@ -100,11 +100,12 @@ class Port:
                     continue
                 except OSError:  # the cable was drawn, or the other end of a terminal closed
                     return
-                if not data:
-                    return
-            found = self.frames.feed(data, idle=not ready)
+            # the last frame has no next one that shows its end
+            found = self.frames.feed(data, idle=not data)
             self.lost = self.frames.lost
             yield self._timed(found)
+            if ready and not data:
+                return
 
     def _timed(self, found: Sequence[tuple[float, ...]]) -> list[Row]:
         if not found:
