@@ -267,13 +267,16 @@ def run_sketch(folder, name, *, run=True):
 
 
 @needs("g++")
-def test_the_frame_of_a_sketch_for_other_chips_compiles(tmp_path):
-    ready = decoder_export.prepare(Design(hall_layout="als31300-500", chip_count=2, chip_x=4.0), None, None, "20k")
+def test_the_frame_of_a_sketch_for_other_chips_compiles_and_its_self_test_agrees(tmp_path):
+    ready = decoder_export.prepare(
+        Design(hall_layout="mlx90393", chip_count=2, chip_x=2.5, chip_noise=1e-5), None, None, "20k"
+    )
     for file, text in decoder_export.texts(ready, "magtip firmware").items():
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).write_text(text)
     assert "chip2_-z" in (tmp_path / "extras" / "test_vectors.csv").read_text()
     run_sketch(tmp_path, "OtherChip", run=False)
+    assert run_sketch(tmp_path, "SelfTest").startswith("wrong statuses: 0,")
 
 
 @needs("g++")

@@ -194,12 +194,15 @@ def vectors(firmware: Firmware) -> list[dict[str, Any]]:
     """
     coder, rng = firmware.coder, np.random.default_rng(1)
     low, high = coder.low, coder.high
-    single = outputs_at(coder, np.column_stack([np.zeros(3), rng.uniform(low, high, (30, 3)).T]))
+    # above the height at rest, where rounding decides whether there is a force
+    clear = high[2] / 2
+    single = outputs_at(coder, np.column_stack([[0.0, 0.0, clear], rng.uniform(low, high, (30, 3)).T]))
     bad = np.array([[1.1 * e.high for e in coder.forward.elements], single[1], 2 * single[2] - single[3]])
     bad[1, 1] = np.nan
     single = np.concatenate([single, bad])
     t = np.linspace(0, 1, 60)
-    path = np.stack([0.4 * high[0] * np.sin(5 * t), 0.3 * high[1] * np.sin(8 * t), 0.4 * low[2] * np.sin(3 * t)])
+    depth = 0.4 * low[2] * np.sin(3 * t) + clear
+    path = np.stack([0.4 * high[0] * np.sin(5 * t), 0.3 * high[1] * np.sin(8 * t), depth])
     series = outputs_at(coder, path)
     series[30, 0], series[40] = np.nan, series[10]
     times = (0.01 * np.arange(60) + 0.05 * (np.arange(60) >= 50)).astype(np.float32).astype(np.float64)
