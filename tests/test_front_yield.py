@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from geometry.design import BadInput
 from studies.calibration.calibrated_forces import planned
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
+from studies.sizing import front_yield
 from studies.sizing.candidate_performance import performance
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
@@ -110,6 +112,15 @@ def test_calibration_raises_the_yield():
     errors = calibrations["force_error_95_percent"]
     # a posterior is no exact knowledge, but a better one than two corrections
     assert 0.5 < errors["twelve presses"] < 0.5 * errors["offset and gain"]
+
+
+def test_presses_that_no_stand_can_make_leave_unknown_errors(monkeypatch):
+    def refuse(*arguments):
+        raise BadInput("outside the surrogate")
+
+    monkeypatch.setattr(front_yield, "stand", refuse)
+    row = yield_of(MADE, NEEDED, 60).calibrations.set_index("calibration").loc["twelve presses"]
+    assert (row["within_percent"], row["unknown"]) == (0.0, 60)
 
 
 def test_the_posterior_of_a_calibration_takes_the_place_of_planned_presses():

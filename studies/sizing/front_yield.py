@@ -225,8 +225,10 @@ def yield_of(
     ])  # fmt: skip
     load = required_load(variant.design, requirements)
     none = pd.DataFrame()
-    presses = None if load is None else after_presses(variant, load, requirements, calibration, len(batch), seed)
-    calibrations = none if load is None else _calibrations(sensors, load, requirements, every, batch, count, presses)
+    calibrations = none
+    if load is not None:
+        presses = after_presses(variant, load, requirements, calibration, len(batch), seed)
+        calibrations = _calibrations(sensors, load, requirements, every, batch, count, presses)
     if calibration is not None and not calibrations.empty:
         calibrations = calibrations.replace({"calibration": {"twelve presses": "the calibration"}})
     check = none if load is None or not solves else check_of(sensors, load, count, **solves)
@@ -300,12 +302,12 @@ def _calibrations(
     every: pd.Series[bool],
     batch: Ints,
     count: int,
-    presses: Array | None,
+    presses: Array,
 ) -> pd.DataFrame:
     """Return the shares within all requirements and `ALLOWED`; a sensor without a calibration curve has no error that
     is known, and counts as missed unless its calibration is full.
 
-    presses : largest force error of each sensor after `magtip calibrate`, over the range (n,); None if not known.
+    presses : largest force error of each sensor after `magtip calibrate`, over the range (n,); NaN if not known.
     """
     import pandas as pd
 
@@ -317,8 +319,6 @@ def _calibrations(
     rows = []
     for name, quantity in CALIBRATIONS.items():
         if quantity == "presses":
-            if presses is None:
-                continue
             errors = [presses]
         else:
             errors = [axis.made[quantity] / (span[way] or np.nan) for way, axis in axes.items()] if quantity else []
@@ -337,8 +337,8 @@ def _calibrations(
 
 def after_presses(
     variant: Variant, load: Press, requirements: Requirements, calibration: Fit | None, count: int, seed: int
-) -> Array | None:
-    """Return the largest force error of sensors after `magtip calibrate` over the required range (count,); or None.
+) -> Array:
+    """Return the largest force error of sensors after `magtip calibrate` over the required range (count,); or NaN.
 
     Each has twelve presses, of which nine also shear, on a stand with the error FORCE_SENSOR. Its errors are drawn
     from what these leave uncertain of a sensor with the parts of the catalogue, linearised at the typical one, or
@@ -347,7 +347,7 @@ def after_presses(
     try:
         sensor = calibration.sensor if calibration is not None else stand(variant, requirements)
     except BadInput:
-        return None
+        return np.full(count, np.nan)
     span = np.array([requirements.force_x or np.nan] * 2 + [requirements.force_z])
     share, turn = np.repeat([1 / 3, 2 / 3, 1.0], 4), np.tile([0.0, 0.0, 2 * np.pi / 3, 4 * np.pi / 3], 3)
     aside = share * load.shear * np.tile([0.0, 1.0, 1.0, 1.0], 3)
@@ -355,7 +355,7 @@ def after_presses(
     shift, _, _ = calibrated_forces.poses_of(sensor, at)
     shift = shift[np.isfinite(shift).all(axis=1)]
     if len(shift) < len(share) / 2:
-        return None
+        return np.full(count, np.nan)
     found = calibrated_forces.planned(sensor, shift) if calibration is None else calibration
     errors = calibrated_forces.force_errors(found, shift, count, np.random.default_rng(seed))
     return np.asarray(np.nanmax(np.abs(errors).max(axis=1) / span, axis=1))
