@@ -1,5 +1,6 @@
 """Readings that arrive: frames, what is decoded from them, their records, their page, and bad input."""
 
+import contextlib
 import csv
 import importlib
 import json
@@ -199,8 +200,12 @@ def test_serial_port_is_decoded_until_it_closes(capsys, tmp_path):
 
 
 def is_open(name):
-    """Whether another file of this process is the terminal."""
-    return sum(os.path.realpath(f"/proc/self/fd/{n}") == name for n in os.listdir("/proc/self/fd")) > 1
+    """Whether another file of this process is the terminal; files that close meanwhile are none."""
+    found = 0
+    for number in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(FileNotFoundError):
+            found += os.readlink(f"/proc/self/fd/{number}") == name
+    return found > 1
 
 
 def lines_of(folder):
