@@ -10,9 +10,8 @@ import pytest
 from analytic import beam
 from geometry.design import paper
 from studies.inputs import study_input
-from studies.simulation import beam_cells
 from studies.validation import assumption
-from studies.validation.assumption import Block
+from studies.web import paper_figures
 
 SMALL = """
 version = 2
@@ -111,57 +110,52 @@ def table(error, heights=(0.0,), shear=0.0, **columns):
         for level in beam.LEVELS:
             factor = 1 if level == "paper" else 10
             values[f"analytic_{level}_{column}"] = 2.0 * (1 + factor * off / 100)
-    return values | {name: np.array(value) for name, value in columns.items()}
+    return pd.DataFrame(values | columns)
 
 
 ERROR = [[-60.0, -80.0, -90.0], [-20.0, 4.0, 8.0], [12.0, -3.0, 9.0]]
 
 
-def grid_of(values, kind="press"):
-    return beam_cells.cells(values, beam_cells.bodies(values)[0], kind)
+def errors(values, quantity="press force", level="paper"):
+    """The errors of a level, (depths, lengths)."""
+    return paper_figures.errors(paper_figures.cells(values), quantity)[level].to_numpy().reshape(3, 3)
 
 
 def test_errors_stand_at_their_length_and_load():
-    values = table(ERROR)
-    order = np.random.default_rng(0).permutation(9)
-    mixed = {name: column[order] for name, column in values.items()}
-    grid = grid_of(mixed)
-    assert grid.slenderness.tolist() == list(LENGTHS)
-    assert grid.loads[:, 0].tolist() == list(DEPTHS)
-    assert beam_cells.errors(mixed, grid, "paper", "press force") == approx(np.array(ERROR))
+    mixed = table(ERROR).sample(frac=1.0, random_state=0)
+    cells = paper_figures.cells(mixed)
+    assert cells.slenderness.tolist() == list(LENGTHS) * 3
+    assert cells.depth.unique().tolist() == list(DEPTHS)
+    assert errors(mixed) == approx(np.array(ERROR))
 
 
 def test_two_rows_of_one_cell_are_refused():
     values = table(ERROR)
-    values["depth_mm"][1] = values["depth_mm"][0]
-    values["L_mm"][1] = values["L_mm"][0]
+    values.loc[1, ["depth_mm", "L_mm"]] = values.loc[0, ["depth_mm", "L_mm"]]
     with pytest.raises(ValueError, match="two rows of the table are one cell"):
-        grid_of(values)
+        paper_figures.cells(values)
 
 
 def test_cells_without_an_answer_have_no_error():
     values = table(ERROR)
-    values["fem_force_N"][4] = np.nan
-    values["status"][4] = "not_converged"
-    values["fem_force_N"][0] = np.nan
-    values["status"][0] = "bad_input"
-    grid = grid_of(values)
-    assert np.argwhere(~grid.answered).tolist() == [[0, 0], [1, 1]]
-    assert np.argwhere(~grid.possible).tolist() == [[0, 0]]
-    assert np.isnan(beam_cells.errors(values, grid, "paper", "press force")[1, 1])
+    values.loc[[4, 0], "fem_force_N"] = np.nan
+    values.loc[[4, 0], "status"] = "not_converged", "bad_input"
+    cells = paper_figures.cells(values)
+    assert np.flatnonzero(~cells.answered).tolist() == [0, 4]
+    assert np.flatnonzero(~cells.possible).tolist() == [0]
+    assert np.isnan(errors(values)[1, 1])
 
 
 def test_presses_beyond_the_critical_depth_are_marked():
-    values = table(ERROR, critical_depth_mm=[np.nan, 0.2 * D, 0.08 * D] * 3)
-    assert grid_of(values).leans.tolist() == [[False] * 3, [False, False, True], [False, True, True]]
+    cells = paper_figures.cells(table(ERROR, critical_depth_mm=[np.nan, 0.2 * D, 0.08 * D] * 3))
+    assert np.flatnonzero(cells.leans).tolist() == [5, 7, 8]
 
 
 def test_a_beam_that_does_not_resist_the_shear_is_not_judged():
     values = table(ERROR, shear=0.1)
-    values["fem_force_x_N"][8] = -0.5
-    grid = grid_of(values, "shear")
-    assert np.argwhere(grid.gave_way).tolist() == [[2, 2]]
-    assert np.isnan(beam_cells.errors(values, grid, "paper", "shear force")[2, 2])
+    values.loc[8, "fem_force_x_N"] = -0.5
+    assert np.flatnonzero(paper_figures.cells(values).gave_way).tolist() == [8]
+    assert np.argwhere(np.isnan(errors(values, "shear force"))).tolist() == [[2, 2]]
 
 
 # Regions
@@ -169,13 +163,13 @@ def test_a_beam_that_does_not_resist_the_shear_is_not_judged():
 
 def test_largest_block():
     inside = np.array([[0, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]], dtype=bool)
-    assert assumption.largest_block(inside) == Block(0, 2, 1, 2) or assumption.largest_block(inside).size == 6
+    assert assumption.largest_block(inside) == (slice(1, 3), slice(0, 3))
     assert assumption.largest_block(np.zeros((2, 2), dtype=bool)) is None
-    assert assumption.largest_block(np.ones((2, 3), dtype=bool)) == Block(0, 1, 0, 2)
+    assert assumption.largest_block(np.ones((2, 3), dtype=bool)) == (slice(0, 2), slice(0, 3))
 
 
 def test_shares_and_blocks_of_a_level():
-    rows = assumption.share_rows(table(ERROR), [grid_of(table(ERROR))])
+    rows = assumption.share_rows(paper_figures.cells(table(ERROR)))
     row = next(row for row in rows if (row["quantity"], row["level"]) == ("press force", "paper"))
     assert row["cells"] == 9
     assert row["within_5_percent"] == approx(100 * 2 / 9)
@@ -188,8 +182,8 @@ def test_shares_and_blocks_of_a_level():
 
 def test_the_level_of_least_error_is_the_best():
     values = table(ERROR)
-    values["analytic_finite_force_N"] = np.full(9, 2.1)
-    rows = assumption.best_rows(values, [grid_of(values)])
+    values["analytic_finite_force_N"] = 2.1
+    rows = assumption.best_rows(paper_figures.cells(values))
     best = {row["region"]: row for row in rows if row["quantity"] == "press force"}
     shallow = best["no magnet, L/D above 2, d/D to 0.06"]
     assert shallow["best_level"] == "finite"
@@ -202,19 +196,13 @@ def test_the_level_of_least_error_is_the_best():
 def test_presses_that_a_free_tip_would_not_reach_are_counted():
     """Four cells are within 10 %; the deepest row, which has two of them, lies beyond the critical depth."""
     values = table(ERROR, critical_depth_mm=[0.2 * D] * 9)
-    rows = assumption.share_rows(values, [grid_of(values)])
+    cells = paper_figures.cells(values)
+    rows = assumption.share_rows(cells)
     row = next(row for row in rows if (row["quantity"], row["level"]) == ("press force", "paper"))
     assert row["leaning_of_these_percent"] == approx(50)
-    assert any("But 50 % of the cells within 10 % are presses" in line for line in found(values))
-
-
-# Sentences
-
-
-def found(values):
-    """The findings of a table."""
-    grids = [beam_cells.cells(values, body, "press") for body in beam_cells.bodies(values)]
-    return assumption.findings(values, grids, assumption.share_rows(values, grids), [])
+    assert any(
+        "But 50 % of the cells within 10 % are presses" in line for line in assumption.findings(cells, rows, [])
+    )
 
 
 # Errors of the readings: each part has its own cause, and their sum is the whole
@@ -224,7 +212,7 @@ def poses(tilt=0.0, aside=0.5, lower=0.4):
     """Two shears and a press of the paper's sensor: the finite elements' poses, and the formula's at (0.5, -0.4)."""
     n = 3
     moved = np.array([1.0, 2.0, 0.0])
-    return {
+    values = {
         **{f"{name}_mm": np.full(n, size) for name, size in (("D", 8.0), ("L", 9.0), ("f", 5.0), ("l0", 7.2))},
         "magnet_diameter_mm": np.full(n, 4.0),
         "magnet_height_mm": np.full(n, 2.0),
@@ -246,12 +234,11 @@ def poses(tilt=0.0, aside=0.5, lower=0.4):
         "analytic_paper_tilt_rad": np.zeros(n),
         "analytic_paper_tilt_y_rad": np.zeros(n),
     }
+    return pd.DataFrame(values)
 
 
 def split(values, design=paper()):
-    body = beam_cells.bodies(values)[0]
-    grids = [beam_cells.cells(values, body, kind) for kind in ("press", "shear")]
-    return assumption.split_cells(values, grids, design).to_dict("records")
+    return assumption.split_cells(paper_figures.cells(values), design).to_dict("records")
 
 
 def cells(**pose):
@@ -312,9 +299,9 @@ def test_a_press_may_have_no_columns_across():
 
 def test_the_sensor_is_that_of_the_study():
     """Its elements' height, and sizes of the magnet that no axis varies."""
-    values = {name: column for name, column in poses().items() if name not in ("magnet_diameter_mm", "l0_mm")}
+    values = poses().drop(columns=["magnet_diameter_mm", "l0_mm"])
     own = dataclasses.replace(paper(), c=3.0, magnet_diameter=3.0)
-    sensor = assumption.sensor(values, 0, own)
+    sensor = assumption.sensor(values, own)
     assert (sensor.c, sensor.magnet_diameter, sensor.l0) == (3.0, 3.0, pytest.approx(own.l0))
     by_c = [[row["dipole_percent_FS"] for row in split(values, dataclasses.replace(own, c=c))] for c in (2.0, 3.0)]
     assert by_c[0] != by_c[1]

@@ -18,11 +18,11 @@ are in the base of the sensor; L changes the distance to the magnet. A state who
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,18 +33,15 @@ from analytic.parts import of_design
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.inputs.user_input import Value
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, Plan, varied
 from studies.output.figures import COLOURS, Figure, Look, heat, plot, save, table_of
 from studies.output.result import Result, Table
-from studies.simulation import beam_cells
-from studies.simulation.beam_cells import QUANTITIES, Body, Bools, Cells, Columns, all_errors, errors
 from studies.sweeps import sweep_request
 from studies.sweeps.study_rows import flat_rows
 from studies.validation import pages
 from studies.validation.pages import Row
-from studies.web.paper_figures import MARKED, error_map, map_cells
+from studies.web.paper_figures import MARKED, QUANTITIES, body, cells, error_map, errors, map_cells
 
 STUDY = Path(__file__).resolve().parents[1] / "examples" / "beam_assumption.toml"
 """The shipped study."""
@@ -94,32 +91,27 @@ def run(progress: Progress, plan: Plan, processes: Processes = Processes(), stor
     return result({name: np.concatenate([each[name] for each in tables]) for name in tables[0]}, plan.design)
 
 
-def result(table: Columns, design: Design) -> Result:
-    pairs = product(beam_cells.bodies(table), QUANTITIES)
-    grids = [grid for body, kind in pairs if (grid := beam_cells.cells(table, body, kind)).row.size]
-    nu = max(grid.body.nu for grid in grids)
-    main = [grid for grid in grids if grid.body.nu == nu]
-    shares, best = share_rows(table, grids), best_rows(table, main)
-    parts = split_cells(table, main, design)
+def result(table: Mapping[str, NDArray[Any]], design: Design) -> Result:
+    found = cells(pd.DataFrame(table))
+    nu = found["nu"].max()
+    main = found[found["nu"] == nu]
+    shares, best = share_rows(found), best_rows(main)
+    parts = split_cells(main, design)
     means = split_means(parts, ["load", "magnet_height_over_D", "slenderness"])
-    sentences = findings(table, grids, shares, split_means(parts, ["load", "slenderness"]))
-    pictures = maps(table, main, means)
+    sentences = findings(found, shares, split_means(parts, ["load", "slenderness"]))
+    pictures = maps(found, means)
     chosen = [row for row in shares if row["nu"] == nu and row["level"] in ("paper", "finite")]
     page = {"design": design, "sentences": sentences, "nu": nu, "best": best, "means": means}
     page["pictures"] = {name: text for name, (_, text) in pictures.items()}
     page["shares"] = [{name: value for name, value in row.items() if name != "nu"} for row in chosen]
     first = ("quantity", "level", "magnet_height_over_D", "within_10_percent")
     shown = Table(title="Share of the cells within 5 and 10 %", rows=shares, first=first)
+    tables = {"shares": shares, "best": best, "readings": pages.records(parts), "sweep": list(flat_rows(table))}
     return Result(
         title=shown.title,
         records=shares,
         shown=[shown, *sentences],
-        tables={
-            "shares": shares,
-            "best": best,
-            "readings": pages.records(parts),
-            "sweep": list(flat_rows(table)),
-        },
+        tables=tables,
         files={name: partial(save, figures=figures) for name, (figures, _) in pictures.items()},
         pages={"ASSUMPTION.md": pages.rendered("assumption.md.j2", **page)},
     )
@@ -128,135 +120,104 @@ def result(table: Columns, design: Design) -> Result:
 # Regions
 
 
-class Block(NamedTuple):
-    """Neighbouring lengths and loads: first and last index of each."""
-
-    first_load: int
-    last_load: int
-    first_length: int
-    last_length: int
-
-    @property
-    def size(self) -> int:
-        return (self.last_load - self.first_load + 1) * (self.last_length - self.first_length + 1)
-
-
-def share(error: Array, bound: float) -> float:
+def share(error: pd.Series, bound: float) -> float:
     """Return the share of the known errors that are within a bound, %; NaN without any.
 
-    >>> share(np.array([-3.0, 7.0, np.nan, 20.0, 1.0]), 5.0)
+    >>> share(pd.Series([-3.0, 7.0, np.nan, 20.0, 1.0]), 5.0)
     50.0
     """
-    known = np.isfinite(error)
-    return 100 * float((np.abs(error[known]) <= bound).mean()) if known.any() else math.nan
+    return 100 * float((error.dropna().abs() <= bound).mean())
 
 
-def largest_block(inside: Bools) -> Block | None:
-    """Return the largest block of neighbouring cells that are all inside; None if no cell is.
+def largest_block(inside: NDArray[np.bool_]) -> tuple[slice, slice] | None:
+    """Return loads and lengths of the largest block of neighbouring cells that are all inside; None if no cell is.
 
     Among equally large blocks the one with more lengths is taken.
     """
-    best: Block | None = None
-    loads, lengths = inside.shape
-    for first in range(loads):
+    best, most = None, (0, 0)
+    for first, last in product(range(len(inside)), repeat=2):
         # columns that are inside in all rows from the first to the last one
-        whole = np.ones(lengths, dtype=np.bool_)
-        for last in range(first, loads):
-            whole &= inside[last]
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8)))
-            for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-                block = Block(first, last, begin, end - 1)
-                if best is None or (block.size, end - 1 - begin) > (best.size, best.last_length - best.first_length):
-                    best = block
+        whole = inside[first : last + 1].all(axis=0) if first <= last else np.zeros(0, dtype=bool)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8)))
+        for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            if (size := ((last - first + 1) * (end - begin), end - begin)) > most:
+                best, most = (slice(first, last + 1), slice(begin, end)), size
     return best
 
 
-def block_text(grid: Cells, inside: Bools) -> str:
+def block_text(own: pd.DataFrame, inside: pd.Series) -> str:
     """Return the largest block inside in words, such as "L/D 2 to 6, d/D 0.08 to 0.2"; "nowhere" for none."""
-    block = largest_block(inside)
+    flags = own.assign(inside=inside).pivot(index=["depth", "shear"], columns="slenderness", values="inside")
+    block = largest_block(flags.eq(True).to_numpy())
     if block is None:
         return "nowhere"
 
     def span(low: float, high: float) -> str:
         return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
-    slender = span(grid.slenderness[block.first_length], grid.slenderness[block.last_length])
-    first, last = grid.loads[block.first_load], grid.loads[block.last_load]
-    if grid.kind == "press":
-        return f"L/D {slender}, d/D {span(first[0], last[0])}"
-    if first[0] == last[0]:
-        return f"L/D {slender}, d/D {first[0]:.3g}, shear/D {span(first[1], last[1])}"
-    states = f"from d/D {first[0]:.3g}, shear/D {first[1]:.3g} to d/D {last[0]:.3g}, shear/D {last[1]:.3g}"
-    return f"L/D {slender}, {states}"
+    loads, lengths = flags.index[block[0]], flags.columns[block[1]]
+    (depth, shear), (deepest, farthest) = loads[0], loads[-1]
+    slender = f"L/D {span(lengths[0], lengths[-1])}"
+    if not farthest:
+        return f"{slender}, d/D {span(depth, deepest)}"
+    if depth == deepest:
+        return f"{slender}, d/D {depth:.3g}, shear/D {span(shear, farthest)}"
+    return f"{slender}, from d/D {depth:.3g}, shear/D {shear:.3g} to d/D {deepest:.3g}, shear/D {farthest:.3g}"
 
 
-def share_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
+def share_rows(found: pd.DataFrame) -> list[Row]:
     """Return a row for each quantity, level and body: shares of the judged cells within the bounds, errors, blocks.
 
     `leaning_of_these_percent` is the share of the cells within 10 % that are deeper than the critical depth of a free
     tip; a block is the largest one of neighbouring cells within the bound, in words.
     """
-    rows = []
-    for grid in grids:
-        for quantity, level in product(QUANTITIES[grid.kind], beam.LEVELS):
-            error = errors(table, grid, level, quantity)
-            known = error[np.isfinite(error)]
+    rows: list[Row] = []
+    for (nu, height, kind), own in found.groupby(["nu", "height", "kind"], sort=False):
+        for quantity, level in product(QUANTITIES[kind], beam.LEVELS):
+            error = errors(own, quantity)[level]
+            known, near = error.dropna(), {bound: error.abs() <= bound for bound in BOUNDS}
             if not len(known):
                 continue
-            near = [np.abs(error) <= bound for bound in BOUNDS]
-            leaning = 100 * float(grid.leans[near[1]].mean()) if near[1].any() else math.nan
-            row = {"quantity": quantity, "level": level, "magnet_height_over_D": grid.body.height, "nu": grid.body.nu}
-            row |= {"cells": len(known), "within_5_percent": share(error, BOUNDS[0])}
-            row |= {"within_10_percent": share(error, BOUNDS[1]), "leaning_of_these_percent": leaning}
-            row["median_error_percent"] = float(np.median(np.abs(known)))
-            row["largest_error_percent"] = float(known[np.abs(known).argmax()])
-            row |= {
-                f"within_{bound:g}_block": block_text(grid, each) for bound, each in zip(BOUNDS, near, strict=True)
-            }
-            rows.append(row)
+            row = {"quantity": quantity, "level": level, "magnet_height_over_D": height, "nu": nu}
+            row |= {"cells": len(known)} | {f"within_{bound:g}_percent": share(error, bound) for bound in BOUNDS}
+            row["leaning_of_these_percent"] = 100 * float(own["leans"][near[BOUNDS[1]]].mean())
+            row["median_error_percent"] = float(known.abs().median())
+            row["largest_error_percent"] = float(known[known.abs().idxmax()])
+            rows.append(row | {f"within_{bound:g}_block": block_text(own, near[bound]) for bound in BOUNDS})
     return rows
 
 
-def regions(grid: Cells) -> pd.DataFrame:
-    """Return body, slenderness and depth of each cell in words, in the order of its rows."""
-
-    def classes(values: Array, edges: tuple[float, float], names: Sequence[str]) -> pd.Categorical:
-        return pd.Categorical.from_codes((values > edges[0]).astype(int) + (values > edges[1]), names)
-
-    height, (depth, ratio) = grid.body.height, np.meshgrid(grid.loads[:, 0], grid.slenderness, indexing="ij")
-    bodies = ("no magnet", f"magnet to {BODIES[1]:g} D", "taller magnet")
+def regions(own: pd.DataFrame) -> pd.DataFrame:
+    """Return cells with body, slenderness and depth in words."""
     names = (f"d/D to {DEPTHS[0]:g}", f"d/D {DEPTHS[0]:g} to {DEPTHS[1]:g}", f"d/D above {DEPTHS[1]:g}")
-    return pd.DataFrame(
-        {
-            "body": classes(np.full(depth.size, height), BODIES, bodies),
-            "slenderness": slender(ratio.ravel()),
-            "depth": classes(depth.ravel(), DEPTHS, names),
-        }
+    bodies, ends = ("no magnet", f"magnet to {BODIES[1]:g} D", "taller magnet"), (-math.inf, math.inf)
+    return own.assign(
+        body=pd.cut(own["height"], [ends[0], *BODIES, ends[1]], labels=bodies),
+        slender=slender(own["slenderness"]),
+        deep=pd.cut(own["depth"], [ends[0], *DEPTHS, ends[1]], labels=names),
     )
 
 
-def best_rows(table: Columns, grids: Sequence[Cells]) -> list[Row]:
+def best_rows(main: pd.DataFrame) -> list[Row]:
     """Return the best level in each region: body, slenderness and depth; regions without a cell are left out.
 
     The best level has the least root mean square error in the cells that every level answers; `best_in_percent` is
     the share of these in which it has the least error of all levels.
     """
     rows: list[Row] = []
-    for quantity in (name for names in QUANTITIES.values() for name in names):
-        own = [grid for grid in grids if quantity in QUANTITIES[grid.kind]]
-        found = [{level: each.ravel() for level, each in all_errors(table, grid, quantity).items()} for grid in own]
-        parts = [regions(grid).assign(**levels) for grid, levels in zip(own, found, strict=True)]
-        cells = pd.concat(parts).dropna() if parts else pd.DataFrame(columns=["body", "slenderness", "depth"])
-        for region, group in cells.groupby(["body", "slenderness", "depth"], observed=True):
-            levels = group[list(beam.LEVELS)]
+    for kind, quantity in ((one, name) for one, names in QUANTITIES.items() for name in names):
+        own = regions(main[main["kind"] == kind])
+        known = errors(own, quantity).dropna()
+        own = own.loc[known.index]
+        for region, levels in known.groupby([own["body"], own["slender"], own["deep"]], observed=True):
             rms = (levels**2).mean() ** 0.5
             best = str(rms.idxmin())
             row: Row = {"quantity": quantity, "region": ", ".join(region), "cells": len(levels)}
             row |= {"best_level": best, "rms_error_percent": float(rms[best])}
-            row["within_10_percent"] = share(levels[best].to_numpy(), 10.0)
+            row["within_10_percent"] = share(levels[best], 10.0)
             row["best_in_percent"] = 100 * float((levels.abs().idxmin(axis=1) == best).mean())
             row["paper_rms_error_percent"] = float(rms["paper"])
-            rows.append(row | {"paper_within_10_percent": share(levels["paper"].to_numpy(), 10.0)})
+            rows.append(row | {"paper_within_10_percent": share(levels["paper"], 10.0)})
     return rows
 
 
@@ -266,41 +227,36 @@ Pictures = dict[str, tuple[Sequence[Figure], str]]
 """Figures and the text below them, by the name of their file."""
 
 
-def maps(table: Columns, grids: Sequence[Cells], means: Sequence[Row]) -> Pictures:
+def maps(found: pd.DataFrame, means: Sequence[Row]) -> Pictures:
     """Return the maps of the errors, of the best level, and the parts of the readings' errors."""
-    found: Pictures = {}
-    nu = grids[0].body.nu
-    for kind, quantities in QUANTITIES.items():
-        own = [grid for grid in grids if grid.kind == kind]
-        for quantity in quantities if own else ():
-            text = f"Error of the {quantity} in a {kind}, by level and height of the magnet, nu = {nu:g}."
-            figures = [error_map(table, own, quantity, level) for level in beam.LEVELS]
-            found[f"{quantity.replace(' ', '_')}.png"] = figures, text
+    pictures: Pictures = {}
+    nu = found["nu"].max()
+    main = found[found["nu"] == nu]
+    for kind, quantity in ((one, name) for one in sorted(main["kind"].unique()) for name in QUANTITIES[one]):
+        text = f"Error of the {quantity} in a {kind}, by level and height of the magnet, nu = {nu:g}."
+        figures = [error_map(found, quantity, level) for level in beam.LEVELS]
+        pictures[f"{quantity.replace(' ', '_')}.png"] = figures, text
     best = f"The level of least error in each cell; grey: even that error exceeds {BOUNDS[1]:g} %."
-    found["best_level.png"] = best_maps(table, grids), best
+    pictures["best_level.png"] = best_maps(main), best
     if means:
         parts = "Root mean squares of the parts of the readings' error, by height of the magnet and L/D."
-        found["readings.png"] = [split_figure(means)], parts
-    return found
+        pictures["readings.png"] = [split_figure(means)], parts
+    return pictures
 
 
-def best_levels(grid: Cells, table: Columns, quantity: str) -> NDArray[Any]:
-    """Return the level of least error in each cell, "none" where even that exceeds the bound, None without any."""
-    errors = all_errors(table, grid, quantity)
-    sizes = np.abs(np.array(list(errors.values())))
-    least = np.where(np.isfinite(sizes), sizes, np.inf)
-    names = np.array([*errors, "none", None], dtype=object)
-    index = np.where(least.min(axis=0) > BOUNDS[1], -2, least.argmin(axis=0))
-    return np.asarray(names[np.where(np.isfinite(sizes).any(axis=0), index, -1)])
+def best_maps(main: pd.DataFrame) -> list[Figure]:
+    """Return maps of the level of least error in each cell, for the press force and the shear force.
 
-
-def best_maps(table: Columns, grids: Sequence[Cells]) -> list[Figure]:
-    """Return maps of the level of least error in each cell, for the press force and the shear force."""
+    It is "none" where even that error exceeds the bound, and None without any.
+    """
     value, figures = "level of least error", []
     colours = dict(zip([*beam.LEVELS, "none"], [*COLOURS[: len(beam.LEVELS)], "#bbbbbb"], strict=True))
     for kind, quantity in (("press", "press force"), ("shear", "shear force")):
-        if own := [grid for grid in grids if grid.kind == kind]:
-            data, axes = map_cells(own, partial(best_levels, table=table, quantity=quantity), value)
+        if len(own := main[main["kind"] == kind]):
+            least = errors(own, quantity).abs().fillna(math.inf)
+            names = least.idxmin(axis=1).mask(least.min(axis=1) > BOUNDS[1], "none")
+            known = np.where(np.isfinite(least.min(axis=1)), names.astype(object), None)
+            data, axes = map_cells(own.assign(**{value: known}), value)
             title = f"Level of least error, {quantity}"
             figures.append(heat(title, "", data, axes, value, colours=colours, marked=MARKED))
     return figures
@@ -320,54 +276,45 @@ def split_figure(means: Sequence[Row]) -> Figure:
 # Findings
 
 
-def findings(table: Columns, grids: Sequence[Cells], shares: Sequence[Row], readings: Sequence[Row]) -> list[str]:
+def findings(found: pd.DataFrame, shares: Sequence[Row], readings: Sequence[Row]) -> list[str]:
     """Return what the tables do not show, in sentences: where the paper's formulas hold, readings, failures."""
-    nu = max(grid.body.nu for grid in grids)
+    nu = found["nu"].max()
     main = [row for row in shares if row["nu"] == nu]
-    presses, shears = ([grid for grid in grids if grid.kind == kind] for kind in ("press", "shear"))
+    known, pressed = found[found["nu"] == nu], found["kind"] == "press"
 
     def within(quantity: str) -> dict[str, float]:
         """Return the share of all cells within 10 %, by the name of the formula."""
-        found = {}
+        parts = {}
         for level, name in (("paper", FORMULAS[quantity]), ("finite", "level finite")):
             own = [row for row in main if (row["quantity"], row["level"]) == (quantity, level)]
-            if cells := sum(row["cells"] for row in own):
-                found[name] = sum(row["cells"] * row["within_10_percent"] for row in own) / cells
-        return found
+            if count := sum(row["cells"] for row in own):
+                parts[name] = sum(row["cells"] * row["within_10_percent"] for row in own) / count
+        return parts
 
-    def known(own: Sequence[Cells], quantity: str, deepest: float) -> Array:
-        """Return the errors of the paper's formula in cells up to a depth over D."""
-        parts = [
-            errors(table, grid, "paper", quantity)[grid.loads[:, 0] <= deepest].ravel()
-            for grid in own
-            if grid.body.nu == nu
-        ]
-        found = np.concatenate([np.empty(0), *parts])
-        return np.asarray(found[np.isfinite(found)])
+    def by_paper(quantity: str, kind: str) -> pd.Series:
+        return errors(known[known["kind"] == kind], quantity)["paper"].dropna()
 
-    def count(own: Sequence[Cells], flags: Callable[[Cells], Bools]) -> int:
-        return sum(int(flags(grid).sum()) for grid in own)
-
+    light = by_paper("press force", "press")
     text = pages.filled(
         (pages.TEMPLATES / "assumption_findings.j2").read_text("utf-8"),
         overall=[(quantity, within(quantity)) for quantity in FORMULAS],
         bodies=[
-            row | {"body": Body(row["magnet_height_over_D"], nu).name, "formula": FORMULAS[quantity]}
+            row | {"body": body(row["magnet_height_over_D"]), "formula": FORMULAS[quantity]}
             for quantity, row in product(FORMULAS, main)
             if (row["quantity"], row["level"]) == (quantity, "paper")
         ],
         shallow=DEPTHS[0],
-        light=known(presses, "press force", DEPTHS[0]),
-        sheared=known(shears, "shear force", math.inf),
+        light=light[known["depth"][light.index] <= DEPTHS[0]],
+        sheared=by_paper("shear force", "shear"),
         readings=readings,
         shortest=SLENDER[0],
-        leaning=count(presses, lambda grid: np.asarray(grid.leans & grid.judged)),
-        judged=count(presses, lambda grid: grid.judged),
-        given=count(shears, lambda grid: grid.gave_way),
-        answered=count(shears, lambda grid: grid.answered),
-        failed=count(grids, lambda grid: np.asarray(grid.possible & ~grid.answered)),
-        impossible=count(grids, lambda grid: np.asarray(~grid.possible)),
-        cells=sum(grid.row.size for grid in grids),
+        leaning=(pressed & found["leans"] & found["judged"]).sum(),
+        judged=(pressed & found["judged"]).sum(),
+        given=(~pressed & found["gave_way"]).sum(),
+        answered=(~pressed & found["answered"]).sum(),
+        failed=(found["possible"] & ~found["answered"]).sum(),
+        impossible=(~found["possible"]).sum(),
+        cells=len(found),
     )
     return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]
 
@@ -375,39 +322,33 @@ def findings(table: Columns, grids: Sequence[Cells], shares: Sequence[Row], read
 # Parts of the errors of readings
 
 PARTS = ("total", "mechanics", "tilt", "field", "dipole")
-COLUMNS, LOADS = [f"{part}_percent_FS" for part in PARTS], ("depth", "shear")
-
-
+COLUMNS = [f"{part}_percent_FS" for part in PARTS]
 SLENDER = ("L/D below 1.1", "L/D 1.1 to 2", "L/D above 2")
 
 
-def slender(ratio: Array) -> pd.Categorical:
+def slender(ratio: pd.Series) -> pd.Categorical:
     return pd.Categorical.from_codes((ratio >= 1.1).astype(int) + (ratio > 2), SLENDER)
 
 
-def split_cells(table: Columns, grids: Sequence[Cells], design: Design) -> pd.DataFrame:
+def split_cells(main: pd.DataFrame, design: Design) -> pd.DataFrame:
     """Return the parts in every judged state of the bodies with a magnet; `design` is that of the sweep.
 
     They are NaN where a pose is unknown.
     """
     found = [pd.DataFrame(columns=["L_over_D", "shear_over_D", *COLUMNS])]
-    for body in dict.fromkeys(grid.body for grid in grids if grid.body.height):
-        own = [grid for grid in grids if grid.body == body]
-        for column, slenderness in enumerate(own[0].slenderness.tolist()):
-            states = np.concatenate([grid.row[grid.judged[:, column], column] for grid in own])
-            if not len(states):
-                continue
-            one = sensor(table, int(states[0]), design)
-            (fem, tilt), (formula, _) = (_poses(table, model, states) for model in ("fem", "analytic_paper"))
-            known = np.isfinite(np.column_stack([fem, tilt, formula])).all(axis=1)
-            names = [element.name for element in of_design(one)]
-            percent = np.full((len(PARTS), len(states), len(names)), np.nan)
-            if known.any():
-                percent[:, known] = _parts(one, fem[known], tilt[known], formula[known])
-            place: Row = {"magnet_height_over_D": body.height, "L_over_D": slenderness}
-            place |= {f"{name}_over_D": (table[f"{name}_mm"][states] / one.D).repeat(len(names)) for name in LOADS}
-            parts = dict(zip(COLUMNS, percent.reshape(len(PARTS), -1), strict=True))
-            found.append(pd.DataFrame({**place, "element": names * len(states), **parts}))
+    states = main[main["judged"] & (main["height"] > 0)]
+    for (height, slenderness), own in states.groupby(["height", "slenderness"]):
+        one = sensor(own, design)
+        (fem, tilt), (formula, _) = (_poses(own, model) for model in ("fem", "analytic_paper"))
+        known = np.isfinite(np.column_stack([fem, tilt, formula])).all(axis=1)
+        names = [element.name for element in of_design(one)]
+        percent = np.full((len(PARTS), len(own), len(names)), np.nan)
+        if known.any():
+            percent[:, known] = _parts(one, fem[known], tilt[known], formula[known])
+        place: Row = {"magnet_height_over_D": height, "L_over_D": slenderness}
+        place |= {f"{name}_over_D": (own[f"{name}_mm"] / one.D).repeat(len(names)) for name in ("depth", "shear")}
+        parts = dict(zip(COLUMNS, percent.reshape(len(PARTS), -1), strict=True))
+        found.append(pd.DataFrame({**place, "element": names * len(own), **parts}))
     return pd.concat(found[1:] or found, ignore_index=True)
 
 
@@ -426,22 +367,20 @@ def _parts(design: Design, fem: Array, tilt: Array, formula: Array) -> Array:
     return np.array([100 * part / scale for part in parts])
 
 
-def sensor(table: Columns, row: int, design: Design) -> Design:
+def sensor(own: pd.DataFrame, design: Design) -> Design:
     names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-    sizes: dict[str, Value] = {name: float(table[f"{name}_mm"][row]) for name in names if f"{name}_mm" in table}
-    return varied(design, sizes | {"nu": float(table["nu"][row])})
+    sizes: Any = {name: float(own[f"{name}_mm"].iloc[0]) for name in names if f"{name}_mm" in own}
+    return varied(design, sizes | {"nu": float(own["nu"].iloc[0])})
 
 
-def _poses(table: Columns, prefix: str, states: Array) -> tuple[Array, Array]:
+def _poses(own: pd.DataFrame, prefix: str) -> tuple[Array, Array]:
     """Return shifts (n, 3), mm, and rotation vectors (n, 2), rad, of a model; NaN where it has none.
 
     A press moves the magnet along the axis only, and its columns across may be empty.
     """
-    shift = np.column_stack([table[f"{prefix}_shift_{axis}_mm"][states] for axis in "xyz"]).astype(float)
-    lean = np.column_stack([-table[f"{prefix}_tilt_y_rad"][states], table[f"{prefix}_tilt_rad"][states]]).astype(
-        float
-    )
-    press = (table["shear_mm"][states] == 0) & np.isfinite(shift[:, 2])
+    shift = own[[f"{prefix}_shift_{axis}_mm" for axis in "xyz"]].to_numpy(dtype=float, copy=True)
+    lean = own[[f"{prefix}_tilt_y_rad", f"{prefix}_tilt_rad"]].to_numpy(dtype=float) * [-1.0, 1.0]
+    press = (own["kind"] == "press").to_numpy() & np.isfinite(shift[:, 2])
     shift[press, :2], lean[press] = np.nan_to_num(shift[press, :2]), np.nan_to_num(lean[press])
     return shift, lean
 
@@ -461,7 +400,7 @@ def split_means(parts: pd.DataFrame, by: list[str]) -> list[Row]:
     known = parts[parts["total_percent_FS"].notna()]
     known = known.assign(
         load=np.where(known["shear_over_D"] != 0, "shear", "press"),
-        slenderness=slender(known["L_over_D"].to_numpy()),
+        slenderness=slender(known["L_over_D"]),
         **known[COLUMNS] ** 2,
     )
     groups = known.groupby(by, observed=True)

@@ -2,66 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic import beam
 from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, heat, long, numbers, plot, texts
-from studies.simulation import beam_cells
-from studies.simulation.beam_cells import Cells, Columns, Kind
 
 if TYPE_CHECKING:
     import pandas as pd
 
+QUANTITIES = {
+    "press": {"press force": "force_N", "sinking": "shift_z_mm"},
+    "shear": {"shear force": "force_x_N", "sideways shift": "shift_x_mm", "tilt": "tilt_rad"},
+}
+"""Quantities of each kind of load that are judged, and their columns behind the model's prefix."""
+COLUMNS = {name: column for own in QUANTITIES.values() for name, column in own.items()}
 SHOWN_LEVELS = ("paper", "finite")
 """Levels of the formulas whose errors are mapped: the paper's and the best one; the table has all."""
-
-
-def assumption(table: pd.DataFrame, levels: tuple[str, ...] = SHOWN_LEVELS) -> list[Figure]:
-    """Return maps of the errors of the formulas over L/D and load, a panel for each height of the magnet."""
-    words = ("status", "message", "friction")
-    columns: Columns = {
-        name: (texts if name in words else numbers)(table, name).to_numpy() for name in map(str, table.columns)
-    }
-    known = [name for name in levels if name in beam.LEVELS and f"analytic_{name}_force_N" in columns]
-    return list(_assumption_maps(columns, known))
-
-
-def _assumption_maps(columns: Columns, levels: list[str]) -> Iterator[Figure]:
-    """Yield the maps, quantity by quantity."""
-    bodies = beam_cells.bodies(columns)
-    nu = max(body.nu for body in bodies)
-    kinds: tuple[Kind, ...] = ("press", "shear")
-    for kind in kinds:
-        grids = [beam_cells.cells(columns, body, kind) for body in bodies if body.nu == nu]
-        grids = [grid for grid in grids if grid.row.size]
-        for quantity in beam_cells.QUANTITIES[kind] if grids else ():
-            for level in levels:
-                yield error_map(columns, grids, quantity, level)
-
-
-def error_map(columns: Columns, grids: Sequence[Cells], quantity: str, level: str) -> Figure:
-    """Return the map of the errors of one quantity by one level, a panel for each of the grids."""
-    error = "error (%)"
-    data, axes = map_cells(grids, lambda grid: beam_cells.errors(columns, grid, level, quantity), error)
-    judged = data[error].dropna().abs()
-    shares = [100 * float((judged <= bound).mean()) if len(judged) else 0.0 for bound in (5, 10)]
-    caption = (
-        f"Of {len(judged)} cells {shares[0]:.0f} % are within 5 % and {shares[1]:.0f} % within 10 % of finite "
-        "elements. Empty cells: the magnet does not fit, or the level has no answer."
-    )
-    nu = grids[0].body.nu
-    others = ", ".join(f"{other:g}" for other in sorted({body.nu for body in beam_cells.bodies(columns)} - {nu}))
-    if others:
-        caption += f" Poisson's ratio {nu:g}; the table also has {others}."
-    return heat(
-        f"Error of the {quantity}, level {level}", caption, data, axes, error, edges=ERROR_EDGES, marked=MARKED
-    )
-
-
 MARKED = {
     "failed": "Crosses: the solve stopped, or the beam gave way.",
     "doubted": "Dots: a tip that is free to slide has buckled sideways before; these presses hold it on the axis.",
@@ -69,35 +28,90 @@ MARKED = {
 """What the marks of cells mean."""
 
 
-def map_cells(
-    grids: Sequence[Cells], values: Callable[[Cells], NDArray[Any]], name: str
-) -> tuple[pd.DataFrame, tuple[str, str]]:
-    """Return the cells of grids as the table of a map, a panel for each, and its axes.
+def cells(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of a sweep over L, magnet, nu, depth and shear as cells, those of the largest nu first.
 
-    Parameters
-    ----------
-    values : of the cells of a grid, shape (loads, lengths).
-    name : column of the values.
+    Columns that are added: the `kind` of load, press or shear; lengths over D, `height` of the magnet, `slenderness`,
+    `depth` and `shear`; whether the design is `possible`, and its state `answered` by finite elements; whether the
+    beam `gave_way`, so that its force along the shear is not positive; whether a press `leans`: is deeper than the
+    depth at which a tip that slides freely buckles sideways. What is answered and did not give way is `judged`.
+
+    Raises
+    ------
+    ValueError
+        Two rows belong to one cell; `studies.validation.assumption.plan_of` refuses such studies.
     """
-    import pandas as pd
+    lengths = {"height": "magnet_height_mm", "slenderness": "L_mm", "depth": "depth_mm", "shear": "shear_mm"}
+    found = table.assign(
+        **{name: (numbers(table, column) / numbers(table, "D_mm")).round(9) for name, column in lengths.items()},
+        nu=numbers(table, "nu"),
+    )
+    sheared = found["shear"] != 0
+    force = numbers(table, "fem_force_x_N").where(sheared, numbers(table, "fem_force_N"))
+    found["kind"] = np.where(sheared, "shear", "press")
+    found["possible"], found["answered"] = texts(table, "status") != "bad_input", np.isfinite(force)
+    found["gave_way"], found["judged"] = force <= 0, force > 0
+    # a NaN, which stands for no critical depth, is exceeded by nothing
+    found["leans"] = ~sheared & (numbers(table, "depth_mm") > numbers(table, "critical_depth_mm"))
+    place = ["nu", "height", "kind", "depth", "shear", "slenderness"]
+    if (twice := found.duplicated(place)).any():
+        row = found[twice].iloc[0]
+        raise ValueError(f"two rows of the table are one cell of {body(row.height)}, nu {row.nu:g}")
+    return found.sort_values(place, ascending=[name != "nu" for name in place], ignore_index=True)
 
-    press = grids[0].kind == "press"
-    load = "depth/D" if press else "depth/D / shear/D"
-    parts = []
-    for grid in grids:
-        cells = values(grid)
-        line, place = (k.ravel() for k in np.indices(cells.shape))
-        part = {"depth": grid.loads[line, 0], "shear": grid.loads[line, 1], "L/D": grid.slenderness[place].round(3)}
-        part |= {name: cells.ravel(), "failed": ((grid.possible & ~grid.answered) | grid.gave_way).ravel()}
-        part |= {"doubted": (grid.leans & grid.judged).ravel()} if press else {}
-        parts.append(pd.DataFrame(part).assign(panel=grid.body.name))
-    data = pd.concat(parts, ignore_index=True).sort_values(["depth", "shear"], kind="stable", ignore_index=True)
-    pairs = zip(data["depth"], data["shear"], strict=True)
-    data[load] = [float(f"{d:.3g}") if press else f"{d:.3g} / {s:.3g}" for d, s in pairs]
-    order = [grid.body.name for grid in grids]
-    data = data.sort_values("panel", kind="stable", key=lambda names: names.map(order.index))
-    flags = ["failed", *(["doubted"] if press else [])]
-    return data[["panel", "L/D", load, name, *flags]], ("L/D", load)
+
+def body(height: float) -> str:
+    """Return the name of a beam with a magnet of this height over D in sentences."""
+    return f"magnet {height:.3g} D high" if height else "no magnet"
+
+
+def errors(own: pd.DataFrame, quantity: str, levels: Sequence[str] = beam.LEVELS) -> pd.DataFrame:
+    """Return the errors of levels of the formulas in cells, %; NaN where one is not judged, or has no answer."""
+    fem = numbers(own, f"fem_{COLUMNS[quantity]}").where(lambda value: own["judged"] & (value != 0))
+    return own[[]].assign(
+        **{level: 100 * (numbers(own, f"analytic_{level}_{COLUMNS[quantity]}") / fem - 1) for level in levels}
+    )
+
+
+def assumption(table: pd.DataFrame, levels: tuple[str, ...] = SHOWN_LEVELS) -> list[Figure]:
+    """Return maps of the errors of the formulas over L/D and load, a panel for each height of the magnet."""
+    found = cells(table)
+    known = [name for name in levels if name in beam.LEVELS and f"analytic_{name}_force_N" in table]
+    kinds = [kind for kind in QUANTITIES if (found["kind"] == kind).any()]
+    return [error_map(found, quantity, level) for kind in kinds for quantity in QUANTITIES[kind] for level in known]
+
+
+def error_map(found: pd.DataFrame, quantity: str, level: str) -> Figure:
+    """Return the map of the errors of one quantity by one level for the largest nu, a panel for each body."""
+    error, kind = "error (%)", "press" if quantity in QUANTITIES["press"] else "shear"
+    nu, *others = found["nu"].unique()
+    own = found[(found["nu"] == nu) & (found["kind"] == kind)]
+    data, axes = map_cells(own.assign(**{error: errors(own, quantity)[level]}), error)
+    judged = data[error].dropna().abs()
+    shares = [100 * float((judged <= bound).mean()) if len(judged) else 0.0 for bound in (5, 10)]
+    caption = (
+        f"Of {len(judged)} cells {shares[0]:.0f} % are within 5 % and {shares[1]:.0f} % within 10 % of finite "
+        "elements. Empty cells: the magnet does not fit, or the level has no answer."
+    )
+    if others:
+        caption += f" Poisson's ratio {nu:g}; the table also has {', '.join(map('{:g}'.format, sorted(others)))}."
+    title = f"Error of the {quantity}, level {level}"
+    return heat(title, caption, data, axes, error, edges=ERROR_EDGES, marked=MARKED)
+
+
+def map_cells(own: pd.DataFrame, value: str) -> tuple[pd.DataFrame, tuple[str, str]]:
+    """Return cells of one kind of load as the table of a map of a column, a panel for each body, and its axes."""
+    press = own["kind"].iloc[0] == "press"
+    load, flags = ("depth/D", ["failed", "doubted"]) if press else ("depth/D / shear/D", ["failed"])
+    pairs = zip(own["depth"], own["shear"], strict=True)
+    data = own.assign(
+        panel=own["height"].map(body),
+        failed=(own["possible"] & ~own["answered"]) | own["gave_way"],
+        doubted=own["leans"] & own["judged"],
+        **{"L/D": own["slenderness"].round(3)},
+        **{load: [float(f"{d:.3g}") if press else f"{d:.3g} / {s:.3g}" for d, s in pairs]},
+    )
+    return data[["panel", "L/D", load, value, *flags]], ("L/D", load)
 
 
 def readings(table: pd.DataFrame) -> list[Figure]:
