@@ -4,16 +4,23 @@ import contextlib
 import csv
 import json
 import math
+import re
 import sqlite3
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 
+from fem.accuracy import LEVELS, QUICK
+from fem.physics_version import PHYSICS
+from fem.scene import Scene
+from geometry.design import paper
+from geometry.loads import Load
 from studies.inputs.option_groups import Selection
-from studies.mechanics import store, store_actions, store_fields, store_file
+from studies.mechanics import path_keys, store, store_actions
+from studies.mechanics.plate_motion import PlateMotion
 from studies.mechanics.store import State
-from studies.mechanics.store_fields import FIELDS
+from studies.mechanics.store_actions import FIELDS
 from studies.output import atomic_files
 
 # Lists
@@ -199,7 +206,7 @@ def test_a_state_that_was_changed_in_the_file_is_listed_without_its_answer(file)
 
 
 def test_lists_read_no_answers_but_those_that_they_show(tmp_path):
-    """100 000 states are listed in under a second only if contents and answers of most of them are not read."""
+    """100 000 states are listed in under a second only if answers of most of them are not read."""
     file = tmp_path / "large.sqlite"
     with store.opened(file) as kept:
         kept.add_many((CONTENT | {"nu": 0.4 + k * 1e-6}, [PRESSED]) for k in range(4000))
@@ -208,9 +215,70 @@ def test_lists_read_no_answers_but_those_that_they_show(tmp_path):
     assert listing(file, limit=20)[0]["states"] == 4000
     assert time.process_time() - begin < 0.3
     with contextlib.closing(sqlite3.connect(file)) as connection:
-        states = store_actions.chosen(connection, store_fields.condition(Selection()))
-        plan = connection.execute(f"EXPLAIN QUERY PLAN SELECT path, seconds FROM {states} JOIN listed ON id = path")
+        states = store_actions.chosen(connection, store_actions.condition(Selection()))
+        plan = connection.execute(f"EXPLAIN QUERY PLAN SELECT path, SUM(seconds) FROM {states} GROUP BY path")
         assert "SCAN main.state USING COVERING INDEX state_listing" in [step[-1] for step in plan]
+
+
+@pytest.mark.parametrize(
+    ("where", "parts"),
+    [
+        ("nu", ["must be NAME=VALUE", "got 'nu'"]),
+        ("=3", ["must be NAME=VALUE"]),
+        ("nuu=3", ["there is no field 'nuu': did you mean nu?"]),
+        ("nu=abc", ["nu must be a number", "got 'abc'"]),
+        ("nu=1:nan", ["nu must be a number", "got 'nan'"]),
+        ("nu=0.5:0.4", ["the range of nu is empty", "0.5:0.4"]),
+    ],
+)
+def test_a_wrong_filter_is_refused(where, parts, refused):
+    with refused(*parts):
+        store_actions.condition(Selection(where=[where]))
+
+
+def test_a_wrong_date_is_refused(refused):
+    with refused("--since must be a date or time", "got 'yesterday'"):
+        store_actions.condition(Selection(since="yesterday"))
+
+
+def test_values_of_the_accuracy_levels_have_their_names():
+    for name, level in LEVELS.items():
+        values = {key: value for key, value in asdict(level).items() if key != "name"}
+        assert store_actions.accuracy_name(json.dumps(values)) == name
+
+
+def places(content, at=""):
+    """The places of all values of a content, as SQLite names them; an accuracy is one."""
+    for name, value in content.items():
+        if isinstance(value, dict) and name != "accuracy":
+            yield from places(value, f"{at}{name}.")
+        elif isinstance(value, list):
+            yield from (f"{at}{name}[{k}]" for k in range(len(value)))
+        elif value is not None:
+            yield f"{at}{name}"
+
+
+@pytest.mark.parametrize(
+    ("load", "kind"),
+    [
+        (Load(depth=0.5), "states"),
+        (Load(depth=0.5, shear_x=0.1, friction="stick"), "states"),
+        (Load(depth=0.5), "modes"),
+        (Load(depth=0.5), "critical depth"),
+        (Load(depth=0.5), "response"),
+        (Load(depth=0.5), "cycle"),
+    ],
+)
+def test_every_value_of_a_content_is_a_field(load, kind):
+    content = path_keys.place(Scene(paper(), (load,), QUICK), kind, PlateMotion(frequency=1.0)).content
+    of_fields = {place for field in FIELDS.values() for place in re.findall(r"\$\.([^']+)", field.sql)}
+    # D is 1 over D, and the number of modes is the same in all contents
+    assert set(places(content)) - {"shape.D", "load.count"} <= of_fields
+
+
+def test_physics_versions_are_those_of_the_program():
+    condition = store_actions.current_physics("=")
+    assert all(f"= '{name}' THEN {version}" in condition for name, version in PHYSICS.items())
 
 
 # Export
@@ -352,8 +420,6 @@ def test_a_path_goes_with_its_last_state(many):
     pruning = prune(many, failed=True, yes=True)
     assert (pruning["states"], pruning["paths"]) == (2, 1)
     assert counts(many) == (301, 301)
-    with store_file.readable(many) as connection:
-        assert connection.execute("SELECT COUNT(*) FROM listed").fetchone() == (301,)
 
 
 def test_damaged_states_are_removed(many):
@@ -372,7 +438,7 @@ def test_all_states_go_only_by_a_filter(many, refused):
 
 
 def test_a_process_that_reads_meanwhile_is_not_disturbed(many):
-    with store_file.readable(many) as reader:
+    with store.readable(many) as reader:
         rows = reader.execute("SELECT COUNT(*) FROM state")
         reader.execute("BEGIN")
         assert rows.fetchone() == (303,)

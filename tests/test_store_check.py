@@ -11,7 +11,7 @@ from fem.accuracy import QUICK
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
-from studies.mechanics import path_keys, path_solver, store, store_check, store_fields, store_file
+from studies.mechanics import path_keys, path_solver, store, store_actions, store_check
 from studies.mechanics.plate_motion import STILL, PlateMotion
 from studies.mechanics.store import State
 
@@ -63,22 +63,25 @@ def test_a_store_in_order_passes_all_checks(file):
         ("UPDATE state SET answer = replace(answer, '1.0', '99.0') WHERE path = 2", NAMES[3], "a state of path 2"),
         ("UPDATE state SET versions = CAST(x'ff' AS TEXT) WHERE path = 2", NAMES[3], "a state of path 2 is damaged"),
         ("UPDATE state SET answer = '1' WHERE path = 2", NAMES[3], "a state of path 2 is damaged"),
-        ("UPDATE listed SET nu = 0.1 WHERE id = 2", NAMES[1], "path 2 is listed with other values"),
         ("UPDATE path SET content = '{' WHERE id = 2", NAMES[2], "path 2 is damaged"),
         ("UPDATE path SET content = '{\"nu\": NaN}' WHERE id = 2", NAMES[2], "path 2 is damaged"),
         ("UPDATE state SET answer = '{\"res'", NAMES[3], "and 1 more: magtip store prune --damaged --yes"),
         ("UPDATE state SET answer = '{\"response\": null}' WHERE path = 2", NAMES[3], "a state of path 2 is damaged"),
         ("UPDATE state SET depth = 0.1250000000000007 WHERE path = 2", NAMES[3], "a state of path 2 is damaged"),
         ("DELETE FROM path WHERE id = 2", NAMES[1], "a state has no path"),
-        ("DELETE FROM listed WHERE id = 2", NAMES[1], "path 2 is not listed"),
-        ("UPDATE listed SET physics = 99 WHERE id = 2", NAMES[4], "1 of harmonic with physics version 99"),
     ],
 )
 def test_damage_is_found(file, statement, name, message):
     changed(file, statement)
     found = failures(file)
     assert message in found.pop(name)
-    assert set(found) <= {NAMES[1]}
+    assert not found
+
+
+def test_a_physics_version_of_a_later_program_is_found(file):
+    with store.opened(file) as kept:
+        kept.add(CONTENT | {"physics": 99}, [PRESSED])
+    assert failures(file)[NAMES[4]].startswith("1 of harmonic with physics version 99: ")
 
 
 def test_an_index_that_lacks_a_row_is_found(file):
@@ -101,14 +104,14 @@ def test_an_index_that_lacks_a_row_is_found(file):
 def test_a_table_that_cannot_be_read_fails_its_checks_only(file):
     with contextlib.closing(sqlite3.connect(file)) as other:
         other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        (page,) = other.execute("SELECT rootpage FROM sqlite_master WHERE name = 'path'").fetchone()
+        (page,) = other.execute("SELECT rootpage FROM sqlite_master WHERE name = 'state'").fetchone()
         (size,) = other.execute("PRAGMA page_size").fetchone()
     content = bytearray(file.read_bytes())
     content[(page - 1) * size : page * size] = bytes(size)
     file.write_bytes(content)
     messages = failures(file)
-    assert set(messages) == set(NAMES[:4])
-    assert "the file cannot be read there (database disk image is malformed)" in messages[NAMES[2]]
+    assert set(messages) == {NAMES[0], NAMES[1], NAMES[3]}
+    assert "the file cannot be read there (database disk image is malformed)" in messages[NAMES[3]]
 
 
 def test_a_check_changes_nothing(file):
@@ -193,8 +196,8 @@ def test_a_state_that_differs_by_more_than_its_estimate_is_found(pressed, solved
     other = replace(state, answer=state.answer | {"response": response, "error_estimate": error_estimate})
     with store.opened(pressed) as kept:
         kept.add(place_of("press").content, [other])
-    with store_file.readable(pressed) as connection:
-        store_fields.register(connection)
+    with store.readable(pressed) as connection:
+        store_actions.register(connection)
         rows = [row for row in store_check.chosen(connection, 5, 0) if row[2] == 0.0]
         found = list(store_check.differences(connection, rows, None))
     assert len(found) == count
@@ -208,28 +211,27 @@ def test_the_seed_chooses_the_states(pressed):
         kept.add_many(
             (place_of("press").content | {"k": k}, [State(0.1, 0.0, "ok", "ok", {}, 0.0, "")]) for k in range(50)
         )
-    with store_file.readable(pressed) as connection:
-        store_fields.register(connection)
+    with store.readable(pressed) as connection:
+        store_actions.register(connection)
         first, again, other = (store_check.chosen(connection, 5, seed) for seed in (1, 1, 2))
     assert (first, len(first)) == (again, 5)
     assert first != other
 
 
 def test_states_of_other_physics_and_failed_ones_are_not_solved_again(pressed, solved):
-    with contextlib.closing(sqlite3.connect(pressed)) as other, other:
-        other.execute("UPDATE listed SET physics = 0 WHERE id = 1")
     with store.opened(pressed) as kept:
+        kept.add(place_of("press").content | {"physics": 0}, solved["press"])
         kept.add(place_of("grip").content, [replace(state, outcome="failed") for state in solved["grip"]])
-    with store_file.readable(pressed) as connection:
-        store_fields.register(connection)
-        assert store_check.chosen(connection, 5, 0) == []
+    with store.readable(pressed) as connection:
+        store_actions.register(connection)
+        assert [path for path, _, _ in store_check.chosen(connection, 5, 0)] == [1]
 
 
 def test_a_content_of_another_program_is_named(pressed, solved):
     with store.opened(pressed) as kept:
         kept.add(place_of("press").content | {"new": 1}, solved["press"])
-    with store_file.readable(pressed) as connection:
-        store_fields.register(connection)
+    with store.readable(pressed) as connection:
+        store_actions.register(connection)
         rows = [row for row in store_check.chosen(connection, 5, 0) if row[0] == 3]
         (found,) = store_check.differences(connection, rows, None)
     assert found.endswith("has a content that this version does not know")

@@ -1,46 +1,264 @@
-"""What is done with a store's states: lists of them, their export as a table, their removal."""
+"""What is done with a store's states: fields and filters, lists, their export as a table, their removal.
+
+Lengths are over D, forces over E D^2. A path's content and a state's answer are JSON, of which SQLite extracts the
+fields; a field that a state does not have is NULL.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import datetime
+import functools
 import itertools
+import json
+import math
 import sqlite3
 from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from geometry.bad_input import nearest
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.inputs.option_groups import Selection
-from studies.mechanics import store, store_fields, store_file
-from studies.mechanics.store_fields import FIELDS, Condition, Kind
+from studies.mechanics import store
 from studies.output import atomic_files
 from studies.output.records import FlatRow
 
-STATES = ("states", "path", None)
-"""Quantities of paths whose states are answers to loads; format 1 had none."""
-DAMAGED = "damaged"
+Kind = Literal["text", "number", "whole number", "text or number"]
+PER_LENGTH = " / json_extract(state.answer, '$.D_mm')"
+PER_FORCE = PER_LENGTH * 2 + " / json_extract(state.answer, '$.E_MPa')"
+TOLERANCE = 1e-9
+"""Difference up to which a number equals the value of a filter: stored numbers have 12 digits."""
+
+
+Condition = tuple[str, tuple[str | float, ...]]
+"""Condition on `state` in SQL, "1" if there is none, and the values of its parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a stored state: an expression of SQLite on `path` or `state`, and the kind of its values."""
+
+    of_path: bool
+    sql: str
+    kind: Kind = "number"
+
+
+def _content(place: str, kind: Kind = "number") -> Field:
+    return Field(True, f"json_extract(path.content, '$.{place}')", kind)
+
+
+def _column(name: str, kind: Kind = "number") -> Field:
+    return Field(False, f"state.{name}", kind)
+
+
+def _answer(place: str, unit: str = "", kind: Kind = "number") -> Field:
+    return Field(False, f"json_extract(state.answer, '$.{place}'){unit}", kind)
+
+
+FIELDS: dict[str, Field] = {
+    "quantity": _content("quantity", "text"),
+    "model": _content("model", "text"),
+    "physics": _content("physics", "whole number"),
+    "accuracy": Field(True, "accuracy_name(json_extract(path.content, '$.accuracy'))", "text"),
+    "magnet": _content("magnet", "text"),
+    "law": _content("law[0]", "text"),
+    "law_number_1": _content("law[1]"),
+    "law_number_2": _content("law[2]"),
+    "law_number_3": _content("law[3]"),
+    "nu": _content("nu"),
+    "L_over_D": _content("shape.L"),
+    "magnet_diameter_over_D": _content("shape.magnet_diameter"),
+    "magnet_height_over_D": _content("shape.magnet_height"),
+    "magnet_edge_radius_over_D": _content("shape.magnet_edge_radius"),
+    "friction": _content("load.friction", "text or number"),
+    "grip_over_D": _content("load.grip"),
+    "plate_tilt_rad": _content("load.plate_tilt"),
+    "imperfection_over_E_D2": _content("load.imperfection"),
+    "sheared_at_depth_over_D": _content("load.sheared_at_depth"),
+    "direction_x": _content("load.direction[0]"),
+    "direction_y": _content("load.direction[1]"),
+    "modes_at_depth_over_D": _content("load.depth"),
+    "density_ratio": _content("load.density_ratio"),
+    "at_shear_over_D": _content("load.shear_x"),
+    "response_from_2pi_f_D_sqrt_rho_over_E": _content("load.lowest"),
+    "response_to_2pi_f_D_sqrt_rho_over_E": _content("load.highest"),
+    "branches": _content("load.branches", "text"),
+    "modulus": _content("load.modulus", "text"),
+    "waveform": _content("load.waveform", "text"),
+    "cycles": _content("load.cycles", "whole number"),
+    "depth_over_D": _column("depth"),
+    "shear_over_D": _column("shear"),
+    "outcome": _column("outcome", "text"),
+    "status": _column("status", "text"),
+    "force_x_over_E_D2": _answer("response.force[0]", PER_FORCE),
+    "force_y_over_E_D2": _answer("response.force[1]", PER_FORCE),
+    "force_z_over_E_D2": _answer("response.force[2]", PER_FORCE),
+    "shift_x_over_D": _answer("response.shift[0]", PER_LENGTH),
+    "shift_y_over_D": _answer("response.shift[1]", PER_LENGTH),
+    "shift_z_over_D": _answer("response.shift[2]", PER_LENGTH),
+    "tilt_rad": _answer("response.tilt"),
+    "tilt_y_rad": _answer("response.tilt_y"),
+    "contact_radius_over_D": _answer("response.contact_radius", PER_LENGTH),
+    "critical_depth_over_D": _answer("values.critical_depth_over_D"),
+    "critical_force_over_E_D2": _answer("values.critical_force_over_ED2"),
+    "stable_to_over_D": _answer("values.stable_to_over_D"),
+    # stored as f D (rho / E)^(1/2) in mm, MPa and kg/m^3
+    **{f"frequency_{k + 1}_D_sqrt_rho_over_E": _answer(f"values.frequency[{k}]", " * 1e-6") for k in range(6)},
+    "bandwidth_2pi_f_D_sqrt_rho_over_E": _answer("values.bandwidth"),
+    "resonance_2pi_f_D_sqrt_rho_over_E": _answer("values.resonance"),
+    "resonance_Q": _answer("values.Q"),
+    "loop_gap_percent": _answer("values.gap_percent"),
+    "loop_area_over_E_D3": _answer("values.area_over_ED3"),
+    "loop_largest_force_over_E_D2": _answer("values.largest_over_ED2"),
+    "error_estimate": _answer("error_estimate"),
+    "seconds": _column("seconds"),
+    "solved_D_mm": _answer("D_mm"),
+    "solved_E_MPa": _answer("E_MPa"),
+    "message": _answer("message", kind="text"),
+    "versions": _column("versions", "text"),
+    "added": _column("added", "text"),
+}
+"""All fields, in the order of the columns of an export."""
+
+
+def register(connection: sqlite3.Connection) -> None:
+    """Make the functions that the fields' SQL calls known to a connection."""
+    connection.create_function("accuracy_name", 1, accuracy_name, deterministic=True)
+    connection.create_function("damaged_path", 2, damaged_path, deterministic=True)
+    connection.create_function("damaged_state", 10, damaged_state, deterministic=True)
+
+
+@functools.cache
+def accuracy_name(values: str | None) -> str | None:
+    """Return the name of the accuracy level with these values (JSON), or other."""
+    from fem.accuracy import LEVELS
+
+    if values is None:
+        return None
+    wanted = json.loads(values)
+    return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
+
+
+DAMAGED_PATH = "damaged_path(CAST(path.key AS BLOB), CAST(path.content AS BLOB))"
+"""Condition on `path`."""
+DAMAGED = f"(damaged_state(CAST(path.key AS BLOB), {store.READ}) OR {DAMAGED_PATH})"
+"""Condition on `state` joined with its `path`."""
+PATHS = '(SELECT id, iif(json_valid(content), content, \'{"model": "damaged"}\') AS content FROM path) AS path'
+"""All paths; a content that is no JSON stands for none."""
+
+
+def damaged_path(key: bytes, content: bytes) -> bool:
+    """Return whether a path's content is no JSON or does not belong to its key."""
+    try:
+        return store.key(json.loads(content)).encode() != key
+    except (ValueError, TypeError, OverflowError, RecursionError):
+        return True
+
+
+def damaged_state(key: bytes, *row: Any) -> bool:
+    """Return whether a state's row is not what was written for the path with this key."""
+    return store.stored(key.decode("utf-8", "replace"), row) is None
+
+
+def condition(selection: Selection) -> Condition:
+    """Return the condition that the options mean.
+
+    Raises
+    ------
+    BadInput
+        A filter is not NAME=VALUE, its field or number is not known, or a date is none.
+    """
+    parts: list[Condition] = [_parsed(text) for text in selection.where or []]
+    for option, date, sign in (("--since", selection.since, ">="), ("--before", selection.before, "<")):
+        if date is not None:
+            parts.append((f"state.added {sign} ?", (_utc(option, date),)))
+    if outcomes := [name for name in ("failed", "transient") if getattr(selection, name)]:
+        parts.append((f"state.outcome IN ({', '.join('?' * len(outcomes))})", tuple(outcomes)))
+    if selection.damaged:
+        parts.append((f"EXISTS (SELECT 1 FROM path WHERE path.id = state.path AND {DAMAGED})", ()))
+    if selection.older_physics:
+        parts.append((_of_paths(current_physics("<")), ()))
+    return " AND ".join(sql for sql, _ in parts) or "1", tuple(value for _, values in parts for value in values)
+
+
+def _of_paths(where: str) -> str:
+    return f"state.path IN (SELECT id FROM path WHERE {where})"
+
+
+def _parsed(text: str) -> Condition:
+    """Return the condition of a filter NAME=VALUE, NAME=a,b or NAME=low:high."""
+    name, sign, value = (part.strip() for part in text.partition("="))
+    if not (name and sign and value):
+        raise BadInput(f"--where must be NAME=VALUE, NAME=a,b or NAME=low:high, such as nu=0.45:0.5; got {text!r}")
+    if name not in FIELDS:
+        raise BadInput(f"--where: there is no field {name!r}: {nearest(name, FIELDS)}")
+    field = FIELDS[name]
+    low, colon, high = value.partition(":")
+    # SQLite takes a text for larger than every number
+    between = f"{field.sql} BETWEEN ? AND ?"
+    values: list[str | float]
+    if colon and field.kind != "text":
+        least = _number(name, low) if low.strip() else -math.inf
+        most = _number(name, high) if high.strip() else math.inf
+        if least > most:
+            raise BadInput(f"--where: the range of {name} is empty, {value}: give the lower bound first")
+        sql, values = between, [least - TOLERANCE, most + TOLERANCE]
+    else:
+        words = [word.strip() for word in value.split(",")]
+        texts = [w for w in words if field.kind == "text" or (field.kind == "text or number" and w.isalpha())]
+        numbers = [_number(name, word) for word in words if word not in texts]
+        sql = " OR ".join([f"CAST({field.sql} AS TEXT) = ?"] * len(texts) + [between] * len(numbers))
+        values = [*texts, *(x for n in numbers for x in (n - TOLERANCE, n + TOLERANCE))]
+    return _of_paths(sql) if field.of_path else f"({sql})", tuple(values)
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise BadInput(f"--where: {name} must be a number, several as a,b, or a range low:high; got {text!r}")
+    return number
+
+
+def _utc(option: str, text: str) -> str:
+    """Return a date or time as the store writes it; one without a time zone is UTC.
+
+    >>> _utc("--since", "2026-11-05")
+    '2026-11-05T00:00:00+00:00'
+    """
+    try:
+        time = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        raise BadInput(
+            f"{option} must be a date or time such as 2026-11-05 or 2026-11-05T14:30; got {text!r}"
+        ) from None
+    zoned = time if time.tzinfo else time.replace(tzinfo=datetime.UTC)
+    return zoned.astimezone(datetime.UTC).isoformat(timespec="seconds")
+
+
+def current_physics(sign: Literal["<", "=", ">"]) -> str:
+    """Return a condition on `path`: its physics version against the program's, which is 0 for an unknown model."""
+    from fem.physics_version import PHYSICS
+
+    # a quantity with a version of its own comes before the model that computes it
+    names = [(FIELDS[column].sql, name) for column in ("quantity", "model") for name in PHYSICS]
+    cases = [f"WHEN {sql} = '{name}' THEN {PHYSICS[name]}" for sql, name in names]
+    return f"{FIELDS['physics'].sql} {sign} CASE {' '.join(cases)} ELSE 0 END"
+
+
+# What lists show
+
+CHANGED = "damaged"
 """Shown as the status of a state that is not as it was written."""
 COLUMNS = (
-    "quantity",
-    "model",
-    "accuracy",
-    "magnet",
-    "law",
-    "nu",
-    "L_over_D",
-    "friction",
-    "depth_over_D",
-    "shear_over_D",
-    "status",
-    "force_z_over_E_D2",
-    "force_x_over_E_D2",
-    "critical_depth_over_D",
-    "frequency_1_D_sqrt_rho_over_E",
-    "error_estimate",
-    "seconds",
-    "added",
-    "message",
+    *("quantity", "model", "accuracy", "magnet", "law", "nu", "L_over_D", "friction", "depth_over_D", "shear_over_D"),
+    *("status", "force_z_over_E_D2", "force_x_over_E_D2", "critical_depth_over_D", "frequency_1_D_sqrt_rho_over_E"),
+    *("error_estimate", "seconds", "added", "message"),
 )
 """Columns of a list of states."""
 
@@ -56,31 +274,17 @@ PLACES = {
 }
 """SQL of the columns that are positions."""
 PATH_COLUMNS = (
-    "quantity",
-    "model",
-    "physics",
-    "accuracy",
-    "magnet",
-    "law",
-    "nu",
-    "L_over_D",
-    "magnet_diameter_over_D",
-    "magnet_height_over_D",
-    "friction",
+    *("quantity", "model", "physics", "accuracy", "magnet", "law", "nu", "L_over_D"),
+    *("magnet_diameter_over_D", "magnet_height_over_D", "friction"),
 )
 """Columns of a list of paths that come from their contents."""
 TOTALS = (
-    "states",
-    "not_ok",
-    "least_depth_over_D",
-    "greatest_depth_over_D",
-    "greatest_shear_over_D",
-    "seconds",
-    "added",
-    "key",
+    *("states", "not_ok", "least_depth_over_D", "greatest_depth_over_D", "greatest_shear_over_D"),
+    *("seconds", "added", "key"),
 )
 """Columns of a list of paths that come from their states, and their key."""
 SUFFIXES = (".csv", ".parquet", ".jsonl")
+OUTCOMES = ("ok", "failed", "transient")
 BATCH = 10_000
 """Rows that are read and written at once; they take some 20 MB."""
 DIGITS = 12
@@ -103,25 +307,25 @@ def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> tupl
     BadInput
         There is no such store, it cannot be read, or a filter is wrong.
     """
-    condition = store_fields.condition(selection)
+    where = condition(selection)
     file = selection.store or store.default()
-    with store_file.readable(file) as connection:
-        store_fields.register(connection)
-        states = chosen(connection, condition)
+    with store.readable(file) as connection:
+        register(connection)
+        states = chosen(connection, where)
         rows = (_paths if of_paths else _states)(connection, states, min(limit, 2**63 - 1) or -1)
         return summary(file, connection, states), rows
 
 
 def chosen(connection: sqlite3.Connection, condition: Condition) -> str:
-    """Return the name of a table with the states that meet the conditions: their columns but the answers."""
-    if not condition.limits:
+    """Return the name of a table with the states that meet the condition: their columns but the answers."""
+    sql, values = condition
+    if sql == "1":
         # the index has all the columns that are needed; SQLite would read the answers too
         return "main.state INDEXED BY state_listing"
     connection.execute("PRAGMA temp_store = MEMORY")
     connection.execute(
-        "CREATE TEMPORARY TABLE chosen AS SELECT path, depth, shear, outcome, seconds, added FROM state"
-        f" WHERE {condition.sql}",
-        condition.values,
+        f"CREATE TEMPORARY TABLE chosen AS SELECT path, depth, shear, outcome, seconds, added FROM state WHERE {sql}",
+        values,
     )
     return "chosen"
 
@@ -134,27 +338,26 @@ def summary(file: Path, connection: sqlite3.Connection, states: str) -> FlatRow:
     "size_MB" of the file and its write-ahead log. "solving_s": time that these solves took, s. "states_by_model":
     number of states for each model, or quantity of another kind, and physics version.
     """
+    kinds = ", ".join(FIELDS[name].sql for name in ("quantity", "model", "physics"))
+    counted = ("COUNT(*) AS n", "SUM(seconds) AS t", *(f"SUM(outcome = '{name}') AS {name}" for name in OUTCOMES))
     groups = connection.execute(
-        "SELECT quantity, model, physics, COUNT(DISTINCT path), COUNT(*), SUM(seconds), SUM(outcome = 'ok'),"
-        f" SUM(outcome = 'failed'), SUM(outcome = 'transient') FROM {states} JOIN listed ON id = path"
-        " GROUP BY quantity, model, physics"
+        f"WITH sums AS (SELECT path, {', '.join(counted)} FROM {states} GROUP BY path)"
+        f" SELECT {kinds}, COUNT(*), SUM(n), SUM(t), {', '.join(f'SUM({name})' for name in OUTCOMES)}"
+        f" FROM sums JOIN {PATHS} ON path.id = sums.path GROUP BY 1, 2, 3"
     ).fetchall()
     totals = [sum(column) for column in list(zip(*groups, strict=True))[3:]] or [0] * 6
-    paths, count, seconds, ok, failed, transient = totals
     (in_store,) = connection.execute("SELECT COUNT(*) FROM state").fetchone()
     return {
         "file": str(file),
         "size_MB": size_MB(file),
-        "paths": paths,
-        "states": count,
+        "paths": totals[0],
+        "states": totals[1],
         "states_in_store": in_store,
-        "ok": ok,
-        "failed": failed,
-        "transient": transient,
-        "solving_s": seconds,
+        **dict(zip(OUTCOMES, totals[3:], strict=True)),
+        "solving_s": totals[2],
         "states_by_model": tuple(
-            f"{named(quantity, model)} (physics {physics}): {states_of_group}"
-            for quantity, model, physics, _, states_of_group, *_ in groups
+            f"{named(quantity, model)} (physics {physics}): {count}"
+            for quantity, model, physics, _, count, *_ in groups
         ),
     }
 
@@ -165,7 +368,7 @@ def named(quantity: str | None, model: str) -> str:
     >>> named("states", "harmonic"), named("critical depth", "axisymmetric")
     ('harmonic', 'critical depth')
     """
-    return model if quantity in STATES else str(quantity)
+    return model if quantity in ("states", None) else str(quantity)
 
 
 def size_MB(file: Path) -> float:
@@ -178,16 +381,16 @@ def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[Fla
     columns = ", ".join(PLACES.get(name, FIELDS[name].sql) for name in COLUMNS)
     newest = f"SELECT path, depth, shear FROM {states} ORDER BY added DESC, path DESC, depth, shear LIMIT ?"
     checked = (
-        f"SELECT state.*, {store_fields.DAMAGED} AS damaged FROM ({newest})"
+        f"SELECT state.*, {DAMAGED} AS damaged FROM ({newest})"
         " JOIN main.state USING (path, depth, shear) JOIN path ON path.id = state.path"
     )
     shown = (
-        f"SELECT path, depth, shear, iif(damaged, '{DAMAGED}', status) AS status,"
+        f"SELECT path, depth, shear, iif(damaged, '{CHANGED}', status) AS status,"
         " iif(damaged, NULL, answer) AS answer, seconds, added FROM checked"
     )
     rows = connection.execute(
         f"WITH checked AS MATERIALIZED ({checked}), state AS ({shown}) SELECT {columns} FROM state"
-        " JOIN path ON path.id = state.path JOIN listed USING (id)"
+        " JOIN path ON path.id = state.path"
         " ORDER BY state.added DESC, state.path DESC, state.depth, state.shear",
         (limit,),
     )
@@ -204,7 +407,7 @@ def _paths(connection: sqlite3.Connection, states: str, limit: int) -> list[Flat
     rows = connection.execute(
         f"SELECT {columns}, states, not_ok, {of_path('depth', 'depth')}, {of_path('greatest_depth', 'depth')},"
         f" {of_path('shear', 'shear_x')}, seconds, newest.added, key"
-        f" FROM ({newest}) AS newest JOIN path ON path.id = newest.path JOIN listed USING (id)"
+        f" FROM ({newest}) AS newest JOIN path ON path.id = newest.path"
         " ORDER BY newest.added DESC, path.id DESC",
         (limit,),
     )
@@ -227,19 +430,13 @@ def export(selection: Selection, out: Path, progress: Progress) -> int:
         The file's name has another suffix, no state meets the filters, or the store cannot be read.
     """
     atomic_files.check_output_file(out, *SUFFIXES)
-    condition = store_fields.condition(selection)
+    sql, values = condition(selection)
     file = selection.store or store.default()
     written = 0
-    with store_file.readable(file) as connection:
-        store_fields.register(connection)
-        (count,) = connection.execute(
-            f"SELECT COUNT(*) FROM state WHERE {condition.sql}", condition.values
-        ).fetchone()
-        (damaged,) = connection.execute(
-            f"SELECT COUNT(*) FROM state JOIN path ON path.id = state.path WHERE {condition.sql}"
-            f" AND {store_fields.DAMAGED}",
-            condition.values,
-        ).fetchone()
+    with store.readable(file) as connection:
+        register(connection)
+        found = f"FROM state JOIN path ON path.id = state.path WHERE {sql}"
+        count, damaged = connection.execute(f"SELECT COUNT(*), SUM({DAMAGED}) {found}", values).fetchone()
         if damaged:
             raise BadInput(
                 f"{damaged} of {count} states of the store {str(file)!r} are not as they were written, so {out.name} "
@@ -248,9 +445,9 @@ def export(selection: Selection, out: Path, progress: Progress) -> int:
         if not count:
             raise BadInput(f"no state of the store {str(file)!r} meets the filters, so {out.name} is not written")
         rows = connection.execute(
-            f"SELECT {', '.join(field.sql for field in FIELDS.values())} FROM state JOIN path ON path.id = state.path"
-            f" JOIN listed USING (id) WHERE {condition.sql} ORDER BY state.path, state.depth, state.shear",
-            condition.values,
+            f"SELECT {', '.join(field.sql for field in FIELDS.values())} {found}"
+            " ORDER BY state.path, state.depth, state.shear",
+            values,
         )
         with atomic_files.sole_writer(out), _writer(out, file) as write:
             for batch in itertools.takewhile(len, (rows.fetchmany(BATCH) for _ in itertools.count())):
@@ -307,25 +504,25 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
     BadInput
         There are no filters, there is no such store, or it cannot be written.
     """
-    condition = store_fields.condition(selection)
-    if not condition.limits:
+    where = condition(selection)
+    if where[0] == "1":
         raise BadInput(
             "prune needs a filter, such as --failed, --older-physics, --before 2026-11-05 or --where nu=0.45; "
             "to remove everything, delete the file"
         )
     file = selection.store or store.default()
-    with store_file.readable(file) as connection:
-        store_fields.register(connection)
-        before = summary(file, connection, chosen(connection, condition))
+    with store.readable(file) as connection:
+        register(connection)
+        before = summary(file, connection, chosen(connection, where))
         (paths,) = connection.execute(
             "SELECT COUNT(*) FROM (SELECT path, COUNT(*) AS n FROM chosen GROUP BY path) AS gone"
             " WHERE n = (SELECT COUNT(*) FROM state WHERE state.path = gone.path)"
         ).fetchone()
     states, in_store, size = (before[name] for name in ("states", "states_in_store", "size_MB"))
     if yes and states:
-        with store_file.writable(file) as connection, store_file.refusals(file):
-            store_fields.register(connection)
-            _remove(connection, condition)
+        with store.writable(file) as connection, store.refusals(file):
+            register(connection)
+            _remove(connection, where)
     return {
         "file": str(file),
         "removed": yes,
@@ -338,10 +535,10 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
     }
 
 
-def _remove(connection: sqlite3.Connection, condition: Condition) -> None:
+def _remove(connection: sqlite3.Connection, where: Condition) -> None:
     connection.execute("BEGIN IMMEDIATE")
     with connection:
-        connection.execute(f"DELETE FROM state WHERE {condition.sql}", condition.values)
+        connection.execute(f"DELETE FROM state WHERE {where[0]}", where[1])
         connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
     connection.execute("VACUUM")
     # a process that reads keeps the old pages: the file shrinks later, without a wait here

@@ -23,12 +23,9 @@ from studies.mechanics import (
     response_paths,
     store,
     store_actions,
-    store_fields,
-    store_file,
 )
 from studies.mechanics.plate_motion import STILL, PlateMotion
 from studies.mechanics.store import Content, Position, State
-from studies.mechanics.store_file import EXTRACTED, LISTED
 from studies.output.records import FlatRow
 
 MOST_NAMED = 3
@@ -64,8 +61,8 @@ def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | No
     BadInput
         There is no such store, or it is damaged so much that nothing can be read.
     """
-    with store_file.readable(file) as connection:
-        store_fields.register(connection)
+    with store.readable(file) as connection:
+        store_actions.register(connection)
         for name, check in CHECKS.items():
             try:
                 yield _check(name, *check(connection))
@@ -89,20 +86,12 @@ def _pages(connection: sqlite3.Connection) -> Errors:
 
 
 def _links(connection: sqlite3.Connection) -> Errors:
-    """Check that each state has its path, and each path its row in `listed` with its values."""
     errors = [f"a {table} has no {parent}" for table, _, parent, _ in connection.execute("PRAGMA foreign_key_check")]
-    unlisted = "SELECT id FROM path WHERE id NOT IN (SELECT id FROM listed)"
-    errors += [f"path {number} is not listed" for (number,) in connection.execute(unlisted)]
-    otherwise = (
-        f"SELECT id FROM path JOIN listed USING (id) WHERE json_valid(content)"
-        f" AND ({', '.join(LISTED)}) IS NOT ({EXTRACTED})"
-    )
-    errors += [f"path {number} is listed with other values" for (number,) in connection.execute(otherwise)]
     return _number(connection, "SELECT COUNT(*) FROM state"), errors, NEW_FILE
 
 
 def _contents(connection: sqlite3.Connection) -> Errors:
-    damaged = connection.execute(f"SELECT id FROM path WHERE {store_fields.DAMAGED_PATH}")
+    damaged = connection.execute(f"SELECT id FROM path WHERE {store_actions.DAMAGED_PATH}")
     errors = [f"path {number} is damaged" for (number,) in damaged]
     return _number(connection, "SELECT COUNT(*) FROM path"), errors, SOLVE_AGAIN
 
@@ -118,9 +107,10 @@ def _answers(connection: sqlite3.Connection) -> Errors:
 
 def _physics(connection: sqlite3.Connection) -> Errors:
     """Check that the program knows the physics version of each path; older ones are in order."""
-    known = f"COALESCE(physics >= 1 AND NOT {store_fields.current_physics('>')}, 0)"
+    kinds = [store_actions.FIELDS[name].sql for name in ("quantity", "model", "physics")]
+    known = f"COALESCE({kinds[2]} >= 1 AND NOT {store_actions.current_physics('>')}, 0)"
     groups = connection.execute(
-        f"SELECT quantity, model, physics, COUNT(*), {known} FROM listed GROUP BY quantity, model, physics"
+        f"SELECT {', '.join(kinds)}, COUNT(*), {known} FROM path WHERE json_valid(content) GROUP BY 1, 2, 3"
     ).fetchall()
     errors = [
         f"{count} of {store_actions.named(quantity, model)} with physics version {physics}"
@@ -155,9 +145,8 @@ CHECKS: dict[str, Callable[[sqlite3.Connection], Errors]] = {
 def chosen(connection: sqlite3.Connection, count: int, seed: int) -> list[Place]:
     """Return states, chosen at random among the solved ones of the physics versions of today."""
     known = connection.execute(
-        "SELECT state.path, depth, shear FROM state JOIN listed ON listed.id = state.path JOIN path USING (id)"
-        f" WHERE outcome = 'ok' AND quantity NOT NULL AND {store_fields.current_physics('=')}"
-        f" AND NOT {store_fields.DAMAGED}"
+        "SELECT state.path, depth, shear FROM state JOIN path ON path.id = state.path"
+        f" WHERE outcome = 'ok' AND NOT {store_actions.DAMAGED} AND {store_actions.current_physics('=')}"
         " ORDER BY state.path, depth, shear"
     ).fetchall()
     return random.Random(seed).sample(known, min(count, len(known)))
@@ -202,7 +191,7 @@ def _difference(key: str, content: Content, stored: State) -> str:
 
 def _scene(content: Content, state: State) -> Scene:
     D, E = state.answer["D_mm"], state.answer["E_MPa"]
-    name = store_fields.accuracy_name(json.dumps(content["accuracy"])) or ""
+    name = store_actions.accuracy_name(json.dumps(content["accuracy"])) or ""
     accuracy = Accuracy(name=name, **content["accuracy"])
     return Scene(
         _design(content, state.answer),
