@@ -7,18 +7,22 @@ Designs of one law that differ only in E, f or scale are the same problem in len
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import skfem
 
 from fem.accuracy import LEVELS, STANDARD, Accuracy, coarser
-from fem.model.material import Law, law
 from geometry.arrays import Array
 from geometry.design import BadInput, Design, Shape
 from geometry.loads import Load, Magnet, check_kinds, check_load
+
+if TYPE_CHECKING:
+    import skfem
+
+    from fem.model.material import Law
 
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 
@@ -27,6 +31,20 @@ MOST_HARMONICS = 12
 LEAST_SPOT = 0.01
 """Least radius over D of a gripped area of skin: with the stiffness of a grip's springs a smaller one would slip by
 more than a percent."""
+FIRST_TOUCH = 1e-14
+"""Depth over D up to which there is no contact: smaller depths are lost in the rounding of the beam's length. The
+plate's stiffness grows like depth^(-1/2); below this depth it is constant."""
+OFF_AXIS = 3.0
+"""Additional harmonics over sin t sqrt(R / d), see `orders_needed`. At standard the force of a press on the paper's
+sensor then differs from its limit by 0.05 % under 8 degrees at a tenth of D (4 orders), 0.3 % under 20 degrees (6)
+and 0.6 % under 40 degrees (8), and at D/40 by 0.1 % under 8 degrees (6) and under 20 degrees (8)."""
+PRESS_DEPTH, PRESS_SHARE = 0.25, 0.3
+"""Largest depth of scene press of the error rules (`fem.results.error_estimates`), over D and over the silicone above
+the magnet (or the base), whichever depth is less. Up to this depth the error decreases as the contact grows (q > 0);
+beyond, it hardly decreases, or grows."""
+DEEP_RATIO, DEEP_SHARE = 3.3, 0.45
+"""Largest depth of their scene deep, over that of press and over the silicone on the axis: the deepest presses of the
+study."""
 DIGITS = 12
 """Significant digits to which the numbers of two dimensionless scenes must agree to be the same."""
 
@@ -144,6 +162,8 @@ class Scene:
     @property
     def law(self) -> Law:
         """The silicone's law, stresses over E."""
+        from fem.model.material import law
+
         return law(self.design.law, self.design.law_numbers)
 
     @property
@@ -166,6 +186,29 @@ class Scene:
     def push(self) -> float:
         """The imperfection, a dead force along x, over E D^2."""
         return self.loads[0].imperfection / (self.design.E * self.design.D**2)
+
+    def harmonics_at(self, depth: float) -> int:
+        """Return the number of harmonics for a load at a depth over D, at most MOST_HARMONICS.
+
+        >>> from geometry.design import paper
+        >>> scene = Scene(paper(), (Load(depth=0.8, plate_tilt=0.14),))
+        >>> scene.harmonics_at(0.1), scene.harmonics_at(0.02), scene.orders_needed(0.02)
+        (4, 6, 6)
+        """
+        return max(self.accuracy.harmonics, min(self.orders_needed(depth), MOST_HARMONICS))
+
+    def orders_needed(self, depth: float) -> int:
+        """Return the number of harmonics that a load at a depth over D needs, more the farther off the axis it is.
+
+        A plate tilted by an angle t touches the dome at R sin t from the axis. There a contact of radius a =
+        sqrt(R d) fills an angle of about a / (R sin t) to each side, so the number of orders that resolve it grows
+        like x = sin t sqrt(R / d), see OFF_AXIS.
+        """
+        least = self.accuracy.harmonics
+        if not self.plate_tilt or depth <= FIRST_TOUCH:
+            return least
+        away = math.sin(abs(self.plate_tilt)) * math.sqrt(self.shape.R / depth)
+        return least + math.ceil(OFF_AXIS * away)
 
     def dimensionless(self) -> dict[str, Any]:
         """Return all values that the states depend on: lengths over D, forces over E D^2, angles in rad.
@@ -234,6 +277,18 @@ def turns(loads: Sequence[Load]) -> bool:
 def silicone_on_axis(design: Design, magnet: Magnet) -> float:
     """Return the thickness of the silicone on the axis, above and below a rigid magnet, mm."""
     return design.L - (design.magnet_height if magnet == "rigid" else 0.0)
+
+
+def press_limits(design: Design, magnet: Magnet) -> tuple[float, float]:
+    """Return the largest depths of the error rules' scenes press and deep, mm.
+
+    >>> from geometry.design import paper
+    >>> [round(depth, 9) for depth in press_limits(paper(), "rigid")]
+    [0.9, 2.97]
+    """
+    rigid = magnet == "rigid"
+    first = min(PRESS_DEPTH * design.D, PRESS_SHARE * (design.R - design.magnet_height / 2 if rigid else design.L))
+    return first, min(DEEP_RATIO * first, DEEP_SHARE * silicone_on_axis(design, magnet))
 
 
 def _check_path(loads: Sequence[Load]) -> None:

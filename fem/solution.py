@@ -48,7 +48,7 @@ class Facts:
     crease_ratio : largest ratio of the stretches normal to the free skin and along it, which creases beyond CREASE
         (see `fem.results.silicone_limits`); None where it was not computed.
     harmonics_missing : harmonics that a tilted plate needs beyond those of the model (see
-        `fem.solve.load_case_models.orders_needed`); the error estimates have grown with them.
+        `fem.scene.Scene.orders_needed`); the error estimates have grown with them.
     largest_strain : largest principal nominal strain that 99.9 % of the silicone's volume stays below (see
         `fem.results.silicone_limits`); None where it was not computed.
     """

@@ -22,11 +22,10 @@ from fem.results.error_estimates import (
     error_rules,
     estimate_response,
     load_case,
-    press_limits,
     relative_error,
     table_rows,
 )
-from fem.scene import Scene
+from fem.scene import Scene, press_limits
 from fem.solve import load_increments
 from fem.solve.direct_solver import Solver
 from fem.solve.path_state import PastState, about, at_rest, glue, with_harmonics

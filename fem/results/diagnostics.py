@@ -20,7 +20,6 @@ from fem.results import silicone_limits
 from fem.results.lateral_stiffness import StabilityMargin
 from fem.scene import Scene
 from fem.solution import CREASE, Facts, Solution
-from fem.solve.load_case_models import harmonics_at, orders_needed
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
@@ -98,7 +97,7 @@ def diagnose(
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
         crease_ratio=None if stop else silicone_limits.crease_ratio(state),
         largest_strain=silicone_limits.largest_strain(state.d.elements, u),
-        harmonics_missing=orders_needed(scene, depth) - harmonics_at(scene, depth) if state.d.revolved else 0,
+        harmonics_missing=scene.orders_needed(depth) - scene.harmonics_at(depth) if state.d.revolved else 0,
     )
     found = replace(found, facts=facts)
     return replace(found, message=describe(found, scene.design))

@@ -47,13 +47,11 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from fem.physics_version import PHYSICS, outdated
-from fem.scene import Scene, silicone_on_axis
+from fem.scene import Scene, press_limits
 from fem.solution import Estimates
-from fem.solve.load_case_models import harmonics_at, orders_needed
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
-from geometry.design import Design
-from geometry.loads import Load, Magnet, Response
+from geometry.loads import Load, Response
 
 VibrationQuantity = Literal["force", "shift", "reading", "base"]
 
@@ -74,19 +72,13 @@ UNUSUAL = 8.0
 """Actual over usual difference above which a state is unlike those of the study, where 1.5 % of 2920 differences are
 larger. The excess counts as error."""
 
-PRESS_DEPTH, PRESS_SHARE = 0.25, 0.3
-"""Largest depth of scene press, over D and over the silicone above the magnet (or the base), whichever depth is less.
-Up to this depth the error decreases as the contact grows (q > 0); beyond, it hardly decreases, or grows."""
-DEEP_RATIO, DEEP_SHARE = 3.3, 0.45
-"""Largest depth of scene deep, over that of press and over the silicone on the axis: the deepest presses of the
-study."""
 STICK_SHEAR, FAR_SHEAR, FRICTION_SHEAR = 0.15, 0.6, 0.25
 """Largest shears over D of the scenes stick (and grip), far and friction: the largest of the study."""
 ON_LIMIT = 1.001
 """Load over such a limit up to which it counts as on the limit: the loads of the study are rounded to four digits."""
 ORDER_POWER = 5.0
 """Power of the number of orders with which errors under a tilted plate decrease, for a load that has fewer orders
-than it needs (`fem.solve.load_case_models.orders_needed`). On the paper's sensor under 40 degrees at D/40, which
+than it needs (`fem.scene.Scene.orders_needed`). On the paper's sensor under 40 degrees at D/40, which
 needs 11, forces with 4, 5, 6 and 8 orders were off by 22, 13, 7 and about 1 %."""
 DEPTH_POWER = 1.5
 """Power of the depth with which errors are expected to grow beyond the deepest presses of the study. At four times
@@ -146,18 +138,6 @@ def error_rules() -> Mapping[tuple[str, str, str], ErrorRule | None]:
 def error_rule(scene: str, variant: str, quantity: str) -> ErrorRule | None:
     """Return a rule; None where the answers have changed since its study."""
     return error_rules()[scene, variant, quantity]
-
-
-def press_limits(design: Design, magnet: Magnet) -> tuple[float, float]:
-    """Return the largest depths of the scenes press and deep, mm.
-
-    >>> from geometry.design import paper
-    >>> [round(depth, 9) for depth in press_limits(paper(), "rigid")]
-    [0.9, 2.97]
-    """
-    rigid = magnet == "rigid"
-    first = min(PRESS_DEPTH * design.D, PRESS_SHARE * (design.R - design.magnet_height / 2 if rigid else design.L))
-    return first, min(DEEP_RATIO * first, DEEP_SHARE * silicone_on_axis(design, magnet))
 
 
 ROUNDING = 1e-12
@@ -324,7 +304,7 @@ def _growth_beyond_study(case: str, load: Load, scene: Scene) -> float:
     growth = math.pow(max(depth, 1.0), DEPTH_POWER) * max(shear, 1.0)
     if case in ("tilted press", "tilted stick", "tilted friction") and load.depth:
         depth = load.depth / scene.design.D
-        growth *= math.pow(orders_needed(scene, depth) / harmonics_at(scene, depth), ORDER_POWER)
+        growth *= math.pow(scene.orders_needed(depth) / scene.harmonics_at(depth), ORDER_POWER)
     return growth
 
 

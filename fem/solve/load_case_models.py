@@ -18,9 +18,9 @@ from typing import Literal
 from fem.accuracy import QUICK
 from fem.model.elements import SAME_PLACE
 from fem.model.symmetry_models import MeshSpecification, specification
-from fem.scene import MOST_HARMONICS, Scene
+from fem.scene import FIRST_TOUCH, Scene
 from fem.solve.load_stepping import PathModels
-from fem.solve.path_state import FIRST_TOUCH, PathState
+from fem.solve.path_state import PathState
 from fem.solve.press import find_press
 from geometry.loads import Load
 
@@ -30,10 +30,6 @@ radius, whichever is less: the radius at which it ends changes around the axis b
 PRESS_FILLET = 0.5
 """Edge length at the magnet's fillet, over the fillet's radius, for a press. Presses go deeper than shears do, and
 larger elements would be inverted there; a shear would gain nothing from smaller ones."""
-OFF_AXIS = 3.0
-"""Additional harmonics over sin t sqrt(R / d), see `orders_needed`. At standard the force of a press on the paper's
-sensor then differs from its limit by 0.05 % under 8 degrees at a tenth of D (4 orders), 0.3 % under 20 degrees (6)
-and 0.6 % under 40 degrees (8), and at D/40 by 0.1 % under 8 degrees (6) and under 20 degrees (8)."""
 SHALLOW, SPAN = 0.025, 1.25
 """SHALLOW: depth over D beyond which all presses share one mesh, graded to this depth (0.2 mm for the paper's
 sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are graded to their lower bounds."""
@@ -125,7 +121,7 @@ def _fine_at(scene: Scene, radius: float) -> MeshSpecification:
 
 def _harmonic(scene: Scene, section: MeshSpecification) -> MeshSpecification:
     depths = [load.depth / scene.design.D for load in scene.loads]
-    harmonics = max(harmonics_at(scene, depth) for depth in depths)
+    harmonics = max(scene.harmonics_at(depth) for depth in depths)
     return replace(section, harmonics=harmonics, push=scene.push, sines=scene.turns)
 
 
@@ -192,32 +188,7 @@ def split_by_mesh(scene: Scene) -> list[tuple[Load, ...]]:
 
 def mesh_range(scene: Scene, depth: float) -> tuple[float, int]:
     """Return what two depths over D share if they share a mesh: its graded depth, and its number of harmonics."""
-    return graded_depth(depth), harmonics_at(scene, depth)
-
-
-def harmonics_at(scene: Scene, depth: float) -> int:
-    """Return the number of harmonics for a load at a depth over D, at most MOST_HARMONICS.
-
-    >>> from geometry.design import paper
-    >>> scene = Scene(paper(), (Load(depth=0.8, plate_tilt=0.14),))
-    >>> harmonics_at(scene, 0.1), harmonics_at(scene, 0.02), orders_needed(scene, 0.02)
-    (4, 6, 6)
-    """
-    return max(scene.accuracy.harmonics, min(orders_needed(scene, depth), MOST_HARMONICS))
-
-
-def orders_needed(scene: Scene, depth: float) -> int:
-    """Return the number of harmonics that a load at a depth over D needs: those of the accuracy, more off the axis.
-
-    A plate tilted by an angle t touches the dome at R sin t from the axis. There a contact of radius a = sqrt(R d)
-    fills an angle of about a / (R sin t) to each side, so the number of orders that resolve it grows like x = sin t
-    sqrt(R / d), see OFF_AXIS.
-    """
-    least = scene.accuracy.harmonics
-    if not scene.plate_tilt or depth <= FIRST_TOUCH:
-        return least
-    away = math.sin(abs(scene.plate_tilt)) * math.sqrt(scene.shape.R / depth)
-    return least + math.ceil(OFF_AXIS * away)
+    return graded_depth(depth), scene.harmonics_at(depth)
 
 
 def graded_depth(depth: float) -> float:

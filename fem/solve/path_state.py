@@ -15,12 +15,9 @@ from fem.model import coulomb_friction, elements, plate_contact, single_order
 from fem.model.coulomb_friction import Friction
 from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Bond, Plate
 from fem.model.symmetry_models import Discretisation, raise_harmonics
+from fem.scene import FIRST_TOUCH
 from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
 from geometry.arrays import Array
-
-FIRST_TOUCH = 1e-14
-"""Depth over D up to which there is no contact: smaller depths are lost in the rounding of the beam's length. The
-plate's stiffness grows like depth^(-1/2); below this depth it is constant."""
 
 
 @dataclass(frozen=True, slots=True)

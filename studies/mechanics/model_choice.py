@@ -31,8 +31,7 @@ from typing import Any, Literal
 from analytic import beam, buckling
 from fem import physics_version
 from fem.physics_version import PHYSICS
-from fem.results.error_estimates import press_limits
-from fem.scene import Model, choose_model
+from fem.scene import Model, choose_model, press_limits
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
 

@@ -12,12 +12,10 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fem import equilibrium
 from fem.accuracy import Accuracy
 from fem.scene import Model, Scene
-from fem.solution import Solution
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
@@ -27,6 +25,9 @@ from studies.mechanics.path_keys import MODES, Kind, Place, position_of, unit_ve
 from studies.mechanics.plate_motion import STILL, PlateMotion
 from studies.mechanics.store import Outcome, Position, State, Store, position
 from studies.output.provenance import versions
+
+if TYPE_CHECKING:
+    from fem.solution import Solution
 
 NAN = math.nan
 SMALLER_STEPS = 4
@@ -208,6 +209,8 @@ def follow(
     model: Model = "auto",
 ) -> list[LoadOutcome]:
     """Return the outcome of each load of a path; a refused load does not stop the others."""
+    from fem import equilibrium
+
     refused = [_refusal(design, load, magnet) for load in loads]
     possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
     try:

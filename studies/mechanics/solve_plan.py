@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from analytic import beam
 from fem.accuracy import LEVELS, Accuracy, coarser
 from fem.scene import Scene
-from fem.solve.load_case_models import harmonics_at
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
@@ -271,7 +270,7 @@ def cost(task: Task) -> float:
         alone = 20.0 if scene.model == "half" else 60.0
         return alone * loads * math.pow(0.14 / scene.accuracy.solid_size, 3.0)
     slides = scene.coulomb is not None and scene.sideways
-    harmonics = harmonics_at(scene, max(scene.loads[0].depth / scene.design.D, 0.01)) / 3 if scene.plate_tilt else 1.0
+    harmonics = scene.harmonics_at(max(scene.loads[0].depth / scene.design.D, 0.01)) / 3 if scene.plate_tilt else 1.0
     fields = (2.0 if scene.turns else 1.0) * max(harmonics, 1.0)
     return size * loads * fields**2 * (6.0 if slides else 0.8 if scene.model == "harmonic" else 0.15)
 

@@ -17,8 +17,8 @@ import pandas as pd
 
 from fem.accuracy import Accuracy
 from fem.analyses.stability import DEEPEST
-from fem.results.error_estimates import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
-from fem.scene import Model
+from fem.results.error_estimates import FAR_SHEAR, FRICTION_SHEAR, STICK_SHEAR
+from fem.scene import PRESS_DEPTH, Model, press_limits
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress

@@ -26,8 +26,7 @@ import pandas as pd
 
 from analytic import beam, buckling, hall
 from fem.accuracy import LEVELS, Accuracy
-from fem.results.error_estimates import press_limits
-from fem.scene import Model
+from fem.scene import Model, press_limits
 from geometry.arrays import Array
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response

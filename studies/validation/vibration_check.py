@@ -11,8 +11,8 @@ import pandas as pd
 
 from fem.accuracy import FINE, LEVELS, QUICK, Accuracy, coarser
 from fem.analyses.vibration import vibrating_sensor, vibration_model
-from fem.results.error_estimates import VibrationQuantity, press_limits
-from fem.scene import Scene
+from fem.results.error_estimates import VibrationQuantity
+from fem.scene import Scene, press_limits
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress

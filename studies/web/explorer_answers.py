@@ -28,12 +28,12 @@ from fem.accuracy import LEVELS, coarser
 from fem.equilibrium import sideways_model, with_estimates
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
-from fem.scene import Scene
+from fem.scene import FIRST_TOUCH, Scene
 from fem.solution import Solution
 from fem.solve.load_case_models import graded_depth, path_models
 from fem.solve.load_stepping import Path
 from fem.solve.newton import Stop
-from fem.solve.path_state import FIRST_TOUCH, PathState
+from fem.solve.path_state import PathState
 from geometry.bad_input import SolveFailed
 from geometry.design import OF_TIME, BadInput, Design
 from studies.mechanics.study_cases import Recent
