@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry.arrays import Array
-from studies.output.vtk_files import nodal_pressure, spatial
+from studies.output.vtk_files import spatial
 
 if TYPE_CHECKING:
     from fem.results.revolved_body import Body
     from fem.solution import Solution
-
-Quantity = Literal["displacement", "pressure"]
 
 PIECES = 6
 """Pieces into which each edge of a curved triangle is divided for drawing."""
@@ -26,7 +24,7 @@ class Cut(NamedTuple):
     Attributes
     ----------
     rest, moved : undeformed and deformed nodes, shape (m, 6, 3), mm.
-    value : displacement, mm, or pressure, MPa, at the nodes, shape (m, 6).
+    value : displacement at the nodes, shape (m, 6), mm.
     edges : outline, undeformed and deformed, three nodes to an edge, shape (k, 2, 3, 3), mm.
     """
 
@@ -36,7 +34,7 @@ class Cut(NamedTuple):
     edges: Array
 
 
-def cut_of(solution: Solution, quantity: Quantity) -> Cut:
+def cut_of(solution: Solution) -> Cut:
     """Return the section of the deformed body in the plane of its shear (without a shear y = 0), rotated to y = 0.
 
     The section of an axisymmetric body is mirrored; the tetrahedra of a body without a plane of symmetry are cut.
@@ -46,14 +44,13 @@ def cut_of(solution: Solution, quantity: Quantity) -> Cut:
     solid = revolved_body.revolve(solution.field)
     if not revolved_body.mirrored(solution):
         x, y = solution.load.direction
-        return _sliced(revolved_body.turn(solid, (x, -y)), quantity)
+        return _sliced(revolved_body.turn(solid, (x, -y)))
     u = spatial(solid.u)
-    value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(solid)
     x = spatial(solid.mesh.doflocs.T)
     nodes = _triangles(solid.mesh)
     ends = _outline(nodes)
     edges = np.stack([x[ends], (x + u)[ends]], axis=1)
-    rest, moved, values = x[nodes], (x + u)[nodes], value[nodes]
+    rest, moved, values = x[nodes], (x + u)[nodes], np.linalg.norm(u, axis=1)[nodes]
     # an axisymmetric mesh ends at the axis, and its edges there are no outline
     if solid.mesh.dim() == 2:
         mirror = np.array([-1.0, 1.0, 1.0])
@@ -64,7 +61,7 @@ def cut_of(solution: Solution, quantity: Quantity) -> Cut:
     return Cut(rest, moved, values, edges)
 
 
-def _sliced(solid: Body, quantity: Quantity) -> Cut:
+def _sliced(solid: Body) -> Cut:
     """Return the section of the undeformed tetrahedra with the plane y = 0: one or two triangles in each of them.
 
     The crossings are computed as if the cells were straight. Neighbours share the barycentric coordinates of a
@@ -81,10 +78,6 @@ def _sliced(solid: Body, quantity: Quantity) -> Cut:
     edge_shapes = 4 * points[..., pairs[:, 0]] * points[..., pairs[:, 1]]
     shapes = np.concatenate([points * (2 * points - 1), edge_shapes], axis=-1)
     rest, u = (np.einsum("kpa,kai->kpi", shapes, nodal[nodes[cell]]) for nodal in (x, solid.u))
-    if quantity == "displacement":
-        value = np.linalg.norm(u, axis=2)
-    else:
-        value = np.einsum("kpa,ka->kp", shapes, nodal_pressure(solid)[nodes[cell]])
     # an edge of the section lies in a face of its cell: both ends have no share of the corner opposite to that face
     opposite = (corners[:, ends] == 0).all(axis=2)
     outer = np.zeros(solid.mesh.facets.shape[1], dtype=bool)
@@ -94,7 +87,7 @@ def _sliced(solid: Body, quantity: Quantity) -> Cut:
     curve = np.stack([ends[side, 0], side + 3, ends[side, 1]], axis=1)
     moved = rest + u
     edges = np.stack([rest[triangle[:, None], curve], moved[triangle[:, None], curve]], axis=1)
-    return Cut(rest, moved, value, edges)
+    return Cut(rest, moved, np.linalg.norm(u, axis=2), edges)
 
 
 def _crossings(y: Array) -> tuple[NDArray[np.int64], Array]:

@@ -17,7 +17,7 @@ from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Magnet, Response
 from studies.output.atomic_files import atomic
-from studies.output.section_picture import Cut, Quantity, cut_of, lines, surface
+from studies.output.section_picture import cut_of, lines, surface
 
 if TYPE_CHECKING:
     from fem.solution import Solution
@@ -38,40 +38,33 @@ WIDE = 0.71
 NEAR = 0.5
 """The plate is drawn above all silicone that is closer to it than this distance, in units of the tip radius."""
 
-_TITLES = {"displacement": "displacement (mm)", "pressure": "pressure (MPa)"}
 _DARK, _GREY, _PLATE = "#222222", "#8a8a8a", "#c9ced6"
 
 
-def section_picture(
-    path: str | Path,
-    design: Design,
-    solution: Solution,
-    *,
-    magnet: Magnet = "rigid",
-    quantity: Quantity = "displacement",
-) -> None:
+def section_picture(path: str | Path, design: Design, solution: Solution, *, magnet: Magnet = "rigid") -> None:
     """Draw the section of a solution along its shear, or y = 0 without one, into a PNG file.
+
+    Its colour is the magnitude of the displacement.
 
     Parameters
     ----------
     magnet : "rigid" draws the magnet at its pose; "ignored" draws no magnet.
-    quantity : quantity that the colour shows, the magnitude of the displacement or the pressure.
     """
     import pyvista as pv
 
     quiet()
-    cut = cut_of(solution, quantity)
+    cut = cut_of(solution)
     slope, plane = _slope(solution), plane_name(solution)
     solution = _in_plane(solution)
     span = plate_span(design, solution, cut.moved, slope)
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
     plotter.set_background("white")
     reach = _reach(design, solution, slope, span)
-    ticks = _ticks(cut, quantity)
+    ticks = _ticks(float(cut.value.max()))
     actor = plotter.add_mesh(
         surface(cut.moved, cut.value),
         scalars="value",
-        cmap="viridis" if quantity == "displacement" else "cividis",
+        cmap="viridis",
         clim=(ticks[0], ticks[-1]),
         lighting=False,
         show_scalar_bar=False,
@@ -86,7 +79,7 @@ def section_picture(
     _add_ground(plotter, design, plane, reach)
     top = design.L + max(0.0, PLATE * design.D - solution.load.depth)
     _label(plotter, (0.0, top + 0.06 * reach), "at rest", _GREY)
-    _add_bar(plotter, _TITLES[quantity], actor.mapper, len(ticks))
+    _add_bar(plotter, actor.mapper, len(ticks))
     _aim(plotter, design, solution, slope, span, reach)
     with atomic(path) as temporary:
         plotter.screenshot(temporary)
@@ -123,25 +116,10 @@ def quiet() -> None:
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
 
-def _ticks(cut: Cut, quantity: Quantity) -> Array:
-    """Return round numbers that cover the range of the colours.
-
-    The range of a pressure leaves out the lowest and the highest 0.5 % of the area, because the peaks at the rim and
-    at the magnet's edges would otherwise determine all colours.
-    """
-    low, high = 0.0, float(cut.value.max())
-    if quantity == "pressure":
-        sides = cut.rest[:, 1:3] - cut.rest[:, :1]
-        area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-        middle = cut.value.mean(axis=1)
-        order = np.argsort(middle)
-        share = np.cumsum(area[order]) / area.sum()
-        low, high = np.interp([0.005, 0.995], share, middle[order]).tolist()
-    if not high > low:
-        high = low + 1.0
-    step = _round_length((high - low) / 3)
-    ticks = np.arange(math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9) + 1)
-    return np.asarray(step * ticks, dtype=np.float64)
+def _ticks(high: float) -> Array:
+    """Return round numbers from 0 on that cover the range of the colours."""
+    step = _round_length((high if high > 0 else 1.0) / 3)
+    return np.asarray(step * np.arange(math.ceil(high / step - 1e-9) + 1), dtype=np.float64)
 
 
 def _in_section(outline: Array, towards: float) -> Array:
@@ -256,9 +234,9 @@ def _label(plotter: Any, at: tuple[float, float], text: str, color: str = _DARK,
     )
 
 
-def _add_bar(plotter: Any, title: str, mapper: Any, labels: int) -> None:
+def _add_bar(plotter: Any, mapper: Any, labels: int) -> None:
     plotter.add_scalar_bar(
-        title,
+        "displacement (mm)",
         mapper=mapper,
         vertical=True,
         position_x=0.83,

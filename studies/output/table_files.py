@@ -25,8 +25,6 @@ Write = Callable[[Columns], None]
 ROW_GROUP = 50_000
 """Rows of a group of a Parquet file, which is held in memory until it is full: 40 columns of floats take 16 MB.
 Smaller groups would make the file's list of groups grow with the number of batches."""
-KINDS = {"f": "numbers", "i": "whole numbers", "u": "whole numbers", "b": "booleans", "O": "texts", "U": "texts"}
-"""Content of a column by the kind of its dtype."""
 
 
 def write_table(path: Path, rows: Iterable[Mapping[str, Any]], digits: int = 6) -> None:
@@ -56,8 +54,9 @@ def writer(path: str | Path, *, digits: int = 6, about: Mapping[str, str] | None
     BadInput
         The file ends otherwise.
     ValueError
-        From the yielded function: the columns of a batch differ in length, or their names or kinds differ from those
-        of the first batch. Whole numbers may follow in a column of floats.
+        From the yielded function: the columns of a batch differ in length.
+    KeyError
+        From the yielded function: a batch lacks a column of the first batch.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (".csv", ".parquet"):
@@ -65,45 +64,20 @@ def writer(path: str | Path, *, digits: int = 6, about: Mapping[str, str] | None
     with atomic(path) as temporary:
         append = _csv(temporary, digits) if suffix == ".csv" else _parquet(temporary, dict(about or {}))
         with append as write:
-            kinds: dict[str, str] = {}
-
-            def checked(columns: Columns) -> None:
-                batch = {name: np.asarray(values) for name, values in columns.items()}
-                _check(batch, kinds)
-                write(batch)
-
-            yield checked
-
-
-def _check(batch: Columns, kinds: dict[str, str]) -> None:
-    """Check a batch against the kinds of the first batch's columns; the first batch fills `kinds`."""
-    if len({values.shape for values in batch.values()}) > 1 or any(values.ndim != 1 for values in batch.values()):
-        shapes = ", ".join(f"{name} {values.shape}" for name, values in batch.items())
-        raise ValueError(f"the columns of a table must have one length; got {shapes}")
-    other = {name: KINDS.get(values.dtype.kind, str(values.dtype)) for name, values in batch.items()}
-    for name, kind in other.items():
-        if kind not in KINDS.values():
-            raise ValueError(f"column {name} must hold numbers, booleans or texts; got {kind}")
-    if not kinds:
-        kinds.update(other)
-    if list(other) != list(kinds):
-        raise ValueError(f"every batch must have the columns {', '.join(kinds)}; got {', '.join(other)}")
-    for name, kind in other.items():
-        if kind != kinds[name] and (kind, kinds[name]) != ("whole numbers", "numbers"):
-            raise ValueError(f"column {name} holds {kinds[name]} in the first batch and {kind} in a later one")
+            yield write
 
 
 @contextlib.contextmanager
 def _csv(file: Path, digits: int) -> Iterator[Write]:
-    """Yield a function that appends a batch to a CSV file; the first batch gives the header."""
     with file.open("w", encoding="utf-8", newline="") as stream:
-        lines = csv.writer(stream, lineterminator="\n")
+        lines, head = csv.writer(stream, lineterminator="\n"), list[str]()
 
         def write(batch: Columns) -> None:
-            if not stream.tell():
-                lines.writerow(batch)
+            if not head:
+                head.extend(batch)
+                lines.writerow(head)
             # column by column: one format for many values is ten times as fast as a choice for each cell
-            lines.writerows(zip(*(_cells(values, digits) for values in batch.values()), strict=True))
+            lines.writerows(zip(*(_cells(batch[name], digits) for name in head), strict=True))
 
         yield write
 
