@@ -9,7 +9,7 @@ import pytest
 from analytic import beam, buckling, press_terms, shear_terms
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.validation import ladder
+from studies.validation import error_study_cases, ladder
 
 approx = pytest.approx
 HIGHER = beam.LEVELS[1:]
@@ -237,7 +237,7 @@ def test_levels_close_in_on_the_finite_elements(rows):
 
 @pytest.mark.parametrize("number", range(10))
 def test_designs_carry_their_loads(number):
-    design = ladder.designs()[number]
+    design = error_study_cases.designs("ladder")[number]
     deepest = Load(max(ladder.PRESSES) * design.D, max(ladder.SHEARS) * design.D, friction="stick")
     for level in beam.LEVELS:
         assert math.isfinite(beam.solve(design, deepest, level).force[0])

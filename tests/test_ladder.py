@@ -8,7 +8,7 @@ from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.loads import Load
 from studies.output import goals, result
-from studies.validation import ladder
+from studies.validation import error_study_cases, ladder
 
 PRESS = {"sinking_error": 0.03, "press_force_error": -0.04}
 SHEAR = {"sinking_error": 0.01, "press_under_shear_error": 0.02, "shear_force_error": 0.05, "shift_error": 0.01}
@@ -63,7 +63,7 @@ def test_errors_are_those_of_solves_and_formulas(tmp_path):
     rows = ladder.run(lambda share, text: None, "quick", 1, tmp_path / "states.sqlite").frame("ladder")
     assert len(rows) == 14 * len(beam.LEVELS)
     row = rows.query("level == 'finite' and depth_over_D == 0.12 and shear_over_D == 0.15").iloc[0]
-    design, load = ladder.designs()[0], Load(0.96, 1.2, friction="stick")
+    design, load = error_study_cases.designs("ladder")[0], Load(0.96, 1.2, friction="stick")
     exact, formula = solve(design, load, QUICK).response, beam.solve(design, load, "finite")
     before = beam.solve(design, Load(0.96), "finite").force[2]
     expected = (formula.force[2] - exact.force[2]) / before

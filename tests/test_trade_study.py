@@ -10,27 +10,23 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analytic import beam, buckling, hall
+from analytic import beam, buckling
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
-from geometry.design import paper
-from geometry.loads import Load, Response
 from studies.cli import entry_point
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
 from studies.validation import bench, trade, trade_study
+from studies.validation.error_study_cases import designs
 from studies.validation.trade import FILES, summary
 from studies.validation.trade_study import (
-    COMPONENTS,
+    COLUMNS,
     KINDS,
     PLAN,
-    Reference,
+    READINGS,
     Run,
-    components,
-    confirming_designs,
-    designs,
-    extrapolate,
+    extrapolated,
     full_scales,
     trial,
     true_errors,
@@ -103,18 +99,20 @@ def test_the_number_of_designs_is_checked(refusal):
 
 
 def test_the_chosen_designs_span_the_range():
-    ratios = [design.L / design.D for design in designs()]
-    assert len(designs()) == trade_study.STUDIED
+    chosen = designs("trade")
+    ratios = [design.L / design.D for design in chosen]
+    assert len(chosen) == trade_study.STUDIED
     assert (min(ratios), max(ratios)) == (0.6, 6.0)
-    assert (min(d.nu for d in designs()), max(d.nu for d in designs())) == (0.45, 0.4999)
-    assert {d.law for d in designs()} == {"neo-hookean", "mooney-rivlin", "yeoh", "ogden"}
-    assert {d.shape.has_magnet for d in designs()} == {True, False}
+    assert (min(d.nu for d in chosen), max(d.nu for d in chosen)) == (0.45, 0.4999)
+    assert {d.law for d in chosen} == {"neo-hookean", "mooney-rivlin", "yeoh", "ogden"}
+    assert {d.shape.has_magnet for d in chosen} == {True, False}
 
 
 def test_the_confirming_designs_are_others_in_the_same_range():
-    assert len(confirming_designs()) == trade_study.CONFIRMED
-    assert not set(confirming_designs()) & set(designs())
-    assert all(0.6 <= design.L / design.D <= 6.0 and 0.45 <= design.nu < 0.5 for design in confirming_designs())
+    random = designs("trade_random")
+    assert len(random) == trade_study.CONFIRMED
+    assert not set(random) & set(designs("trade"))
+    assert all(0.6 <= design.L / design.D <= 6.0 and 0.45 <= design.nu < 0.5 for design in random)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -129,20 +127,16 @@ def test_every_model_can_carry_the_loads_of_its_kind(kind, confirm):
 # References by extrapolation, and the true errors against them
 
 
-SIZES = (0.04, 0.02, 0.01)
+def table(values, bars=(), scales=(math.nan,) * 3):
+    """One state with some of COLUMNS, and as a reference their error bars and the full scales of the elements."""
+    scaled = {f"{name}_scale": scale for name, scale in zip(READINGS, scales, strict=True)}
+    row = dict.fromkeys(COLUMNS, math.nan) | values | {f"{name}_bar": dict(bars).get(name, 0.0) for name in COLUMNS}
+    return pd.DataFrame([row | scaled])
 
 
-def arrays(parts):
-    return {name: np.array(values) for name, values in parts.items()}
-
-
-def truth(values, bars):
-    return Reference(arrays(values), arrays(bars))
-
-
-def errors(answer, reference, scales):
+def errors(answer, reference):
     """Error and bar of each quantity that has one."""
-    found = true_errors(arrays(answer), reference, np.array(scales))
+    (found,) = true_errors(table(answer), reference, np.zeros(1)).to_dict("records")
     pairs = {name: (found[f"{name}_error_percent"], found[f"{name}_bar_percent"]) for name in trade_study.QUANTITIES}
     return {name: pair for name, pair in pairs.items() if not math.isnan(pair[0])}
 
@@ -153,7 +147,8 @@ def with_errors(state, errors):
         for name, pair in errors.items()
         for kind, value in zip(("error", "bar"), pair, strict=True)
     }
-    return state | trade_study.UNKNOWN | columns
+    unknown = {f"{name}_{kind}_percent": math.nan for name in trade_study.QUANTITIES for kind in ("error", "bar")}
+    return state | unknown | columns
 
 
 def statements(states):
@@ -164,57 +159,51 @@ def confirm(states, rule):
     return list(trade.confirmed(pd.DataFrame(states), rule))
 
 
-def answer(response):
-    """A response as a row of the engine's table, with readings in mT."""
-    names = [*COMPONENTS["force"], *COMPONENTS["shift"]]
-    values = [*response.force, *response.shift]
-    elements = dict(zip(COMPONENTS["readings"], np.array(hall.readings(paper(), response).B_T) * 1e3, strict=True))
-    return dict(zip(names, values, strict=True)) | {"tilt_rad": response.tilt} | elements
+def meshes(**values):
+    """The reference of a press from answers of three meshes, of which these columns are known."""
+    place = {"design": 0, "kind": "press", "depth_mm": 1.0, "shear_mm": 0.0, "status": "ok"}
+    rows = pd.DataFrame({"size": (0.04, 0.02, 0.01)} | values).assign(**place)
+    return extrapolated(rows.reindex(columns=[*rows, *(name for name in COLUMNS if name not in values)])).iloc[0]
 
 
 def test_a_known_limit_and_order_are_recovered():
-    answers = [{"force": np.array([2.0 + 3.0 * h**2, 0.0])} for h in SIZES]
-    reference = extrapolate(SIZES, answers)
-    assert reference.values["force"] == pytest.approx((2.0, 0.0), abs=1e-10)
-    assert reference.bars["force"] == pytest.approx((3.0 * SIZES[-1] ** 2, 0.0), abs=1e-10)
+    reference = meshes(force_N=[2.0 + 3.0 * h**2 for h in (0.04, 0.02, 0.01)], force_y_N=0.0)
+    assert (reference.force_N, reference.force_N_bar) == pytest.approx((2.0, 3e-4))
+    assert (reference.force_y_N, reference.force_y_N_bar) == (0.0, 0.0)
+    assert math.isnan(reference.tilt_rad)
 
 
 @pytest.mark.parametrize("values", [(1.0, 1.2, 1.1), (1.0, 1.1, 1.25), (1.0, 1.1, 1.19)])
 def test_without_steady_convergence_the_finest_mesh_is_the_reference_and_the_spread_its_bar(values):
-    reference = extrapolate(SIZES, [{"force": np.array([value])} for value in values])
-    assert reference.values["force"] == (values[-1],)
-    assert reference.bars["force"] == pytest.approx((max(values) - min(values),))
+    reference = meshes(force_N=values)
+    assert reference.force_N == values[-1]
+    assert reference.force_N_bar == pytest.approx(max(values) - min(values))
+
+
+FORCE = ("force_x_N", "force_y_N", "force_N")
 
 
 def test_errors_of_vectors_are_relative_to_the_length_of_the_reference():
-    reference = truth({"force": (3.0, 0.0, 4.0)}, {"force": (0.0, 0.0, 0.01)})
-    error = errors({"force": (3.0, 0.05, 4.0)}, reference, ())["force"]
+    reference = table(dict(zip(FORCE, (3.0, 0.0, 4.0), strict=True)), {"force_N": 0.01})
+    error = errors(dict(zip(FORCE, (3.0, 0.05, 4.0), strict=True)), reference)["force"]
     assert error == pytest.approx((1.0, 0.2))
 
 
 def test_readings_are_relative_to_full_scale():
-    reference = truth({"readings": (1e-3, 2e-3, 2e-3)}, {"readings": (0.0, 0.0, 0.0)})
-    answer = {"readings": (1.1e-3, 2e-3, 2e-3)}
-    assert errors(answer, reference, (1e-3, 2e-3, 2e-3))["readings"][0] == pytest.approx(10.0)
-    assert "readings" not in errors(answer, reference, ())
+    true, answer = (dict(zip(READINGS, values, strict=True)) for values in ((1e-3, 2e-3, 2e-3), (1.1e-3, 2e-3, 2e-3)))
+    assert errors(answer, table(true, scales=(1e-3, 2e-3, 2e-3)))["readings"][0] == pytest.approx(10.0)
+    assert "readings" not in errors(answer, table(true))
 
 
 def test_s2_and_s3_share_their_full_scale():
-    moved = Response((0.0, 0.0, 1.0), (0.5, 0.0, -0.3), 0.05, 1.0)
-    values = components(paper(), Load(depth=0.5, shear_x=0.5, friction="stick"), answer(moved))
-    first, second, third = full_scales(paper(), [Reference(values, values)])
-    assert first > 0
-    assert second == third > 0
-
-
-def test_an_upright_press_has_no_tilt_and_no_force_along_a_shear():
-    values = components(paper(), Load(depth=0.5), answer(Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.3), 0.0, 1.0)))
-    assert set(values) == {"force", "shift", "readings"}
+    place = pd.MultiIndex.from_tuples([(0, "press", 1.0, 0.0), (0, "press", 2.0, 0.0)], names=trade_study.STATE)
+    truth = pd.DataFrame([[5.0, 1.0, 2.0], [7.0, 1.0, 1.5]], index=place, columns=READINGS)
+    scales = full_scales(truth, {0: np.array([4.0, 1.0, 1.0])})
+    assert scales.to_numpy().tolist() == [[3.0, 1.0, 1.0]] * 2
 
 
 def test_quantities_that_are_nearly_zero_have_no_error():
-    reference = truth({"tilt": (1e-9,)}, {"tilt": (0.0,)})
-    assert errors({"tilt": (2e-9,)}, reference, ()) == {}
+    assert errors({"tilt_rad": 2e-9}, table({"tilt_rad": 1e-9})) == {}
 
 
 # Table and chart of cost and error
@@ -397,7 +386,7 @@ def test_the_bound_of_the_force_along_a_shear_is_over_that_of_the_unpressed_beam
     ],
 )
 def test_a_force_along_a_shear_that_nearly_vanishes_asks_for_a_finer_model(share, model, status):
-    design = trade_study.confirming_designs()[0]
+    design = designs("trade_random")[0]
     load = trade_study.trial(0, "glued shear", "auto", confirm=True).loads[0]
     along = share * buckling.sideways_stiffness(design) * load.shear_x
     states = [sheared(0.1, 0.1 / max(share, 1e-9), along, level=level) for level in ("quick", "standard", "fine")]
@@ -406,7 +395,7 @@ def test_a_force_along_a_shear_that_nearly_vanishes_asks_for_a_finer_model(share
 
 
 def test_an_error_of_the_force_along_the_shear_counts():
-    design = trade_study.confirming_designs()[0]
+    design = designs("trade_random")[0]
     load = trade_study.trial(0, "glued shear", "auto", confirm=True).loads[0]
     along = buckling.sideways_stiffness(design) * load.shear_x
     (result,) = [e for e in confirm([sheared(6.0, 6.0, along)], sheared_rule()) if e["tolerance"] == 0.01]
@@ -427,8 +416,12 @@ def test_what_formulas_and_surrogate_refuse_is_a_state(tmp_path):
         Run("friction", trial(0, "friction", "auto"), "formula", "finite"),
         Run("press", trial(1, "press", "auto"), "surrogate", "shipped"),
     ]
-    found = trade_study.answers([(one.model_of_cases, one.trial) for one in runs], tmp_path / "s.sqlite", None)
-    for one, answers in zip(runs, found, strict=True):
-        rows = trade_study.judged(one, answers, [None] * len(answers), confirm=False)
-        assert rows[-1]["status"] == "refused"
-        assert rows[-1]["message"]
+    found = trade_study.answers(runs, tmp_path / "s.sqlite", None)
+    upright = found[found.shear_mm == 0]
+    assert upright[["tilt_rad", "sideways_N"]].isna().all(axis=None)
+    assert found[found.design == 1][READINGS].isna().all(axis=None)
+    no_reference = extrapolated(found.iloc[:0].assign(size=[]))
+    rows = trade_study.judged(runs, found, no_reference.join(full_scales(no_reference, {})), confirm=False)
+    for _, last in rows.groupby("kind").last().iterrows():
+        assert last.status == "refused"
+        assert last.message

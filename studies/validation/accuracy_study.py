@@ -324,15 +324,13 @@ def statistics(errors: pd.DataFrame, *by: str) -> list[Row]:
         for quantity, own in group.groupby("quantity", observed=True):
             true, estimate = own.error.to_numpy(), own.estimate.to_numpy(dtype=float)
             row = dict(zip(by, values, strict=True)) | {"quantity": str(quantity), "states": len(own)}
-            row |= {"median_percent": 100 * float(np.median(true)), "p95_percent": 100 * _least_of(true, 0.95)}
+            row |= {
+                "median_percent": 100 * float(np.median(true)),
+                "p95_percent": 100 * pages.percentile(own.error, 95),
+            }
             row |= {"max_percent": 100 * float(true.max()), "coverage": float((true <= estimate).mean())}
             rows.append(row | {"sharpness": float((estimate <= np.maximum(SHARP * true, CLEAR)).mean())})
     return rows
-
-
-def _least_of(values: Any, share: float) -> float:
-    """Return the least value that a share of all does not exceed."""
-    return float(np.sort(values)[math.ceil(share * len(values)) - 1])
 
 
 def summary(states: pd.DataFrame) -> list[Row]:
@@ -395,7 +393,11 @@ def rules(states: pd.DataFrame) -> list[Row]:
     scene = errors.scene.where(errors.model != "half", np.where(errors.scene == "press", "solid press", "solid"))
     pressed = (errors.quantity == "frequency") & (errors.depth_mm > 0)
     quantity = errors.quantity.astype(str).where(~pressed, "pressed frequency")
-    needed = (errors.error / errors.estimate).groupby([scene, errors.magnet, quantity]).agg(_least_of, share=COVERAGE)
+    needed = (
+        (errors.error / errors.estimate)
+        .groupby([scene, errors.magnet, quantity])
+        .agg(pages.percentile, percent=100 * COVERAGE)
+    )
     today: dict[str, int] = dict(PHYSICS.items())
     rows = []
     for row in table_rows():

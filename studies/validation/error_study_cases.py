@@ -19,14 +19,14 @@ from fem.accuracy import Accuracy
 from fem.analyses.stability import DEEPEST
 from fem.results.error_estimates import FAR_SHEAR, FRICTION_SHEAR, STICK_SHEAR
 from fem.scene import PRESS_DEPTH, Model, press_limits
-from geometry.design import Design, paper
+from geometry.design import Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies import cases
 from studies.cases import FemModel
 from studies.simulation.compare import part
 
-SAMPLED, DESIGNS = Path(__file__).with_name("error_designs.csv"), 12
+DESIGNS = 12
 DEPTHS = (0.03, 0.1, PRESS_DEPTH)
 """Depths of a press over D; all are scaled down in proportion if the silicone is too thin for the deepest."""
 STICK = (0.1, (0.0, 0.05, STICK_SHEAR))
@@ -88,16 +88,14 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
 
 
 @functools.cache
-def designs() -> tuple[Design, ...]:
-    """Return the paper's design and those of the table."""
-    return (paper(), *(Design(**row, l0=row["L"]) for row in rows_of(SAMPLED)))
-
-
-def rows_of(table: Path) -> list[dict[str, Any]]:
-    """Return the rows of a table of designs with its numbers as floats."""
-    with table.open(encoding="utf-8", newline="") as file:
+def designs(table: str = "error") -> tuple[Design, ...]:
+    """Return the designs of a table, whose columns are fields of the design; an empty cell has the usual value."""
+    with Path(__file__).with_name(f"{table}_designs.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    return [{name: text if name == "law" else float(text) for name, text in row.items()} for row in rows]
+    fields: list[dict[str, Any]] = [
+        {name: text if name == "law" else float(text) for name, text in row.items() if text} for row in rows
+    ]
+    return tuple(Design(**each) for each in fields)
 
 
 def rounded(value: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analytic import beam, buckling
-from geometry.design import BadInput, Design, paper
+from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies import cases
@@ -18,7 +18,7 @@ from studies.output.figures import picture
 from studies.output.goals import Goal, failures, page_lines
 from studies.output.result import Result
 from studies.validation import pages
-from studies.validation.error_study_cases import rows_of
+from studies.validation.error_study_cases import designs
 from studies.web import verdict_figures
 
 FILES = ("LADDER.md", "ladder.csv", "ladder.png")
@@ -31,16 +31,6 @@ MOTION = {"force_x": "force_x_N", "force_z": "force_N", "shift_x": "shift_x_mm",
 MOTION |= {"tilt": "tilt_rad"}
 UNITS = {"force": "N", "shift": "mm", "tilt": "rad"}
 SIZES = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
-
-
-def designs() -> list[Design]:
-    """Return the paper's design and nine others in order of L/D."""
-    found = [paper()]
-    for row in rows_of(Path(__file__).with_name("ladder_designs.csv")):
-        D, L, wide, high = (row["D"] * factor for factor in (1.0, *list(row.values())[1:]))
-        edge = 0.0125 * D if wide else 0.0
-        found.append(Design(D=D, L=L, l0=L, f=D, magnet_diameter=wide, magnet_height=high, magnet_edge_radius=edge))
-    return found
 
 
 def run(progress: Progress, accuracy: AccuracyName = "quick", count: Whole = 10, store: Path | None = None) -> Result:
@@ -57,10 +47,12 @@ def run(progress: Progress, accuracy: AccuracyName = "quick", count: Whole = 10,
     store
         File of solved states; default: that of the user.
     """
-    most = len(designs())
+    most = len(designs("ladder"))
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
-    states = [(number, design, load) for number, design in enumerate(designs()[:count]) for load in loads(design)]
+    states = [
+        (number, design, load) for number, design in enumerate(designs("ladder")[:count]) for load in loads(design)
+    ]
     asked = cases.table((d, load, "rigid" if d.shape.has_magnet else "ignored") for _, d, load in states)
     models, quantities = [f"fem:{accuracy}", *beam.LEVELS], ["force", "shift", "tilt"]
     found = cases.answer(asked, models, quantities=quantities, store=store, progress=progress)

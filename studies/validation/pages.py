@@ -1,9 +1,11 @@
 """Tables and pages of the studies of validation: one writer for all of them, words in `templates`."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import pandas as pd
 
 from geometry.messages import Progress
@@ -11,7 +13,7 @@ from studies.output import page_templates
 from studies.output.page_templates import filled, listed
 from studies.output.result import Result, Table, collected
 
-__all__ = ["Row", "collected", "failed", "filled", "listed", "records", "rendered", "study", "told"]
+__all__ = ["Row", "collected", "failed", "filled", "listed", "percentile", "records", "rendered", "study", "told"]
 
 Case = TypeVar("Case")
 
@@ -22,6 +24,16 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def records(table: pd.DataFrame) -> list[Row]:
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
+
+
+def percentile(values: pd.Series, percent: float) -> float:
+    """Return the least value that so many percent of the known ones do not exceed; NaN without any.
+
+    >>> percentile(pd.Series([3.0, 1.0, 2.0, float("nan"), 4.0]), 75)
+    3.0
+    """
+    known = values.dropna()
+    return float(np.percentile(known, percent, method="inverted_cdf")) if len(known) else math.nan
 
 
 def rendered(template: str, **values: Any) -> str:

@@ -69,13 +69,12 @@ def result(
     states: pd.DataFrame, rule: Sequence[Statement], results: Sequence[Row], kinds: Sequence[Kind], origin: str
 ) -> Result:
     """Return the result of states and a rule; results and kinds to be confirmed are empty without confirmation."""
-    table, confirmation = cells(states), summary(results)
-    records = [{name: value for name, value in row.items() if not name.startswith("worst_")} for row in table]
+    table, confirmation, rows = cells(states), summary(results), pages.records(states)
     first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")
-    shown = [Table(title="Cost and error", rows=records, first=first)]
+    shown = [Table(title="Cost and error", rows=table, first=first)]
     if kinds:
         shown.append(Table(title="Confirmation", rows=confirmation))
-    text, rows, ran = as_text(rule, origin), pages.records(states), []
+    text, ran = as_text(rule, origin), []
     for kind, model in ((one, model) for one in KINDS for model in trade_study.PLAN[one]["models"]):
         own = {cell["level"]: cell["designs"] for cell in table if (cell["kind"], cell["model"]) == (kind, model)}
         ran.append({"kind": kind, "model": model} | {name: own.get(name, 0) for name in LEVELS[-3:]})
@@ -98,20 +97,12 @@ def result(
         "worst": sorted((each for each in results if each["status"] == "exceeded"), key=lambda each: -each["error"]),
         "lost": pages.records(states[~states.status.isin(["ok", "refused"])]),
     }
-    return pages.study(
-        "trade",
-        "Cost and error",
-        rows,
-        page,
-        records=[*records, *(confirmation if kinds else [])],
-        shown=shown,
-        tables={"confirm": results} if results else {},
-        files={
-            "model_choice.json": lambda path: write_text(path, text),
-            "trade.png": partial(picture, rows=rows, draw=verdict_figures.trade),
-        },
-        failures=failures(goals(results, kinds)) if kinds else (),
-    )
+    files = {"model_choice.json": lambda path: write_text(path, text)}
+    files["trade.png"] = partial(picture, rows=rows, draw=verdict_figures.trade)
+    more: Row = {"tables": {"confirm": results} if results else {}, "files": files}
+    more["failures"] = failures(goals(results, kinds)) if kinds else ()
+    records = [*table, *(confirmation if kinds else [])]
+    return pages.study("trade", "Cost and error", rows, page, records=records, shown=shown, **more)
 
 
 def cells(states: pd.DataFrame) -> list[Row]:
@@ -124,26 +115,25 @@ def cells(states: pd.DataFrame) -> list[Row]:
     frame = states[~states.confirming]
     order = {"kind": KINDS, "model": MODELS, "level": LEVELS}
     frame = frame.assign(**{name: pd.Categorical(frame[name], values) for name, values in order.items()})
-    groups = frame.groupby(list(order), observed=True, sort=True)
-    return [dict(zip(order, place, strict=True)) | _cell(own) for place, own in groups]
-
-
-def _cell(own: pd.DataFrame) -> Row:
-    inside = own[counting(own)]
-    row: Row = {"designs": own.design.nunique(), "states": len(own), "solved": len(inside)}
-    for name in QUANTITIES:
-        middle, high, _ = _spread(inside[f"{name}_error_percent"])
-        row |= {f"{name}_median_percent": middle, f"{name}_p95_percent": high}
-    counted, bars = (inside[[f"{name}_{kind}_percent" for name in COUNTED]].to_numpy() for kind in ("error", "bar"))
-    known = np.isfinite(counted)
-    unclear = trade_study.CLEAR * bars[known] > counted[known]
-    worst = _spread(inside[[f"{name}_error_percent" for name in COUNTED]].max(axis=1))
-    # the surrogate refuses most paths outside its range as a whole, at no cost
-    refused = (own.model == SURROGATE) & (own.status == "refused")
-    answered = own if refused.all() else own[~refused]
-    row |= dict(zip(("worst_median_percent", "worst_p95_percent", "largest_percent"), worst, strict=True))
-    row["unclear_percent"] = 100 * float(unclear.mean()) if len(unclear) else math.nan
-    return row | {name: float(answered[name].median()) for name in ("cpu_s", "cost", "peak_MB")}
+    rows = []
+    for place, own in frame.groupby(list(order), observed=True, sort=True):
+        row: Row = dict(zip(order, place, strict=True)) | {"designs": own.design.nunique(), "states": len(own)}
+        inside = own[counting(own)]
+        row["solved"] = len(inside)
+        for name in QUANTITIES:
+            errors = inside[f"{name}_error_percent"]
+            row |= {f"{name}_median_percent": errors.median(), f"{name}_p95_percent": pages.percentile(errors, 95)}
+        counted, bars = (
+            inside[[f"{name}_{kind}_percent" for name in COUNTED]].to_numpy() for kind in ("error", "bar")
+        )
+        unclear = (trade_study.CLEAR * bars > counted)[np.isfinite(counted)]
+        row["largest_percent"] = float(pd.Series(counted.ravel()).max())
+        row["unclear_percent"] = 100 * float(unclear.mean()) if len(unclear) else math.nan
+        # the surrogate refuses most paths outside its range as a whole, at no cost
+        refused = (own.model == SURROGATE) & (own.status == "refused")
+        answered = own if refused.all() else own[~refused]
+        rows.append(row | {name: float(answered[name].median()) for name in ("cpu_s", "cost", "peak_MB")})
+    return rows
 
 
 def counting(states: pd.DataFrame) -> pd.Series:
@@ -151,19 +141,11 @@ def counting(states: pd.DataFrame) -> pd.Series:
     return ((states.model != "formula") | (states.message == "")) & states[TRUE].notna().any(axis=1)
 
 
-def _spread(values: pd.Series) -> tuple[float, float, float]:
-    """Return median, 95th percentile (the least value that as many do not exceed) and largest value, if any."""
-    known = np.sort(values.dropna().to_numpy())
-    if not len(known):
-        return math.nan, math.nan, math.nan
-    return float(np.median(known)), float(known[math.ceil(0.95 * len(known)) - 1]), float(known[-1])
-
-
 def _errors(cell: Row) -> Row:
     """Return the cells of the page for one model: median / 95th percentile of each error, cost."""
     row = {name: cell[name] for name in ("model", "level", "designs")}
     row["states"] = f"{cell['solved']} of {cell['states']}"
-    for name in ("force", "shift", "tilt", "readings", "sideways"):
+    for name in COUNTED:
         middle, high = cell[f"{name}_median_percent"], cell[f"{name}_p95_percent"]
         both = f"{number(middle, 2)} / {number(high, 2)}" if math.isfinite(middle) else ""
         row["readings % FS" if name == "readings" else f"{name} %"] = both
@@ -177,12 +159,20 @@ def _errors(cell: Row) -> Row:
 def statements(states: pd.DataFrame) -> list[Statement]:
     """Return the statements that follow from the states of the chosen designs."""
     own = states[~states.confirming & counting(states)]
-    own = own.assign(region=[_region(state) for state in pages.records(own)])
+    regions = []
+    for state in pages.records(own):
+        trial = trade_study.trial(state["design"], state["kind"], "auto")
+        name = model_choice.region(trial.design, load_of(state), trial.magnet, state["kind"]).name
+        formula = state["model"] == "formula"
+        name = model_choice.formula_region(trial.design, name) if formula else name
+        regions.append(ANY_REGION if state["model"] in trade_study.SOLIDS else name)
     found = []
-    for (kind, region, model, level), group in own.groupby(["kind", "region", "model", "level"], sort=False):
+    names = ["kind", "region", "model", "level"]
+    for values, group in own.assign(region=regions).groupby(names, sort=False):
+        place: Row = dict(zip(names, values, strict=True))
         designs, cost = group.design.nunique(), group.cost.median()
         # a model of unknown cost is never the cheapest
-        if (model in CALCULATED and designs < FEWEST) or math.isnan(cost):
+        if (place["model"] in CALCULATED and designs < FEWEST) or math.isnan(cost):
             continue
         bounds: Row = {}
         for name in COUNTED:
@@ -191,17 +181,9 @@ def statements(states: pd.DataFrame) -> list[Statement]:
             errors = group[[f"{of}_error_percent", f"{of}_bar_percent"]].max(axis=1) / 100
             largest = (1 + 1 / designs) * float(errors.max())
             bounds[name] = None if errors.isna().all() else model_choice.rounded_up(largest, 3)
-        place: Row = {"kind": kind, "region": region, "model": model, "level": level, "designs": designs}
-        found.append(Statement(**place, states=len(group), cost=float(f"{cost:.3g}"), **bounds))
+        place |= {"designs": designs, "states": len(group), "cost": float(f"{cost:.3g}")}
+        found.append(Statement(**place, **bounds))
     return found
-
-
-def _region(state: Row) -> str:
-    if state["model"] in trade_study.SOLIDS:
-        return ANY_REGION
-    trial = trade_study.trial(state["design"], state["kind"], "auto", confirm=state["confirming"])
-    name = model_choice.region(trial.design, load_of(state), trial.magnet, state["kind"]).name
-    return model_choice.formula_region(trial.design, name) if state["model"] == "formula" else name
 
 
 def load_of(state: Row) -> Load:

@@ -11,8 +11,6 @@ itself, for finite elements in a process of its own.
 """
 
 import contextlib
-import functools
-import itertools
 import math
 import time
 import tomllib
@@ -28,15 +26,15 @@ from analytic import beam, buckling, hall
 from fem.accuracy import LEVELS, Accuracy
 from fem.scene import Model, press_limits
 from geometry.arrays import Array
-from geometry.design import BadInput, Design, paper
+from geometry.design import BadInput
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
 from studies import cases
 from studies.cases import FemModel
 from studies.mechanics import surrogate_response
 from studies.simulation.compare import part
-from studies.validation import bench, pages
-from studies.validation.error_study_cases import Trial, answers_by, rounded, rows_of
+from studies.validation import bench
+from studies.validation.error_study_cases import Trial, answers_by, designs, rounded
 from studies.validation.pages import Row
 from studies.validation.verify import richardson
 
@@ -60,8 +58,6 @@ draw 20 and of the others 6 designs lie anywhere in the range, the rest inside t
 corrected after each draw but the last."""
 CONFIRMED = DRAWN * DRAWS
 """Number of random designs."""
-DESIGNS = Path(__file__).with_name("trade_designs.csv")
-"""The chosen designs after the paper's; those from the 18th on lie inside the range of the formulas."""
 
 
 def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
@@ -73,83 +69,50 @@ def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
 
 def trial(number: int, kind: Kind, model: Model, *, confirm: bool = False) -> Trial:
     """Return the path of loads of a kind on a design, in proportion to the design."""
-    design = (confirming_designs() if confirm else designs())[number]
+    design = designs("trade_random" if confirm else "trade")[number]
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
-    return Trial(number, design, magnet, PLAN[kind]["scene"], model, _loads(number, kind, design, magnet))
-
-
-def _loads(number: int, kind: Kind, design: Design, magnet: Magnet) -> tuple[Load, ...]:
-    own, under = PLAN[kind], CHOSEN["under"]
+    friction: Any = "stick"
+    own, under, D = PLAN[kind], CHOSEN["under"], design.D
     first, most = press_limits(design, magnet)
+    depth = rounded(min(under[number % len(under)] * D, first))
     if kind == "press":
         depths = [share * first for share in own["presses"]] + [first + own["deep"] * (most - first)]
-        return tuple(Load(depth=rounded(depth)) for depth in depths)
-    D, depth = design.D, rounded(min(under[number % len(under)] * design.D, first))
-    if kind == "glued shear":
-        return tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in own["shears"])
-    mu = own["coefficients"][number % len(own["coefficients"])]
-    return tuple(Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in (0.0, *own["slides"]))
-
-
-@functools.cache
-def designs() -> tuple[Design, ...]:
-    """Return the chosen designs, the paper's first; Hall elements lie as in the paper's sensor, over D."""
-    found = [paper()]
-    for row in rows_of(DESIGNS):
-        D, wide, high = row["D"], row["magnet_diameter_over_D"], row["magnet_height_over_D"]
-        L = rounded(row["L_over_D"] * D)
-        magnet = {"magnet_diameter": wide * D, "magnet_height": high * D, "magnet_edge_radius": 0.1 * high * D}
-        elements = {"l0": L - D / 2 + 0.275 * D, "f": 0.625 * D, "c": 0.25 * D}
-        sizes: dict[str, Any] = {name: rounded(value) for name, value in (magnet | elements).items()}
-        found.append(Design(D=D, L=L, nu=row["nu"], **sizes, **CHOSEN["laws"].get(row["law"], {})))
-    return tuple(found)
-
-
-@functools.cache
-def confirming_designs() -> tuple[Design, ...]:
-    """Return the random designs: L/D and 1/2 - nu uniform in their logarithm; a third has no magnet."""
-    rows, laws = rows_of(DESIGNS.with_name("trade_random_designs.csv")), CHOSEN["laws"]
-    return tuple(Design(**laws.get(row.pop("law"), {}), **row) for row in rows)
-
-
-def meshes(kind: Kind, fineness: str) -> list[Accuracy]:
-    """Return the three meshes of a reference, the coarse one first."""
-    names = ("section_size", "section_patch", "harmonics", "friction_step_factor")
-    begin = PLAN[kind]["begin"][fineness]
-    steps = [dict(zip(names, step, strict=True)) for step in PLAN[kind]["steps"][begin : begin + 3]]
-    return [replace(LEVELS["fine"], name=f"reference {step['section_size']:g}", **step) for step in steps]
+        loads = [Load(depth=rounded(each)) for each in depths]
+    else:
+        if kind == "friction":
+            friction = own["coefficients"][number % len(own["coefficients"])]
+        loads = [Load(depth=depth, shear_x=rounded(x * D), friction=friction) for x in own["shears"]]
+    return Trial(number, design, magnet, own["scene"], model, tuple(loads))
 
 
 # States, references and costs
 
+READINGS = ["S1_mT", "S2_mT", "S3_mT"]
 COMPONENTS = {
-    "force": ("force_x_N", "force_y_N", "force_N"),
-    "shift": ("shift_x_mm", "shift_y_mm", "shift_z_mm"),
-    "tilt": ("tilt_rad",),
-    "sideways": ("force_x_N",),
-    "readings": ("S1_mT", "S2_mT", "S3_mT"),
+    "force": ["force_x_N", "force_y_N", "force_N"],
+    "shift": ["shift_x_mm", "shift_y_mm", "shift_z_mm"],
+    "tilt": ["tilt_rad"],
+    "sideways": ["sideways_N"],
+    "along": ["sideways_N"],
+    "readings": READINGS,
 }
-"""Columns of the components of each quantity in an answer."""
-QUANTITIES = ("force", "shift", "tilt", "sideways", "along", "readings")
-"""Quantities whose errors are measured; sideways is the force along the shear alone, a part of `force`, relative to
-itself; along is the same force, relative to the larger one of itself and that of the unpressed beam."""
+"""Columns of the components of each quantity whose errors are measured. `sideways` is the force along the shear
+alone, a part of `force`, relative to itself; `along` is the same force, relative to the larger one of itself and that
+of the unpressed beam."""
+QUANTITIES = tuple(COMPONENTS)
+COLUMNS = list(dict.fromkeys(column for columns in COMPONENTS.values() for column in columns))
 LEAST_ORDER = 0.8
 """Least observed order for an extrapolation: a lower one multiplies the last difference by more than three."""
 NOTHING = 1e-6
 """Shift in mm, tilt in rad, force in N or flux density in mT below which a relative error has no meaning."""
+NO_REFERENCE = ("no_reference", "a mesh of the reference has no stable answer")
+"""Status and message of a state with an answer whose reference has none."""
 CLEAR = 3.0
 """A reference judges an error clearly if its bar is at most a third of the error."""
 REPEATS = {"formula": 50, SURROGATE: 10}
 """Number of evaluations for the cost of one, which is too short to be measured."""
-Components = Mapping[str, Array]
-"""Components of each quantity; N, mm, rad and mT."""
-
-
-class Reference(NamedTuple):
-    """Components of each quantity in one state, and the error bar of each."""
-
-    values: Components
-    bars: Components
+STATE = ["design", "kind", "depth_mm", "shear_mm"]
+"""Columns that tell the states of a model apart."""
 
 
 class Run(NamedTuple):
@@ -159,12 +122,14 @@ class Run(NamedTuple):
     trial: Trial
     model: str
     level: str
+    accuracy: Accuracy | None = None
+    """Of a reference; None for that of the level."""
 
     @property
     def model_of_cases(self) -> str | FemModel:
         if self.model in CALCULATED:
             return self.level if self.model == "formula" else SURROGATE
-        return FemModel(self.level, LEVELS[self.level], self.trial.model)
+        return FemModel(self.level, self.accuracy or LEVELS[self.level], self.trial.model)
 
 
 def plan(
@@ -195,7 +160,7 @@ def plan(
             runs += [Run(kind, trial(n, kind, name, confirm=confirm), model, level) for n in own]
         fine = runs_on(kind, section, "fine", count) if kind == "glued shear" and not confirm else []
         for number in chosen:
-            design = designs()[0 if confirm else number]
+            design = designs("trade")[0 if confirm else number]
             coarser = confirm or CHOSEN["slender"] * design.D < design.L or number >= CHOSEN["common"]
             usual = "finer" if number in fine else "coarser" if coarser else "usual"
             finenesses[number, kind] = "rough" if quick else usual
@@ -207,148 +172,150 @@ def run(
 ) -> pd.DataFrame:
     """Return all states with their errors, and with costs but for the random designs."""
     runs, finenesses = plan(count, quick=quick, confirm=confirm)
-    truths = references(finenesses, confirm, store, part(progress, 0.0, 0.5, "references"))
-    wanted = [(one.model_of_cases, one.trial) for one in runs]
-    found = answers(wanted, store, part(progress, 0.5, 0.8))
-    states: list[Row] = []
+    truth = references(finenesses, confirm, store, part(progress, 0.0, 0.5, "references"))
+    table = judged(runs, answers(runs, store, part(progress, 0.5, 0.8)), truth, confirm=confirm)
+    costs: list[tuple[float, float]] = []
     for k, one in enumerate(runs):
         progress(0.8 + 0.2 * k / len(runs), f"cost of design {one.trial.number}, {one.kind}, {one.model} {one.level}")
-        cpu_s, peak_MB = (math.nan, math.nan) if confirm else cost(one)
-        rows = judged(one, found[k], truths[one.trial.number, one.kind], confirm)
-        states += [row | {"cpu_s": cpu_s, "peak_MB": peak_MB} for row in rows]
-    table = pd.DataFrame(states)
-    section = (table.model == table.kind.map({kind: PLAN[kind]["section"] for kind in KINDS})) & (
-        table.level == "standard"
-    )
+        costs += [(math.nan, math.nan) if confirm else cost(one)] * len(one.trial.loads)
+    table[["cpu_s", "peak_MB"]] = costs
+    section = (table.model == table.kind.map(lambda kind: PLAN[kind]["section"])) & (table.level == "standard")
     unit = table.cpu_s.where(section).groupby([table.design, table.kind]).transform("first")
     return table.assign(cost=table.cpu_s / unit)
 
 
-def answers(
-    wanted: Sequence[tuple[str | FemModel, Trial]], store: Path | None, progress: Progress | None
-) -> list[list[Row]]:
-    """Return the answers of a model to the loads of a trial, for each pair."""
-    states = [(model, trial, load) for model, trial in wanted for load in trial.loads]
-    asked = cases.table((trial.design, load, trial.magnet) for _, trial, load in states)
+def answers(runs: Sequence[Run], store: Path | None, progress: Progress | None) -> pd.DataFrame:
+    """Return a row for each load of each run: its place, COLUMNS (NaN where there is none), status and message.
+
+    A press has neither tilt nor a force along a shear, a design without a magnet no readings.
+    """
+    states = [(one, load) for one in runs for load in one.trial.loads]
+    asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in states)
     # without shear_mm the engine would leave out what is zero by symmetry
-    asked["shear_mm"] = [load.shear_x for *_, load in states]
+    asked["shear_mm"] = [load.shear_x for _, load in states]
     quantities = ["force", "shift", "tilt", "readings"]
-    table = answers_by([model for model, *_ in states], asked, quantities, store, progress)
+    found = answers_by([one.model_of_cases for one, _ in states], asked, quantities, store, progress)
+    names = ["design", "kind", "model", "level", "depth_mm", "shear_mm", "friction"]
+    place = pd.DataFrame(
+        [
+            (one.trial.number, one.kind, one.model, one.level, load.depth, load.shear_x, load.friction)
+            for one, load in states
+        ],
+        columns=names,
+    )
+    table = pd.concat([place, found.reindex(columns=[*COLUMNS, "status", "message"])], axis=1)
+    upright = table.shear_mm == 0
     # an unstable press is the exact answer of a tip that is held on the axis
-    table.loc[(table["status"] == "unstable") & (table["shear_mm"] == 0), ["status", "message"]] = "ok", ""
-    rows = iter(pages.records(table))
-    return [list(itertools.islice(rows, len(trial.loads))) for _, trial in wanted]
-
-
-def components(design: Design, load: Load, answer: Row) -> Components:
-    """Return the components of each quantity in one state; without tilt and sideways where nothing shears the tip."""
-    left_out = () if load.shears_tip else ("tilt", "sideways")
-    names = [name for name in COMPONENTS if name not in left_out and (name != "readings" or design.shape.has_magnet)]
-    values = {name: np.array([answer[column] for column in COMPONENTS[name]], dtype=float) for name in names}
-    # there is no reading where the magnet has reached an element
-    return {name: each for name, each in values.items() if np.isfinite(each).all()}
+    table.loc[(table.status == "unstable") & upright, ["status", "message"]] = "ok", ""
+    table.loc[upright, "tilt_rad"] = math.nan
+    table.loc[asked.magnet == "ignored", READINGS] = math.nan
+    return table.assign(sideways_N=found.force_x_N.where(~upright))
 
 
 def references(
     finenesses: Mapping[tuple[int, Kind], str], confirm: bool, store: Path | None, progress: Progress | None
-) -> dict[tuple[int, Kind], list[Reference | None]]:
-    """Return the reference of each state of each path; None where a mesh has no answer or an unstable one."""
-    triples = {place: meshes(place[1], fineness) for place, fineness in finenesses.items()}
-    trials = {(n, kind): trial(n, kind, PLAN[kind]["section"], confirm=confirm) for n, kind in finenesses}
-    wanted: list[tuple[str | FemModel, Trial]] = [
-        (FemModel(mesh.name, mesh, trials[place].model), trials[place])
-        for place, three in triples.items()
-        for mesh in three
-    ]
-    found = iter(answers(wanted, store, progress))
-    truths = {}
-    for place, three in triples.items():
-        states = zip(trials[place].loads, *(next(found) for _ in three), strict=True)
-        sizes = [mesh.section_size for mesh in three]
-        truths[place] = [
-            extrapolate(sizes, [components(trials[place].design, load, one) for one in own])
-            if all(one["status"] == "ok" for one in own)
-            else None
-            for load, *own in states
-        ]
-    return truths
+) -> pd.DataFrame:
+    """Return the references of the states of each path, by STATE, as `extrapolated` does."""
+    runs = []
+    names = ("section_size", "section_patch", "harmonics", "friction_step_factor")
+    for (number, kind), fineness in finenesses.items():
+        own, begin = trial(number, kind, PLAN[kind]["section"], confirm=confirm), PLAN[kind]["begin"][fineness]
+        for step in PLAN[kind]["steps"][begin : begin + 3]:
+            mesh = replace(LEVELS["fine"], name=f"reference {step[0]:g}", **dict(zip(names, step, strict=True)))
+            runs.append(Run(kind, own, "reference", mesh.name, mesh))
+    found = answers(runs, store, progress)
+    sizes = [one.accuracy.section_size for one in runs if one.accuracy for _ in one.trial.loads]
+    truth = extrapolated(found.assign(size=sizes))
+    at_rest = Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)
+    designs = {one.trial.number: one.trial.design for one in runs if one.trial.magnet == "rigid"}
+    rest = {number: 1e3 * np.array(hall.readings(one, at_rest).B_T) for number, one in designs.items()}
+    return truth.join(full_scales(truth, rest))
 
 
-def extrapolate(sizes: Sequence[float], found: Sequence[Components]) -> Reference:
-    """Return the reference from the answers of three meshes, with edge lengths in decreasing order."""
-    values, bars = {}, {}
-    for name in (name for name in COMPONENTS if all(name in one for one in found)):
-        limits, widths = [], []
-        for column in zip(*(one[name].tolist() for one in found), strict=True):
-            limit, order = richardson([1 / size for size in sizes], column)
-            known = order >= LEAST_ORDER
-            limits.append(limit if known else column[-1])
-            widths.append(abs(limit - column[-1]) if known else max(column) - min(column))
-        values[name], bars[name] = np.array(limits), np.array(widths)
-    return Reference(values, bars)
+def extrapolated(found: pd.DataFrame) -> pd.DataFrame:
+    """Return the limits of COLUMNS in each state, with error bars (`NAME_bar`), from the answers of three meshes.
 
-
-def full_scales(design: Design, truths: Sequence[Reference | None]) -> Array:
-    """Return the full scale of each element, mT: its largest change from rest on a path; S2 and S3 share theirs."""
-    readings = [one.values["readings"] for one in truths if one is not None and "readings" in one.values]
-    if not readings:
-        return np.zeros(0)
-    rest = 1e3 * np.array(hall.readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)).B_T)
-    first, *sideways = np.abs(np.array(readings) - rest).max(axis=0)
-    return np.array([first, max(sideways), max(sideways)])
-
-
-UNKNOWN = {f"{name}_{kind}_percent": math.nan for name in QUANTITIES for kind in ("error", "bar")}
-"""Errors of a state, and error bars of its reference."""
-
-
-def true_errors(answer: Components, truth: Reference, scales: Array, unpressed_N: float = 0.0) -> Row:
-    """Return the errors of an answer against the reference of its state, with the reference's error bars, percent.
-
-    They are relative to the quantity or, for readings, to the full `scales` of the elements, mT; there is none where
-    the reference is nearly 0. `unpressed_N` is the force along the same shear of the unpressed beam.
+    `size` is the edge length of a mesh, in decreasing order. States that a mesh does not answer, or finds unstable,
+    are left out.
     """
-    errors: Row = dict(UNKNOWN)
+    rows = {}
+    for place, own in found.groupby(STATE, sort=False):
+        if not (own.status == "ok").all():
+            continue
+        row: Row = {}
+        for name in COLUMNS:
+            values = own[name].tolist()
+            if not np.isfinite(values).all():
+                continue
+            limit, order = richardson((1 / own["size"]).tolist(), values)
+            known = order >= LEAST_ORDER
+            row[name] = limit if known else values[-1]
+            row[f"{name}_bar"] = abs(limit - values[-1]) if known else max(values) - min(values)
+        rows[place] = row
+    index = pd.MultiIndex.from_tuples(list(rows), names=STATE)
+    return pd.DataFrame(list(rows.values()), index=index, columns=[*COLUMNS, *(f"{name}_bar" for name in COLUMNS)])
 
-    def add(name: str, off: Array, bar: Array, size: float) -> None:
-        if size > NOTHING:
-            for kind, vector in (("error", off), ("bar", bar)):
-                errors[f"{name}_{kind}_percent"] = 100 * float(np.linalg.norm(vector)) / size
 
-    for name in (name for name in COMPONENTS if name in answer and name in truth.values):
-        off, bar, size = answer[name] - truth.values[name], truth.bars[name], np.linalg.norm(truth.values[name])
-        if name != "readings":
-            add(name, off, bar, float(size))
-        elif len(scales) and scales.min() > NOTHING:
-            add(name, np.abs(off / scales).max(), (bar / scales).max(), 1.0)
-        if name == "sideways":
-            add("along", off, bar, max(float(size), unpressed_N))
-    return errors
+def full_scales(truth: pd.DataFrame, rest: Mapping[int, Array]) -> pd.DataFrame:
+    """Return the full scale of each element in each state, `NAME_scale`, mT: its largest change from rest on a path.
+
+    S2 and S3 share theirs; `rest` are the readings of the unloaded designs with a magnet by their numbers.
+    """
+    unloaded = np.array([rest.get(number, (math.nan,) * 3) for number in truth.index.get_level_values("design")])
+    changes = (truth[READINGS] - unloaded.reshape(-1, 3)).abs().groupby(["design", "kind"]).transform("max")
+    for name in READINGS[1:]:
+        changes[name] = changes[READINGS[1:]].max(axis=1)
+    return changes.add_suffix("_scale")
 
 
-def judged(one: Run, found: Sequence[Row], truths: Sequence[Reference | None], confirm: bool) -> list[Row]:
-    """Return the states of a run with their errors.
+def true_errors(found: pd.DataFrame, truth: pd.DataFrame, unpressed_N: Array) -> pd.DataFrame:
+    """Return the errors of answers against the references in the same rows, with the references' error bars, percent.
+
+    They are relative to the quantity or, for readings, to the full scales of the elements; NaN where the reference is
+    nearly 0. `unpressed_N` is the force along the same shear of the unpressed beam.
+    """
+    errors = {}
+    for name, columns in COMPONENTS.items():
+        true = truth[columns].to_numpy(dtype=float)
+        off, bar = (
+            found[columns].to_numpy(dtype=float) - true,
+            truth[[f"{c}_bar" for c in columns]].to_numpy(dtype=float),
+        )
+        size, order = np.linalg.norm(true, axis=1), 2.0
+        if name == "along":
+            size = np.maximum(size, unpressed_N)
+        elif name == "readings":
+            scales = truth[[f"{column}_scale" for column in columns]].to_numpy(dtype=float)
+            size, order = np.where(scales.min(axis=1) > NOTHING, 1.0, math.nan), math.inf
+            off, bar = off / scales, bar / scales
+        known = (size > NOTHING) & np.isfinite(off).all(axis=1)
+        for kind, vectors in (("error", off), ("bar", bar)):
+            lengths = 100 * np.linalg.norm(vectors, order, axis=1) / np.where(known, size, 1.0)
+            errors[f"{name}_{kind}_percent"] = np.where(known, lengths, math.nan)
+    return pd.DataFrame(errors, index=found.index)
+
+
+def judged(runs: Sequence[Run], found: pd.DataFrame, truth: pd.DataFrame, *, confirm: bool) -> pd.DataFrame:
+    """Return the states of runs with their errors.
 
     `message` is the reason why a formula is outside its range, or why a model has no answer.
     """
-    design, rows = one.trial.design, []
-    scales = full_scales(design, truths)
-    for load, answer, truth in zip(one.trial.loads, found, truths, strict=True):
-        status, message, errors, along = answer["status"], answer["message"], UNKNOWN, math.nan
-        if one.model in CALCULATED:
-            status = "ok" if math.isfinite(answer["force_N"]) else "refused"
-            if status == "ok":
-                message = beam.outside(design, load, one.level) if one.model == "formula" else ""
-        if status == "ok" and truth is None:
-            status, message = "no_reference", "a mesh of the reference has no stable answer"
-        elif status == "ok" and truth is not None:
-            values = components(design, load, answer)
-            along = float(values["sideways"][0]) if "sideways" in values else math.nan
-            errors = true_errors(values, truth, scales, buckling.sideways_stiffness(design) * load.shear)
-        state: Row = {"design": one.trial.number, "confirming": confirm, "kind": one.kind, "model": one.model}
-        state |= {"level": one.level, "depth_mm": load.depth, "shear_mm": load.shear_x, "friction": load.friction}
-        rows.append(state | {"status": status} | errors | {"along_N": along, "message": message})
-    return rows
+    states = [(one, load) for one in runs for load in one.trial.loads]
+    answered, calculated = np.isfinite(found.force_N), found.model.isin(CALCULATED)
+    found.loc[calculated, "status"] = np.where(answered[calculated], "ok", "refused")
+    found.loc[calculated & answered, "message"] = [
+        beam.outside(one.trial.design, load, one.level) if one.model == "formula" else ""
+        for (one, load), known in zip(states, calculated & answered, strict=True)
+        if known
+    ]
+    true = truth.reindex(pd.MultiIndex.from_frame(found[STATE])).set_axis(found.index)
+    found.loc[(found.status == "ok") & true.force_N.isna(), ["status", "message"]] = NO_REFERENCE
+    unpressed = np.array([buckling.sideways_stiffness(one.trial.design) * load.shear for one, load in states])
+    good = found.status == "ok"
+    errors = true_errors(found, true, unpressed).where(good)
+    place = found[["design", "kind", "model", "level", "depth_mm", "shear_mm", "friction", "status"]]
+    place.insert(1, "confirming", confirm)
+    return place.join(errors).assign(along_N=found.sideways_N.where(good), message=found.message)
 
 
 def cost(one: Run) -> tuple[float, float]:
