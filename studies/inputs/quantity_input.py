@@ -41,11 +41,6 @@ def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: 
     unit : one of the keys of `UNITS`; with "1" a number is a fraction, and a text may be in %.
     low, high : least and largest value in `unit`, both allowed.
 
-    Raises
-    ------
-    BadInput
-        The value is no number, has another unit, or lies outside the range.
-
     >>> quantity("resolution_z", "5 mN", "N"), quantity("largest_strain", "40 %", "1")
     (0.005, 0.4)
     """

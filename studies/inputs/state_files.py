@@ -35,11 +35,6 @@ def read(path: Path, design: Design) -> list[State]:
     """Read the states in a file, which must have been solved for this design with a rigid magnet.
 
     If a line does not name its sensor, this cannot be checked: the states are accepted with a warning.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, a line is no state, or a state was solved for another sensor.
     """
     expected = design_digest.of_mechanics(design)
     states, all_named = [], True

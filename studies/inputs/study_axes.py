@@ -120,13 +120,7 @@ def check_name(name: str) -> None:
 
 
 def checked(name: str, values: Sequence[Value]) -> list[Value]:
-    """Return the values of an axis, numbers as floats, after a check of their kind and range.
-
-    Raises
-    ------
-    BadInput
-        There are no values, one occurs twice, or one is out of range or unknown.
-    """
+    """Return the values of an axis, numbers as floats, after a check of their kind and range."""
     if not values:
         raise BadInput(f"axis {name} is empty: give values, such as {name}={_example(name)}")
     numbers = [value if isinstance(value, str) else float(value) for value in values]

@@ -150,14 +150,7 @@ def is_study(source: str) -> bool:
 
 
 def read_study(path: str) -> Study:
-    """Read the study in a TOML file; the path of its design is relative to the file's folder.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, has a newer version, a key is unknown, or a value has the wrong type or is out of
-        range.
-    """
+    """Read the study in a TOML file; the path of its design is relative to the file's folder."""
     table = toml_table(path, "file")
     kinds: dict[str, Any] = {
         "version": int,

@@ -25,11 +25,6 @@ def text_of(path: Path, kind: str) -> str:
     Parameters
     ----------
     kind : name of the file's format for messages, such as CSV.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read.
     """
     try:
         return path.read_bytes().decode("utf-8-sig")
@@ -50,11 +45,6 @@ def csv_rows(path: Path, *, comments: bool = False) -> Rows:
     Parameters
     ----------
     comments : whether # begins a comment.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, its quotes do not close, or its columns are not separated by commas.
     """
     lines = io.StringIO(text_of(path, "CSV"), newline="")
     reader = csv.reader((line.partition("#")[0] if comments else line for line in lines), strict=True)
@@ -89,24 +79,13 @@ def check_rows(path: str | Path, rows: Rows) -> None:
     Parameters
     ----------
     rows : the rows without the header.
-
-    Raises
-    ------
-    BadInput
-        There is none.
     """
     if not rows:
         raise BadInput(f"{str(path)!r} has a header but no rows: add a row of numbers below it")
 
 
 def check_length(path: Path, line: int, head: list[str], row: list[str]) -> None:
-    """Check that a row has one cell for each column.
-
-    Raises
-    ------
-    BadInput
-        The row has more or fewer cells.
-    """
+    """Check that a row has one cell for each column."""
     if len(row) != len(head):
         # decimal commas double the number of cells: 1,5,2,75 under two columns
         halved = len(row) == 2 * len(head) and all(cell.strip().lstrip("+-").isdecimal() for cell in row)
@@ -137,13 +116,7 @@ def comma_remedy(cell: str) -> str:
 
 
 def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield the number of each line that is not empty, and the JSON object in it.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, or a line holds no JSON object of finite numbers.
-    """
+    """Yield the number of each line that is not empty, and the JSON object in it."""
     for line, text in enumerate(text_of(path, "JSON lines").split("\n"), 1):
         if not text.strip():
             continue

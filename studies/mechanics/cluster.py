@@ -65,13 +65,7 @@ def end_run(run: str) -> None:
 
 @contextlib.contextmanager
 def connected(address: str) -> Iterator[Executor]:
-    """Yield the workers of a cluster; tasks that are unfinished at the end of the context are ended.
-
-    Raises
-    ------
-    BadInput
-        Dask is missing, the scheduler cannot be reached, has no worker, or a worker has other versions.
-    """
+    """Yield the workers of a cluster; tasks that are unfinished at the end of the context are ended."""
     client = _client(address)
     jobs = _Jobs(client, address)
     try:

@@ -30,13 +30,7 @@ TOLERANCE = 1e-3
 
 
 def cycle_of(scene: Scene, motion: PlateMotion) -> Motion:
-    """Return the cycles of a scene whose load is in its canonical form, with a shear along x only.
-
-    Raises
-    ------
-    BadInput
-        The load makes no cycle, or the branches do not speak for its frequency.
-    """
+    """Return the cycles of a scene whose load is in its canonical form, with a shear along x only."""
     from studies.mechanics.cycle_motion import Motion, frequency_of
 
     (load,) = scene.loads

@@ -209,11 +209,6 @@ def choose(
     tolerance : largest relative error of force, shift, tilt, readings and force along a shear, between 0 and 1.
     formulas : whether formulas and the surrogate may be chosen, which compute no deformed body.
     rule : default: the shipped one.
-
-    Raises
-    ------
-    BadInput
-        No model meets the tolerance; the sentence names the smallest one that is met, and by which model.
     """
     if not 0 < tolerance < 1:
         raise BadInput(f"tolerance must lie between 0 and 1; got {tolerance:g}")

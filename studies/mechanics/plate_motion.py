@@ -34,13 +34,7 @@ def motion_of(values: Mapping[str, Any]) -> PlateMotion:
 
 
 def check_motion(names: Collection[str], quantities: Collection[str]) -> None:
-    """Refuse fields of the motion that contradict each other or the quantities of a study.
-
-    Raises
-    ------
-    BadInput
-        Frequency and speed are both among the names, one has no effect, or a quantity lacks one.
-    """
+    """Refuse fields of the motion that contradict each other or the quantities of a study."""
     if "frequency" in names and "speed" in names:
         raise BadInput("frequency and speed both say how fast the plate moves: leave one of them out")
     if "frequency" in names and not set(TIMED) & set(quantities):

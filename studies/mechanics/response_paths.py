@@ -35,13 +35,7 @@ GRID = 300
 
 
 def rest_scene(scene: Scene) -> Scene:
-    """Return the scene that is solved: the design with its modulus at rest, and a model that its load chooses.
-
-    Raises
-    ------
-    BadInput
-        The load is none about which the sensor vibrates, or the mesh carries no frequency of the branches.
-    """
+    """Return the scene that is solved: the design with its modulus at rest, and a model that its load chooses."""
     from fem.analyses.vibration import check_vibration, relaxed
 
     design, (load,) = scene.design, scene.loads
@@ -56,13 +50,7 @@ def rest_scene(scene: Scene) -> Scene:
 
 
 def band(at_rest: Design, accuracy: Accuracy) -> tuple[float, float]:
-    """Return the lowest and the highest frequency of a design at rest, Hz: those of branches and mesh.
-
-    Raises
-    ------
-    BadInput
-        The mesh carries none of the frequencies for which the branches speak.
-    """
+    """Return the lowest and the highest frequency of a design at rest, Hz: those of branches and mesh."""
     from fem.analyses.vibration import highest_frequency
 
     relaxation = relaxation_of(at_rest)
@@ -146,11 +134,6 @@ def solve(scene: Scene) -> dict[str, Any]:
     "stiffness_real" and "stiffness_imag": Z over |Z| at the lowest frequency, on the grid; "bandwidth", "resonance":
     frequency at which the gain 1 / |Z| is first 3 dB below that at the lowest one, and of its first peak, over the
     unit, None beyond the band; "Q" of this peak, None without branches; "status" and "message" of the state at rest.
-
-    Raises
-    ------
-    BadInput
-        The state is not reached, or it is unstable.
     """
     from fem.analyses.vibration import vibrating_sensor
     from studies.mechanics import resonance_peaks

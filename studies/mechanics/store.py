@@ -188,11 +188,6 @@ class Store:
         """Add states of several paths in one transaction; they are on the disk afterwards.
 
         A state replaces the stored one at the same position.
-
-        Raises
-        ------
-        BadInput
-            The file cannot take them: its disk is full, it is damaged, or another process has locked it for too long.
         """
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         with refusals(self.file), self._connection as connection:
@@ -254,13 +249,7 @@ def opened(file: Path) -> Iterator[Store]:
 
 @contextlib.contextmanager
 def writable(file: Path) -> Iterator[sqlite3.Connection]:
-    """Connect to a store, to read and to write; a file that does not exist is made.
-
-    Raises
-    ------
-    BadInput
-        The file is no store, is damaged, has a newer version, or cannot be read, made or written.
-    """
+    """Connect to a store, to read and to write; a file that does not exist is made."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         # SQLite opens a file that it cannot write to read, and says so at the first change only
@@ -277,13 +266,7 @@ def writable(file: Path) -> Iterator[sqlite3.Connection]:
 
 @contextlib.contextmanager
 def readable(file: Path) -> Iterator[sqlite3.Connection]:
-    """Connect to a store that exists, to read only, even where neither the file nor its folder can be written.
-
-    Raises
-    ------
-    BadInput
-        There is no such file, it is no store, is damaged, has a newer version, or cannot be read.
-    """
+    """Connect to a store that exists, to read only, even where neither the file nor its folder can be written."""
     if not file.exists():
         raise BadInput(f"there is no store {str(file)!r}: magtip sweep makes one, or {OTHER}")
     with refusals(file), contextlib.closing(_connect_to_read(file)) as connection:

@@ -164,13 +164,7 @@ def damaged_state(key: bytes, *row: Any) -> bool:
 
 
 def condition(selection: Selection) -> Condition:
-    """Return the condition that the options mean.
-
-    Raises
-    ------
-    BadInput
-        A filter is not NAME=VALUE, its field or number is not known, or a date is none.
-    """
+    """Return the condition that the options mean."""
     parts: list[Condition] = [_parsed(text) for text in selection.where or []]
     for option, date, sign in (("--since", selection.since, ">="), ("--before", selection.before, "<")):
         if date is not None:
@@ -301,11 +295,6 @@ def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> tupl
     Parameters
     ----------
     limit : largest number of rows; 0 for all. SQLite counts to 2**63 - 1.
-
-    Raises
-    ------
-    BadInput
-        There is no such store, it cannot be read, or a filter is wrong.
     """
     where = condition(selection)
     file = selection.store or store.default()
@@ -423,11 +412,6 @@ def export(selection: Selection, out: Path, progress: Progress) -> int:
     Returns
     -------
     The number of states.
-
-    Raises
-    ------
-    BadInput
-        The file's name has another suffix, no state meets the filters, or the store cannot be read.
     """
     atomic_files.check_output_file(out, *SUFFIXES)
     sql, values = condition(selection)
@@ -498,11 +482,6 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
     -------
     "states" and "paths": numbers of states, and of paths of which no state stays. "solving_s": time that the solves
     of the states took, s. "size_MB" of the file before, and "freed_MB", an estimate while nothing is removed.
-
-    Raises
-    ------
-    BadInput
-        There are no filters, there is no such store, or it cannot be written.
     """
     where = condition(selection)
     if where[0] == "1":

@@ -55,11 +55,6 @@ def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | No
     ------
     "check": what is checked. "status": ok or failed. "checked": number of things that were checked. "message": what
     is wrong and what to do, empty if nothing is.
-
-    Raises
-    ------
-    BadInput
-        There is no such store, or it is damaged so much that nothing can be read.
     """
     with store.readable(file) as connection:
         store_actions.register(connection)

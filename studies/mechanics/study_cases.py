@@ -373,11 +373,6 @@ def models_of(names: Sequence[str], tolerance: float | None = None) -> tuple[tup
     ----------
     names : see `studies.cases.answer`; `fem:` before an accuracy may be left out.
     tolerance : adds the model that `tolerance:...` names.
-
-    Raises
-    ------
-    BadInput
-        A name is unknown or given twice, or a tolerance stands beside finite elements.
     """
     fem, formulas = [], []
     for name in names:

@@ -85,13 +85,7 @@ def write(file: Path, surrogate: Surrogate) -> None:
 
 
 def read(file: Path) -> Surrogate:
-    """Read a surrogate.
-
-    Raises
-    ------
-    BadInput
-        The file is no surrogate of this format, or of finite elements whose answers have changed since.
-    """
+    """Read a surrogate."""
     try:
         with np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

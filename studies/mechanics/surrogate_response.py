@@ -44,13 +44,7 @@ class Estimate:
 
 
 def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:
-    """Return the response of a design to a load.
-
-    Raises
-    ------
-    BadInput
-        Design or load lie outside the range; the sentence says in what.
-    """
+    """Return the response of a design to a load."""
     check_load(design, load, magnet)
     (estimate,) = respond_all([(design, load, magnet)])
     if isinstance(estimate, str):

@@ -31,13 +31,7 @@ LOCK = ".magtip.lock"
 
 
 def output_folder(path: str | Path) -> Path:
-    """Make the folder if it does not exist, check that files can be written into it, and return it.
-
-    Raises
-    ------
-    BadInput
-        The folder cannot be made or written.
-    """
+    """Make the folder if it does not exist, check that files can be written into it, and return it."""
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -61,11 +55,6 @@ def filled(path: str | Path, names: Iterable[str] = ()) -> Iterator[Path]:
     ----------
     names : names of all files that the verb may write. Those that it has not written again, when the block ends
         without an error, are of earlier options and are deleted.
-
-    Raises
-    ------
-    BadInput
-        The folder cannot be written, or another process fills it.
     """
     with _folder_made(path) as folder, _locked(folder / LOCK, f"the folder {str(path)!r} is being filled"):
         earlier = {file: _identity(file) for file in (folder / name for name in names) if file.is_file()}
@@ -83,13 +72,7 @@ def _identity(file: Path) -> tuple[int, int]:
 
 @contextlib.contextmanager
 def sole_writer(*paths: str | Path | None) -> Iterator[None]:
-    """Lock these files for this process; a folder that is made for them is deleted if it stays empty.
-
-    Raises
-    ------
-    BadInput
-        A folder cannot be written, or another process writes one of the files.
-    """
+    """Lock these files for this process; a folder that is made for them is deleted if it stays empty."""
     with contextlib.ExitStack() as stack:
         for file in (Path(path) for path in paths if path is not None):
             folder = stack.enter_context(_folder_made(file.parent))
@@ -140,11 +123,6 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
     """Check that a file has one of the suffixes and can be written later, and return its path.
 
     Nothing is written here: a folder that does not exist is made together with the file.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be written, or it exists and is the user's (`studies.output.own_files`).
     """
     file = Path(path)
     if file.suffix.lower() not in suffixes:
@@ -168,13 +146,7 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
 
 
 def check_apart(outputs: Iterable[Path | None], inputs: Iterable[str | Path | None]) -> None:
-    """Check that no output file is also an input file, even under another name or by a link.
-
-    Raises
-    ------
-    BadInput
-        An output is the same file as an input.
-    """
+    """Check that no output file is also an input file, even under another name or by a link."""
     sources = [path for path in inputs if path is not None and os.path.isfile(path)]
     for out in outputs:
         for path in sources if out is not None and os.path.isfile(out) else ():
@@ -183,13 +155,7 @@ def check_apart(outputs: Iterable[Path | None], inputs: Iterable[str | Path | No
 
 
 def inside(folder: Path | None, names: Iterable[str]) -> list[Path]:
-    """Return the paths of the files that a verb writes into an output folder; without a folder there are none.
-
-    Raises
-    ------
-    BadInput
-        The folder has a file of such a name that magtip did not write.
-    """
+    """Return the paths of the files that a verb writes into an output folder; without a folder there are none."""
     names = list(names)
     own_files.check(folder, names)
     return [] if folder is None else [folder / name for name in names]

@@ -64,11 +64,6 @@ def check(folder: str | Path | None, names: Iterable[str]) -> None:
     ----------
     folder : None for a verb that writes no files.
     names : names of files, or patterns such as "sweep-*.png".
-
-    Raises
-    ------
-    BadInput
-        The folder has a file of these names that magtip did not write, or that was changed since.
     """
     if folder is None or not Path(folder).is_dir():
         return
@@ -89,13 +84,7 @@ def check(folder: str | Path | None, names: Iterable[str]) -> None:
 
 
 def check_file(file: Path) -> None:
-    """Check that a verb, which writes this file, overwrites no file of the user.
-
-    Raises
-    ------
-    BadInput
-        There is such a file, and magtip did not write it, or it was changed since.
-    """
+    """Check that a verb, which writes this file, overwrites no file of the user."""
     if file.is_file():
         _check_listed(file, _listed(file.parent) or {}, "another name")
 

@@ -142,13 +142,7 @@ def thinned(test: Test) -> Test:
 
 
 def fit(test: Test) -> tuple[list[BranchFit], int]:
-    """Return a fit for each number of branches, the most first, and the index of the chosen one.
-
-    Raises
-    ------
-    BadInput
-        The branches of the best fit take all of the modulus, so that nothing remains in the long term.
-    """
+    """Return a fit for each number of branches, the most first, and the index of the chosen one."""
     problem = _problem(test)
     m = len(problem.b)
     times = _first_times(problem, min((m - 4) // 2, MOST_BRANCHES))

@@ -38,13 +38,7 @@ sentences = partial(page_templates.sentences, Path(__file__).with_name("template
 
 
 def study(design: Design, options: Cycle, made: Made | None = None) -> Callable[[Progress], Result]:
-    """Return the study of `magtip cycle` after a check of its options; `made` is a calibrated sensor of the design.
-
-    Raises
-    ------
-    BadInput
-        An option is impossible, or the branches of the silicone do not speak for a frequency or a hold.
-    """
+    """Return the study of `magtip cycle` after a check of its options; `made` is a calibrated sensor of it."""
     from fem.analyses.timed_path import LEAST_TOLERANCE
 
     shear, hold = options.shear, options.hold

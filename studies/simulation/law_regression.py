@@ -174,13 +174,7 @@ def _ogden_term(alpha: float, stretch: Array) -> Array:
 
 
 def fit(data: Specimen, nu: float = 0.4998) -> list[Fit]:
-    """Every law that has no more constants than the test has points, in its better form, the best first.
-
-    Raises
-    ------
-    BadInput
-        nu is not that of a nearly incompressible body, or the stress falls where the stretch grows.
-    """
+    """Every law that has no more constants than the test has points, in its better form, the best first."""
     if not 0.49 <= nu <= 0.5:
         raise BadInput(
             f"--nu must lie between 0.49 and 0.5, because the fit assumes an incompressible specimen; got {nu:g}"
@@ -466,11 +460,6 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
     Parameters
     ----------
     asked : the law that the user chooses.
-
-    Raises
-    ------
-    BadInput
-        The test has too few points for the law asked for.
     """
     if asked is not None and asked not in {fit.law for fit in fits}:
         points = len(set(data.stretch[data.telling].tolist()))

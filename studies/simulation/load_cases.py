@@ -243,11 +243,6 @@ def solve(
     ----------
     out, picture : paths of the .vtu file and of the .png file; None writes none.
     targets : forces that the states must have; `loads` are then loads of the same kind.
-
-    Raises
-    ------
-    BadInput
-        Before the first state: a file cannot be written, or the loads do not suit design, method or each other.
     """
     from fem import equilibrium
     from fem.analyses import force_targets

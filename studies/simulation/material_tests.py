@@ -224,14 +224,7 @@ def kind_of(path: str) -> Kind:
 
 
 def read_specimen(path: str) -> Specimen:
-    """Read the uniaxial test in a CSV file: one column of `STRETCH` and one of `STRESS`.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, a column is missing or ambiguous, a value is no number or not possible, or there
-        are too few points.
-    """
+    """Read the uniaxial test in a CSV file: one column of `STRETCH` and one of `STRESS`."""
     table = _Table(path)
     if not table.header:
         raise BadInput(f"{path!r} is empty: give a header, such as stretch,nominal_stress_MPa, and points")
@@ -298,12 +291,6 @@ def read(path: str, nu: float, stretch: float | None = None, ramp: float | None 
     Parameters
     ----------
     stretch, ramp : held stretch, and the time in which it rose, s, where the file has no columns of them.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, a column is missing, ambiguous or without unit, a value is not possible, the times or
-        frequencies do not rise, or there are too few points.
     """
     table = _Table(path)
     return _dynamic(table, nu) if kind_of(path) == "dynamic" else _relaxation(table, nu, stretch, ramp)

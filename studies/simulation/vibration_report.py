@@ -52,13 +52,7 @@ sentences = partial(page_templates.sentences, Path(__file__).with_name("template
 
 
 def study(design: Design, options: Vibration) -> Callable[[Progress], Result]:
-    """Return the study of `magtip response` after a check of its options.
-
-    Raises
-    ------
-    BadInput
-        An option is impossible, or the branches of the silicone do not speak for a frequency.
-    """
+    """Return the study of `magtip response` after a check of its options."""
     band, grip = read_band(options.frequencies), options.grip
     depth = options.depth if options.depth is not None else 1.0 if grip is None else 0.0
     if not FEWEST <= options.count <= MOST:
@@ -116,11 +110,6 @@ def run(
     band : lowest and highest frequency, Hz.
     count : number of frequencies, spaced evenly on a logarithmic scale; the table has the resonances too.
     warnings : those of the options, which the result repeats.
-
-    Raises
-    ------
-    BadInput
-        A value is out of range.
     """
     from fem.accuracy import LEVELS
 
@@ -474,11 +463,6 @@ def natural_frequencies(
 
     The record has lists with a value for each mode, in rising order, which are empty if the status is "failed": the
     press does not reach the depth, or has no natural frequencies there.
-
-    Raises
-    ------
-    BadInput
-        The number of modes or the depth is out of range.
     """
     from fem.accuracy import LEVELS
     from fem.analyses.modes import MOST as MOST_MODES

@@ -43,13 +43,7 @@ class Options:
 
 
 def plan_of(source: str | None, options: Options) -> Plan:
-    """Return the study of a file, or of a design with axes, ready to run; options replace the study's values.
-
-    Raises
-    ------
-    BadInput
-        Something is given twice or contradicts something else, or is missing or unknown.
-    """
+    """Return the study of a file, or of a design with axes, ready to run; options replace the study's values."""
     from studies.mechanics.study_cases import DEFAULT_QUANTITIES, Plan, check_quantities
 
     study = _study(source, options)
