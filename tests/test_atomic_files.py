@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from geometry.design import BadInput
-from studies.output import atomic_files, own_files, run_record
+from studies.output import atomic_files, own_files, provenance
 from studies.web import folder_contents
 
 
@@ -182,7 +182,7 @@ def test_results_of_earlier_versions_may_be_made_again(verb):
 
 
 def test_a_page_of_the_user_beside_results_of_earlier_versions_is_not_overwritten(tmp_path):
-    run_record.write(tmp_path, "magtip compare paper", {})
+    provenance.write(tmp_path, "magtip compare paper", {})
     (tmp_path / own_files.LIST).unlink()
     own_files.check(tmp_path, ("REPORT.md", "run.json"))
     (tmp_path / "REPORT.md").write_text("# Mine\n")
@@ -295,9 +295,9 @@ def test_version_counts_only_in_files_of_magtip(tmp_path, refused):
 
 
 def test_record_comes_back(tmp_path):
-    run_record.write(tmp_path, "magtip compare paper", {"D": 8.0}, "on Python 3.12")
-    run = run_record.read(tmp_path / run_record.NAME)
-    assert run == run_record.Run(
+    provenance.write(tmp_path, "magtip compare paper", {"D": 8.0}, "on Python 3.12")
+    run = provenance.read(tmp_path / provenance.NAME)
+    assert run == provenance.Run(
         "magtip compare paper", "Made with `magtip compare paper`, on Python 3.12.", {"D": 8.0}
     )
 
@@ -305,7 +305,7 @@ def test_record_comes_back(tmp_path):
 def test_newer_format_is_refused(tmp_path, refused):
     (tmp_path / "run.json").write_text(json.dumps({"format": 2, "command": "", "made": "", "design": {}}))
     with refused("format 2", "newer"):
-        run_record.read(tmp_path / "run.json")
+        provenance.read(tmp_path / "run.json")
 
 
 @pytest.mark.parametrize(
@@ -314,4 +314,4 @@ def test_newer_format_is_refused(tmp_path, refused):
 def test_other_files_are_refused(tmp_path, refused, text):
     (tmp_path / "run.json").write_text(text)
     with refused("run.json", "no record"):
-        run_record.read(tmp_path / "run.json")
+        provenance.read(tmp_path / "run.json")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from geometry.design import BadInput
-from studies.output import atomic_files, file_lock
+from studies.output import atomic_files
 
 ROOT = Path(__file__).parent.parent
 
@@ -122,25 +122,25 @@ def test_a_lock_on_a_file_that_was_removed_meanwhile_is_taken_anew(tmp_path, mon
 
     def slow(path, *rest):
         handle = opened(path, *rest)
-        monkeypatch.setattr(file_lock.os, "open", opened)
+        monkeypatch.setattr(atomic_files.os, "open", opened)
         file.unlink()
         return handle
 
-    monkeypatch.setattr(file_lock.os, "open", slow)
-    with file_lock.only(file):
-        with pytest.raises(file_lock.Held), file_lock.only(file):
+    monkeypatch.setattr(atomic_files.os, "open", slow)
+    with atomic_files.only(file):
+        with pytest.raises(atomic_files.Held), atomic_files.only(file):
             pass
         assert file.exists()
 
 
 def test_the_machine_of_a_holder_elsewhere_is_named(tmp_path):
     file = tmp_path / "lock"
-    with file_lock.only(file):
+    with atomic_files.only(file):
         file.write_text("12 far-away")
-        with pytest.raises(file_lock.Held) as held, file_lock.only(file):
+        with pytest.raises(atomic_files.Held) as held, atomic_files.only(file):
             pass
         assert held.value.owner == "process 12 on far-away"
         file.write_text("")
-        with pytest.raises(file_lock.Held) as held, file_lock.only(file):
+        with pytest.raises(atomic_files.Held) as held, atomic_files.only(file):
             pass
         assert held.value.owner == "another process"

@@ -18,13 +18,10 @@ def git(folder, *words):
 
 
 def copied(folder):
-    """A copy of the module in a package below a folder."""
+    """A copy of the module's package below a folder."""
     package = folder / "studies"
-    inner = package / "output"
-    inner.mkdir(parents=True)
-    for level in (package, inner):
-        (level / "__init__.py").touch()
-    shutil.copy(provenance.__file__, inner)
+    shutil.copytree(Path(provenance.__file__).parent, package / "output")
+    (package / "__init__.py").touch()
     return package
 
 
@@ -36,7 +33,7 @@ def commit_of(package):
         capture_output=True,
         text=True,
         check=True,
-        env={"PATH": PATH},
+        env={"PATH": PATH, "PYTHONPATH": str(provenance.ROOT)},
     )
     return ended.stdout.strip()
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from geometry.design import BadInput
-from studies.output import file_lock
+from studies.output import atomic_files
 from studies.output.atomic_files import LOCK, write_text
 from studies.output.result import (
     FAILED,
@@ -102,7 +102,7 @@ def test_files_of_the_user_and_inputs_are_not_replaced(tmp_path):
 
 
 def test_a_folder_that_another_process_fills_is_refused(tmp_path):
-    with file_lock.only(tmp_path / LOCK), pytest.raises(BadInput, match="is being filled"):
+    with atomic_files.only(tmp_path / LOCK), pytest.raises(BadInput, match="is being filled"):
         run(result(), out=tmp_path)
 
 

@@ -16,8 +16,7 @@ from fem.solution import Field
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.output import picture_labels
-from studies.output.section_picture import cut_of
-from studies.output.solution_pictures import SIZE, plane_name, plate_span, section_picture
+from studies.output.solution_pictures import SIZE, cut_of, plane_name, plate_span, section_picture
 from studies.output.vtk_files import field_grid
 from studies.web import deformed_surface, state_pictures
 

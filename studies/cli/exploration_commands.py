@@ -32,7 +32,7 @@ from studies.cli.parameters import (
 )
 from studies.inputs.option_groups import CALIBRATION, Sensitivity, Solving, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
-from studies.output import atomic_files, console, own_files, run_record
+from studies.output import atomic_files, console, own_files, provenance
 from studies.output.records import FlatRow
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
 
@@ -95,7 +95,7 @@ def sweep(
                 for row in flat_rows(table):
                     printed.add(row, as_json=as_json)
             if out is not None:
-                run_record.write(out, here.command, dataclasses.asdict(plan.design))
+                provenance.write(out, here.command, dataclasses.asdict(plan.design))
     except SchedulerLost as error:
         return show(replace(_shown(printed, case, plan), failures=[str(error)]), here)
     except BaseException:

@@ -29,7 +29,7 @@ ORIGIN = re.compile(
 """What pages and records of earlier versions say of their origin."""
 
 RECORD = "run.json"
-"""A record of a run, see `studies.output.run_record`."""
+"""A record of a run, see `studies.output.provenance`."""
 
 STATING = ("*.md", "*.json", "design.toml")
 """Files that count as those of an earlier version only if they state their origin; a design states none."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.messages import Progress
-from studies.output import atomic_files, console, run_record
+from studies.output import atomic_files, console, provenance
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 
@@ -182,7 +182,7 @@ def publish(study: Callable[[Progress], Result], here: Destination) -> int:
 
 def check_files(here: Destination) -> None:
     """Refuse a destination whose files are inputs, or belong to the user."""
-    names = (*here.names, run_record.NAME)
+    names = (*here.names, provenance.NAME)
     atomic_files.check_apart(atomic_files.inside(here.out, names), here.inputs)
 
 
@@ -198,7 +198,7 @@ def write(result: Result, folder: Path, command: str) -> None:
     for name, text in result.pages.items():
         atomic_files.write_text(folder / name, f"{text.rstrip()}\n\n{made(command, origin)}\n")
     if result.design is not None:
-        run_record.write(folder, command, result.design, origin)
+        provenance.write(folder, command, result.design, origin)
 
 
 def show(result: Result, here: Destination) -> int:

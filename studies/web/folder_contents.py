@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED
 from studies.inputs import table_input, user_input
-from studies.output import own_files, run_record
+from studies.output import own_files, provenance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,7 +77,7 @@ class Contents:
     designs: dict[str, Design] = field(default_factory=dict)
     pictures: list[str] = field(default_factory=list)
     solutions: list[str] = field(default_factory=list)
-    run: run_record.Run | None = None
+    run: provenance.Run | None = None
     read: list[Path] = field(default_factory=list)
     unread: list[str] = field(default_factory=list)
 
@@ -126,7 +126,7 @@ def _folder(path: Path, root: Path) -> Contents:
         if file.is_file() and not file.name.startswith(".") and file.suffix.lower() not in IGNORED:
             try:
                 _read_file(contents, file)
-            except run_record.Newer as error:
+            except provenance.Newer as error:
                 raise BadInput(str(error)) from None
             except BadInput as error:
                 contents.unread.append(f"{file.name} was not read: {error}.")
@@ -136,8 +136,8 @@ def _folder(path: Path, root: Path) -> Contents:
 def _read_file(contents: Contents, file: Path) -> None:
     suffix, name = file.suffix.lower(), file.name
     contents.read.append(file)
-    if name == run_record.NAME:
-        contents.run = run_record.read(file)
+    if name == provenance.NAME:
+        contents.run = provenance.read(file)
     elif suffix == ".csv":
         contents.tables[name] = csv_table(file)
     elif suffix == ".parquet":
@@ -230,7 +230,7 @@ def _record(file: Path) -> dict[str, Any]:
         raise BadInput(f"{file.name} holds no JSON object")
     # a JSON file of other origin may have a version of its own
     if file.name == SIZING:
-        run_record.check_format(file, record)
+        provenance.check_format(file, record)
     return record
 
 
