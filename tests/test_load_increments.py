@@ -12,7 +12,7 @@ from fem.model.symmetry_models import MeshSpecification
 from fem.solve import load_increments, load_stepping
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import apply_increment, follow_segment
-from fem.solve.load_stepping import correct_press, predict
+from fem.solve.load_stepping import predict
 from fem.solve.newton import TOLERANCE, newton, reference_size
 from fem.solve.path_state import at_rest, glue, with_harmonics, with_predictor
 from fem.solve.press import solve_press
@@ -278,17 +278,3 @@ def test_one_that_was_left_behind_says_nothing(gripped, solvers):
     assert predict(*solvers, elsewhere, ASIDE) == (elsewhere, 0)
     alone = replace(gripped, reduced=None)
     assert predict(*solvers, alone, ASIDE) == (alone, 0)
-
-
-def test_a_press_on_another_mesh_leads_to_the_state_that_increments_lead_to(solvers):
-    rough, fine = (MeshSpecification(SHAPE, 0.4998, "ignored", size, size / 2).build() for size in (0.3, 0.2))
-    pressed = np.array([0.1, 0.0, 0.0])
-    other = follow_segment(solvers[1], at_rest(rough), pressed).state
-    state, iterations = correct_press(solvers[0], at_rest(fine), other, pressed)
-    in_steps = follow_segment(solvers[0], at_rest(fine), pressed)
-    np.testing.assert_array_equal(state.position, pressed)
-    np.testing.assert_allclose(state.u, in_steps.state.u, atol=1e-8)
-    assert state.stability == in_steps.state.stability
-    assert iterations > 0
-    rest = at_rest(fine)
-    assert correct_press(solvers[0], rest, other, pressed / 2) == (rest, 0)

@@ -37,7 +37,7 @@ def answer(load, *, sines):
         )
         for model in (models.first, models.raised)
     )
-    models = replace(models, first=first, raised=raised, predictor=None, rough=None, kappa=KAPPA)
+    models = replace(models, first=first, raised=raised, predictor=None, kappa=KAPPA)
     path = Path(models)
     reached = path.advance(path.rest, np.array([load.depth, *load.imposed_shear]) / 8)
     state = reached.state

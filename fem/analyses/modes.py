@@ -34,7 +34,7 @@ from fem.scene import Scene
 from fem.solution import Status
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import NoStateError
-from fem.solve.path_state import PathState, about
+from fem.solve.path_state import about
 from fem.solve.press import Press, find_press, reach_press
 from geometry.arrays import Array
 from geometry.cad import beam_volume, magnet_inertia, magnet_volume
@@ -90,8 +90,8 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    contact = find_contact(replace(scene, accuracy=located or accuracy))
-    find = functools.partial(_solve_modes, count=count, told=scene, contact=contact)
+    edge = find_contact(replace(scene, accuracy=located or accuracy))
+    find = functools.partial(_solve_modes, count=count, told=scene, edge=edge)
     return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
 
 
@@ -113,13 +113,13 @@ def estimate_frequencies(found: Modes, coarse: Modes, scene: Scene) -> tuple[flo
     return tuple(errors)
 
 
-def _solve_modes(scene: Scene, count: int, told: Scene, contact: tuple[float, PathState] | None) -> Modes:
+def _solve_modes(scene: Scene, count: int, told: Scene, edge: float | None) -> Modes:
     """Return the lowest modes of a scene, without error estimates.
 
     told : scene whose status is told; that on the mesh for error estimates is not.
-    contact : of `find_contact`.
+    edge : of `find_contact`.
     """
-    press, depth = pressed_sensor(scene, contact), scene.loads[0].depth
+    press, depth = pressed_sensor(scene, edge), scene.loads[0].depth
     sideways = SidewaysModel(press.state.d)
     models = press.state.d, sideways.orders[0], single_order.build(press.state.d, 2)
     blocks = {
@@ -163,17 +163,17 @@ def spring_mass(design: Design) -> tuple[float, float]:
     return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
 
 
-def find_contact(scene: Scene) -> tuple[float, PathState] | None:
-    """Return where the contact of a press ends, and that press, see `find_press`; None for the free sensor."""
+def find_contact(scene: Scene) -> float | None:
+    """Return where the contact of a press ends, see `find_press`; None for the free sensor."""
     depth, size = scene.loads[0].depth / scene.design.D, scene.accuracy.section_size
     section = specification(scene, size)
     return find_press(section, scene.accuracy.section_patch, depth) if depth else None
 
 
-def pressed_sensor(scene: Scene, contact: tuple[float, PathState] | None) -> Press:
-    """Return the press of a scene, on a mesh refined where `contact` of `find_contact` ends."""
+def pressed_sensor(scene: Scene, edge: float | None) -> Press:
+    """Return the press of a scene, on a mesh refined at the `edge` of its contact."""
     size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
-    return reach_press(specification(scene, size), contact, patch, scene.loads[0].depth / D, D)
+    return reach_press(specification(scene, size), edge, patch, scene.loads[0].depth / D, D)
 
 
 def inertia_of_magnet(scene: Scene) -> Array:

@@ -20,7 +20,7 @@ from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
 from fem.solution import NOT_ESTIMATED, Estimates
 from fem.solve.direct_solver import Solver
-from fem.solve.path_state import PathState, about
+from fem.solve.path_state import about
 from fem.solve.press import find_press, reach_press
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
@@ -83,8 +83,8 @@ def small_shear(
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
     level = located or accuracy
     rough = specification(scene, max(ROUGH, level.section_size))
-    contact = find_press(rough, EDGE * level.section_patch, depth / design.D)
-    find = functools.partial(_solve_small_shear, contact=contact)
+    edge = find_press(rough, EDGE * level.section_patch, depth / design.D)
+    find = functools.partial(_solve_small_shear, edge=edge)
     return estimated(scene, find, estimate_small_shear) if estimate else find(scene)
 
 
@@ -94,14 +94,14 @@ def estimate_small_shear(found: SmallShear, coarse: SmallShear, scene: Scene) ->
     return estimate_numbers("small shear", numbers, scene, max(found.contact_radius / scene.design.D, LEAST_RADIUS))
 
 
-def _solve_small_shear(scene: Scene, contact: tuple[float, PathState]) -> SmallShear:
+def _solve_small_shear(scene: Scene, edge: float) -> SmallShear:
     """Return the small shear of a scene, without error estimates.
 
-    contact : where the contact ends, and a press on another mesh, of `find_press`.
+    edge : where the contact ends, of `find_press`.
     """
     D, E, accuracy = scene.design.D, scene.design.E, scene.accuracy
     section = replace(specification(scene, accuracy.section_size), glued=True)
-    press = reach_press(section, contact, EDGE * accuracy.section_patch, scene.loads[0].depth / D, D)
+    press = reach_press(section, edge, EDGE * accuracy.section_patch, scene.loads[0].depth / D, D)
     pressed = press.state
     turned = about(pressed, single_order.build(pressed.d, 1))
     plate = press.glue(turned)

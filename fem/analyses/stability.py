@@ -116,7 +116,7 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     # a search from rest always has a result
     found, _ = _search(rough, guided, 0.0, min(STEP, end / 8), end) or NOWHERE
     if found.depth is not None:
-        edge, _ = find_press(rough, RIM * scene.accuracy.section_patch, found.depth)
+        edge = find_press(rough, RIM * scene.accuracy.section_patch, found.depth)
         found, now = _search_near(_fine_section(scene, edge), guided, found.depth, end)
         # where the radius at which the contact ends has changed by 2 %, it needs another mesh
         if found.depth is not None and abs(now / edge - 1) > 0.02:

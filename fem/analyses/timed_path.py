@@ -288,7 +288,7 @@ class TimedPath:
         models = path_models(replace(scene, loads=(*pressed, *(load for load in sheared if load.shears_tip))))
         self.scene, self._control, self._tangent = scene, control, KeptTangent(Solver())
         # it supplies the models and takes no increments
-        self._path = Path(replace(models, predictor=None, rough=None, kappa=control.kappa))
+        self._path = Path(replace(models, predictor=None, kappa=control.kappa))
         rest, depth = self._path.rest, deepest / scene.design.D
         relaxation, e = relaxation_of(scene.design), rest.d.elements
         instantaneous = 1.0 if scene.design.modulus == "instantaneous" else 1 / relaxation.rest

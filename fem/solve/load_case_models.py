@@ -20,7 +20,6 @@ from fem.model.elements import SAME_PLACE
 from fem.model.symmetry_models import MeshSpecification, specification
 from fem.scene import FIRST_TOUCH, Scene
 from fem.solve.load_stepping import PathModels
-from fem.solve.path_state import PathState
 from fem.solve.press import find_press
 from geometry.loads import Load
 
@@ -82,12 +81,12 @@ def tilted_plate(scene: Scene) -> PathModels:
 
 def glued_plate(scene: Scene) -> PathModels:
     """Return the models of a plate that is glued after the press: a section refined at the edge of the contact."""
-    radius, rough = _glued_press(scene)
+    radius = _glued_radius(scene)
     section = _fine_at(scene, radius)
     high = _harmonic(scene, section)
     if scene.push:  # the contact is not a circle then: the points that touch are glued
         return PathModels(high, predictor=_predictor(high))
-    return PathModels(section, raised=high, predictor=_predictor(high), glued_radius=radius, rough=rough)
+    return PathModels(section, raised=high, predictor=_predictor(high), glued_radius=radius)
 
 
 def tetrahedra(scene: Scene) -> PathModels:
@@ -137,7 +136,7 @@ def _sheared_radius(scene: Scene) -> float | None:
     if scene.grip is not None:
         radius = _gripped_radius(scene)
         return None if radius == scene.shape.R else radius
-    return None if scene.plate_tilt or scene.coulomb is not None else _glued_press(scene)[0]
+    return None if scene.plate_tilt or scene.coulomb is not None else _glued_radius(scene)
 
 
 def _gripped_radius(scene: Scene) -> float:
@@ -147,8 +146,8 @@ def _gripped_radius(scene: Scene) -> float:
     return math.sqrt(height * (2 * R - height)) if height < R else R
 
 
-def _glued_press(scene: Scene) -> tuple[float, PathState]:
-    """Return the undeformed radius over D at which the contact ends when the plate is glued, and a coarse press."""
+def _glued_radius(scene: Scene) -> float:
+    """Return the undeformed radius over D at which the contact ends when the plate is glued, from a coarse press."""
     sheared = scene.sheared
     assert sheared is not None
     rough = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))

@@ -8,8 +8,7 @@ reduced model: one harmonic on the same mesh, in which most of the solution is.
 
 The predictor follows a segment in increments, which are cheap for it. At its end the difference of the two models at
 the start is added to the prediction, and the full model is corrected once, without increments of its own. Where that
-does not converge, or leads to another branch, the full model takes its own increments. A press may also start from
-the state of a press on another mesh.
+does not converge, or leads to another branch, the full model takes its own increments.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import numpy as np
 
 from fem.model import plate_contact
 from fem.model.plate_contact import SECTION_KAPPA
-from fem.model.symmetry_models import Discretisation, MeshSpecification, interpolate_section, raise_harmonics
+from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import CRUSHED, LONGEST, Reached, follow_segment, path_at, turns_over
 from fem.solve.newton import newton
@@ -47,7 +46,6 @@ class PathModels:
         without Coulomb friction.
     glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
         radius.
-    rough : press on another mesh, from which that on this one starts.
     grip : height over D within which the skin is gripped; None under a plate.
     tilt : tilt of the plate, rad.
     mu : coefficient of Coulomb friction, or None.
@@ -59,7 +57,6 @@ class PathModels:
     raised: MeshSpecification | None = None
     predictor: MeshSpecification | None = None
     glued_radius: float | None = None
-    rough: PathState | None = None
     grip: float | None = None
     tilt: float = 0.0
     mu: float | None = None
@@ -140,11 +137,8 @@ class Path:
         """Follow a straight segment to a position (3,), by a prediction where possible."""
         if np.array_equal(goal, state.position):
             return Reached(state, "", 0)
-        solver, rough = self._solvers.setdefault(state.d.model, Solver()), self._models.rough
-        if rough is not None and not state.position.any():
-            state, before = correct_press(solver, state, rough, goal)
-        else:
-            state, before = predict(solver, self._reduced_solver, state, goal)
+        solver = self._solvers.setdefault(state.d.model, Solver())
+        state, before = predict(solver, self._reduced_solver, state, goal)
         # returns at once if the prediction has reached the goal
         reached = follow_segment(solver, state, goal, friction_step_factor=self._models.friction_step_factor)
         return replace(reached, iterations=before + reached.iterations)
@@ -170,14 +164,6 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
         return state, ahead.iterations
     after, iterations = _correct(solver, state, added + raise_harmonics(low, high, ahead.state.q), goal)
     return after, ahead.iterations + iterations
-
-
-def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Array) -> tuple[PathState, int]:
-    """Do as `predict` from rest, by correcting the state `rough` of another mesh, if it is the same press."""
-    if state.position.any() or not np.array_equal(rough.position, goal) or not rough.stability.is_stable:
-        return state, 0
-    guess = interpolate_section(rough.d.system, state.d.system, rough.q)
-    return _correct(solver, state, guess, goal)
 
 
 def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:

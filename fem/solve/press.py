@@ -36,8 +36,8 @@ class Press:
         return None if self.edge is None else glue(state, self.edge).plate
 
 
-def find_press(section: MeshSpecification, edge_length: float, depth: float) -> tuple[float, PathState]:
-    """Return the undeformed radius at which the contact of a press ends, over D, and the press it results from.
+def find_press(section: MeshSpecification, edge_length: float, depth: float) -> float:
+    """Return the undeformed radius at which the contact of a press ends, over D.
 
     Each mesh is refined at the radius that the mesh before gave. The first estimate is the circle in which the plate
     cuts the undeformed dome.
@@ -55,21 +55,18 @@ def find_press(section: MeshSpecification, edge_length: float, depth: float) -> 
         change, radius = end / radius - 1, end
         if abs(change) < SETTLED_RADIUS:
             break
-    return radius, state
+    return radius
 
 
-def reach_press(
-    section: MeshSpecification, contact: tuple[float, PathState] | None, edge_length: float, depth: float, D: float
-) -> Press:
+def reach_press(section: MeshSpecification, edge: float | None, edge_length: float, depth: float, D: float) -> Press:
     """Return a press on a section refined where the contact ends; NoStateError if it stops or crushes the silicone.
 
-    contact : what `find_press` found, on another mesh; None for the free sensor.
-    edge_length, depth : where the contact ends, and of the press, over D; D, mm, is for the message.
+    edge : undeformed radius at which the contact ends, over D, of `find_press`; None for the free sensor.
+    edge_length, depth : at this edge, and of the press, over D; D, mm, is for the message.
     """
-    edge, first = contact or (None, None)
     if edge is not None:
         section = replace(section, rim=(edge, min(edge_length, edge / 4)))
-    state, stop = solve_press(section, depth, first)
+    state, stop = solve_press(section, depth)
     if stop:
         raise NoStateError(
             f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[stop]}): take a smaller depth"
@@ -82,9 +79,9 @@ def reach_press(
     return Press(state, edge)
 
 
-def solve_press(section: MeshSpecification, depth: float, rough: PathState | None = None) -> tuple[PathState, Stop]:
-    """Return the last state of a press to a depth over D, from `rough` on another mesh, and why it stopped before."""
-    path = Path(PathModels(section, rough=rough))
+def solve_press(section: MeshSpecification, depth: float) -> tuple[PathState, Stop]:
+    """Return the last state of a press to a depth over D, and why it stopped before."""
+    path = Path(PathModels(section))
     reached = path.advance(path.rest, np.array([depth, 0.0, 0.0]))
     return reached.state, reached.stop
 
