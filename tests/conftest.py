@@ -1,6 +1,7 @@
 """Fixtures that several test files share: running a command line, reading the JSON that it prints, a browser."""
 
 import contextlib
+import functools
 import gc
 import importlib
 import itertools
@@ -73,6 +74,35 @@ def small_pictures():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "SCALE", 0.75)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def made_once():
+    """Equal sections are meshed once for all tests, and the scripts of report pages are bundled once."""
+    import vl_convert
+
+    from fem.model import symmetry_models
+
+    with pytest.MonkeyPatch.context() as patch:
+        mesh = symmetry_models._section_mesh.__wrapped__
+        patch.setattr(symmetry_models, "_section_mesh", functools.lru_cache(maxsize=400)(mesh))
+        patch.setattr(vl_convert, "javascript_bundle", functools.cache(vl_convert.javascript_bundle))
+        yield
+
+
+@pytest.fixture
+def fast_cad(monkeypatch):
+    """`magtip cad` draws no picture of the assembly and does not check the mould, as `test_mold` does."""
+    make_fast(monkeypatch)
+
+
+def make_fast(patch):
+    """Leave pictures and checks out of `magtip cad`."""
+    from geometry.fabrication import mold_solids
+    from studies.fabrication import assembly_picture
+
+    patch.setattr(mold_solids, "checks", lambda *_: [])
+    patch.setattr(assembly_picture, "painter", lambda: contextlib.nullcontext(None))
 
 
 @pytest.fixture(scope="session")

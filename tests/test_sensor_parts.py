@@ -163,6 +163,7 @@ def test_a_design_without_a_silicone_gets_no_invented_mix():
     assert "Mix the parts of Mine as its data sheet says" in named
 
 
+@pytest.mark.usefixtures("fast_cad")
 def test_a_chip_of_unknown_pads_is_built_and_the_recipe_says_so(run, tmp_path):
     words = ("--set", "hall_layout=mlx90393", "--set", "l0=9", "--set", "chip_x=2")
     assert run("cad", "paper", *words, "--out", tmp_path / "cad")[0] == 0
@@ -362,6 +363,7 @@ def test_a_full_disk_is_a_sentence_and_leaves_nothing(run, tmp_path, limit):
     assert os.listdir(tmp_path) == ["mine.txt"]
 
 
+@pytest.mark.usefixtures("fast_cad")
 def test_a_round_base_with_its_recess_in_files_drawings_and_recipe(run, tmp_path, strict):
     fields = ("--set", "D=4", "--set", "L=4.5", "--set", "l0=4.1", "--set", "hall_layout=tmag5273a1")
     magnet = ("--set", "magnet_diameter=2", "--set", "magnet_height=2")

@@ -8,6 +8,7 @@ import json
 import math
 
 import pytest
+from conftest import make_fast
 
 from studies.cli import commands
 from studies.inputs.user_input import read_design
@@ -66,7 +67,8 @@ def sizing(contradiction, tmp_path_factory):
     (advice,) = [row for row in json.loads(contradiction[2])["conflict"] if row["gives"]]
     loose = NEEDED.replace("100 %", f"{100 * advice['to']:.6g} %")
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stderr(err):
-        patch.setattr(front_yield, "CHECKED", 4)
+        patch.setattr(front_yield, "CHECKED", 1)
+        make_fast(patch)
         assert commands.run(size(folder, loose, contradiction[0].parent / "store.db", "--export")) == 0
     return folder / "out", err.getvalue()
 
@@ -189,6 +191,7 @@ def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing):
     assert err.splitlines()[-1].startswith("100 %")
 
 
+@pytest.mark.usefixtures("fast_cad")
 def test_the_design_file_of_the_best_variant_has_the_same_recipe(sizing, tmp_path, run, strict):
     """`cad winner.toml` alone names the silicone, its mix and its mass; one that no catalogue ships has no mix."""
     folder, _ = sizing
