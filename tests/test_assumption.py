@@ -53,7 +53,7 @@ def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(tmp_path
     for old, new in changes.items():
         text = text.replace(old, new)
     (tmp_path / "own.toml").write_text(text + design + "\n")
-    found = assumption.run(lambda share, text: None, assumption.plan_of(tmp_path / "own.toml"), store=tmp_path / "s")
+    found = assumption.run(lambda share, text: None, tmp_path / "own.toml", store=tmp_path / "s")
     assert "D is 10 mm and E is 0.6 MPa" in found.pages["ASSUMPTION.md"]
 
 

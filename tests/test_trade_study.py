@@ -416,7 +416,7 @@ def test_what_formulas_and_surrogate_refuse_is_a_state(tmp_path):
         Run("friction", trial(0, "friction", "auto"), "formula", "finite"),
         Run("press", trial(1, "press", "auto"), "surrogate", "shipped"),
     ]
-    found = trade_study.answers(runs, tmp_path / "s.sqlite", None)
+    found = trade_study.answers(runs, store=tmp_path / "s.sqlite")
     upright = found[found.shear_mm == 0]
     assert upright[["tilt_rad", "sideways_N"]].isna().all(axis=None)
     assert found[found.design == 1][READINGS].isna().all(axis=None)

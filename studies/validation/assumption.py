@@ -22,10 +22,11 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from analytic import beam, hall
@@ -33,8 +34,10 @@ from analytic.parts import of_design
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
+from studies.inputs.option_groups import Whole
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, Plan, varied
+from studies.output import atomic_files
 from studies.output.figures import COLOURS, Figure, Look, heat, plot, save, table_of
 from studies.output.result import Result, Table
 from studies.sweeps import sweep_request
@@ -84,9 +87,30 @@ def plan_of(study: Path) -> Plan:
     return plan
 
 
-def run(progress: Progress, plan: Plan, processes: Processes = Processes(), store: Path | None = None) -> Result:
-    """Run the sweep of a plan and return what follows from it."""
-    with sweep_request.sweep(plan, None, progress, processes, store) as batches:
+def run(
+    progress: Progress,
+    study: Annotated[
+        Path | None, Parameter(name="STUDY", help="TOML file of a study; default: the shipped one.")
+    ] = None,
+    *,
+    store: Path | None = None,
+    workers: Whole | None = None,
+    scheduler: str | None = None,
+) -> Result:
+    """Map where the paper's formulas, and every level above them, are within 5 and 10 % of finite elements.
+
+    Parameters
+    ----------
+    store
+        File of solved states; default: that of the user.
+    workers
+        Number of processes that solve; default: one for each core.
+    scheduler
+        Address of a Dask scheduler whose workers solve.
+    """
+    plan = plan_of(study or STUDY)
+    atomic_files.check_apart([store], [study or STUDY])
+    with sweep_request.sweep(plan, None, progress, Processes(workers, scheduler), store) as batches:
         tables = list(batches)
     return result({name: np.concatenate([each[name] for each in tables]) for name in tables[0]}, plan.design)
 

@@ -89,12 +89,36 @@ def parts() -> list[tuple[str, Callable[[Bench], None]]]:
     return [(spec["key"], functools.partial(run, spec=spec)) for kind, run in kinds for spec in SPECS[kind]]
 
 
-def run(progress: Progress, bench: Bench, cases: Sequence[str] = ()) -> Result:
-    """Measure the parts of these names; without names all."""
+def run(
+    progress: Progress,
+    *,
+    quick: bool = False,
+    cases: str | None = None,
+    peers: Path = Path("out/peers"),
+    ccx: str = "ccx",
+) -> Result:
+    """Measure time and memory at a given error beside FElupe, CalculiX and magpylib.
+
+    A program that is not installed gets a row with its install command. Missed goals are listed; the exit status is
+    then 3, also where a program is not installed.
+
+    Parameters
+    ----------
+    quick
+        Use medians of 3 runs instead of 5, and no references of shears.
+    cases
+        Run only some cases, with commas between their names: press-curve, half-press, half-press-magnet, half-shear,
+        shear, friction, tilted-plate, small-shear, modes, field; default: all.
+    peers
+        Folder of a Python environment with FElupe: python3 -m venv DIR && DIR/bin/pip install felupe.
+    ccx
+        Command that runs CalculiX.
+    """
+    bench, own = Bench(quick, peers, ccx), [] if cases is None else [name.strip() for name in cases.split(",")]
     names = [name for name, _ in parts()]
-    if unknown := [name for name in cases if name not in names]:
+    if unknown := [name for name in own if name not in names]:
         raise BadInput(f"--cases takes {', '.join(names)}; got {unknown[0]}")
-    chosen = [part for name, part in parts() if name in cases or not cases]
+    chosen = [part for name, part in parts() if name in own or not own]
 
     def measured() -> Iterator[Row]:
         for k, part in enumerate(chosen):

@@ -15,14 +15,15 @@ from geometry.mesh import tetrahedra
 from geometry.meshing.mesh_quality import quality
 from geometry.messages import Progress
 from geometry.section import section
+from studies.inputs.option_groups import Whole
 from studies.output.goals import Goal, failures
 from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
 
 FILES = ("RANGE.md", "range.csv")
-SEED, COUNT, MOST = 1960, 64, 1024
-"""Seed of the sequence, default and largest number of designs."""
+SEED, MOST = 1960, 1024
+"""Seed of the sequence, and largest number of designs."""
 WALL, LEAST_STEM = 0.15, 0.05
 """Wall of silicone that the largest magnet leaves, and least L - D/2, mm."""
 LEAST_DIAMETER, LEAST_HEIGHT, SLENDER = 0.2, 0.1, (0.1, 4.0)
@@ -75,7 +76,19 @@ def _down(value: float) -> float:
     return float(f"{math.floor(value / step + 1e-9) * step:.6g}")
 
 
-def run(progress: Progress, count: int) -> Result:
+def run(progress: Progress, *, quick: bool = False, count: Whole = 64) -> Result:
+    """Make solids, mould and meshes of designs sampled over all input ranges; exit status 3 if one fails.
+
+    Nothing of a run that was stopped is kept: start it again.
+
+    Parameters
+    ----------
+    quick
+        Use the first four designs: 15 seconds.
+    count
+        Number of sampled designs, 1 to 1024; 64 take some minutes.
+    """
+    count = 4 if quick else count
     if not 1 <= count <= MOST:
         raise BadInput(f"--count must lie between 1 and {MOST}; got {count}")
     chosen = pages.told(progress, list(enumerate(samples(count))), lambda case: f"design {case[0]}")

@@ -26,11 +26,12 @@ from scipy import linalg, stats
 from fem.accuracy import QUICK, STANDARD, Accuracy
 from geometry.arrays import Array
 from geometry.messages import Progress
+from studies.inputs.option_groups import Whole
 from studies.mechanics import prediction, surrogate_file, surrogate_range
+from studies.mechanics import store as stores
 from studies.mechanics.gaussian_process import GaussianProcess, correlation
 from studies.mechanics.prediction import CRITICAL, DEEP, SLENDER, THICK, WIDE, Quantity
 from studies.mechanics.solve_plan import Processes, Solver
-from studies.mechanics.store import Store
 from studies.mechanics.surrogate_file import Group, Surrogate
 from studies.output.figures import Figure, Look, plot, save
 from studies.output.goals import Goal, missed, verdict
@@ -105,7 +106,7 @@ class Outcome(NamedTuple):
         return pd.concat(tables, ignore_index=True)
 
 
-def build(extent: Extent, store: Store, processes: Processes, progress: Progress | None = None) -> Outcome:
+def build(extent: Extent, store: stores.Store, processes: Processes, progress: Progress | None = None) -> Outcome:
     """Build and test the surrogate; states that the store has are not solved again."""
     solver = Solver(store, processes, progress, extent.accuracy)
     states = training_states(solver, training_beams(extent.first, extent.seed))
@@ -425,9 +426,33 @@ def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, fl
 FILES = ("SURROGATE.md", "surrogate.npz", "summary.csv", "errors.csv", "errors.png")
 
 
-def run(progress: Progress, extent: Extent, states: Store, processes: Processes) -> Result:
-    """Build the surrogate and test it; states that the store has are not solved again."""
-    return result(build(extent, states, processes, progress), extent.first)
+def run(
+    progress: Progress,
+    *,
+    quick: bool = False,
+    store: Path | None = None,
+    workers: Whole | None = None,
+    scheduler: str | None = None,
+) -> Result:
+    """Build the surrogate from finite elements, and test it on beams that it has not seen.
+
+    From an empty store it took some 70 minutes on two busy cores; what is solved is kept, so that an interrupted
+    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/mechanics.
+
+    Parameters
+    ----------
+    quick
+        Use few beams and coarser meshes: some minutes, and errors of 10 %.
+    store
+        File of solved states; default: that of the user.
+    workers
+        Number of processes that solve; default: one for each core.
+    scheduler
+        Address of a Dask scheduler whose workers solve.
+    """
+    extent = FEW if quick else Extent()
+    with stores.opened(store or stores.default()) as states:
+        return result(build(extent, states, Processes(workers, scheduler), progress), extent.first)
 
 
 def result(outcome: Outcome, first: int) -> Result:

@@ -167,13 +167,11 @@ def plan(
     return runs, finenesses
 
 
-def run(
-    progress: Progress, count: int, *, quick: bool, confirm: bool = False, store: Path | None = None
-) -> pd.DataFrame:
+def run(progress: Progress, count: int, *, quick: bool, confirm: bool = False) -> pd.DataFrame:
     """Return all states with their errors, and with costs but for the random designs."""
     runs, finenesses = plan(count, quick=quick, confirm=confirm)
-    truth = references(finenesses, confirm, store, part(progress, 0.0, 0.5, "references"))
-    table = judged(runs, answers(runs, store, part(progress, 0.5, 0.8)), truth, confirm=confirm)
+    truth = references(finenesses, confirm, part(progress, 0.0, 0.5, "references"))
+    table = judged(runs, answers(runs, part(progress, 0.5, 0.8)), truth, confirm=confirm)
     costs: list[tuple[float, float]] = []
     for k, one in enumerate(runs):
         progress(0.8 + 0.2 * k / len(runs), f"cost of design {one.trial.number}, {one.kind}, {one.model} {one.level}")
@@ -184,7 +182,7 @@ def run(
     return table.assign(cost=table.cpu_s / unit)
 
 
-def answers(runs: Sequence[Run], store: Path | None, progress: Progress | None) -> pd.DataFrame:
+def answers(runs: Sequence[Run], progress: Progress | None = None, store: Path | None = None) -> pd.DataFrame:
     """Return a row for each load of each run: its place, COLUMNS (NaN where there is none), status and message.
 
     A press has neither tilt nor a force along a shear, a design without a magnet no readings.
@@ -212,9 +210,7 @@ def answers(runs: Sequence[Run], store: Path | None, progress: Progress | None) 
     return table.assign(sideways_N=found.force_x_N.where(~upright))
 
 
-def references(
-    finenesses: Mapping[tuple[int, Kind], str], confirm: bool, store: Path | None, progress: Progress | None
-) -> pd.DataFrame:
+def references(finenesses: Mapping[tuple[int, Kind], str], confirm: bool, progress: Progress | None) -> pd.DataFrame:
     """Return the references of the states of each path, by STATE, as `extrapolated` does."""
     runs = []
     names = ("section_size", "section_patch", "harmonics", "friction_step_factor")
@@ -223,7 +219,7 @@ def references(
         for step in PLAN[kind]["steps"][begin : begin + 3]:
             mesh = replace(LEVELS["fine"], name=f"reference {step[0]:g}", **dict(zip(names, step, strict=True)))
             runs.append(Run(kind, own, "reference", mesh.name, mesh))
-    found = answers(runs, store, progress)
+    found = answers(runs, progress)
     sizes = [one.accuracy.section_size for one in runs if one.accuracy for _ in one.trial.loads]
     truth = extrapolated(found.assign(size=sizes))
     at_rest = Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)
