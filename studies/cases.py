@@ -31,7 +31,6 @@ from studies.inputs import study_axes, study_input
 from studies.inputs.study_axes import AXES, Factor
 from studies.inputs.study_input import QuantityName
 from studies.mechanics import store as stores
-from studies.mechanics.plate_motion import check_motion
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import (
     DEFAULT_QUANTITIES,
@@ -42,6 +41,7 @@ from studies.mechanics.study_cases import (
     model_name,
     models_of,
 )
+from studies.mechanics.timed_quantities import check_motion
 from studies.sweeps import sweep
 
 if TYPE_CHECKING:

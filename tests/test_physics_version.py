@@ -19,7 +19,7 @@ from fem.physics_version import PHYSICS
 from fem.scene import Model, Scene
 from geometry.design import paper
 from geometry.loads import Load
-from studies.mechanics import response_paths
+from studies.mechanics import timed_quantities
 
 ROUGH = replace(
     QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1
@@ -104,7 +104,7 @@ def test_frequencies_change_only_with_the_version():
 
 
 def test_the_vibration_changes_only_with_the_version():
-    values = response_paths.solve(Scene(paper(), (Load(depth=0.5),), ROUGH, "rigid"))
+    values = timed_quantities.solve_response(Scene(paper(), (Load(depth=0.5),), ROUGH, "rigid"))
     assert PHYSICS["response"] == 4, "write the answer of the new version here"
     middle = values["stiffness_real"][150], values["stiffness_imag"][150]
     # the highest frequency, where inertia matters most

@@ -17,10 +17,10 @@ from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs.option_groups import Selection
-from studies.mechanics import path_keys, store, store_actions
-from studies.mechanics.plate_motion import PlateMotion
+from studies.mechanics import path_solver, store, store_actions
 from studies.mechanics.store import State
 from studies.mechanics.store_actions import FIELDS
+from studies.mechanics.timed_quantities import PlateMotion
 from studies.output import atomic_files
 
 # Lists
@@ -270,7 +270,7 @@ def places(content, at=""):
     ],
 )
 def test_every_value_of_a_content_is_a_field(load, kind):
-    content = path_keys.place(Scene(paper(), (load,), QUICK), kind, PlateMotion(frequency=1.0)).content
+    content = path_solver.place(Scene(paper(), (load,), QUICK), kind, PlateMotion(frequency=1.0)).content
     of_fields = {place for field in FIELDS.values() for place in re.findall(r"\$\.([^']+)", field.sql)}
     # D is 1 over D, and the number of modes is the same in all contents
     assert set(places(content)) - {"shape.D", "load.count"} <= of_fields

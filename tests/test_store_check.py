@@ -11,9 +11,9 @@ from fem.accuracy import QUICK
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
-from studies.mechanics import path_keys, path_solver, store, store_actions, store_check
-from studies.mechanics.plate_motion import STILL, PlateMotion
+from studies.mechanics import path_solver, store, store_actions, store_check
 from studies.mechanics.store import State
+from studies.mechanics.timed_quantities import STILL, PlateMotion
 
 CONTENT = {"model": "harmonic", "physics": 1, "nu": 0.45}
 PRESSED = State(0.125, 0.0, "ok", "ok", {"response": {"force": [0.0, 0.0, 1.0]}}, 0.02, "on Python 3")
@@ -149,7 +149,7 @@ CASES = {
 
 def place_of(name):
     design, load, magnet, kind = CASES[name]
-    return path_keys.place(
+    return path_solver.place(
         Scene(design, (load,), ROUGH, magnet), kind, PlateMotion(speed=0.7) if "cycle" in name else STILL
     )
 
@@ -160,7 +160,7 @@ def test_a_problem_is_rebuilt_from_what_is_stored(name):
     place = place_of(name)
     content = json.loads(json.dumps(place.content))
     state = State(*place.at, "ok", "ok", path_solver.units_of(place.scene, place.kind), 0.0, "")
-    again = path_keys.place(
+    again = path_solver.place(
         store_check._scene(content, state), content["quantity"], store_check._motion(content, state)
     )
     assert store.key(again.content) == store.key(place.content)

@@ -84,7 +84,7 @@ LOAD = {
     "speed": Quantity("mm/s", 0.0, open_low=True),
 }
 """Fields of a load, see `geometry.loads.Load`; `shear` is along x, and the tilt of the plate is in degrees. Frequency
-and speed say how fast the plate moves (`studies.mechanics.plate_motion`)."""
+and speed say how fast the plate moves (`studies.mechanics.timed_quantities`)."""
 METHOD = {"magnet": Quantity("1", names=("rigid", "ignored"), is_number=False)}
 """Choices of the finite elements that can vary. Models are no axis: a study sets them side by side in a row."""
 AXES = {**DESIGN, **LOAD, **METHOD}

@@ -1,7 +1,24 @@
-"""Answers of stored states, and the solves of missing ones.
+"""Paths of the store: where the answer to a case is, what it says of similar cases, and the solves of missing states.
+
+The finite elements use lengths over D and stresses over E, so geometrically similar designs of one material law share
+a path (see `fem.scene.Scene.dimensionless`). The states of a path differ in their position only, the depth and the
+shear of the plate over D:
+
+- a press: all depths; a frictionless press does not depend on the other depths (`fem.solve.load_case_models`), and
+  with friction or an imperfection the path leads straight from rest to the depth;
+- a shear under a plate, glued or with Coulomb friction: all shears in one direction at one depth, because the path is
+  a press to this depth and then a shear that only grows;
+- a grip: all shears in one direction.
+
+The body is one of revolution. So without a tilted plate and without an imperfection the direction of a shear does not
+matter: all shears are solved along x, and `Place.direction` turns the answer. Tetrahedra of the whole body (model
+full) are no exact body of revolution, and keep the direction.
+
+Four more quantities are stored, each as a path with a single state: the critical depth of a design, its natural
+frequencies about a press, and its vibration and cycles (`timed_quantities`).
 
 An answer holds the D and E of the design that was solved, and `Answer.of` scales it to a similar one. A `Task` is all
-that is missing of one path (see `path_keys`); a worker process solves it, and returns its states for the store.
+that is missing of one path; a worker process solves it, and returns its states for the store.
 """
 
 from __future__ import annotations
@@ -12,22 +29,125 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from fem.accuracy import Accuracy
+from fem.physics_version import PHYSICS
 from fem.scene import Model, Scene
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
 from geometry.messages import Progress
-from studies.mechanics import cycle_paths, response_paths
-from studies.mechanics.path_keys import MODES, Kind, Place, position_of, unit_vector
-from studies.mechanics.plate_motion import STILL, PlateMotion
+from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, Store, position
+from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
 
 if TYPE_CHECKING:
     from fem.solution import Solution
+
+Kind = Literal["states", "critical depth", "modes", "response", "cycle"]
+"""What a path holds."""
+KINDS: dict[str, Kind] = {
+    "critical_depth": "critical depth",
+    **{name: name for name in ("modes", "response", "cycle")},
+}
+"""Quantities that are paths of their own in the store."""
+MODES = 6
+"""Number of natural frequencies that are solved and stored."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the answer of a case is stored.
+
+    Attributes
+    ----------
+    scene : the case as it is solved, with a single load.
+    at : position on the path.
+    direction : direction of the case's shear, to which the answer is turned.
+    motion : of the plate, of cycles only; other answers do not depend on it.
+    """
+
+    scene: Scene
+    kind: Kind
+    at: Position
+    direction: tuple[float, float] = (1.0, 0.0)
+    motion: PlateMotion = STILL
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Everything on which the states of the path depend except their position."""
+        return content(self.scene, self.kind, self.motion)
+
+
+def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> Place:
+    """Return where the answer of a scene with a single load is stored."""
+    (load,) = scene.loads
+    D = scene.design.D
+    if kind in ("critical depth", "modes"):
+        # the load of a critical depth does not matter; any depth that fits every beam stands for it
+        pressed = Load(depth=0.01 * D if kind == "critical depth" else load.depth)
+        return Place(replace(scene, loads=(pressed,), model="axisymmetric"), kind, (0.0, 0.0))
+    if kind == "states":
+        alone, direction = _canonical(scene, load)
+        return Place(replace(scene, loads=(alone,)), kind, position_of(alone, D), direction)
+    sections = replace(scene, model="auto")
+    along_x = replace(sections, loads=(_canonical(sections, load)[0],))
+    if kind == "cycle":
+        timed_quantities.cycle_of(along_x, motion)
+        return Place(along_x, kind, (0.0, 0.0), motion=motion)
+    at_rest = timed_quantities.rest_scene(along_x)
+    timed_quantities.check_frequency(at_rest, motion.frequency)
+    return Place(at_rest, kind, (0.0, 0.0))
+
+
+def _canonical(scene: Scene, load: Load) -> tuple[Load, tuple[float, float]]:
+    """Return the load that is solved in place of this one, and the direction to which its answer is turned."""
+    if not load.shears_tip:
+        friction = "none" if load.coulomb is None else load.friction
+        return replace(load, shear_x=0.0, shear_y=0.0, friction=friction), (1.0, 0.0)
+    if load.plate_tilt or load.imperfection or scene.model == "full":
+        return load, (1.0, 0.0)
+    direction = (load.shear_x / load.shear, load.shear_y / load.shear)
+    return replace(load, shear_x=load.shear, shear_y=0.0), direction
+
+
+def position_of(load: Load, D: float) -> Position:
+    """Return the position of a load on its path."""
+    return position(load.depth / D, math.hypot(*load.imposed_shear) / D)
+
+
+def content(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> dict[str, Any]:
+    """Return everything on which the states of a path depend except their position, with the physics version."""
+    if kind == "response":
+        return timed_quantities.response_content(scene)
+    if kind == "cycle":
+        return timed_quantities.cycle_content(scene, motion)
+    values = scene.dimensionless()
+    loads, load = values.pop("loads"), scene.loads[0]
+    first = loads[0]
+    if kind == "critical depth":
+        return values | {"quantity": kind, "physics": PHYSICS[kind]}
+    if kind == "modes":
+        ratio = scene.design.magnet_density / scene.design.density if scene.magnet == "rigid" else 0.0
+        pressed = {"depth": first["depth"], "density_ratio": float(f"{ratio:.12g}"), "count": MODES}
+        return values | {"quantity": kind, "load": pressed, "physics": PHYSICS[kind]}
+    kept = {name: first[name] for name in ("friction", "grip", "plate_tilt", "imperfection")}
+    sheared = load.shears_tip
+    way = {
+        "sheared_at_depth": first["depth"] if sheared else None,
+        "direction": [round(part, 12) + 0.0 for part in unit_vector(load)] if sheared else None,
+    }
+    return values | {"quantity": kind, "load": kept | way, "physics": PHYSICS[scene.model]}
+
+
+def unit_vector(load: Load) -> tuple[float, float]:
+    """Return the unit vector of a load's shear."""
+    return load.shear_x / load.shear, load.shear_y / load.shear
+
+
+# Answers
 
 NAN = math.nan
 SMALLER_STEPS = 4
@@ -109,11 +229,6 @@ class Task:
     motion: PlateMotion = STILL
 
 
-def answers(path: Place, store: Store) -> dict[Position, Answer]:
-    """Return the stored answers of a path by their positions."""
-    return {at: answer(state) for at, state in store.states(path.content).items()}
-
-
 def missing(
     path: Place, wanted: Sequence[Position], store: Store, *, retry: bool
 ) -> tuple[list[Position], list[Position]]:
@@ -151,7 +266,7 @@ def _at(load: Load, at: Position, D: float) -> Load:
     return replace(load, depth=depth, shear_x=shear * x, shear_y=shear * y)
 
 
-def solve_task(task: Task, progress: Progress | None = None) -> list[State]:
+def solve_task(task: Task) -> list[State]:
     """Solve a task and return its states for the store."""
     if task.kind != "states":
         return [_single(task)]
@@ -159,7 +274,7 @@ def solve_task(task: Task, progress: Progress | None = None) -> list[State]:
     D = scene.design.D
 
     def followed(loads: Sequence[Load]) -> list[LoadOutcome]:
-        return follow(scene.design, loads, scene.accuracy, scene.magnet, progress, model=scene.model)
+        return follow(scene.design, loads, scene.accuracy, scene.magnet, model=scene.model)
 
     outcomes = dict(zip(scene.loads, followed(scene.loads), strict=True))
     failed = [load for load, outcome in outcomes.items() if outcome.status == "not_converged"]
@@ -186,16 +301,9 @@ class LoadOutcome:
     def response(self) -> Response | None:
         return None if self.solution is None else self.solution.response
 
-    @property
-    def error_estimate(self) -> float:
-        """Estimated relative error of the force, a vector; NaN without an estimate."""
-        estimate = self.solution.estimates.force if self.solution else None
-        return NAN if estimate is None else estimate
-
-    @property
-    def sideways_error_estimate(self) -> float:
-        """Estimated relative error of the force along the shear alone; NaN without an estimate."""
-        estimate = self.solution.estimates.sideways if self.solution else None
+    def error(self, name: str = "force") -> float:
+        """Estimated relative error of the force, or of its part along the shear ("sideways"); NaN without one."""
+        estimate = getattr(self.solution.estimates, name) if self.solution else None
         return NAN if estimate is None else estimate
 
 
@@ -259,23 +367,21 @@ def _origin() -> str:
     return versions()
 
 
-def _state(scene: Scene, load: Load, outcome: Any) -> State:
-    response, error = outcome.response, outcome.error_estimate
-    result: Outcome = "ok" if response is not None else "failed"
-    seconds = outcome.solution.seconds if outcome.solution else 0.0
-    values = {
+def _state(scene: Scene, load: Load, outcome: LoadOutcome) -> State:
+    solution, response, error = outcome.solution, outcome.response, outcome.error()
+    values: dict[str, Any] = {
         "response": None if response is None else dataclasses.asdict(response),
         "error_estimate": None if math.isnan(error) else error,
         "message": outcome.message,
     }
-    if outcome.solution is not None:
-        facts = outcome.solution.facts
-        estimates = outcome.solution.estimates
-        values["estimates"] = {name: getattr(estimates, name) for name in ("force", "shift", "tilt", "sideways")}
+    if solution is not None:
+        names = ("force", "shift", "tilt", "sideways")
+        values["estimates"] = {name: getattr(solution.estimates, name) for name in names}
         values["values"] = {
-            "largest_strain": facts.largest_strain,
-            "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
+            name: getattr(solution.facts, name) for name in ("largest_strain", "sideways_stiffness_ratio")
         }
+    result: Outcome = "failed" if response is None else "ok"
+    seconds = 0.0 if solution is None else solution.seconds
     at = position_of(load, scene.design.D)
     return State(*at, result, outcome.status, units_of(scene) | values, seconds, _origin())
 
@@ -345,16 +451,6 @@ def _modes(task: Task) -> dict[str, Any]:
     return values | {"status": lowest.status, "message": lowest.message}
 
 
-SINGLE: dict[Kind, Callable[[Task], dict[str, Any]]] = {
-    "critical depth": _critical,
-    "modes": _modes,
-    "response": lambda task: response_paths.solve(task.scene),
-    "cycle": lambda task: cycle_paths.solve(task.scene, task.motion),
-}
-"""Solves of the quantities that are paths of their own; each returns its values, status, message and, where there
-is one, estimated relative error."""
-
-
 def frequency_unit(D: float, E: float, density: float) -> float:
     """Return (E / rho)^(1/2) / D, to which frequencies are proportional; mm, MPa, kg/m^3."""
     return math.sqrt(E / density) / D
@@ -375,3 +471,13 @@ def answer(state: State) -> Answer:
         estimates=values.get("estimates", {}),
         values=values.get("values", {}),
     )
+
+
+SINGLE: dict[Kind, Callable[[Task], dict[str, Any]]] = {
+    "critical depth": _critical,
+    "modes": _modes,
+    "response": lambda task: timed_quantities.solve_response(task.scene),
+    "cycle": lambda task: timed_quantities.solve_cycle(task.scene, task.motion),
+}
+"""Solves of the quantities that are paths of their own; each returns its values, status, message and, where there
+is one, estimated relative error."""

@@ -21,8 +21,20 @@ from geometry.messages import Progress
 from studies.inputs.study_input import needs_load
 from studies.mechanics import store as store_module
 from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
-from studies.mechanics.path_keys import KINDS, Kind, Place, place
-from studies.mechanics.path_solver import NAN, Answer, Task, answers, missing, solve_task, task, unsolved
+from studies.mechanics.path_solver import (
+    KINDS,
+    NAN,
+    Answer,
+    Kind,
+    Place,
+    Task,
+    answer,
+    missing,
+    place,
+    solve_task,
+    task,
+    unsolved,
+)
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
 from studies.mechanics.workers import finished
@@ -241,7 +253,8 @@ class Solves:
 
     def answers(self, key: str) -> Mapping[Position, Answer]:
         """Return the stored answers of a path, by their positions."""
-        return self._answers.get(key, lambda: answers(self.paths[key].place, self.store))
+        content = self.paths[key].place.content
+        return self._answers.get(key, lambda: {at: answer(state) for at, state in self.store.states(content).items()})
 
     def close(self) -> None:
         """Stop the workers."""

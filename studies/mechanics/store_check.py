@@ -17,15 +17,13 @@ from geometry.design import LAWS, BadInput, Design, paper
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.mechanics import (
-    cycle_paths,
-    path_keys,
     path_solver,
-    response_paths,
     store,
     store_actions,
+    timed_quantities,
 )
-from studies.mechanics.plate_motion import STILL, PlateMotion
 from studies.mechanics.store import Content, Position, State
+from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.records import FlatRow
 
 MOST_NAMED = 3
@@ -166,7 +164,7 @@ def differences(connection: sqlite3.Connection, rows: Sequence[Place], progress:
 def _difference(key: str, content: Content, stored: State) -> str:
     """Solve a state again; return in which way it differs, empty if it does not."""
     try:
-        place = path_keys.place(_scene(content, stored), content["quantity"], _motion(content, stored))
+        place = path_solver.place(_scene(content, stored), content["quantity"], _motion(content, stored))
     except (BadInput, KeyError) as error:
         return f"cannot be solved by this version ({error})"
     if store.key(place.content) != key:
@@ -216,12 +214,18 @@ def _design(content: Content, answer: Mapping[str, Any]) -> Design:
     ratio = load.get("density_ratio")
     design = replace(design, density=answer.get("density_kg_per_m3", design.density))
     design = design if not ratio else replace(design, magnet_density=ratio * design.density)
-    fields = {"response": response_paths.fields_of, "cycle": cycle_paths.fields_of}.get(content["quantity"])
+    fields = {"response": timed_quantities.response_fields, "cycle": timed_quantities.cycle_fields}.get(
+        content["quantity"]
+    )
     return fields(load, design) if fields else design
 
 
 def _motion(content: Content, state: State) -> PlateMotion:
-    return cycle_paths.motion_of(_of_load(content), state.answer["D_mm"]) if content["quantity"] == "cycle" else STILL
+    return (
+        timed_quantities.motion_of_cycle(_of_load(content), state.answer["D_mm"])
+        if content["quantity"] == "cycle"
+        else STILL
+    )
 
 
 def _load(content: Content, at: Position, D: float, E: float) -> Load:

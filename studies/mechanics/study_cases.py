@@ -33,8 +33,8 @@ from studies.inputs import user_input
 from studies.inputs.study_axes import DESIGN, LOAD, Factor
 from studies.inputs.study_input import QuantityName
 from studies.inputs.user_input import Value
-from studies.mechanics.path_keys import KINDS
-from studies.mechanics.plate_motion import STILL, TIMED, PlateMotion, motion_of
+from studies.mechanics.path_solver import KINDS
+from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, motion_of
 
 READING_FIELDS = frozenset(
     name

@@ -189,10 +189,10 @@ def rows_of(
         formula, remark = formulas(design, load)
         poses = {"fem": fem.response, "fem_homogeneous": homogeneous.response, "analytic": formula}
         estimates = {
-            "error_estimate": fem.error_estimate,
-            "homogeneous_error_estimate": homogeneous.error_estimate,
-            "sideways_error_estimate": fem.sideways_error_estimate,
-            "homogeneous_sideways_error_estimate": homogeneous.sideways_error_estimate,
+            "error_estimate": fem.error(),
+            "homogeneous_error_estimate": homogeneous.error(),
+            "sideways_error_estimate": fem.error("sideways"),
+            "homogeneous_sideways_error_estimate": homogeneous.error("sideways"),
         }
         status, message = _verdict(fem, homogeneous, remark)
         rows.append(

@@ -29,7 +29,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, rotation_of
 from geometry.relaxation import relaxation_of
 from studies.inputs import study_axes
-from studies.mechanics import response_paths
+from studies.mechanics import timed_quantities
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
 
@@ -460,10 +460,10 @@ def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...
     if not values or design is None or plan.reference is None:
         return (NAN,) * 5
     at_rest, frequency = relaxed(design, relaxation_of(design)), problem.motion.frequency
-    unit = response_paths.unit_of(at_rest)
+    unit = timed_quantities.unit_of(at_rest)
     gain = complex(NAN, NAN)
     if frequency is not None:
-        gain = response_paths.gain_at(values, response_paths.band(at_rest, plan.reference.accuracy), frequency)
+        gain = timed_quantities.gain_at(values, timed_quantities.band(at_rest, plan.reference.accuracy), frequency)
     bandwidth, resonance, Q = (
         NAN if values[name] is None else values[name] for name in ("bandwidth", "resonance", "Q")
     )
@@ -490,7 +490,7 @@ OTHERS: dict[str, Callable[[Plan, Batch, Sequence[Answer]], Columns]] = {
     "response": _response_columns,
     "cycle": _cycle_columns,
 }
-"""Columns of the quantities that are paths of their own (`studies.mechanics.path_keys.KINDS`)."""
+"""Columns of the quantities that are paths of their own (`studies.mechanics.path_solver.KINDS`)."""
 
 
 def _of_answers(batch: Batch, values: Sequence[float | None]) -> Array:

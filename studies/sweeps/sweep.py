@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.mechanics.path_keys import KINDS
-from studies.mechanics.path_solver import Answer
+from studies.mechanics.path_solver import KINDS, Answer
 from studies.mechanics.solve_plan import IMPOSSIBLE, Paths, Processes, Solves, Target, surrogate_answers
 from studies.mechanics.store import Store
 from studies.mechanics.study_cases import Batch, Cases, Columns, Plan

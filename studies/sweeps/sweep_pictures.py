@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.inputs import study_axes
-from studies.mechanics.path_keys import KINDS
+from studies.mechanics.path_solver import KINDS
 from studies.mechanics.study_cases import Columns, Plan
 from studies.output import figures
 from studies.sweeps import sweep_figures

@@ -13,7 +13,7 @@ from geometry.loads import ANSWERED, Magnet
 from geometry.messages import Progress
 from studies.inputs import study_axes, study_input, user_input
 from studies.inputs.user_input import Value
-from studies.mechanics.plate_motion import check_motion
+from studies.mechanics.timed_quantities import check_motion
 from studies.output import atomic_files
 from studies.output.records import FlatRow
 from studies.output.result import Table

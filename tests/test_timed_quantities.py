@@ -1,5 +1,4 @@
-"""The steady vibration as a quantity of sweeps: similar designs share it, and it is that of
-`fem.analyses.vibration`."""
+"""Vibrations and loading cycles as quantities of sweeps: keys of similar designs, answers, and what is refused."""
 
 import json
 from dataclasses import replace
@@ -8,18 +7,21 @@ import numpy as np
 import pytest
 from stores import temporary
 
+from analytic.relaxation_loops import loop
 from fem.accuracy import QUICK
 from fem.analyses.vibration import vibrating_sensor
+from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from geometry.relaxation import relaxation_of
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
 from studies.mechanics import path_solver, store, store_check
-from studies.mechanics.path_keys import place
-from studies.mechanics.plate_motion import PlateMotion
+from studies.mechanics.path_solver import place
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import FemModel, Plan
+from studies.mechanics.timed_quantities import PlateMotion
 from studies.sweeps import sweep
 from studies.sweeps.study_rows import flat_rows
 
@@ -27,10 +29,10 @@ ROUGH = replace(QUICK, name="rough", section_size=0.25, section_patch=0.03, harm
 LOSSY = replace(paper(), loss_high=2500.0)
 
 
-def run(design, axes, load, kept, quantities=("response",)):
+def run(design, axes, load, kept, quantities=("response",), accuracy=ROUGH):
     """The flat rows of a sweep."""
     factors = axes if isinstance(axes, tuple) else grid(axes)
-    plan = Plan(design, factors, load, "rigid", (FemModel("rough", ROUGH),), (), quantities)
+    plan = Plan(design, factors, load, "rigid", (FemModel("rough", accuracy),), (), quantities)
     return [row for table in sweep.run(plan, None, kept, processes=Processes(0)) for row in flat_rows(table)]
 
 
@@ -68,18 +70,9 @@ def test_a_stored_vibration_is_solved_again_to_the_same_numbers():
 
 def test_similar_designs_share_a_vibration_that_scales():
     """Half the size, four times the modulus and half the density: frequencies are 2 (4 / 0.5)^(1/2) times as high."""
-    names = (
-        "D",
-        "L",
-        "magnet_diameter",
-        "magnet_height",
-        "magnet_edge_radius",
-        "l0",
-        "f",
-        "density",
-        "magnet_density",
-    )
-    small = [getattr(paper(), name) * (0.5 if "loss" not in name else 1) for name in names]
+    sizes = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
+    names = ("D", "L", *sizes, "l0", "f", "density", "magnet_density")
+    small = [getattr(paper(), name) * 0.5 for name in names]
     values = tuple(zip((*(getattr(paper(), name) for name in names), 1.0, 0.5), (*small, 4.0, 0.25), strict=True))
     points = (Factor((*names, "E", "depth"), values),)
     with temporary() as kept:
@@ -127,3 +120,55 @@ def test_a_shear_in_any_direction_is_solved_along_x():
         for x, y in ((0.5, 0.0), (0.3, -0.4))
     )
     assert one.content == other.content
+
+
+# Cycles
+
+BRANCHES = replace(paper(), prony="0.1:0.05 0.1:0.5 0:1e-3 0:1e3", modulus="instantaneous")
+
+
+def content_of(design, load, motion):
+    """What the answer to a cycle depends on."""
+    return place(Scene(design, (load,), QUICK, "rigid"), "cycle", motion).content
+
+
+def test_similar_designs_with_the_same_product_of_time_and_rate_share_a_cycle():
+    load = Load(0.5, 0.3, 0.4, friction="stick")
+    slow = replace(BRANCHES, prony="0.1:0.5 0.1:5 0:1e-3 0:1e3")
+    assert content_of(BRANCHES, load, PlateMotion(speed=1.0)) == content_of(slow, load, PlateMotion(speed=0.1))
+    stiff = replace(BRANCHES, E=3.0, density=900.0)
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) == content_of(stiff, load, PlateMotion(2.0))
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) != content_of(slow, load, PlateMotion(2.0))
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) != content_of(BRANCHES, load, PlateMotion(None, 2.0))
+    relaxed = replace(BRANCHES, modulus="long-term")
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) != content_of(relaxed, load, PlateMotion(2.0))
+
+
+def test_a_sweep_has_the_loops_of_a_cycle():
+    """The sine's gap is near that of a linear spring, and E scales forces and areas; one path serves both."""
+    with temporary() as kept:
+        soft, hard = run(
+            BRANCHES, {"E": [1.0, 3.0]}, {"depth": 0.5, "frequency": 2.0}, kept, ("force", "cycle"), QUICK
+        )
+        assert kept.counts() == (2, 2), "the static path and the cycles"
+    linear = 100 * loop(relaxation_of(BRANCHES), 2.0, "sine").hysteresis
+    assert PHYSICS["cycle"] == 3, "write the answer of the new version here"
+    assert soft["loop_gap_percent"] == pytest.approx(linear, rel=0.3)
+    assert soft["frequency_Hz"] == 2.0
+    assert 0.8 * soft["fem_force_N"] < soft["loop_largest_force_N"] < soft["fem_force_N"]
+    for name in ("loop_area_mJ", "loop_largest_force_N"):
+        assert hard[name] == pytest.approx(3 * soft[name], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("load", "motion", "part"),
+    [
+        (Load(depth=0.5), PlateMotion(), "needs a rate"),
+        (Load(depth=0.5), PlateMotion(frequency=1e6), "speak for"),
+        (Load(depth=0.5, plate_tilt=0.1), PlateMotion(1.0), "upright plate"),
+        (Load(shear_x=0.5, grip=1.0), PlateMotion(1.0), "upright plate"),
+    ],
+)
+def test_what_makes_no_cycle_is_refused(load, motion, part):
+    with pytest.raises(BadInput, match=part):
+        content_of(BRANCHES, load, motion)
