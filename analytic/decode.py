@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analytic.hall import Mode, rails
 from analytic.inverse import pose_search, response_surface
-from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
+from analytic.inverse.forward_model import CENTRED, NO_TILT, Forward, Mount, model, rotation
 from analytic.inverse.pose_search import Goal, StartTable
 from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
@@ -95,6 +95,7 @@ def decoder(
     workspace: tuple[ArrayLike, ArrayLike] | None = None,
     cells: tuple[int, int, int] = CELLS,
     deviation: ArrayLike = 0.0,
+    mount: Mount = CENTRED,
 ) -> Decoder:
     """Build a decoder, which takes some tenths of a second.
 
@@ -108,6 +109,7 @@ def decoder(
     cells : number of cells of the table along x, y and z.
     deviation : standard deviation of each reading over built sensors within their tolerances, shape (k,), T; default:
         the sensor is the design, exactly. Only more than three readings leave a residual that is compared with it.
+    mount : as in `analytic.inverse.forward_model.model`.
 
     Raises
     ------
@@ -116,7 +118,7 @@ def decoder(
         is empty, or the field is not defined at a point of it.
     """
     tau = NO_TILT if law is None or ignore_tilt else law.tilt
-    forward = model(design, tau, elements=elements, mode=mode)
+    forward = model(design, tau, elements=elements, mode=mode, mount=mount)
     low, high = response_surface.workspace(design, law) if workspace is None else map(np.asarray, workspace)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analytic import parts
 from analytic.time_series import RelaxingForce
 from geometry.design import paper
 from studies.calibration import (
@@ -95,6 +96,30 @@ def test_more_rows_never_widen_a_deviation(simulated):
     rows = rows_of(sensor, sensor.unknowns.mean, shift, rng, noise=0.0)
     few, many = (sensor_fit.fit(sensor, rows[:n], np.zeros(n)) for n in (10, 40))
     assert (many.deviation <= few.deviation * (1 + 1e-3)).all()
+
+
+@pytest.mark.parametrize("layout", ["three", "tmag5273a1"])
+def test_the_decoder_of_an_estimated_sensor_inverts_what_it_predicts(layout):
+    """Unknowns drawn from twice their priors; readings at another temperature."""
+    chips = {"chip_count": 2, "chip_x": 3} if layout != "three" else {}
+    design = dataclasses.replace(paper(), hall_layout=layout, **chips)
+    rng = np.random.default_rng(4)
+    law, _, _ = calibration_study.mechanics_of(design, None)
+    names = parts.columns(parts.of_design(design))
+    table = pd.DataFrame({name: np.ones(1) for name in (*names, "Fz_N", "temperature_C")} | {"run": "a"})
+    un = sensor_fit.unknowns_of(design, bench_file.Bench(table, tuple(names), []), tolerances())
+    sensor = sensor_fit.Sensor(design, law, un, np.full(len(names), READING_NOISE), FORCE_NOISE)
+    theta = un.mean + 2 * un.deviation * rng.uniform(-1, 1, len(un.mean))
+    found = sensor_fit.Fit(sensor, theta, 1e-12 * np.eye(len(theta)), np.zeros((0, 3)), np.zeros((0, 3)), 1.0, 1)
+    w = -law.sink * rng.uniform(0.1, 0.8, 50)
+    shift = np.column_stack([law.reach * rng.uniform(-0.4, 0.4, (2, 50)).T * np.sqrt(-w / law.sink)[:, None], w])
+    warmer = rng.uniform(-10, 10, 50)
+    predicted = sensor.predict(theta, shift, warmer)
+    decoded = calibrated_forces.decode(found, predicted[:, : len(names)], warmer)
+    known = np.array(decoded.status) == "ok"
+    assert known.sum() > 40
+    assert decoded.shift[known] == pytest.approx(shift[known], abs=1e-7)
+    assert decoded.force[known] == pytest.approx(predicted[known, len(names) : len(names) + 3], abs=1e-6)
 
 
 def test_forces_are_within_their_intervals_after_twelve_presses(bench, calibration):

@@ -13,8 +13,12 @@ by
 because the field moves and turns with the magnet. The decoder knows the tilt as a function of the shift: the sensor
 is a body of revolution, so a magnet shifted along e = (s_x, s_y)/rho leans towards e, by the angle t = tau rho with
 tau(rho^2, s_z) in rad/mm: a polynomial that is held near the range of its samples, because beyond them it would turn
-the magnet several times, and each turn would have poses of its own. Hence m = (sin(t) e, cos(t)), and the slope of a
-reading along s_j is -g_j + (dm/ds_j).[(B x n - x x g) x m].
+the magnet several times, and each turn would have poses of its own. With v = tau (s_x, s_y), the silicone at the
+magnet turns e_z to m = (sinc(|v|) v, cos(|v|)).
+
+The magnet of a made sensor lies off its place in the silicone, by an offset o, and leans by a v of its own: its centre
+moves by s + R o, where the rotation R turns e_z to m, and its axis follows from the sum of both v. The slope of a
+reading along s_j is then -g.d(s + R o)/ds_j + (dm/ds_j).[(B x n - x x g) x m].
 
 Arrays of poses that are given to numba have them in their first axis, all others in their last. Lengths in mm, B in
 T, angles in rad.
@@ -43,6 +47,11 @@ Tilt = tuple[Array, float, float]
 
 NO_TILT: Tilt = (np.zeros((1, 1)), 0.0, 0.0)
 """The magnet does not tilt."""
+Mount = tuple[Array, Array]
+"""Offset of a magnet in the silicone, shape (3,), mm, and its rotation vector (rx, ry) there, shape (2,), rad."""
+
+CENTRED: Mount = (np.zeros(3), np.zeros(2))
+"""The magnet lies where the design has it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,9 +63,9 @@ class Forward:
     elements : k elements.
     mode : "component" (readings B.n) or "magnitude" (readings |B|), as in `analytic.hall.readings`.
     kernel : arguments of `read`: points at which the elements sample the field, relative to the magnet's centre at
-        rest, mm, their directions n, and the element of each; one over the number of points of each element; tau;
-        whether the mode is "magnitude"; radius and half height of the magnet, mm, and J, T; the
-        series of `analytic.cylinder`.
+        rest, mm, their directions n, and the element of each; one over the number of points of each element; tau and
+        the mount; whether the mode is "magnitude"; radius and half height of the magnet, mm, and J, T; the series of
+        `analytic.cylinder`.
     """
 
     design: Design
@@ -72,6 +81,7 @@ def model(
     *,
     elements: Sequence[Element] | None = None,
     mode: Mode = "component",
+    mount: Mount = CENTRED,
 ) -> Forward:
     """Return the forward model of a design.
 
@@ -79,6 +89,7 @@ def model(
     ----------
     tau : `NO_TILT` ignores the tilt, as the paper does.
     elements, mode : as in `analytic.hall.readings`.
+    mount : of the magnet of a made sensor.
 
     Raises
     ------
@@ -97,17 +108,19 @@ def model(
         if 0 < z < design.L and x * x + y * y < design.R**2 - max(z - design.H, 0.0) ** 2:
             way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
             raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
-    return Forward(design, chosen, tau, mode, _kernel(design, chosen, tau, mode))
+    return Forward(design, chosen, tau, mode, _kernel(design, chosen, (tau, *mount), mode))
 
 
-def _kernel(design: Design, elements: Sequence[Element], tau: Tilt, mode: Mode) -> tuple[Any, ...]:
+def _kernel(
+    design: Design, elements: Sequence[Element], motion: tuple[Tilt, Array, Array], mode: Mode
+) -> tuple[Any, ...]:
     points, owners = plates_of(elements)
     normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
     series = cylinder_series(half / radius), disc_series()
     return (
         *(points - [0.0, 0.0, design.H], normals, owners, 1 / np.bincount(owners)),
-        *(tau, mode == "magnitude", radius, half, -design.polarisation, *series),
+        *(motion, mode == "magnitude", radius, half, -design.polarisation, *series),
     )
 
 
@@ -159,7 +172,7 @@ def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there are no readings: give it a magnet")
     elements = of_design(design)
-    kernel = _kernel(design, elements, NO_TILT, "component")
+    kernel = _kernel(design, elements, (NO_TILT, *CENTRED), "component")
     values, by_shift, by_turn = np.empty((1, len(elements))), *np.empty((2, 1, len(elements), 3))
     upright = np.array([0.0, 0.0, 1.0])
     read_poses(np.array([shift], dtype=float), rotated(upright, np.array([tilt])), kernel, values, by_shift, by_turn)
@@ -190,17 +203,17 @@ def readings_of_sensors(
     values = np.empty((*shift.shape[:2], len(share)))
     by_shift, by_turn = np.empty((2, *(values.shape if slopes else (len(points), 0, len(share))), 3))
     arrays = tuple(map(np.ascontiguousarray, (points, normals, half, series, shift, axis)))
-    _read_sensors(arrays, (owners, share, NO_TILT, disc_series()), (values, by_shift, by_turn))
+    _read_sensors(arrays, (owners, share, (NO_TILT, *CENTRED), disc_series()), (values, by_shift, by_turn))
     return values, by_shift, by_turn
 
 
 @compiled
 def _read_sensors(of_sensors, common, answers):
     points, normals, half, series, shift, axis = of_sensors
-    (owners, share, tau, disc), (values, by_shift, by_turn) = common, answers
+    (owners, share, motion, disc), (values, by_shift, by_turn) = common, answers
     for s in range(len(points)):
         magnet = half[s, 0], half[s, 1], -1.0, series[s], disc
-        kernel = (points[s], normals[s], owners, share, tau, False, *magnet)
+        kernel = (points[s], normals[s], owners, share, motion, False, *magnet)
         read_poses(shift[s], axis[s], kernel, values[s], by_shift[s], by_turn[s])
 
 
@@ -225,24 +238,32 @@ def _leans(tau, shift, t):
         t[p] = held(tau, shift[0, p] * shift[0, p] + shift[1, p] * shift[1, p], shift[2, p])[0]
 
 
+def magnets_at(forward: Forward, shift: Array) -> tuple[Array, Array]:
+    """Return the displacement of the magnet, mm, and its axis, (n, 3) each, at shifts (3, n) of its place, mm."""
+    (moved, axis), slopes = np.empty((2, shift.shape[1], 3)), np.empty((2, shift.shape[1], 3, 3))
+    place_magnets(forward.kernel[4], np.ascontiguousarray(shift.T), moved, axis, *slopes)
+    return moved, axis
+
+
 @compiled
 def read(shift, kernel, values, slopes):
     """Fill the readings (n, k), T, at shifts (n, 3), mm, and, if it is not empty, their slopes (n, k, 3), T/mm.
 
     Where the field is not defined they are NaN.
     """
-    tau, n, k = kernel[4], len(shift), values.shape[1]
-    axis, lean = np.empty((n, 3)), np.empty((n, 3, 3))
-    for p in range(n):
-        tilt_axis(tau, shift[p], axis[p], lean[p])
-    by_turn = np.empty((len(slopes), k, 3))
-    read_poses(shift, axis, kernel, values, slopes, by_turn)
+    n, k = len(shift), values.shape[1]
+    moved, axis, by_place, by_axis = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
+    place_magnets(kernel[4], shift, moved, axis, by_place, by_axis)
+    by_shift, by_turn = np.empty((len(slopes), k, 3)), np.empty((len(slopes), k, 3))
+    read_poses(moved, axis, kernel, values, by_shift, by_turn)
     for p in range(len(slopes)):
-        m = axis[p]
         for i in range(k):
-            turn = cross(by_turn[p, i], m)
+            g, turn = by_shift[p, i], cross(by_turn[p, i], axis[p])
             for j in range(3):
-                slopes[p, i, j] += lean[p, j, 0] * turn[0] + lean[p, j, 1] * turn[1] + lean[p, j, 2] * turn[2]
+                d, e = by_place[p, j], by_axis[p, j]
+                slopes[p, i, j] = (
+                    d[0] * g[0] + d[1] * g[1] + d[2] * g[2] + e[0] * turn[0] + e[1] * turn[1] + e[2] * turn[2]
+                )
 
 
 @compiled
@@ -262,29 +283,47 @@ def held(tau, u, w):
 
 
 @compiled
-def tilt_axis(tau, shift, axis, lean):
-    """Fill the magnet's axis m, shape (3,), and its slopes dm_i/ds_j at [j, i], 1/mm, at a shift (3,), mm."""
-    # m = (k x, k y, cos t) with k = sin(t)/rho = tau sinc(t): no division by rho, so the axis rho = 0 needs no case
-    x, y, z = shift[0], shift[1], shift[2]
-    u = x * x + y * y
-    t, t_u, t_z = held(tau, u, z)
-    square = t * t * u
+def place_magnets(motion, shift, moved, axis, by_place, by_axis):
+    """Fill displacement and axis of the magnet (n, 3) at shifts (n, 3), mm, and their slopes along s_j at [n, j]."""
+    tau, offset, tilt = motion
+    for p in range(len(shift)):
+        x, y, m, e = shift[p, 0], shift[p, 1], axis[p], by_axis[p]
+        t, t_u, t_z = held(tau, x * x + y * y, shift[p, 2])
+        grow = (2 * x * t_u, 2 * y * t_u, t_z)
+        by_v = ((t + x * grow[0], y * grow[0]), (x * grow[1], t + y * grow[1]), (x * grow[2], y * grow[2]))
+        lean(t * x, t * y, by_v, m, e)
+        # R o = (o_x + a m_x, o_y + a m_y, o_z m_z - q), q = o_x m_x + o_y m_y, a = o_z - q/(1 + m_z)
+        q, down = offset[0] * m[0] + offset[1] * m[1], max(1 + m[2], 1e-9)
+        a = offset[2] - q / down
+        moved[p, 0] = x + offset[0] + a * m[0]
+        moved[p, 1] = y + offset[1] + a * m[1]
+        moved[p, 2] = shift[p, 2] + offset[2] * m[2] - q
+        for j in range(3):
+            d_q = offset[0] * e[j, 0] + offset[1] * e[j, 1]
+            d_a = (q / down * e[j, 2] - d_q) / down
+            by_place[p, j, 0] = a * e[j, 0] + d_a * m[0]
+            by_place[p, j, 1] = a * e[j, 1] + d_a * m[1]
+            by_place[p, j, 2] = offset[2] * e[j, 2] - d_q
+            by_place[p, j, j] += 1.0
+        lean(t * x + tilt[1], t * y - tilt[0], by_v, m, e)
+
+
+@compiled
+def lean(x, y, by_v, axis, by_axis):
+    """Fill the axis (3,) that leans by v = (x, y), rad, and its slopes [j, i], for slopes (3, 2) of v."""
+    square = x * x + y * y
     angle = math.sqrt(square)
     cos = math.cos(angle)
-    # near t = 0 the closed form of the slope of sin(t)/t is 0/0
+    # near 0 the closed form of the slope of sin(t)/t is 0/0
     small = square < 1e-6
     sinc = 1 - square / 6 if small else math.sin(angle) / angle
     bend = square / 60 - 1 / 6 if small else (cos - sinc) / (2 * square)
-    k = sinc * t
-    axis[0], axis[1], axis[2] = k * x, k * y, cos
+    axis[0], axis[1], axis[2] = sinc * x, sinc * y, cos
     for j in range(3):
-        grow = 2 * x * t_u if j == 0 else 2 * y * t_u if j == 1 else t_z
-        wide = 2 * x if j == 0 else 2 * y if j == 1 else 0.0
-        d_square = 2 * t * u * grow + t * t * wide
-        d_k = sinc * grow + t * bend * d_square
-        lean[j, 0], lean[j, 1], lean[j, 2] = x * d_k, y * d_k, -sinc / 2 * d_square
-    lean[0, 0] += k
-    lean[1, 1] += k
+        d_x, d_y = by_v[j]
+        d_square = 2 * (x * d_x + y * d_y)
+        by_axis[j, 0], by_axis[j, 1] = sinc * d_x + bend * d_square * x, sinc * d_y + bend * d_square * y
+        by_axis[j, 2] = -sinc / 2 * d_square
 
 
 @compiled

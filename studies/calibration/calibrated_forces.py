@@ -1,7 +1,7 @@
 """Forces that readings of an estimated sensor give, with their 90 % intervals, and what rows would teach about it.
 
-The magnet's shift s is the one that explains the readings best. An error of the unknowns theta then moves it, so that
-the decoded force changes by
+The decoder is that of `analytic.decode`, with the estimated elements, magnet and forces. An error of the unknowns
+theta moves the shift s that explains the readings best, so that the decoded force changes by
 
     dF = (dF/dtheta - dF/ds A^-1 J' W dr/dtheta) dtheta,     A = J' W J,   J = dr/ds,
 
@@ -10,15 +10,19 @@ with readings r and their weights W, and by the readings' noise, with the varian
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analytic import decode as decoding
+from analytic import parts
+from analytic.decode import Decoder, Status, decoder
 from analytic.inverse.forward_model import rotation
-from analytic.inverse.response_surface import force_and_load, workspace
+from analytic.inverse.response_surface import Mechanics, force_and_load, workspace
 from geometry.arrays import Array
 from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, condensed, linearised, settle_shifts, slopes_of
 
@@ -29,78 +33,131 @@ class DecodedForces:
 
     Attributes
     ----------
-    force, half_width : (n, 3) N, and half of the 90 % interval; NaN where no pose explains the readings.
+    status : of each row, as in `analytic.decode`.
+    force, half_width : (n, 3) N, and half of the 90 % interval; NaN without a force.
     shift : (n, 3) mm.
     load : (n, 3) depth and shears of the plate, mm.
-    misfit : (n,) root of the mean squared error of the readings over their standard deviation.
     """
 
+    status: list[Status]
     force: Array
     half_width: Array
     shift: Array
     load: Array
-    misfit: Array
 
 
-LARGEST_MISFIT = 5.0
-"""Largest error of the readings, in their standard deviations, of a pose that explains them."""
+@functools.lru_cache(maxsize=4)
+def coder_of(found: Fit) -> Decoder:
+    """Return the decoder of an estimated sensor, with its elements, its magnet and its forces, at T_0.
+
+    The ambient field is in the nulls of the elements. A normal force counts as none where its interval says so.
+    """
+    sensor, theta = found.sensor, found.theta
+    nominal, _ = parts.with_noise(parts.of_design(sensor.design))
+    names = parts.columns(nominal)
+    made = sensor.made(theta[None], names)
+    elements = []
+    for element, name, place in zip(nominal, names, made.element_offset[0], strict=True):
+        gain = element.gain * float(sensor.value(theta, f"gain_{name}"))
+        null = element.null + float(sensor.value(theta, f"null_{name}") + gain * ambient_of(found)[name])
+        x, y, z = (element.position + place).tolist()
+        elements.append(dataclasses.replace(element, position=(x, y, z), gain=gain, null=null))
+    magnet = made.designs[0]
+    assert magnet is not None
+    sizes = {name: getattr(magnet, name) for name in ("magnet_diameter", "magnet_height")}
+    # beyond noise and error of the unknowns, more than three readings contradict each other
+    at_rest = np.zeros((1, 3))
+    unknown = found.answers(sensor.design.E, at_rest, at_rest[:, :2], at_rest)[1][0] / QUANTILE
+    gains = np.array([element.gain for element in elements])
+    return decoder(
+        dataclasses.replace(found.design, **sizes),
+        _mechanics_of(found),
+        elements=elements,
+        deviation=np.hypot(unknown, math.sqrt(found.growth) * sensor.noise) / np.abs(gains),
+        mount=(made.magnet_offset[0], made.magnet_tilt[0]),
+    )
+
+
+def _mechanics_of(found: Fit) -> Mechanics:
+    """Return the mechanics of an estimated sensor: its factors multiply the nominal polynomials."""
+    law, names = found.sensor.mechanics, ("modulus", "stiffening", "sideways", "lean")
+    modulus, stiffening, sideways, lean = (float(found.sensor.value(found.theta, name)) for name in names)
+    rest, slope = modulus * (1 - stiffening / 2), -modulus * stiffening / law.sink
+    lateral, normal = (
+        rest * np.pad(c, ((0, 0), (0, 1))) + slope * np.pad(c, ((0, 0), (1, 0))) for c in (law.lateral, law.normal)
+    )
+    at_rest = float(intervals(found, [found.covariance], np.zeros((1, 3)), np.zeros(1))[0][0, 2])
+    errors = (law.errors[0], law.errors[1], max(modulus * law.errors[2], at_rest), *law.errors[3:])
+    least, most = (lean * end for end in law.lean)
+    return dataclasses.replace(
+        law, tau=lean * law.tau, lean=(least, most), lateral=sideways * lateral, normal=normal, errors=errors
+    )
+
+
+def ambient_of(found: Fit) -> dict[str, float]:
+    """Return what the ambient field adds to B.n of each element, T."""
+    elements, field = parts.of_design(found.sensor.design), found.sensor.vector(found.theta, "ambient", "xyz")
+    return {name: float(field @ e.direction) for name, e in zip(parts.columns(elements), elements, strict=True)}
+
+
+def fields_of(found: Fit, readings: Array, warmer: Array) -> Array:
+    """Return the field of the magnet at T_0 that readings (n, k), in the elements' unit, say for dT (n,), in T."""
+    field = decoding.field_of(coder_of(found).forward.elements, readings)
+    ambient = np.array(list(ambient_of(found).values()))
+    gain, remanence = (
+        1 + found.sensor.value(found.theta, name) * warmer for name in ("gain_per_K", "remanence_per_K")
+    )
+    return np.asarray(((field + ambient) / gain[:, None] - ambient) / remanence[:, None])
 
 
 def decode(found: Fit, readings: Array, warmer: Array, *, zeroed: bool = False) -> DecodedForces:
-    """Decode readings (n, k), in the elements' unit, by an estimated sensor.
+    """Decode readings (n, k), in the elements' unit, by an estimated sensor; their rails do not count.
 
     zeroed : whether the readings were moved to those of the estimated sensor at rest, whose errors then fall out.
     """
-    return decode_with(found, [found.covariance], readings, warmer, zeroed=zeroed)[0]
+    coder = coder_of(found)
+    nowhere = np.array([-math.inf, math.inf]) * np.ones((len(coder.sigma), 1))
+    coder = dataclasses.replace(coder, goal=coder.goal._replace(rails=nowhere))
+    answer = decoding.decode(coder, fields_of(found, readings, warmer))
+    half, known = np.full_like(answer.force, np.nan), np.isfinite(answer.force).all(axis=1)
+    (half[known],) = intervals(found, [found.covariance], answer.shift[known], warmer[known], zeroed=zeroed)
+    return DecodedForces(answer.status, answer.force, half, answer.shift, answer.load)
 
 
-def decode_with(
-    found: Fit, covariances: Sequence[Array], readings: Array, warmer: Array, *, zeroed: bool = False
-) -> list[DecodedForces]:
-    """Decode readings by a sensor whose unknowns have other covariances (p, p), which change the intervals only."""
-    sensor, theta = found.sensor, found.theta
-    count = readings.shape[1]
-    measured = np.hstack([readings, np.full((len(readings), 6), np.nan)])
-    known = np.isfinite(readings).all(axis=1)
-    measured[~known] = np.nan
-    W = sensor.weights(measured)
-    start = sensor.starts(theta, measured)
-    shift = settle_shifts(sensor, theta, start, measured, W, warmer)
-    un = sensor.unknowns
-    at, slope, noise = _decoding_slopes(sensor, theta, shift, W, warmer, zeroed=zeroed)
-    misfit = np.sqrt(np.square((W * (np.nan_to_num(measured) - at))[:, :count]).mean(axis=1))
-    F, noise = at[:, count : count + 3], found.growth * noise
-    load = at[:, count + 3 :] - np.outer(sensor.value(theta, "stand_compliance") * F[:, 2], [1, 0, 0])
-    load[:, 0] -= sensor.value(theta, "stand_zero")
+def intervals(
+    found: Fit, covariances: Sequence[Array], shift: Array, warmer: Array, *, zeroed: bool = False
+) -> list[Array]:
+    """Return half of the 90 % intervals (n, 3) of forces that readings give at shifts (n, 3).
+
+    covariances : (p, p) of the unknowns, one for each answer. zeroed : as in `decode`.
+    """
+    slope, noise = _decoding_slopes(found.sensor, found.theta, shift, warmer, zeroed=zeroed)
+    free, errors = found.sensor.unknowns.free, found.sensor.mechanics.errors
     # errors of the polynomials at their samples
-    model = np.array([sensor.mechanics.errors[1], sensor.mechanics.errors[1], sensor.mechanics.errors[2]]) / 2
-    good: NDArray[np.bool_] = np.asarray(known & (misfit < LARGEST_MISFIT))
-    F, shift, load = (np.where(good[:, None], each, np.nan) for each in (F, shift, load))
-    decoded = []
-    for covariance in covariances:
-        variance = np.einsum("nfp,pq,nfq->nf", slope, covariance[np.ix_(un.free, un.free)], slope) + noise
-        half = QUANTILE * np.sqrt(variance + np.square(model))
-        decoded.append(DecodedForces(F, np.where(good[:, None], half, np.nan), shift, load, misfit))
-    return decoded
+    known = found.growth * noise + np.square(np.array([errors[1], errors[1], errors[2]]) / 2)
+    return [
+        QUANTILE * np.sqrt(np.einsum("nfp,pq,nfq->nf", slope, own[np.ix_(free, free)], slope) + known)
+        for own in covariances
+    ]
 
 
 def _decoding_slopes(
-    sensor: Sensor, theta: Array, shift: Array, W: Array, warmer: Array, *, zeroed: bool
-) -> tuple[Array, Array, Array]:
-    """Return predictions (n, m) at shifts (n, 3), and of the force that their readings give: slopes by free unknowns
-    (n, 3, f), and variances (n, 3) by the readings' noise."""
+    sensor: Sensor, theta: Array, shift: Array, warmer: Array, *, zeroed: bool
+) -> tuple[Array, Array]:
+    """Return, of the force that readings at shifts (n, 3) give: slopes by free unknowns (n, 3, f), and variances
+    (n, 3) by the readings' noise."""
     free, count = sensor.unknowns.free, len(sensor.noise)
-    at, by_shift, by_theta = slopes_of(sensor, theta, shift, warmer, free)
+    _, by_shift, by_theta = slopes_of(sensor, theta, shift, warmer, free)
     if zeroed:
         rest = slopes_of(sensor, theta, np.zeros_like(shift), warmer, free)[2]
         by_theta[:, :count] -= rest[:, :count]
-    Js, Jt = W[..., None] * by_shift, W[..., None] * by_theta
+    Js, Jt = (each[:, :count] / sensor.noise[:, None] for each in (by_shift, by_theta))
     by_shift, by_theta = (each[:, count : count + 3] for each in (by_shift, by_theta))
     A = np.einsum("nmi,nmj->nij", Js, Js)
     A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
     moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
     slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
-    return at, slope, np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
+    return slope, np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
 
 
 def planned(sensor: Sensor, shift: Array) -> Fit:
@@ -120,9 +177,7 @@ def force_errors(found: Fit, shift: Array, count: int, rng: np.random.Generator)
     Each of `count` sensors has one error of the unknowns for all shifts; noise of the readings is left out.
     """
     sensor, free, warmer = found.sensor, found.sensor.unknowns.free, np.zeros(len(shift))
-    rows = sensor.predict(found.theta, shift, warmer)
-    rows[:, len(sensor.noise) :] = np.nan
-    _, slope, _ = _decoding_slopes(sensor, found.theta, shift, sensor.weights(rows), warmer, zeroed=False)
+    slope, _ = _decoding_slopes(sensor, found.theta, shift, warmer, zeroed=False)
     covariance = found.covariance[np.ix_(free, free)]
     draws = rng.multivariate_normal(np.zeros(len(free)), covariance, count, method="eigh")
     return np.asarray(np.einsum("nfp,sp->snf", slope, draws))
@@ -165,10 +220,8 @@ def poses_of(sensor: Sensor, load: Array) -> tuple[Array, Array, Array]:
 
 def force_variances(found: Fit, covariances: Sequence[Array], shift: Array) -> list[float]:
     """Return the mean variance of the force that readings at shifts (n, 3) give, N^2, for each covariance."""
-    warmer = np.zeros(len(shift))
-    readings = found.sensor.predict(found.theta, shift, warmer)[:, : len(found.sensor.noise)]
-    decoded = decode_with(found, covariances, readings, warmer)
-    return [float(np.nanmean(np.square(each.half_width / QUANTILE))) for each in decoded]
+    wide = intervals(found, covariances, shift, np.zeros(len(shift)))
+    return [float(np.nanmean(np.square(each / QUANTILE))) for each in wide]
 
 
 def next_press(found: Fit, candidates: Array) -> tuple[Array, float, float]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import parts
-from analytic.decode import decoder, field_of
+from analytic.decode import field_of
 from analytic.hall import converted
 from analytic.inverse.response_surface import Mechanics
 from analytic.time_series import RelaxingForce
@@ -255,9 +255,6 @@ DECODED = (
     ),
 )
 """Columns that decoding by a calibration adds: force, half of its 90 % interval, shift of the magnet."""
-WHY = decode_readings.WHY | {
-    "no_pose": "no pose of the magnet explains these readings: the sensor has changed, or a reading is wrong",
-}
 
 
 def decoded_rows(
@@ -272,8 +269,7 @@ def decoded_rows(
     words, force, half, shift, load = decoded_arrays(found, readings, warmer, offset)
     columns, numbers = DECODED, [force, half, shift]
     if times is not None:
-        coder = decoder(found.sensor.design, found.sensor.mechanics)
-        field = field_of(parts.of_design(found.sensor.design), readings)
+        coder, field = calibrated_forces.coder_of(found), calibrated_forces.fields_of(found, readings, warmer)
         total, words, relaxing = decode_readings.over_time(coder, field, times, force, load, words)
         numbers = [total, calibrated_forces.relaxing_half_width(half, force, total, relaxing[:, 3]), shift, relaxing]
         columns = (*DECODED, *decode_readings.TIME_COLUMNS)
@@ -293,13 +289,12 @@ def decoded_arrays(
     moved = readings if offset is None else readings + offset
     answer = calibrated_forces.decode(found, moved, warmer, zeroed=offset is not None)
     elements = parts.of_design(found.sensor.design)
-    finite, known = (np.asarray(np.isfinite(each).all(axis=1)) for each in (readings, answer.force))
     low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))
-    full = ((readings <= low) | (readings >= high)).any(axis=1)
-    status = np.where(~finite, "not_finite", np.where(full, "saturated", np.where(known, "ok", "no_pose")))
-    force, half, shift = (np.where(status[:, None] == "ok", each, np.nan) for each in (
-        answer.force, answer.half_width, answer.shift))  # fmt: skip
-    return status.tolist(), force, half, shift, answer.load
+    full = np.asarray(((readings <= low) | (readings >= high)).any(axis=1))
+    force, half, shift, load = (
+        np.where(full[:, None], np.nan, each) for each in (answer.force, answer.half_width, answer.shift, answer.load)
+    )
+    return np.where(full, "saturated", answer.status).tolist(), force, half, shift, load
 
 
 def zero_offset(found: Fit, readings: Array, warmer: Array) -> Array:
@@ -334,7 +329,12 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         if len(values) != len(names):
             raise BadInput(f"--readings takes {len(names)} numbers, {','.join(names)}; got {len(values)}")
         (row,) = decoded_rows(found, np.array([values]), None, np.zeros(1))
-        record = {"status": row["status"], "message": WHY[row["status"]], "level": "calibration", "readings": values}
+        record = {
+            "status": row["status"],
+            "message": decode_readings.WHY[row["status"]],
+            "level": "calibration",
+            "readings": values,
+        }
         for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm")):
             record[f"{name}_{unit}"] = [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
         return Result(
@@ -358,7 +358,9 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     elif not as_json:
         print(table, end="", flush=True)
     counts = Counter(row["status"] for row in rows)
-    said = [f"{n} of {len(rows)} rows {word}: {WHY[word]}" for word, n in counts.items() if word != "ok"]
+    said = [
+        f"{n} of {len(rows)} rows {word}: {decode_readings.WHY[word]}" for word, n in counts.items() if word != "ok"
+    ]
     if times is not None:
         relaxing = np.array([[row[name] for name in decode_readings.TIME_COLUMNS] for row in decoded])
         said += decode_readings.law_sentences(found.sensor.design, relaxing)

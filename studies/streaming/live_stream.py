@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 
 from analytic import parts
-from analytic.decode import decoder, field_of
+from analytic.decode import field_of, state
 from analytic.inverse.forward_model import readings_with_slopes
 from analytic.stream import Stream
-from analytic.time_series import RelaxingForce, TimeSeries
+from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.calibration.bench_file import UNITS
@@ -65,18 +65,20 @@ class Nominal:
 
     def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
         decoding = Decoding(level=options.level, responses=options.responses)
-        self.coder = decode_readings.prepare(design, decoding)
-        self._elements, self._stream = parts.of_design(design), Stream(self.coder, jitter)
-        self._at_rest = AtRest(self.coder)
+        self.stream = Stream(decode_readings.prepare(design, decoding), jitter)
+        self._at_rest = AtRest(self.stream.coder)
 
     def zero(self, readings: Array) -> None:
-        self._stream.zero(field_of(self._elements, readings))
+        self.stream.zero(self._fields(readings))
+
+    def _fields(self, readings: Array) -> Array:
+        return field_of(self.stream.coder.forward.elements, readings)
 
     def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
-        fields = field_of(self._elements, readings)
-        shares = self._at_rest.probability(fields + self._stream.offset).tolist()
+        fields = self._fields(readings)
+        shares = self._at_rest.probability(fields + self.stream.offset).tolist()
         for moment, field, share in zip(times, fields.tolist(), shares, strict=True):
-            found = self._stream.step(tuple(field), moment)
+            found = self.stream.step(tuple(field), moment)
             yield self._at_rest.status(found.status, share, math.hypot(*found.force)), *found.force, *found.shift
 
 
@@ -85,38 +87,47 @@ class Calibrated:
 
     columns = (*FOUND, *HALF)
 
-    def __init__(self, found: Fit, design: Design, jitter: float) -> None:
-        self._fit, self._design, self._jitter = found, design, jitter
-        self._offset: Array | None = None
-        self.coder = decoder(found.sensor.design, found.sensor.mechanics)
+    def __init__(self, found: Fit, jitter: float) -> None:
+        from studies.calibration import calibrated_forces
+
+        self._fit, self._mechanics = found, calibrated_forces
+        self.stream = Stream(calibrated_forces.coder_of(found), jitter)
         self._rest()
 
     def _rest(self) -> None:
         """Begin with a silicone that has relaxed."""
-        self._past, branches = TimeSeries(self.coder, self._jitter), decode_readings.doubted_branches(self._design)
-        self._doubted = [RelaxingForce(self._design, each) for each in branches]
+        branches = decode_readings.doubted_branches(self._fit.design)
+        self._doubted = [RelaxingForce(self._fit.design, each) for each in branches]
+
+    def _fields(self, readings: Array) -> Array:
+        return self._mechanics.fields_of(self._fit, readings, np.zeros(len(readings)))
 
     def zero(self, readings: Array) -> None:
-        from studies.calibration import calibration_file
-
         self._rest()
-        self._offset = calibration_file.zero_offset(self._fit, readings, np.zeros(len(readings)))
+        self.stream.zero(self._fields(readings))
 
     def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
-        from studies.calibration import calibrated_forces, calibration_file
-
-        status, slow, half, shift, load = calibration_file.decoded_arrays(
-            self._fit, readings, np.zeros(len(readings)), self._offset
-        )
-        fields = field_of(parts.of_design(self._design), readings)
-        for k, moment in enumerate(times):
-            word, force = self._past.step(moment, fields[k], status[k], slow[k], load[k])
-            laws = [law.step(moment, slow[k], load[k, 1:]) for law in self._doubted]
-            off = max((float(np.linalg.norm(each - force)) for each in laws), default=0.0)
-            wide = calibrated_forces.relaxing_half_width(
-                half[k : k + 1], slow[k : k + 1], force[None], np.array([off])
-            )[0]
-            yield word, *force.tolist(), *shift[k].tolist(), *wide.tolist()
+        fields = self._fields(readings).tolist()
+        rows = [self.stream.step(tuple(field), moment) for field, moment in zip(fields, times, strict=True)]
+        shift, force = (np.array([getattr(row, name) for row in rows]).reshape(-1, 3) for name in ("shift", "force"))
+        _, slow, load, _ = state(self.stream.coder, np.ascontiguousarray(shift.T))
+        known, half = np.isfinite(force).all(axis=1), np.full_like(force, np.nan)
+        half[known] = self._mechanics.intervals(
+            self._fit,
+            [self._fit.covariance],
+            shift[known],
+            np.zeros(known.sum()),
+            zeroed=bool(self.stream.offset.any()),
+        )[0]
+        laws = [
+            [law.step(moment, *each) for law in self._doubted]
+            for moment, *each in zip(times, slow.T, load.T[:, 1:], strict=True)
+        ]
+        off = np.array([max((float(np.linalg.norm(one - F)) for one in each), default=0.0) for each, F in
+                        zip(laws, force, strict=True)])  # fmt: skip
+        wide = self._mechanics.relaxing_half_width(half, slow.T, force, off)
+        for row, each in zip(rows, wide.tolist(), strict=True):
+            yield row.status, *row.force, *row.shift, *each
 
 
 class Live:
@@ -136,10 +147,10 @@ class Live:
 
             if options.level or options.responses:
                 raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
-            self._decoder = Calibrated(calibration_file.of_design(options.calibration, design), design, jitter)
+            self._decoder = Calibrated(calibration_file.of_design(options.calibration, design), jitter)
         self.design, self._of_frame = design, reader(design, options)
         # loads, or after an installation compiles, what decodes: no frame waits for that
-        coder = self._decoder.coder
+        coder = self._decoder.stream.coder
         Stream(coder).step(tuple(readings_with_slopes(coder.forward, np.zeros((3, 1)))[0][:, 0].tolist()), 0.0)
         self.columns = ["time_s", *sources.columns(design), *self._decoder.columns]
         self._count = len(parts.of_design(design))
