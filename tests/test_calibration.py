@@ -3,11 +3,13 @@
 import dataclasses
 import json
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 
 from analytic import parts
 from analytic.time_series import RelaxingForce
@@ -21,11 +23,13 @@ from studies.calibration import (
     simulated_bench,
 )
 from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE
+from studies.firmware import decoder_export
+from studies.firmware.decoder_export import STATUSES
 from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
 from studies.sensitivity.made_sensors import tolerances
 from studies.streaming import live_stream
-from studies.validation import calibration_check
+from studies.validation import calibration_check, firmware_check
 from studies.web.explorer_answers import Answers
 from studies.web.explorer_state import request_of
 
@@ -181,6 +185,26 @@ def calibration(bench, tmp_path_factory):
     path = tmp_path_factory.mktemp("calibration") / "calibration.json"
     path.write_text(calibration_file.as_text(found, source, None), "utf-8")
     return found, path
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_a_calibrated_sensor_decodes_as_in_python_by_the_decoder_in_c(calibration, tmp_path):
+    found, path = calibration
+    made = decoder_export.prepare(paper(), None, None, "16k", None, path)
+    firmware_check.write_header(made, tmp_path)
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
+    outputs, _ = firmware_check.random_outputs(made.coder, 1000, np.random.default_rng(5))
+    expected = calibrated_forces.decode(found, outputs, np.zeros(len(outputs)))
+    answer = firmware_check.answers(program, outputs)
+    assert (np.array(STATUSES)[answer["status"]] == np.array(expected.status)).all()
+    known = np.isfinite(expected.force).all(axis=1)
+    assert known.sum() > 800
+    assert_allclose(answer["force"][known], expected.force[known], atol=2e-4 * np.nanmax(expected.force))
+    # a coarse grid, rounded up; above rest there is no press
+    known &= expected.shift[:, 2] < 0
+    ratio = answer["half_width"][known] / expected.half_width[known]
+    assert ratio.min() > 0.8
+    assert 1 < np.median(ratio) < 1.2
 
 
 def test_readings_of_the_made_sensor_are_within_their_intervals(bench, calibration, run):

@@ -333,6 +333,7 @@ def test_verb(tmp_path, capsys):
         (["--set", "magnet_diameter=0", "--set", "magnet_height=0"], "this design has no magnet"),
         (["--level", "none"], "level must be one of"),
         (["--set", "l0=4.5"], "lies inside the beam"),
+        (["--calibration", "c.json", "--level", "finite"], "--calibration gives mechanics and sensor: leave --level"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, sentence, tmp_path, capsys):

@@ -16,9 +16,9 @@ tau(rho^2, s_z) in rad/mm: a polynomial that is held near the range of its sampl
 the magnet several times, and each turn would have poses of its own. With v = tau (s_x, s_y), the silicone at the
 magnet turns e_z to m = (sinc(|v|) v, cos(|v|)).
 
-The magnet of a made sensor lies off its place in the silicone, by an offset o, and leans by a v of its own: its centre
-moves by s + R o, where the rotation R turns e_z to m, and its axis follows from the sum of both v. The slope of a
-reading along s_j is then -g.d(s + R o)/ds_j + (dm/ds_j).[(B x n - x x g) x m].
+The magnet of a made sensor lies off its place in the silicone, by an offset o, and leans by a v of its own. Its
+centre moves by s + R o, where the rotation R turns e_z to m, and its axis follows from the sum of both v. The slope
+of a reading along s_j is then -g.d(s + R o)/ds_j + (dm/ds_j).[(B x n - x x g) x m].
 
 Arrays of poses that are given to numba have them in their first axis, all others in their last. Lengths in mm, B in
 T, angles in rad.

@@ -47,6 +47,7 @@ class Mechanics:
     reach, sink : largest lateral shift and largest sinking of the samples, mm.
     errors : largest error at the samples of tilt (rad), lateral force, normal force (N), depth and shear (mm).
     lean : least and largest tau of the samples, rad/mm, within which it is held elsewhere.
+    slack : normal force, N, that counts as none beside the fit's error: what a calibration leaves unsure at rest.
     """
 
     tau: Array
@@ -58,6 +59,7 @@ class Mechanics:
     sink: float
     errors: tuple[float, ...]
     lean: tuple[float, float] = (-math.inf, math.inf)
+    slack: float = 0.0
 
     @property
     def tilt(self) -> Tilt:
@@ -163,7 +165,7 @@ def force_and_load(mechanics: Mechanics, shift: Array, *, contact: bool = True) 
     law = (mechanics.lateral, mechanics.normal, mechanics.depth, mechanics.shear)
     # rounding, a billionth of what the deepest sample has, counts as no force and as no depth
     deepest = abs(polynomial(mechanics.normal, 0.0, -mechanics.sink)[0])
-    least = mechanics.errors[2] + 1e-9 * deepest, 1e-9 * mechanics.sink
+    least = mechanics.errors[2] + mechanics.slack + 1e-9 * deepest, 1e-9 * mechanics.sink
     fill_loads(np.ascontiguousarray(shift), law, least, contact, force, plate, slopes)
     return force, plate, slopes
 

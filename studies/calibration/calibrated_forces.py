@@ -86,11 +86,17 @@ def _mechanics_of(found: Fit) -> Mechanics:
     lateral, normal = (
         rest * np.pad(c, ((0, 0), (0, 1))) + slope * np.pad(c, ((0, 0), (1, 0))) for c in (law.lateral, law.normal)
     )
-    at_rest = float(intervals(found, [found.covariance], np.zeros((1, 3)), np.zeros(1))[0][0, 2])
-    errors = (law.errors[0], law.errors[1], max(modulus * law.errors[2], at_rest), *law.errors[3:])
+    at_rest = intervals(found, [found.covariance], np.zeros((1, 3)), np.zeros(1))[0]
+    tilt, lateral_force, normal_force, *of_plate = law.errors
     least, most = (lean * end for end in law.lean)
     return dataclasses.replace(
-        law, tau=lean * law.tau, lean=(least, most), lateral=sideways * lateral, normal=normal, errors=errors
+        law,
+        tau=lean * law.tau,
+        lean=(least, most),
+        lateral=sideways * lateral,
+        normal=normal,
+        errors=(lean * tilt, modulus * sideways * lateral_force, modulus * normal_force, *of_plate),
+        slack=float(at_rest[0, 2]),
     )
 
 

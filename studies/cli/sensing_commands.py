@@ -275,6 +275,7 @@ def firmware(
     level: str | None = None,
     responses: Path | None = None,
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
+    calibration: Annotated[Path | None, CALIBRATION] = None,
     ros2: bool = False,
     sets: Sets = None,
     wide: Wide = False,
@@ -302,11 +303,15 @@ def firmware(
     from studies.sensitivity.made_sensors import parse_tolerances
     from studies.streaming import ros2_package
 
-    here = destination(firmware, locals(), (*decoder_export.FILES, *ros2_package.FILES), [responses])
+    inputs = [responses, calibration]
+    here = destination(firmware, locals(), (*decoder_export.FILES, *ros2_package.FILES), inputs)
+    if calibration is not None and (level or responses or tolerances):
+        raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
     design = design_of(source, sets)
     made = parse_tolerances(tolerances or [], design)
     more = ros2_package.files(design) if ros2 else {}
-    return publish(partial(decoder_export.run, design, level, responses, flash, made, here.command, more), here)
+    study = partial(decoder_export.run, design, level, responses, flash, made, calibration, here.command, more)
+    return publish(study, here)
 
 
 def table(

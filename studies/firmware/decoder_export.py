@@ -11,7 +11,7 @@ import dataclasses
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import time_series
-from analytic.decode import Decoder, decode, decoder, field_of
+from analytic.decode import Decoder, decode, decoder, field_of, spread
 from analytic.inverse import pose_search
-from analytic.inverse.forward_model import readings_at
+from analytic.inverse.forward_model import readings_at, readings_with_slopes
+from analytic.inverse.response_surface import forces
 from analytic.parts import columns, with_noise
 from analytic.time_series import TimeSeries
 from geometry.arrays import Array
@@ -51,11 +52,12 @@ LEVEL = "finite"
 """Formulas that give the mechanics if nothing else does."""
 SIZES = (
     *(((8, 8, 4), 40), ((8, 8, 4), 28), ((8, 8, 4), 20), ((8, 8, 4), 16)),
-    *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10)),
+    *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10), ((5, 5, 3), 12), ((5, 5, 3), 10)),
 )
 """Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
-CODE = 10_000
-"""Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/firmware)."""
+CODE, CALIBRATED_CODE = 10_000, 750
+"""Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/firmware);
+those of a calibration's intervals."""
 MOST_FLASH = 1_000_000
 WORST = 0.5
 """Largest error of the force by the tables, % of full scale, with which a header is written."""
@@ -85,21 +87,28 @@ class Firmware:
 
     Attributes
     ----------
+    design : as it was given.
     source : of the mechanics, in words.
+    made : tolerances of a made sensor; None for one that was calibrated.
     rest : C^-1 of made sensors' readings at rest, shape (3, 3), 1/T^2, and chi^2 below which a row may be of one.
     errors : largest errors by the tables of shift, mm, and force, N, and the largest force, N.
     """
 
     coder: Decoder
+    design: Design
     source: str
-    made: Tolerances
+    made: Tolerances | None
     rest: tuple[Array, float]
     tables: Tables
     errors: tuple[float, float, float]
 
     @property
+    def code(self) -> int:
+        return CODE + (CALIBRATED_CODE if self.made is None else 0)
+
+    @property
     def flash(self) -> int:
-        return self.tables.size + CODE
+        return self.tables.size + self.code
 
     @property
     def state(self) -> int:
@@ -123,25 +132,35 @@ def bytes_of(text: str) -> int:
 
 
 def prepare(
-    design: Design, level: str | None, responses: Path | None, flash: str, made: Tolerances | None = None
+    design: Design,
+    level: str | None,
+    responses: Path | None,
+    flash: str,
+    made: Tolerances | None = None,
+    calibration: Path | None = None,
 ) -> Firmware:
     """Return what the export of a design's decoder needs, with tables that fit into the flash.
 
     Raises
     ------
     BadInput
-        The design cannot be decoded, or the flash is too small for it.
+        The design cannot be decoded, the flash is too small for it, or the calibration is of another design.
     """
     room = bytes_of(flash)
-    law = decode_readings.mechanics_of(design, level or (None if responses else LEVEL), responses)
-    coder = decoder(design, law)
-    name = decode_readings.level_name(level, responses, LEVEL)
-    source = "solved states" if responses else f"formulas of level {name}"
-    sizes = tolerances() if made is None else made
-    rest = decode_tolerances.AtRest(coder, sizes)
-    # the share of made sensors beyond a row below this is at least DOUBTFUL
-    limit = float(rest.of_made[-math.ceil(decode_tolerances.DOUBTFUL * len(rest.of_made))])
-    tables = _fitting(coder, room, flash)
+    if calibration is not None:
+        coder, unsure = calibrated(design, calibration)
+        source, sizes, rest = "a calibration of this sensor", None, (np.zeros((len(coder.sigma),) * 2), 0.0)
+    else:
+        law = decode_readings.mechanics_of(design, level or (None if responses else LEVEL), responses)
+        coder, unsure = decoder(design, law), None
+        name = decode_readings.level_name(level, responses, LEVEL)
+        source = "solved states" if responses else f"formulas of level {name}"
+        sizes = tolerances() if made is None else made
+        at_rest = decode_tolerances.AtRest(coder, sizes)
+        # the share of made sensors beyond a row below this is at least DOUBTFUL
+        limit = float(at_rest.of_made[-math.ceil(decode_tolerances.DOUBTFUL * len(at_rest.of_made))])
+        rest = at_rest.inverse, limit
+    tables = _fitting(coder, room, flash, unsure)
     errors = decoder_tables.errors_of(coder, tables)
     share = 100 * errors[1] / errors[2]
     if not share <= WORST:
@@ -149,29 +168,58 @@ def prepare(
             f"the tables for --flash {flash} would miss {share:.2g} % of the largest force, more than {WORST:g} %: "
             "raise --flash, or keep the elements farther from the magnet (larger l0)"
         )
-    return Firmware(coder, source, sizes, (rest.inverse, limit), tables, errors)
+    return Firmware(coder, design, source, sizes, rest, tables, errors)
 
 
-def _fitting(coder: Decoder, room: int, flash: str) -> Tables:
+def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], Array]]:
+    """Return the decoder of a calibration, and what this leaves unsure of the force (n, 3), N, at shifts (n, 3).
+
+    It is half of a 90 % interval, with or without a zero, beside noise and fit of the mechanics.
+    """
+    from studies.calibration import calibrated_forces, calibration_file
+
+    found = calibration_file.of_design(path, design)
+    coder = calibrated_forces.coder_of(found)
+    law = coder.mechanics
+    assert law is not None
+    fit = np.array([law.errors[1], law.errors[1], law.errors[2]]) / 2
+
+    def unsure(shift: Array) -> Array:
+        at = np.zeros(len(shift))
+        wide = [
+            calibrated_forces.intervals(found, [found.covariance], shift, at, zeroed=zeroed)[0]
+            for zeroed in (False, True)
+        ]
+        slopes, by_shift = readings_with_slopes(coder.forward, shift.T.copy())[1], forces(law, shift.T)[1]
+        noise = np.einsum("jin,jkn->nik", by_shift, spread(coder.sigma, slopes))
+        known = QUANTILE**2 * (np.square(noise).sum(axis=2) + fit**2)
+        return np.asarray(np.sqrt(np.maximum(np.square(wide).max(axis=0) - known, 1e-12)))
+
+    return coder, unsure
+
+
+def _fitting(coder: Decoder, room: int, flash: str, unsure: Callable[[Array], Array] | None) -> Tables:
     doubt = decode_readings.TENTH if coder.forward.design.prony else decode_readings.HALF
+    code = CODE + (CALIBRATED_CODE if unsure else 0)
     for cells, knots in SIZES:
-        tables = decoder_tables.tables_of(coder, cells, (knots, knots), doubt)
-        if tables.size + CODE <= room:
+        tables = decoder_tables.tables_of(coder, cells, (knots, knots), doubt, unsure)
+        if tables.size + code <= room:
             return tables
     raise BadInput(
-        f"--flash {flash} is too small: the smallest decoder of this design takes {tables.size + CODE} bytes, "
-        f"{CODE} of them code"
+        f"--flash {flash} is too small: the smallest decoder of this design takes {tables.size + code} bytes, "
+        f"{code} of them code"
     )
 
 
-def reference(coder: Decoder, made: Tolerances, outputs: Array, times: Array | None = None) -> dict[str, Any]:
+def reference(coder: Decoder, made: Tolerances | None, outputs: Array, times: Array | None = None) -> dict[str, Any]:
     """Return what Python decodes from outputs of the elements (n, 3): status, shift, tilt, force, poses.
 
     times : shape (n,), s; with them, the force is that of a silicone that relaxes.
     """
     field = field_of(coder.forward.elements, outputs)
     found = decode(coder, field, follow=True)
-    status, force = decode_tolerances.check(coder, field, found, made).status, found.force.copy()
+    status = found.status if made is None else decode_tolerances.check(coder, field, found, made).status
+    force = found.force.copy()
     if times is not None:
         past = TimeSeries(coder)
         for k, row in enumerate(zip(times.tolist(), field, status, found.force, found.load, strict=True)):
@@ -248,7 +296,7 @@ def declaration(name: str, values: NDArray[Any]) -> str:
 def header(firmware: Firmware, command: str) -> str:
     """Return the text of magtip_decoder.h."""
     coder, tables = firmware.coder, firmware.tables
-    design, elements, floats = coder.forward.design, coder.forward.elements, tables.floats
+    design, elements, floats = firmware.design, coder.forward.elements, tables.floats
     diagonal = float(np.linalg.norm(floats["edge"]))
     inverse, limit = firmware.rest
     arrays: dict[str, NDArray[Any]] = {**floats, "at_rest": inverse.astype(np.float32), **tables.integers}
@@ -284,6 +332,7 @@ def header(firmware: Firmware, command: str) -> str:
         "folds": len(coder.table.corners) > 0,
         "twins": len(coder.table.corners) > 0 and len(elements) == 3,
         "elements": len(elements),
+        "calibrated": "unsure" in tables.integers,
         "starts": STARTS,
         "evaluations": EVALUATIONS,
     }
@@ -306,7 +355,7 @@ def _rendered(template: str, **values: Any) -> str:
 def _told(firmware: Firmware, command: str) -> dict[str, Any]:
     """Return what pages and comments say of an export."""
     elements, (shift, force, full) = firmware.coder.forward.elements, firmware.errors
-    design = firmware.coder.forward.design
+    design = firmware.design
     return {
         "command": command,
         "digest": digest(dataclasses.asdict(design)),
@@ -314,13 +363,14 @@ def _told(firmware: Firmware, command: str) -> dict[str, Any]:
         "names": [e.name for e in elements],
         "unit": elements[0].unit,
         "source": firmware.source,
+        "calibrated": firmware.made is None,
         "statuses": STATUSES,
         "rails": (elements[0].low, elements[0].high),
         "average": elements[0].average,
         "doubt_percent": 100 * float(firmware.tables.floats["slow"][3]),
         "example": example_of(design),
         "table_bytes": firmware.tables.size,
-        "code_bytes": CODE,
+        "code_bytes": firmware.code,
         "state_bytes": firmware.state,
         "shift_um": 1e3 * shift,
         "force_percent": 100 * force / full,
@@ -374,13 +424,14 @@ def run(
     responses: Path | None,
     flash: str,
     made: Tolerances | None,
+    calibration: Path | None,
     command: str,
     more: Mapping[str, Writer],
     progress: Progress,
 ) -> Result:
     """Return the library with the decoder of a design, and `more` files."""
     progress(0.0, "tables")
-    firmware = prepare(design, level, responses, flash, made)
+    firmware = prepare(design, level, responses, flash, made, calibration)
     progress(0.5, "test vectors")
     files = {name: partial(write_text, text=text) for name, text in texts(firmware, command).items()}
     shift, force, full = firmware.errors

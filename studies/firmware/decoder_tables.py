@@ -9,6 +9,7 @@ corners.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +20,7 @@ from analytic.cylinder import compiled_functions
 from analytic.decode import Decoder
 from analytic.hall import plates_of
 from analytic.inverse import pose_search
-from analytic.inverse.forward_model import readings_at, readings_with_slopes, rotation
+from analytic.inverse.forward_model import magnets_at, readings_at, readings_with_slopes
 from analytic.inverse.response_surface import force_and_load
 from analytic.parts import with_noise
 from analytic.shear_terms import softening
@@ -56,7 +57,13 @@ class Tables:
         return sum(4 * a.size for a in self.floats.values()) + sum(a.nbytes for a in self.integers.values())
 
 
-def tables_of(coder: Decoder, cells: tuple[int, int, int], knots: tuple[int, int], doubt: float) -> Tables:
+def tables_of(
+    coder: Decoder,
+    cells: tuple[int, int, int],
+    knots: tuple[int, int],
+    doubt: float,
+    unsure: Callable[[Array], Array] | None = None,
+) -> Tables:
     """Return the tables of a decoder with mechanics.
 
     Parameters
@@ -64,6 +71,7 @@ def tables_of(coder: Decoder, cells: tuple[int, int, int], knots: tuple[int, int
     cells : number of cells of the grid of starts along x, y and z.
     knots : number of coefficients of the field along r and z.
     doubt : share by which the branches may be off.
+    unsure : half widths of the force (n, 3), N, at shifts (n, 3), by a calibration.
 
     Raises
     ------
@@ -74,6 +82,13 @@ def tables_of(coder: Decoder, cells: tuple[int, int, int], knots: tuple[int, int
     grids, integers = _start_tables(coder, cells)
     integers |= _places(coder) | {"table": table}
     floats = {**field, **grids, **_mechanics(coder), **_relaxation(coder, doubt)}
+    if unsure is not None:
+        nodes = np.indices([n + 1 for n in cells]).reshape(3, -1).T
+        # roots need few bits over a wide range
+        roots = np.sqrt(unsure(grids["origin"] + grids["edge"] * nodes))
+        largest = roots[np.isfinite(roots)].max()
+        floats["unsure_step"] = largest / 255
+        integers["unsure"] = np.ceil(255 * np.where(np.isfinite(roots), roots, largest) / largest).astype(np.uint8)
     floats["places"] = plates_of(coder.forward.elements)[0] - [0.0, 0.0, coder.forward.design.H]
     floats = {name: np.asarray(values, dtype=np.float32) for name, values in floats.items()}
     return Tables(floats, integers, cells)
@@ -89,11 +104,8 @@ def places_of(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]
     elements = coder.forward.elements
     points, owners = plates_of(elements)
     normals = np.array([e.direction for e in elements])[owners]
-    turn = rotation(coder.forward.tau, shift)
-    angle = np.hypot(*turn)
-    share = np.sinc(angle / np.pi)
-    m = np.stack([turn[1] * share, -turn[0] * share, np.cos(angle)], axis=1)
-    x = points - [0.0, 0.0, coder.forward.design.H] - shift.T[:, None]
+    moved, m = magnets_at(coder.forward, shift)
+    x = points - [0.0, 0.0, coder.forward.design.H] - moved[:, None]
     zeta = (x * m[:, None]).sum(axis=2)
     across = x - zeta[..., None] * m[:, None]
     rho = np.linalg.norm(across, axis=2)
@@ -213,9 +225,10 @@ def _mechanics(coder: Decoder) -> dict[str, Any]:
     rest = readings_at(coder.forward, np.zeros((3, 1)))
     places = np.stack(np.meshgrid(*np.linspace(coder.low, coder.high, 3).T)).reshape(3, -1)
     spans = np.ptp(readings_at(coder.forward, places), axis=1)
-    tau, least, most = coder.forward.tau
+    (tau, least, most), offset, tilt = coder.forward.kernel[4]
     # beyond its range, tau nears a limit as far off as the range is wide
     angle = math.hypot(*_reach(coder)[1][:2]) * max(abs(2 * most - least), abs(2 * least - most))
+    angle += math.hypot(*tilt)
     if not angle <= LARGEST_TILT:
         raise BadInput(
             f"the magnet may tilt by {angle:.2g} rad in the workspace, more than {LARGEST_TILT:g} rad: give solved "
@@ -231,6 +244,9 @@ def _mechanics(coder: Decoder) -> dict[str, Any]:
         "tolerance": coder.goal.tolerance,
         "least_jump": np.maximum(10 * coder.sigma, LEAST_JUMP * spans),
         "tau": tau,
+        # as in `analytic.inverse.forward_model.place_magnets`
+        "offset": offset,
+        "leaning": (tilt[1], -tilt[0]),
         "lean_range": (least, most),
         # of cos and of sin over the angle
         "series": [[(-1) ** n / math.factorial(2 * n + k) for n in range(POWERS)] for k in (0, 1)],
@@ -239,7 +255,7 @@ def _mechanics(coder: Decoder) -> dict[str, Any]:
         "depth": law.depth,
         "shear": law.shear,
         # as in `response_surface.force_and_load`
-        "least": (law.errors[2] + 1e-9 * deepest, 1e-9 * law.sink),
+        "least": (law.errors[2] + law.slack + 1e-9 * deepest, 1e-9 * law.sink),
         "fit_error": np.array([law.errors[1], law.errors[1], law.errors[2]]) / 2,
     }
 

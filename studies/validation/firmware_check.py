@@ -19,10 +19,12 @@ from geometry.arrays import Array
 from geometry.bad_input import BadInput
 from geometry.design import Design
 from geometry.messages import Progress
+from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit, simulated_bench
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES, Firmware
 from studies.output.goals import Goal, failures, verdict
 from studies.output.result import Result
+from studies.sensitivity.made_sensors import tolerances
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -39,9 +41,12 @@ CASES: tuple[tuple[str, dict[str, Any], str, str], ...] = (
     ("TLV493D-A1B6", {"hall_layout": "tlv493d-a1b6"}, "finite", "64k"),
     ("MLX90393", {"hall_layout": "mlx90393"}, "finite", "64k"),
     ("three TLV493D-A1B6", THREE_CHIPS, "finite", "64k"),
+    ("paper, calibrated", {}, "calibrated", "64k"),
+    ("paper, calibrated", {}, "calibrated", "16k"),
     ("wide magnet, level paper", FOLDED, "paper", "64k"),
 )
 """Name, fields, level and flash; in the last one folds of the readings cross the workspace."""
+PRESSES = 12
 ROWS, SERIES, ON_TARGET, HOSTILE = 20_000, 2_000, 2_000, 1_000_000
 QUICK = 100
 """Factor by which --quick has fewer rows."""
@@ -194,9 +199,28 @@ def hostile_faults(program: Path, coder: Decoder, count: int) -> tuple[int, floa
     return int(wrong.sum()) + (len(found) != count), 100 * float(force.mean())
 
 
+def calibration(folder: Path) -> Path:
+    """Write calibration.json of a made sensor of the default design, from simulated presses."""
+    design = Design()
+    simulated_bench.bench(5, PRESSES).iloc[:, :7].to_csv(folder / "bench.csv", index=False)
+    bench = bench_file.read([folder / "bench.csv"], design)
+    law, source, error = calibration_study.mechanics_of(design, None)
+    un = sensor_fit.unknowns_of(design, bench, tolerances(), model_error=error)
+    noise, force_noise = np.full(3, simulated_bench.READING_NOISE), simulated_bench.FORCE_NOISE
+    sensor = sensor_fit.Sensor(design, law, un, noise, force_noise)
+    found = sensor_fit.fit(sensor, sensor_fit.measured_of(bench), np.zeros(PRESSES))
+    path = folder / "calibration.json"
+    path.write_text(calibration_file.as_text(found, source, None), "utf-8")
+    return path
+
+
 def judge(name: str, fields: dict[str, Any], level: str, flash: str, fewer: int) -> Row:
     """Return the row of one case."""
-    firmware = decoder_export.prepare(Design(**fields), level, None, flash)
+    if level == "calibrated":
+        with tempfile.TemporaryDirectory() as place:
+            firmware = decoder_export.prepare(Design(**fields), None, None, flash, None, calibration(Path(place)))
+    else:
+        firmware = decoder_export.prepare(Design(**fields), level, None, flash)
     coder, rng = firmware.coder, np.random.default_rng(1)
     outputs, shift = random_outputs(coder, ROWS // fewer, rng)
     series, times = series_outputs(coder, max(SERIES // fewer, 200), rng)
@@ -270,7 +294,13 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         goals.append(Goal(f"flash with --flash {flash}", size, decoder_export.bytes_of(flash), n, "bytes"))
     goals.append(Goal("faults under hostile readings", faults, 0, HOSTILE // fewer))
     page: Row = {"verdict": verdict(goals), "goals": list(map(str, goals)), "rows": rows, "share": share}
-    page |= {"singles": ROWS // fewer, "hostile": HOSTILE // fewer, "step_um": 1e3 * STEP, "versions": _versions()}
+    page |= {
+        "singles": ROWS // fewer,
+        "hostile": HOSTILE // fewer,
+        "presses": PRESSES,
+        "step_um": 1e3 * STEP,
+        "versions": _versions(),
+    }
     return pages.study("firmware", "Firmware", rows, page, failures=failures(goals))
 
 
