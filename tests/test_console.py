@@ -11,7 +11,7 @@ import pytest
 from studies.output import console, text_tables
 from studies.output.result import Destination, Result, show
 from studies.simulation import load_cases
-from studies.sweeps import sweep_request
+from studies.sweeps import sweep
 
 RESULTS = Path(__file__).parents[1] / "results"
 TABLES = sorted(str(path.relative_to(RESULTS)) for path in RESULTS.rglob("*.csv"))
@@ -155,7 +155,7 @@ def test_a_sweep_shows_what_varies(capsys, monkeypatch):
     answers = {"fem_force_N": 1.0, "analytic_force_N": 2.0, "fem_shift_z_mm": 3.0, "force_error_percent": 4.0}
     for row in rows:
         row |= answers | {"fem_contact_radius_mm": 5.0, "status": "ok", "message": ""}
-    found = Result(title="Sweep", records=[], shown=[sweep_request.table(rows, "Sweep")])
+    found = Result(title="Sweep", records=[], shown=[sweep.table(rows, "Sweep")])
     show(found, Destination())
     head = capsys.readouterr().out.split("─")[0]
     assert "(MPa)" in head

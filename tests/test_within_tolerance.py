@@ -9,10 +9,9 @@ from analytic import buckling
 from fem.solution import Estimates
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies.inputs.option_groups import Method
 from studies.mechanics import model_choice, surrogate_response
 from studies.mechanics.model_choice import Statement
-from studies.simulation import compare, load_cases, within_tolerance
+from studies.simulation import compare, within_tolerance
 
 WITHOUT_SURROGATE = ("--set", "magnet_edge_radius=0.4")
 """A magnet with rounder edges than the surrogate knows."""
@@ -78,7 +77,7 @@ def test_a_picture_and_a_comparison_are_not_by_the_surrogate(run, monkeypatch, t
     command = ("solve", "paper", "--depth", "0.8", "--tolerance", "5%", "--json", "--out", str(tmp_path / "body.vtu"))
     assert json.loads(run(*command)[1])["chosen_model"] == "axisymmetric quick"
     chosen = within_tolerance.choose_accuracy(paper(), [[Load(depth=0.8)]], "5%")
-    assert chosen.choice.model_kind == "fem"
+    assert chosen.model_kind == "fem"
 
 
 def test_a_picture_needs_finite_elements(run, tmp_path):
@@ -101,26 +100,15 @@ def test_a_tolerance_that_is_no_share_is_refused(refusal, text):
         assert "such as 1%" in refusal("solve", "paper", "--depth", "1", *option)
 
 
-def test_an_estimate_beyond_the_tolerance_is_solved_again_at_a_finer_accuracy(monkeypatch, capsys):
-    solved = []
-    original = load_cases.solve
-
-    def solve(design, loads, method, **options):
-        solved.append(method.level)
-        return original(design, loads, method, **options)
-
-    monkeypatch.setattr(load_cases, "solve", solve)
+def test_an_estimate_beyond_the_tolerance_is_solved_again_at_a_finer_accuracy(monkeypatch, run):
     monkeypatch.setattr("fem.equilibrium.estimate_response", estimates)
-    method = Method(tolerance="2%")
-    loads = [Load(depth=0.4)]
-    chosen = within_tolerance.choose(paper(), loads, method, files=True)
-    rows = list(
-        within_tolerance.solve(paper(), loads, method, chosen, out=None, picture=None, progress=lambda *_: None)
-    )
-    assert solved == ["quick", "standard"]
-    assert rows[0]["chosen_model"] == "axisymmetric standard"
-    assert rows[0]["expected_error"] < chosen.choice.bound
-    assert "solved again at accuracy standard" in capsys.readouterr().err
+    command = ("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "2%", "--json")
+    _, out, err = run(*command)
+    row = json.loads(out)
+    assert row["chosen_model"] == "axisymmetric standard"
+    assert row["error_estimate"] == 0.01
+    assert "at accuracy quick the error estimate of the force, 4 %, exceeds" in err
+    assert "solved again at accuracy standard" in err
 
 
 def estimates(one, other, load, scene, model):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,6 @@ from cyclopts import Parameter
 
 from geometry.bad_input import no_effect
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.cli.parameters import (
     AsJson,
@@ -33,19 +32,14 @@ from studies.cli.parameters import (
 from studies.inputs.option_groups import CALIBRATION, Sensitivity, Solving, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
 from studies.output import atomic_files, console, own_files, provenance
-from studies.output.records import FlatRow
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
-    from studies.mechanics.study_cases import Plan
     from studies.sizing.requirements import Requirements
     from studies.web.explorer_server import Measuring
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
-
-MOST_SHOWN = 1000
-"""Largest number of rows of a table on the screen."""
 
 
 def sweep(
@@ -72,93 +66,38 @@ def sweep(
     """
     from studies.mechanics.solve_plan import Processes
     from studies.mechanics.worker_process import SchedulerLost
-    from studies.sweeps import sweep_request
-    from studies.sweeps.study_rows import flat_rows
+    from studies.sweeps import sweep as study
 
-    here = destination(sweep, locals(), sweep_request.FILES, [options.design])
-    processes, store = Processes(solving.workers, solving.scheduler, solving.retry_failed), solving.store
-    given = dataclasses.asdict(options) | {"load": options.load or [], "sets": sets or []}
-    plan = sweep_request.plan_of(source, sweep_request.Options(given.pop("axis") or [], **given))
+    here = destination(sweep, locals(), study.FILES, [options.design])
+    processes = Processes(solving.workers, solving.scheduler, solving.retry_failed)
+    plan = study.plan_of(source, options, sets or [])
     warn_of_values(plan.design)
     check_files(here)
-    atomic_files.check_apart([store], here.inputs)
+    atomic_files.check_apart([solving.store], here.inputs)
     if plan.magnet == "rigid" and plan.fem:
         say_if_without_magnet(plan.design)
-    case, printed, choices = sweep_request.case_columns(plan), _Printed(), sweep_request.Choices(plan)
+    shown = study.Shown(plan)
     try:
         with (
             console.progress(as_json=as_json) as progress,
-            sweep_request.sweep(plan, out, progress, processes, store) as batches,
+            study.opened(plan, out, progress, processes, solving.store) as batches,
         ):
-            for table in batches:
-                choices.add(table)
-                for row in flat_rows(table):
-                    printed.add(row, as_json=as_json)
+            for batch in batches:
+                for row in shown.add(batch):
+                    if as_json:
+                        console.report([row], as_json=True)
             if out is not None:
                 provenance.write(out, here.command, dataclasses.asdict(plan.design))
     except SchedulerLost as error:
-        return show(replace(_shown(printed, case, plan), failures=[str(error)]), here)
+        return show(replace(shown.result(), failures=[str(error)]), here)
     except BaseException:
         # after Ctrl-C the screen has what was solved
-        show(_shown(printed, case, plan), here)
+        show(shown.result(), here)
         raise
     whole = as_json or wide or out is not None
-    idle = sweep_request.idle_axes(printed.rows, plan, whole=whole, case=case) if printed.count <= MOST_SHOWN else []
-    warnings = [no_effect([f"axis {name}"], reason) for name, reason in idle]
-    remarks = [*choices.sentences(), *printed.remarks(case)]
-    show(replace(_shown(printed, case, plan), warnings=warnings, remarks=remarks), here)
-    return FAILED if printed.failed or not printed.count else GOOD
-
-
-@dataclass(slots=True)
-class _Printed:
-    """Counts of the rows of a sweep, of unstable and failed ones, and the first ones, which the screen shows."""
-
-    count: int = 0
-    unstable: int = 0
-    failed: int = 0
-    rows: list[FlatRow] = field(default_factory=list)
-    failures: list[FlatRow] = field(default_factory=list)
-
-    def add(self, row: FlatRow, *, as_json: bool) -> None:
-        """Count a row, and print it as JSON."""
-        self.count += 1
-        self.unstable += row["status"] == "unstable"
-        if as_json:
-            console.report([row], as_json=True)
-        if row["status"] not in ANSWERED:
-            self.failed += 1
-            if len(self.failures) < MOST_SHOWN:
-                self.failures.append(row)
-        if len(self.rows) < MOST_SHOWN:
-            self.rows.append(row)
-
-    def remarks(self, case: tuple[str, ...]) -> list[str]:
-        """Return the reasons of failures, and how many cases are unstable or failed."""
-        said = console.remarks(self.failures, case, self.rows)
-        if self.unstable:
-            said.append(
-                f"{self.unstable} of {self.count} cases are unstable: their numbers are those of an equilibrium that "
-                "a real sensor leaves"
-            )
-        return [*said, f"{self.failed} of {self.count} cases failed"] if self.failed else said
-
-
-def _shown(printed: _Printed, case: tuple[str, ...], plan: Plan) -> Result:
-    """Return the rows as a table with their remarks, or their number if there are many; JSON has been printed."""
-    from studies.sweeps import sweep_request
-
-    rows = printed.rows
-    if printed.count > MOST_SHOWN:
-        note = (
-            f"{printed.count} of {plan.count} rows; --out FOLDER or --json has them, a table on the screen does not."
-        )
-        return Result(title="Sweep", records=[], shown=[note])
-    if not rows:
-        return Result(title="Sweep", records=[], shown=[])
-    answered = [row for row in rows if row["status"] in ANSWERED]
-    remarks = console.remarks(answered, case, rows)
-    return Result(title="Sweep", records=[], shown=[sweep_request.table(rows, "Sweep", case), *remarks])
+    warnings = [no_effect([f"axis {name}"], reason) for name, reason in study.idle_axes(shown, whole=whole)]
+    show(replace(shown.result(), warnings=warnings, remarks=shown.remarks()), here)
+    return FAILED if shown.failed or not shown.count else GOOD
 
 
 def sensitivity(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -31,9 +31,6 @@ from studies.inputs.option_groups import (
 from studies.inputs.user_input import AccuracyName, say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import Destination, Result, failure_of, publish, show
-
-if TYPE_CHECKING:
-    pass
 
 
 def solve(
@@ -233,13 +230,12 @@ def compare(
     here = destination(compare, locals(), study.FILES)
     design = design_of(source, sets)
     say_if_without_magnet(design)
-    chosen: within_tolerance.Chosen | None = None
-    level: str = accuracy or "standard"
+    chosen = None
     if tolerance is not None:
         within_tolerance.check_alone({"--accuracy": accuracy})
         chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), tolerance)
-        chosen.say()
-        level = chosen.choice.level_or_accuracy
+        within_tolerance.say(chosen)
+    level = chosen.level_or_accuracy if chosen else accuracy or "standard"
     return publish(partial(study.study, design, level, chosen, frequency, speed), here)
 
 

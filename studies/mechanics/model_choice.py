@@ -114,6 +114,7 @@ class Choice:
     bound : largest expected error of force, shift, tilt, readings and, with a shear, the force along it: a fraction.
     sideways : expected error of the force along the shear, over the larger one of it and that of the unpressed beam.
     reason : one sentence.
+    tolerance : that is asked for; NaN if none is.
     """
 
     model_kind: Literal["formula", "surrogate", "fem"]
@@ -122,6 +123,7 @@ class Choice:
     bound: float
     reason: str
     sideways: float = 0.0
+    tolerance: float = math.nan
 
     @property
     def name(self) -> str:
@@ -215,10 +217,10 @@ def choose(
     choices = []
     for choice in _choices(statements() if rule is None else rule, design, loads, magnet, formulas=formulas):
         if choice.bound <= tolerance:
+            left_out = ""
             if rule is None and outdated():
                 left_out = f"; the study has other versions of {', '.join(outdated())}, which are left out"
-                return replace(choice, reason=choice.reason + left_out)
-            return choice
+            return replace(choice, reason=choice.reason + left_out, tolerance=tolerance)
         choices.append(choice)
     if not choices:
         old = f", and those of {', '.join(outdated())} are of another version" if outdated() else ""
@@ -243,8 +245,9 @@ def finer(
 ) -> Choice | None:
     """Return the finite elements at the next finer accuracy; None if there is none whose errors are known."""
     choices = _choices(statements() if rule is None else rule, design, loads, magnet, formulas=False)
-    by_level = {each.level_or_accuracy: each for each in choices}
-    return by_level.get(FINER.get(choice.level_or_accuracy, ""))
+    level = FINER.get(choice.level_or_accuracy, "")
+    found = next((each for each in choices if each.level_or_accuracy == level), None)
+    return None if found is None else replace(found, tolerance=choice.tolerance)
 
 
 def unmet(
@@ -338,9 +341,8 @@ def _choice(model: str, level: str, bounds: Sequence[Bound], places: Sequence[Re
         reason += ", and so are the half widths of its 90 % intervals for these loads"
     if places[0].kind == "friction" and designs:
         reason += f"; Coulomb friction was studied on {designs} designs only"
-    if model in ("formula", SURROGATE):
-        return Choice("formula" if model == "formula" else "surrogate", level, model, largest, reason, sideways)
-    return Choice("fem", level, model, largest, reason, sideways)
+    kinds: dict[str, Literal["formula", "surrogate"]] = {"formula": "formula", SURROGATE: "surrogate"}
+    return Choice(kinds.get(model, "fem"), level, model, largest, reason, sideways)
 
 
 def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None) -> Region:
@@ -358,22 +360,17 @@ def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None)
     deepest = first + DEEPEST * (most - first)
     kind = kind or kind_of([load])
     # loads of the study are rounded to four digits
-    slack = 1 + 1e-3
+    slack, slender = 1 + 1e-3, design.L / design.D
+    shallow = SHALLOWEST * design.D / load.depth / slack if load.depth else 1.0
     factors = {
-        f"L/D = {design.L / design.D:.3g}": 1.0
-        if LENGTHS[0] <= design.L / design.D * slack and LENGTHS[1] * slack >= design.L / design.D
-        else BEYOND,
+        f"L/D = {slender:.3g}": 1.0 if LENGTHS[0] / slack <= slender <= LENGTHS[1] * slack else BEYOND,
         f"nu = {design.nu:g}": 1.0 if design.nu >= LEAST_NU else BEYOND,
         "grips": 1.0 if load.grip is None else BEYOND,
         "tilted plates": BEYOND if load.plate_tilt else 1.0,
         "imperfections": BEYOND if load.imperfection else 1.0,
-        f"depths below {SHALLOWEST:g} D": 1.0
-        if load.depth == 0
-        else max(SHALLOWEST * design.D / load.depth / slack, 1.0) ** CONTACT_POWER,
+        f"depths below {SHALLOWEST:g} D": max(shallow, 1.0) ** CONTACT_POWER,
         f"depths beyond {deepest / design.D:.2g} D": max(load.depth / deepest / slack, 1.0),
-        f"shears beyond {FARTHEST:g} D": max(load.shear / (FARTHEST * design.D) / slack, 1.0)
-        if load.shears_tip
-        else 1.0,
+        f"shears beyond {FARTHEST:g} D": max(load.shears_tip * load.shear / (FARTHEST * design.D) / slack, 1.0),
     }
     growth = math.prod(factors.values())
     beyond = ", ".join(name for name, factor in factors.items() if factor > 1)

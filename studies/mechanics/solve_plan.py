@@ -88,7 +88,7 @@ class Target:
         of one that a formula or the surrogate answers, is empty.
     message : why the problem is impossible.
     formula : the answer of a level of the formulas, or of the surrogate.
-    choice, tolerance : the model that a tolerance has chosen, and the tolerance.
+    choice : the model that a tolerance has chosen.
     """
 
     key: str
@@ -97,7 +97,6 @@ class Target:
     message: str = ""
     formula: Answer | None = None
     choice: Choice | None = None
-    tolerance: float = NAN
 
 
 class Paths:
@@ -137,21 +136,20 @@ class Paths:
     def _place(problem: Problem, model: FemModel, kind: Kind) -> tuple[Target, Place | None]:
         if problem.design is None or problem.load is None:
             return Target("", message=problem.message), None
-        choice, tolerance = None, NAN
+        choice = None
         try:
             if model.tolerance is not None and kind == "states":
-                tolerance = model.tolerance
-                choice = choose(problem.design, [problem.load], tolerance, problem.magnet)
+                choice = choose(problem.design, [problem.load], model.tolerance, problem.magnet)
                 if choice.model_kind != "fem":
                     answer = _unsolved_answer(problem.design, problem.load, problem.magnet, choice)
-                    return Target("", formula=answer, choice=choice, tolerance=tolerance), None
+                    return Target("", formula=answer, choice=choice), None
                 model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
             scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
             stored = place(scene, kind, problem.motion)
         except BadInput as error:
             return Target("", message=str(error)), None
         key = store_module.key(stored.content)
-        return Target(key, stored.at, stored.direction, choice=choice, tolerance=tolerance), stored
+        return Target(key, stored.at, stored.direction, choice=choice), stored
 
 
 def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice) -> Answer:
@@ -187,7 +185,7 @@ def _checked(answer: Answer, target: Target, design: Design, load: Load) -> Answ
         return answer
     estimates = {"force": answer.error_estimate, **answer.estimates}
     along = along_shear(load, answer.response)
-    reason = unmet(target.choice, target.tolerance, design, load, along, estimates)
+    reason = unmet(target.choice, target.choice.tolerance, design, load, along, estimates)
     if not reason:
         return answer
     return replace(answer, status=UNMET, message="; ".join(filter(None, (answer.message, reason))))

@@ -19,6 +19,7 @@ from fem.accuracy import LEVELS, STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Response
 from geometry.messages import Progress
+from studies.mechanics.model_choice import Choice
 from studies.mechanics.path_solver import LoadOutcome, follow
 from studies.output.figures import picture
 from studies.output.records import FlatRow
@@ -32,7 +33,7 @@ from studies.simulation.comparison_rows import (
     with_rate,
     with_reading_errors,
 )
-from studies.simulation.within_tolerance import Chosen, beyond
+from studies.simulation.within_tolerance import beyond, columns_of
 
 FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
 """Files of a comparison."""
@@ -93,7 +94,7 @@ def run(
 def study(
     design: Design,
     accuracy: str,
-    chosen: Chosen | None,
+    chosen: Choice | None,
     frequency: float | None,
     speed: float | None,
     progress: Progress,
@@ -103,17 +104,17 @@ def study(
     return result_of(design, run(design, accuracy=level, progress=progress, frequency=frequency, speed=speed), chosen)
 
 
-def result_of(design: Design, comparison: Comparison, chosen: Chosen | None = None) -> Result:
+def result_of(design: Design, comparison: Comparison, chosen: Choice | None = None) -> Result:
     """Return tables, pictures and sentences of a comparison."""
     press, shear, summary = comparison.press, comparison.shear, comparison.summary
     rows = [*press, *shear]
     shown: list[Block] = [_table("Press", press), _table("Shear", shear)]
     if "rate_sentence" in summary:
         shown.append(f"{summary['rate_sentence']}.")
-    lost = beyond(rows, chosen) if chosen else []
+    lost = beyond(rows, chosen.tolerance) if chosen else []
     return Result(
         title="Comparison",
-        records=[{"press": press, "shear": shear, "summary": summary, **(chosen.row() if chosen else {})}],
+        records=[{"press": press, "shear": shear, "summary": summary, **(columns_of(chosen) if chosen else {})}],
         shown=shown,
         tables={"press": press, "shear": shear},
         files={

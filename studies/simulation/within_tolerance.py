@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -32,27 +32,16 @@ TITLES = {"formula": "Formulas", "surrogate": "Surrogate", "fem": "Finite elemen
 """Titles of tables by the kind of the chosen model."""
 
 
-@dataclass(frozen=True, slots=True)
-class Chosen:
-    """A tolerance and the model that is chosen for it; added to every row."""
+def columns_of(choice: Choice) -> FlatRow:
+    """Return the columns that a tolerance adds to every row."""
+    return {"chosen_model": choice.name, "tolerance": choice.tolerance, "expected_error": choice.bound}
 
-    tolerance: float
-    choice: Choice
 
-    def row(self) -> FlatRow:
-        """Return the columns that a tolerance adds."""
-        return {
-            "chosen_model": self.choice.name,
-            "tolerance": self.tolerance,
-            "expected_error": self.choice.bound,
-        }
-
-    def say(self) -> None:
-        """Print on standard error which model is chosen, and why."""
-        choice = self.choice
-        names = {"formula": f"formulas of level {choice.level_or_accuracy}", "surrogate": "the surrogate"}
-        name = names.get(choice.model_kind, choice.name)
-        console.say(f"magtip: tolerance {percent(self.tolerance)}: {name}, because {choice.reason}")
+def say(choice: Choice) -> None:
+    """Print on standard error which model is chosen, and why."""
+    names = {"formula": f"formulas of level {choice.level_or_accuracy}", "surrogate": "the surrogate"}
+    name = names.get(choice.model_kind, choice.name)
+    console.say(f"magtip: tolerance {percent(choice.tolerance)}: {name}, because {choice.reason}")
 
 
 def run(
@@ -72,18 +61,18 @@ def run(
     targets : forces that the states must have; `loads` are then of the same kind. The model for a tolerance is chosen
         for their loads at accuracy quick: it would otherwise depend on the depth that it has to find.
     """
-    files = {"out": out, "picture": picture}
+    options: dict[str, Any] = {"out": out, "picture": picture, "progress": progress, "targets": targets}
     if method.tolerance is None:
-        states = load_cases.solve(design, loads, method, **files, progress=progress, targets=targets)
-        title, rows = "Finite elements", states
+        title, rows = TITLES["fem"], load_cases.solve(design, loads, method, **options)
     else:
-        check(method)
+        tolerance = check(method)
         if targets:
             loads = load_cases.loads_at_quick(design, targets, method, progress)
-        chosen = choose(design, loads, method, files=bool(targets) or any(files.values()))
-        chosen.say()
-        title = TITLES[chosen.choice.model_kind]
-        rows = solve(design, loads, method, chosen, **files, progress=progress, targets=targets)
+        # neither formulas nor the surrogate compute a deformed body, or find a force
+        formulas = not (targets or out or picture)
+        choice = model_choice.choose(design, loads, tolerance, method.magnet, formulas=formulas)
+        say(choice)
+        title, rows = TITLES[choice.model_kind], solve(design, loads, method, choice, **options)
     return title, load_cases.with_targets(rows, targets) if targets else rows
 
 
@@ -96,78 +85,44 @@ def check_alone(options: dict[str, Any]) -> None:
             )
 
 
-def choose(design: Design, loads: Sequence[Load], method: Method, *, files: bool) -> Chosen:
-    """Return the choice for the loads of `magtip solve`.
-
-    Parameters
-    ----------
-    files : whether the deformed body is to be written, which neither formulas nor the surrogate compute; or a force
-        is searched for.
-    """
-    tolerance = check(method)
-    return Chosen(tolerance, model_choice.choose(design, loads, tolerance, method.magnet, formulas=not files))
-
-
 def check(method: Method) -> float:
     """Return the tolerance of a method, a fraction; refuse options that it decides."""
-    assert method.tolerance is not None
+    model = None if method.model == "auto" else method.model
     check_alone(
-        {
-            "--accuracy": method.accuracy,
-            "--model": None if method.model == "auto" else method.model,
-            "--harmonics": method.harmonics,
-            "--mesh": method.mesh,
-        }
+        {"--accuracy": method.accuracy, "--model": model, "--harmonics": method.harmonics, "--mesh": method.mesh}
     )
-    return parse_tolerance(method.tolerance)
+    return parse_tolerance(method.tolerance or "")
 
 
-def solve(
-    design: Design,
-    loads: list[Load],
-    method: Method,
-    chosen: Chosen,
-    *,
-    out: Path | None,
-    picture: Path | None,
-    progress: Progress,
-    targets: Sequence[ForceTarget] = (),
-) -> Generator[FlatRow]:
-    """Yield the rows of the states by the chosen model, each with the columns of `chosen`.
+def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **options: Any) -> Generator[FlatRow]:
+    """Yield the rows of the states by the chosen model, each with the columns of the choice.
 
     The rows of finite elements come when the whole path is solved, because its error estimates may require another
     one.
 
     Parameters
     ----------
-    targets : forces that the states must have, for finite elements; `loads` are then rough ones.
+    options : of `load_cases.solve`.
     """
-    if chosen.choice.model_kind == "formula":
+    if choice.model_kind != "fem":
         for load in loads:
-            yield _formula_row(design, load, method, chosen.choice) | chosen.row()
-        return
-    if chosen.choice.model_kind == "surrogate":
-        for load in loads:
-            yield _surrogate_row(design, load, method, chosen.choice) | chosen.row()
+            yield _unsolved_row(design, load, method.magnet, choice) | columns_of(choice)
         return
     while True:
-        accuracy = cast(AccuracyName, chosen.choice.level_or_accuracy)
-        at_level = replace(method, accuracy=accuracy, tolerance=None)
-        states = load_cases.solve(
-            design, loads, at_level, out=out, picture=picture, progress=progress, targets=targets
-        )
-        rows = [_checked(row, design, loads[0], chosen) for row in states]
+        accuracy = cast(AccuracyName, choice.level_or_accuracy)
+        states = load_cases.solve(design, loads, replace(method, accuracy=accuracy, tolerance=None), **options)
+        rows = [_checked(row, design, loads[0], choice) for row in states]
         lost = next((row["message"] for row in rows if row["status"] == UNMET), "")
-        finer = model_choice.finer(design, loads, chosen.choice, method.magnet) if lost else None
+        finer = model_choice.finer(design, loads, choice, method.magnet) if lost else None
         if finer is None:
             break
         console.say(f"magtip: at accuracy {accuracy} {lost}: solved again at accuracy {finer.level_or_accuracy}")
-        chosen = replace(chosen, choice=finer)
+        choice = finer
     for row in rows:
-        yield row | chosen.row()
+        yield row | columns_of(choice)
 
 
-def _checked(row: FlatRow, design: Design, like: Load, chosen: Chosen) -> FlatRow:
+def _checked(row: FlatRow, design: Design, like: Load, choice: Choice) -> FlatRow:
     """Return the row of a solved state, with status UNMET and the reason if it is not known to meet the tolerance.
 
     Parameters
@@ -179,54 +134,43 @@ def _checked(row: FlatRow, design: Design, like: Load, chosen: Chosen) -> FlatRo
         return row
     load = replace(like, depth=row["depth_mm"], shear_x=row["shear_mm"], shear_y=row["shear_y_mm"])
     x, y = load.direction
-    estimates = {
-        "force": row["error_estimate"],
-        **{name: row[f"{name}_error_estimate"] for name in ("shift", "tilt", "sideways")},
-    }
-    reason = model_choice.unmet(chosen.choice, chosen.tolerance, design, load, x * force[0] + y * force[1], estimates)
+    estimates = {name: row[f"{name}_error_estimate"] for name in ("shift", "tilt", "sideways")}
+    estimates["force"] = row["error_estimate"]
+    reason = model_choice.unmet(choice, choice.tolerance, design, load, x * force[0] + y * force[1], estimates)
     return row | {"status": UNMET, "message": "; ".join(filter(None, (row["message"], reason)))} if reason else row
 
 
-def _formula_row(design: Design, load: Load, method: Method, choice: Choice) -> FlatRow:
+def _unsolved_row(design: Design, load: Load, magnet: Magnet, choice: Choice) -> FlatRow:
     from analytic import beam
-
-    begin = time.perf_counter()
-    response = beam.solve(design, load, choice.level_or_accuracy)
-    seconds = time.perf_counter() - begin
-    made_for = design_digest.of_mechanics(design, method.magnet)
-    return state_rows.state_row(load, response, choice.name, made_for, seconds=seconds)
-
-
-def _surrogate_row(design: Design, load: Load, method: Method, choice: Choice) -> FlatRow:
     from studies.mechanics import surrogate_response
 
     begin = time.perf_counter()
-    estimate = surrogate_response.respond(design, load, method.magnet)
-    seconds = time.perf_counter() - begin
-    return state_rows.surrogate_row(
-        load, estimate, choice.name, design_digest.of_mechanics(design, method.magnet), seconds
-    )
+    made_for = design_digest.of_mechanics(design, magnet)
+    if choice.model_kind == "formula":
+        response = beam.solve(design, load, choice.level_or_accuracy)
+        return state_rows.state_row(load, response, choice.name, made_for, seconds=time.perf_counter() - begin)
+    estimate = surrogate_response.respond(design, load, magnet)
+    return state_rows.surrogate_row(load, estimate, choice.name, made_for, time.perf_counter() - begin)
 
 
-def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) -> Chosen:
+def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) -> Choice:
     """Return the coarsest accuracy of the finite elements that meets a tolerance on several paths of loads."""
     tolerance = parse_tolerance(text)
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
     choices = [model_choice.choose(design, path, tolerance, magnet, formulas=False) for path in paths]
     names: list[str] = ["quick", *model_choice.FINER.values()]
     # both paths are solved at one accuracy: the path that needs the finer one, or has the larger errors, decides
-    hardest = max(choices, key=lambda choice: (names.index(choice.level_or_accuracy), choice.bound))
-    return Chosen(tolerance, hardest)
+    return max(choices, key=lambda choice: (names.index(choice.level_or_accuracy), choice.bound))
 
 
-def beyond(rows: Sequence[Mapping[str, Any]], chosen: Chosen) -> list[str]:
+def beyond(rows: Sequence[Mapping[str, Any]], tolerance: float) -> list[str]:
     """Return which error estimates of the rows of a comparison exceed its tolerance, or are unknown."""
     lost = {}
     for row in rows:
         # without a shear there is no force along it
         upright = not row.get("shear_mm")
         for name in (key for key in row if key.endswith("error_estimate") and row["status"] in ANSWERED):
-            if not (value := row[name]) <= chosen.tolerance and not (upright and "sideways" in name):
+            if not (value := row[name]) <= tolerance and not (upright and "sideways" in name):
                 size = "is unknown" if math.isnan(value) else f"of {percent(value)} exceeds it"
                 lost[name] = f"{name} {size} at depth {row['depth_mm']:g} mm"
-    return [f"tolerance {percent(chosen.tolerance)}: {text}" for text in lost.values()]
+    return [f"tolerance {percent(tolerance)}: {text}" for text in lost.values()]

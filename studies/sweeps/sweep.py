@@ -10,22 +10,49 @@ the number of rows.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import BadInput
+from geometry.loads import ANSWERED
 from geometry.messages import Progress
+from studies.inputs import study_axes, study_input, user_input
+from studies.inputs.user_input import Value
+from studies.mechanics import store as stores
+from studies.mechanics.model_choice import UNMET, percent
 from studies.mechanics.path_solver import KINDS, Answer
 from studies.mechanics.solve_plan import IMPOSSIBLE, Paths, Processes, Solves, Target, surrogate_answers
 from studies.mechanics.store import Store
-from studies.mechanics.study_cases import Batch, Cases, Columns, Plan
-from studies.output import table_files
-from studies.sweeps.study_rows import Rows, Solved
+from studies.mechanics.study_cases import (
+    DEFAULT_QUANTITIES,
+    Batch,
+    Cases,
+    Columns,
+    FemModel,
+    Plan,
+    check_quantities,
+    models_of,
+)
+from studies.mechanics.timed_quantities import check_motion
+from studies.output import atomic_files, console, table_files
+from studies.output.records import FlatRow
+from studies.output.result import Result, Table
+from studies.sweeps.study_rows import Rows, Solved, flat_rows
 
+if TYPE_CHECKING:
+    from studies.inputs.option_groups import Sweep
+
+FILES = ("sweep.csv", "sweep.parquet", "sweep.png", "sweep-*.png")
+"""Files that a sweep may write into its folder."""
+MOST_SHOWN = 1000
+"""Largest number of rows of a table on the screen."""
 MOST_CASES = 100_000_000
 """Largest number of cases of a study; more are taken for a mistake."""
 BATCH = 8192
@@ -71,6 +98,15 @@ def run(
             f"a sweep may have at most {MOST_CASES} cases; these axes give {plan.count}: take fewer values"
         )
     return _run(plan, folder, store, processes, progress)
+
+
+@contextlib.contextmanager
+def opened(
+    plan: Plan, out: Path | None, progress: Progress, processes: Processes, store: Path | None = None
+) -> Iterator[Iterator[Columns]]:
+    """Yield the batches of a sweep's rows, see `run`; `store` is the store's file, default: the user's."""
+    with stores.opened(store or stores.default()) as states, atomic_files.results(out) as folder:
+        yield run(plan, folder, states, processes=processes, progress=progress)
 
 
 def _run(
@@ -144,3 +180,222 @@ def _solved(
         chosen=[(target.choice.name, target.choice.bound) if target.choice else ("", math.nan) for target in chosen],
         others={name: of(name) for name in KINDS if name in plan.quantities},
     )
+
+
+# A sweep as options and a study file ask for it
+
+
+def plan_of(source: str | None, options: Sweep, sets: Sequence[str] = ()) -> Plan:
+    """Return the study of a file, or of a design with axes, ready to run; options replace the study's values."""
+    study = _study(source, options)
+    magnet = options.magnet or study.magnet or "rigid"
+    design = study_input.study_design(study, sets, magnet=magnet)
+    names = tuple(name for factor in study.factors for name in factor.names)
+    _check_twice(names, options, sets, study)
+    load = _load(study, options)
+    fem, formulas = _models(options, study)
+    asked = study.quantities if options.quantities is None else _parts(options.quantities)
+    quantities = study_input.checked_quantities(asked)
+    if study_input.needs_load(quantities) and not {"depth", "grip"} & {*names, *load}:
+        raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
+    plan = Plan(design, study.factors, load, magnet, fem, formulas, quantities)
+    if not quantities:
+        sideways = ("tilt",) if plan.loads_sideways else ()
+        quantities = study_input.checked_quantities((*DEFAULT_QUANTITIES, *sideways))
+    check_quantities(quantities, fem, formulas)
+    check_motion({*names, *load}, quantities)
+    return dataclasses.replace(plan, quantities=quantities)
+
+
+def _parts(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(","))
+
+
+def _study(source: str | None, options: Sweep) -> study_input.Study:
+    if source is not None and options.design is not None:
+        raise BadInput(f"the design is given twice, {source!r} and --design {options.design!r}: give one of them")
+    if source is not None and study_input.is_study(source):
+        if options.axis:
+            raise BadInput(f"the study {source!r} has its own axes: leave --axis out, or give a design instead")
+        return study_input.read_study(source)
+    if not options.axis:
+        raise BadInput(
+            "a sweep needs at least one axis: add --axis NAME=a,b,c, or give a study file with a table [axes]"
+        )
+    factors = study_input.grid(study_input.parse_axes(options.axis))
+    return study_input.Study(source or options.design or "paper", {}, factors, {})
+
+
+def _check_twice(names: Sequence[str], options: Sweep, sets: Sequence[str], study: study_input.Study) -> None:
+    load, given = study.load, [text.partition("=")[0].strip() for text in options.load or ()]
+    for name, _, value in (text.partition("=") for text in sets):
+        if name.strip() in names:
+            raise BadInput(f"{name.strip()} is both an axis and set to {value.strip()}: leave one of them out")
+    if options.depth is not None and "depth" in given:
+        raise BadInput("depth is given twice, by --depth and by --load: leave one of them out")
+    if "depth" in names and (options.depth is not None or "depth" in load):
+        raise BadInput(
+            "depth is given twice, as an axis and as a single value (--depth or the study's): leave one of them out"
+        )
+    for name, where in [*((name, "by --load") for name in given), *((name, "in [load]") for name in load)]:
+        if name in names:
+            raise BadInput(f"{name} is given twice, as an axis and {where}: leave one of them out")
+    if "magnet" in names and (options.magnet is not None or study.magnet is not None):
+        where = "by --magnet" if options.magnet is not None else "alone in the study"
+        raise BadInput(f"magnet is given twice, as an axis and {where}: leave one of them out")
+
+
+def _load(study: study_input.Study, options: Sweep) -> dict[str, Value]:
+    load = dict(study.load)
+    for name, text in user_input.pairs("--load", options.load or (), "shear=1").items():
+        user_input.check_keys("--load", [name], study_axes.LOAD)
+        load[name] = study_axes.parse(name, text)[0]
+    if options.depth is not None:
+        load["depth"] = study_axes.checked("depth", [options.depth])[0]
+    return load
+
+
+def _models(options: Sweep, study: study_input.Study) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
+    given = study.models if options.models is None else _parts(options.models)
+    accuracy = options.accuracy or study.accuracy
+    if given and accuracy:
+        raise BadInput(
+            f"models and accuracy both choose finite elements ({', '.join(given)}; {accuracy}): leave one of them out"
+        )
+    tolerance = user_input.parse_tolerance(options.tolerance) if options.tolerance else study.tolerance
+    if tolerance is not None and accuracy:
+        raise BadInput(f"a tolerance chooses the accuracy, which is given too ({accuracy}): leave one of them out")
+    given = given or (("paper",) if tolerance is not None else (accuracy or "standard", "paper"))
+    return models_of(given, tolerance)
+
+
+# What the screen shows
+
+CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
+"""Columns that identify the case of a row, in a comparison or a sweep over the usual axes."""
+
+
+class Shown:
+    """The first rows of a sweep, which the screen shows, and counts of all.
+
+    Attributes
+    ----------
+    case : columns that identify the case of a row.
+    count, unstable, failed : numbers of all rows, and of those whose state is unstable or has no answer.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.case = tuple(dict.fromkeys((*CASE, *(study_axes.column(name) for name in plan.axes))))
+        self.count = self.unstable = self.failed = self.beyond = 0
+        self.rows: list[FlatRow] = []
+        self.failures: list[FlatRow] = []
+        self.chosen: Counter[str] = Counter()
+
+    def add(self, batch: Columns) -> Iterator[FlatRow]:
+        """Count the rows of a batch, and yield them."""
+        for row in flat_rows(batch):
+            self.count += 1
+            self.unstable += row["status"] == "unstable"
+            self.beyond += row["status"] == UNMET
+            self.chosen[row.get("chosen_model", "")] += 1
+            if row["status"] not in ANSWERED:
+                self.failed += 1
+                self.failures += [row] if len(self.failures) < MOST_SHOWN else []
+            self.rows += [row] if len(self.rows) < MOST_SHOWN else []
+            yield row
+
+    def result(self) -> Result:
+        """Return the rows as a table with their remarks, or their number if there are many; without JSON."""
+        blocks: list[Any] = []
+        if self.count > MOST_SHOWN:
+            many = f"{self.count} of {self.plan.count} rows"
+            blocks = [f"{many}; --out FOLDER or --json has them, a table on the screen does not."]
+        elif self.rows:
+            answered = [row for row in self.rows if row["status"] in ANSWERED]
+            blocks = [table(self.rows, "Sweep", self.case), *console.remarks(answered, self.case, self.rows)]
+        return Result(title="Sweep", records=[], shown=blocks)
+
+    def remarks(self) -> list[str]:
+        """Return the models that a tolerance has chosen, and the reasons and numbers of failures."""
+        said = [*self._choices(), *console.remarks(self.failures, self.case, self.rows)]
+        if self.unstable:
+            said.append(
+                f"{self.unstable} of {self.count} cases are unstable: their numbers are those of an equilibrium that "
+                "a real sensor leaves"
+            )
+        return [*said, f"{self.failed} of {self.count} cases failed"] if self.failed else said
+
+    def _choices(self) -> list[str]:
+        tolerance = self.plan.reference.tolerance if self.plan.reference else None
+        if tolerance is None:
+            return []
+        names = ", ".join(f"{name} in {count}" for name, count in self.chosen.items() if name) or "no model in any"
+        why = "each the cheapest model whose measured errors for that kind of load meet it"
+        texts = [f"tolerance {percent(tolerance)}: {names} of {self.count} cases, {why}"]
+        if self.beyond:
+            texts.append(f"{self.beyond} cases are not known to meet the tolerance: take a smaller one")
+        return texts
+
+
+def table(rows: Sequence[FlatRow], title: str, case: Sequence[str] = CASE) -> Table:
+    """Return the table of the main results of both models; files and a wide table have all columns."""
+    results, errors = _compared(rows[0])
+    keys = _main_columns(rows[0], case)
+    varying = [key for key in case if len({row.get(key) for row in rows}) > 1]
+    first = ("status", *varying, f"fem_{results[0]}", f"analytic_{results[0]}", errors[0])
+    brief = [key for key in rows[0] if key not in keys]
+    return Table(title=title, rows=rows, brief=brief, first=first)
+
+
+def _compared(row: FlatRow) -> tuple[tuple[str, str], tuple[str, ...]]:
+    sheared = any(key.endswith("force_x_N") for key in row)
+    results = ("force_x_N", "shift_x_mm") if sheared else ("force_N", "shift_z_mm")
+    return results, tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in results)
+
+
+def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
+    results, errors = _compared(row)
+    answers = [key for name in results for key in row if key.endswith(f"_{name}")]
+    others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_", "response_", "loop_"))]
+    judged = [key for error in errors for key in row if key.endswith(error)]
+    return (*case, *answers, *judged, *others, "fem_tilt_rad", "chosen_model", "status")
+
+
+def idle_axes(shown: Shown, *, whole: bool) -> list[tuple[str, str]]:
+    """Return the axes of a sweep that change no column of the output, each with the reason.
+
+    Parameters
+    ----------
+    whole : whether the output has all columns (files, JSON, a wide table) or the main ones.
+    """
+    rows, plan = shown.rows, shown.plan
+    if not rows or shown.count > MOST_SHOWN:
+        return []
+    # axes that vary together are judged together, by the first of them
+    groups = [factor.names for factor in plan.factors if not factor.sampled]
+    axes = {names[0]: names for names in groups if len(plan.factors) == len(groups)}
+    idle = _idle(rows, axes, rows[0])
+    reasons = [(name, "the results are the same for all its values") for name in idle]
+    main = _main_columns(rows[0], shown.case)
+    hidden = [] if whole else [name for name in _idle(rows, axes, main) if name not in idle]
+    return reasons + [(name, "it changes only columns that --wide, --json and --out show") for name in hidden]
+
+
+def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[str]], keys: Iterable[str]) -> list[str]:
+    """Return the axes along which none of the columns changes, from solved cases that differ in one axis only."""
+    columns = {name: study_axes.column(name) for name in axes}
+    own = {study_axes.column(name) for names in axes.values() for name in names}
+    figures = [key for key in keys if key not in (*own, "solve", "seconds")]
+    idle = []
+    for name in axes:
+        others = [column for axis, column in columns.items() if axis != name]
+        lines: dict[tuple[Any, ...], list[str]] = {}
+        for row in rows:
+            if row.get("status") in ANSWERED:
+                # compare texts, because a NaN differs from itself
+                figure = repr([row.get(key) for key in figures])
+                lines.setdefault(tuple(row.get(column) for column in others), []).append(figure)
+        if max(map(len, lines.values()), default=0) > 1 and all(len(set(texts)) == 1 for texts in lines.values()):
+            idle.append(name)
+    return idle

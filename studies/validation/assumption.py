@@ -34,13 +34,13 @@ from analytic.parts import of_design
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.inputs.option_groups import Whole
+from studies.inputs.option_groups import Sweep, Whole
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, Plan, varied
 from studies.output import atomic_files
 from studies.output.figures import COLOURS, Figure, Look, heat, plot, save, table_of
 from studies.output.result import Result, Table
-from studies.sweeps import sweep_request
+from studies.sweeps import sweep
 from studies.sweeps.study_rows import flat_rows
 from studies.validation import pages
 from studies.validation.pages import Row
@@ -64,7 +64,7 @@ DEPTHS, BODIES = (0.06, 0.2), (0.0, 0.25)
 
 def plan_of(study: Path) -> Plan:
     """Return the plan of a study file; BadInput if it lacks a model or an axis."""
-    plan = sweep_request.plan_of(str(study), sweep_request.Options())
+    plan = sweep.plan_of(str(study), Sweep())
     why, allowed = "", (*CELL, *WITH_HEIGHT)
     if len(plan.fem) != 1 or not set(beam.LEVELS) <= set(plan.formulas):
         why = f"must have one finite-element model and all levels of the formulas ({', '.join(beam.LEVELS)}): "
@@ -110,7 +110,7 @@ def run(
     """
     plan = plan_of(study or STUDY)
     atomic_files.check_apart([store], [study or STUDY])
-    with sweep_request.sweep(plan, None, progress, Processes(workers, scheduler), store) as batches:
+    with sweep.opened(plan, None, progress, Processes(workers, scheduler), store) as batches:
         tables = list(batches)
     return result({name: np.concatenate([each[name] for each in tables]) for name in tables[0]}, plan.design)
 
