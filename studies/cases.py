@@ -137,7 +137,6 @@ def answer(
 
 
 def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:
-    """Return the values of the fields, and for each case why it is refused, "" if it is not."""
     names = [_axis(str(column)) for column in cases.columns]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
@@ -152,7 +151,6 @@ def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values]
 def _plan(
     base: Design, factor: Factor, models: Sequence[str | FemModel], asked: tuple[QuantityName, ...], reference: str
 ) -> Plan:
-    """Return the study of the possible cases."""
     fem, formulas = models_of([model for model in models if isinstance(model, str)])
     fem += tuple(model for model in models if isinstance(model, FemModel))
     magnet: Magnet = "rigid" if base.shape.has_magnet else "ignored"
@@ -250,6 +248,5 @@ def _refusal(name: str, cell: str | float, given: object = None) -> str:
 
 
 def _number(cell: Any) -> float:
-    """Return a number as a float; NaN for what is none."""
     known = isinstance(cell, (numbers.Real, decimal.Decimal)) and not isinstance(cell, (bool, np.bool_))
     return float(cell) if known else math.nan

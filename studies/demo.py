@@ -86,7 +86,6 @@ def _part(show: Progress, low: float, high: float, name: str) -> Progress:
 
 
 def _write_last(folder: Path, name: str, design: Design, states: Sequence[LoadOutcome]) -> None:
-    """Write the last converged state as a .vtu file and as a picture of its section."""
     from studies.output.solution_pictures import section_picture
 
     reached: list[Solution] = [state.solution for state in states if state.solution is not None]

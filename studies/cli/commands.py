@@ -126,7 +126,6 @@ def _joined(tokens: list[str]) -> list[str]:
 
 
 def _unknown(error: UnknownOptionError) -> str:
-    """Return the message for an option that a verb does not have; similarity is measured without the dashes."""
     import difflib
 
     option = error.token.keyword or error.token.value
@@ -143,7 +142,6 @@ def _moved(words: list[str]) -> str:
 
 
 def _missing(error: MissingArgumentError) -> str:
-    """Return the message for a required argument that is missing, or for an option without its value."""
     verb = " ".join(error.command_chain or ())
     if error.keyword is not None or error.argument is None:
         return f"{verb}: {error.keyword} needs a value: add it behind the option"
@@ -152,7 +150,6 @@ def _missing(error: MissingArgumentError) -> str:
 
 
 def _unused(error: UnusedCliTokensError) -> str:
-    """Return the message for values that belong to no option and are not the verb's positional argument."""
     verb, chain = app, error.command_chain or ()
     for name in chain:
         verb = verb[name]

@@ -50,7 +50,6 @@ def _end_at_once(status: int) -> None:
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End the process, which has not written anything yet, with a sentence."""
     with contextlib.suppress(OSError):
         os.write(2, b"magtip: interrupted before anything was begun\n")
     os._exit(128 + number)

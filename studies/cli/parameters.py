@@ -109,7 +109,6 @@ def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
 
 
 def _option(name: str, value: str) -> list[str]:
-    """Return the words of an option; a value that begins with a dash is joined to its name."""
     return [f"{name}={value}"] if value.startswith("-") else [name, value]
 
 

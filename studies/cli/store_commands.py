@@ -66,7 +66,6 @@ def list_(
 
 
 def _varying_first(rows: list[FlatRow]) -> list[FlatRow]:
-    """Return the rows with the columns last that have one value in all of them: a narrow table leaves these out."""
     constant = [key for key in (rows[0] if rows else ()) if len({row[key] for row in rows}) == 1]
     order = [*(key for key in (rows[0] if rows else ()) if key not in constant), *constant]
     return [{key: row[key] for key in order} for row in rows] if len(rows) > 1 else rows

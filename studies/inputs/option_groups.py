@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar, dataclass_transform
 
 from cyclopts import Parameter, Token
 
@@ -14,6 +14,7 @@ from geometry.design import BadInput
 from geometry.loads import Magnet, Waveform
 from studies.inputs.user_input import AccuracyName
 
+_T = TypeVar("_T")
 FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
 LawName = Literal["neo-hookean", "mooney-rivlin", "yeoh", "ogden"]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
@@ -41,13 +42,34 @@ TOLERANCE = Parameter(
     help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in "
     "`magtip validate trade` meet it, instead of --accuracy."
 )
+STORE = Parameter(
+    help="File that keeps all solved states; default: the user's, or the one that the environment variable "
+    "MAGTIP_STORE names."
+)
+FORMULAS = Parameter(
+    help="Formulas for tilt and load: paper (no tilt, too small a force), column, tip, magnet or finite; "
+    "default: paper."
+)
+RESPONSES = Parameter(
+    help="File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load "
+    "instead of formulas."
+)
+NO_TILT = Parameter(help="Assume that the magnet does not tilt.")
+Mode = Annotated[
+    Literal["component", "magnitude"],
+    Parameter(help="Reading of an element: component B.n, or magnitude |B| as in the paper."),
+]
 CALIBRATION = Parameter(
     help="calibration.json of `magtip calibrate`: take the made sensor that it describes, with 90 % intervals."
 )
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+def _options(group: type[_T]) -> type[_T]:
+    return Parameter(name="*")(dataclass(frozen=True, slots=True, kw_only=True)(group))
+
+
+@_options
 class Motion:
     """Motion of the plate or of the grip, and the contact.
 
@@ -93,8 +115,7 @@ class Motion:
     grip: float | None = None
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Pose:
     """Pose of the magnet.
 
@@ -111,8 +132,7 @@ class Pose:
     tilt: str = "0,0"
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Method:
     """Model, mesh and accuracy of the finite elements.
 
@@ -140,42 +160,29 @@ class Method:
         return self.accuracy or "standard"
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Basis:
     """Poses and readings on which a layout of Hall elements is evaluated.
 
     Attributes
     ----------
-    level
-        Formulas for tilt, force and size of the workspace: paper (no tilt), column, tip, magnet or finite; default:
-        paper.
-    responses
-        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, instead of formulas.
-    ignore_tilt
-        Assume that the magnet does not tilt.
-    mode
-        Reading of an element: component B.n, or magnitude |B| as in the paper.
     clearance
         Least distance between an element and the moved magnet or the beam's wall, mm.
     """
 
-    level: str | None = None
-    responses: Path | None = None
-    ignore_tilt: bool = False
-    mode: Literal["component", "magnitude"] = "component"
+    level: Annotated[str | None, FORMULAS] = None
+    responses: Annotated[Path | None, RESPONSES] = None
+    ignore_tilt: Annotated[bool, NO_TILT] = False
+    mode: Mode = "component"
     clearance: float = 0.0
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Selection:
     """States of the store, all of them by default.
 
     Attributes
     ----------
-    store
-        File of the store; default: the user's, or the one that the environment variable MAGTIP_STORE names.
     where
         Filter by a field, NAME=VALUE, NAME=a,b or NAME=low:high; repeatable. Fields are model, magnet, law, nu,
         L_over_D, accuracy, friction, depth_over_D, status and the other columns of an export.
@@ -193,7 +200,7 @@ class Selection:
         Only states whose content, position or answer is damaged.
     """
 
-    store: Path | None = None
+    store: Annotated[Path | None, STORE] = None
     where: list[str] | None = None
     since: str | None = None
     before: str | None = None
@@ -203,8 +210,7 @@ class Selection:
     damaged: bool = False
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Vibration:
     """State at rest of a sensor, and the frequencies at which it vibrates.
 
@@ -238,8 +244,7 @@ class Vibration:
     extrapolate: bool = False
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Cycle:
     """Motion of the plate in time.
 
@@ -288,15 +293,12 @@ class Cycle:
     extrapolate: bool = False
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Reading:
     """How the elements read.
 
     Attributes
     ----------
-    mode
-        Reading of an element: component B.n, or magnitude |B| as in the paper.
     ambient
         Uniform ambient field Bx,By,Bz, T.
     seed
@@ -304,13 +306,12 @@ class Reading:
     """
 
     level: Annotated[FieldLevel, LEVEL] = "exact"
-    mode: Literal["component", "magnitude"] = "component"
+    mode: Mode = "component"
     ambient: str = "0,0,0"
     seed: Whole | None = None
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Decoding:
     """What is decoded, and by which mechanics.
 
@@ -327,14 +328,6 @@ class Decoding:
         rest.
     units
         Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output.
-    level
-        Formulas for tilt and load: paper, column, tip, magnet or finite; default: paper, which has no tilt and
-        underestimates the force.
-    responses
-        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load
-        instead of formulas.
-    ignore_tilt
-        Assume that the magnet does not tilt.
     tolerances
         NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
         that these tolerances may cause at rest has the status uncalibrated.
@@ -344,15 +337,14 @@ class Decoding:
     file: Path | None = None
     zero: str | None = None
     units: Literal["T", "V"] | None = None
-    level: str | None = None
-    responses: Path | None = None
-    ignore_tilt: bool = False
+    level: Annotated[str | None, FORMULAS] = None
+    responses: Annotated[Path | None, RESPONSES] = None
+    ignore_tilt: Annotated[bool, NO_TILT] = False
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
     calibration: Annotated[Path | None, CALIBRATION] = None
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Calibrating:
     """What is known of a made sensor and its test stand.
 
@@ -387,8 +379,7 @@ class Calibrating:
     scan: bool = False
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Streaming:
     """Where readings come from, how a frame of them is laid out, and by what they are decoded.
 
@@ -420,11 +411,6 @@ class Streaming:
     rest
         Time at the start, s, in which nothing touches the sensor: its readings are taken for those at rest. On a
         terminal, z and Enter take those of the last half second.
-    level
-        Formulas for tilt and load: paper, column, tip, magnet or finite; default: paper, which has no tilt and
-        underestimates the force.
-    responses
-        File of states printed by `magtip solve --json`, for tilt and load instead of formulas.
     """
 
     port: str
@@ -438,13 +424,12 @@ class Streaming:
     baud: Whole = 115200
     speed: float = 1.0
     rest: Annotated[float, Parameter(name="--zero")] = 0.0
-    level: str | None = None
-    responses: Path | None = None
+    level: Annotated[str | None, FORMULAS] = None
+    responses: Annotated[Path | None, RESPONSES] = None
     calibration: Annotated[Path | None, CALIBRATION] = None
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class LayoutParts:
     """Parts of a study of a layout beside its map.
 
@@ -471,8 +456,7 @@ class LayoutParts:
     force_range: str | None = None
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Fabrication:
     """How the parts are made.
 
@@ -504,8 +488,7 @@ class Fabrication:
     silicone: str | None = None
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Sweep:
     """What varies in a sweep, and what is computed.
 
@@ -544,16 +527,12 @@ class Sweep:
     tolerance: Annotated[str | None, TOLERANCE] = None
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Solving:
     """Where states are solved and kept.
 
     Attributes
     ----------
-    store
-        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
-        name.
     workers
         Number of processes that solve; default: one for each core, or none if all solves take only seconds.
     scheduler
@@ -562,14 +541,13 @@ class Solving:
         Solve again the cases whose process died.
     """
 
-    store: Path | None = None
+    store: Annotated[Path | None, STORE] = None
     workers: Whole | None = None
     scheduler: str | None = None
     retry_failed: bool = False
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Sensitivity:
     """Inputs and methods of a study of tolerances.
 
@@ -611,8 +589,7 @@ class Sensitivity:
     seed: Whole = 0
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
+@_options
 class Sizing:
     """Effort of a sizing, and what it writes.
 
@@ -628,11 +605,6 @@ class Sizing:
         Largest number of points of the front that are solved; of more points, those far apart are taken.
     sensors
         Number of made sensors from which the yield of the best variant follows.
-    accuracy
-        Accuracy of the finite elements.
-    store
-        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
-        name.
     workers
         Number of processes that solve; default: one for each core.
     calibration
@@ -646,6 +618,6 @@ class Sizing:
     points: Whole = 12
     sensors: Whole = 1000
     accuracy: AccuracyName = "standard"
-    store: Path | None = None
+    store: Annotated[Path | None, STORE] = None
     workers: Whole | None = None
     calibration: Path | None = None

@@ -62,7 +62,6 @@ def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: 
 
 
 def _factor(name: str, text: str, unit: str) -> float:
-    """Return the factor that converts a written unit; no unit at all stands for `unit` itself."""
     known = UNITS[unit]
     if not text:
         return 1.0

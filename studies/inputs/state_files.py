@@ -61,7 +61,6 @@ def read(path: Path, design: Design) -> list[State]:
 
 
 def _state(line: int, record: dict[str, Any]) -> State:
-    """Return the state of a line; one that failed may lack a pose."""
     status, message = str(record["status"]), str(record.get("message") or "")
     if status != "ok" and record.get("shift_mm") is None:
         return State(line, status, message, None, None)

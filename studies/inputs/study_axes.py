@@ -171,7 +171,6 @@ def parse(name: str, text: str) -> list[Value]:
 
 
 def _value(name: str, text: str) -> Value:
-    """Return the number in a text, or the text itself if the axis accepts names."""
     try:
         return float(text)
     except ValueError:

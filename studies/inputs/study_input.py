@@ -270,7 +270,6 @@ def _zipped(path: str, group: Mapping[str, Any]) -> Factor:
 
 
 def _sample(path: str, table: Mapping[str, Any]) -> Factor:
-    """Return the points of a sample in a box, drawn by scipy.stats.qmc with a seed."""
     where = f"{path}: sample"
     kinds = {"method": str, "count": int, "seed": int, "ranges": dict[str, Any], "log": list[str]}
     check_keys(where, table, kinds)
@@ -304,7 +303,6 @@ def _sample(path: str, table: Mapping[str, Any]) -> Factor:
 def _box(
     where: str, ranges: Mapping[str, Any], log: Sequence[str]
 ) -> tuple[dict[str, float], dict[str, float], Sequence[str]]:
-    """Return the lower and the upper bounds of a sample's axes, and the axes that are sampled on a log scale."""
     low: dict[str, float] = {}
     high: dict[str, float] = {}
     for name, ends in ranges.items():

@@ -64,7 +64,6 @@ def csv_rows(path: Path, *, comments: bool = False) -> Rows:
 
 
 def _check_separator(path: Path, line: int, head: str) -> None:
-    """Raise BadInput if the header has more of another separator than commas."""
     for sign, name in SEPARATORS.items():
         if head.count(sign) > head.count(","):
             raise BadInput(
@@ -140,7 +139,6 @@ def _not_finite(name: str) -> NoReturn:
 
 
 def _finite(text: str) -> float:
-    """Convert a number of JSON; 1e999 is valid JSON but overflows to infinity."""
     value = float(text)
     if not math.isfinite(value):
         _not_finite(text)

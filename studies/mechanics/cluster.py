@@ -123,7 +123,6 @@ def _greet(address: str) -> None:
 
 
 def _check_workers(client: Any, address: str) -> None:
-    """Refuse a cluster without workers, or with workers that have another version of magtip."""
     try:
         client.wait_for_workers(1, timeout=CONNECT)
     except TimeoutError:

@@ -173,7 +173,6 @@ def with_readings(
 
 
 def _of_made_sensor(design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], made: Made) -> list[CycleState]:
-    """Return the states of a calibrated sensor: with its forces, outputs and decoded forces."""
     responses = [state.solution.response for _, state, _ in passed]
     shift, tilt, force = (
         np.array([getattr(one, name) for one in responses]) for name in ("shift", "rotation", "force")
@@ -250,7 +249,6 @@ def _rounded(value: float, scale: float) -> float:
 
 
 def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
-    """Return the difference of the forces at mid-stroke, on the way in and on the way out."""
     middle: dict[Phase, float] = {
         one.stop.phase: float(value)
         for one, value in zip(own, force, strict=True)
@@ -260,7 +258,6 @@ def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
 
 
 def _scale(force: Array, before: float | None) -> float:
-    """Return the difference of the largest and the least force of a cycle, with that before it."""
     return float(np.ptp(force if before is None else np.append(force, before)))
 
 
@@ -452,7 +449,6 @@ def _follow(
     tolerance: float,
     progress: Progress,
 ) -> Iterator[tuple[Stop, TimedState, bool]]:
-    """Yield each state with the load of the motion that it moves to, and whether it has reached that."""
     from fem.accuracy import LEVELS
     from fem.analyses.timed_path import TimeControl, follow
 

@@ -303,7 +303,6 @@ def sideways_error(share: float, design: Design, load: Load, along_N: float) -> 
 def _choices(
     rule: Sequence[Statement], design: Design, loads: Sequence[Load], magnet: Magnet, *, formulas: bool
 ) -> Iterator[Choice]:
-    """Yield every model that can carry the loads with its largest bound, the cheapest first."""
     fem, kind = choose_model(loads, "auto"), kind_of(loads)
     places = [(load, region(design, load, magnet, kind)) for load in loads]
     own: dict[tuple[str, str], list[Statement]] = {}

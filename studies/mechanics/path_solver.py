@@ -103,7 +103,6 @@ def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> P
 
 
 def _canonical(scene: Scene, load: Load) -> tuple[Load, tuple[float, float]]:
-    """Return the load that is solved in place of this one, and the direction to which its answer is turned."""
     if not load.shears_tip:
         friction = "none" if load.coulomb is None else load.friction
         return replace(load, shear_x=0.0, shear_y=0.0, friction=friction), (1.0, 0.0)
@@ -405,7 +404,6 @@ def unsolved(task: Task, reason: str) -> list[State]:
 
 
 def _single(task: Task) -> State:
-    """Return the state of a quantity that is a path of its own."""
     begin = time.perf_counter()
     solve = SINGLE[task.kind]
     try:

@@ -126,7 +126,6 @@ def _crossing(gain: Gain, level: float, f: Array) -> float | None:
 
 
 def _root(gain: Gain, level: float, f: Array, i: int) -> float:
-    """Return where the gain equals a level between the frequencies i - 1 and i."""
     from scipy.optimize import brentq
 
     if i == 0:

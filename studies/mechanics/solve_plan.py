@@ -124,7 +124,6 @@ class Paths:
         return self.paths[key].number if key else 0
 
     def _places(self, problem: Problem) -> dict[str, tuple[Target, Place | None]]:
-        """Return target and place of each answer to a problem; no place where it is impossible."""
         # critical depths and modes alone need no state under a load
         first: Kind = "states" if needs_load(self.plan.quantities) else KINDS[self.plan.quantities[0]]
         kinds = {model.name: (model, first) for model in self.plan.fem if not model.surrogate}
@@ -153,7 +152,6 @@ class Paths:
 
 
 def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice) -> Answer:
-    """Return the answer of a model that needs no solve: a level of the formulas, or the surrogate."""
     if choice.model_kind == "formula":
         response = beam.solve(design, load, choice.level_or_accuracy)
         return Answer(design.D, design.E, response, "ok", "", choice.bound, 0.0)
@@ -227,7 +225,6 @@ class Solves:
             raise KeyboardInterrupt(self._interruption_text()) from None
 
     def _take(self) -> None:
-        """Write the states of the next finished task to the store."""
         done = next(self._finished)
         key = self._keys[done.task.number - 1]
         states = unsolved(done.task, done.reason) if done.answer is None else done.answer

@@ -217,7 +217,6 @@ class Store:
 
 
 def _json(value: Mapping[str, Any]) -> str:
-    """Return canonical JSON; numbers that JSON cannot hold are null."""
     return json.dumps(atomic_files.clean(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 

@@ -463,7 +463,6 @@ def _writer(out: Path, file: Path) -> Iterator[Callable[[StateRows], None]]:
 
 
 def _array(values: tuple[Any, ...], kind: Kind) -> Any:
-    """Return a column as an array, shape (n,); NULL is NaN or None."""
     import numpy as np
 
     if kind in ("text", "text or number"):

@@ -162,7 +162,6 @@ def differences(connection: sqlite3.Connection, rows: Sequence[Place], progress:
 
 
 def _difference(key: str, content: Content, stored: State) -> str:
-    """Solve a state again; return in which way it differs, empty if it does not."""
     try:
         place = path_solver.place(_scene(content, stored), content["quantity"], _motion(content, stored))
     except (BadInput, KeyError) as error:
@@ -248,7 +247,6 @@ def _load(content: Content, at: Position, D: float, E: float) -> Load:
 
 
 def _of_load(content: Content) -> Mapping[str, Any]:
-    """Return what a path's content says of its loads; nothing for a critical depth."""
     values: Mapping[str, Any] = content.get("load", {})
     return values
 

@@ -287,7 +287,6 @@ class Cases:
         return codes.tolist(), firsts.tolist(), inverse.astype(np.int64)
 
     def _sensor(self, axes: Mapping[str, NDArray[Any]], k: int) -> Design | str:
-        """Return the design of a case, with the E of the base design, or the reason why it is impossible."""
         fields = {name: _value(axes[name][k]) for name in axes if name in DESIGN and name != "E"}
         try:
             return varied(self.plan.design, fields)
@@ -355,7 +354,6 @@ def varied(base: Design, fields: Mapping[str, Value]) -> Design:
 
 
 def _array(values: Sequence[Value] | NDArray[Any]) -> NDArray[Any]:
-    """Return the values of an axis as an array: floats, or objects where some are names."""
     if isinstance(values, np.ndarray):
         return values
     named = any(isinstance(value, str) for value in values)

@@ -79,7 +79,6 @@ def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate |
 
 
 def _estimate(found: Mapping[str, Quantity], row: int, design: Design, load: Load) -> Estimate:
-    """Return the response of a case from its dimensionless values and half widths."""
     q = {name: (float(one.value[row, 0]), float(one.half_width[row, 0])) for name, one in found.items()}
     errors, x, y = dict[str, float | None](), 1.0, 0.0
     if load.shears_tip:

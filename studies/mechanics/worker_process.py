@@ -139,7 +139,6 @@ class WorkerProcesses:
             _finish(process)
 
     def _take(self, owner: str) -> subprocess.Popen[bytes]:
-        """Return a process that is ready for a job: an idle one, or a new one."""
         for _ in range(STARTS):
             with self._lock:
                 if owner in self._ended:
@@ -177,7 +176,6 @@ def _start(threads: int) -> subprocess.Popen[bytes]:
 
 
 def _exchange(process: subprocess.Popen[bytes], job: bytes, hear: Callable[[Any], None] | None) -> bytes | None:
-    """Send a job and return the answer; None if the process dies."""
     try:
         _write(process, job)
     except BrokenPipeError:
@@ -197,7 +195,6 @@ def _write(process: subprocess.Popen[bytes], message: bytes | int) -> None:
 
 
 def _receive(process: subprocess.Popen[bytes]) -> Any:
-    """Return what a process sends, an answer or a tuple with what a job says; None if it dies."""
     assert process.stdout is not None
     try:
         return pickle.load(process.stdout)
@@ -211,7 +208,6 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def _finish(process: subprocess.Popen[bytes]) -> int:
-    """Kill a process, close its pipes and return its exit code, which is its own one if it has ended before."""
     _kill(process)
     code = process.wait()
     for stream in (process.stdin, process.stdout):

@@ -122,7 +122,6 @@ def _finished(
 
 
 def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:
-    """Return a finished task with the time that its answer took, s; NaN without an answer."""
     try:
         value, error, seconds = future.result()
     except WorkerDied as death:

@@ -93,7 +93,6 @@ def _locked(file: Path, what: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _folder_made(path: str | Path) -> Iterator[Path]:
-    """Yield the folder of `output_folder`; delete it, and parents made with it, if they stay empty."""
     new = [folder for folder in (Path(path), *Path(path).parents) if not os.path.lexists(folder)]
     try:
         yield output_folder(path)
@@ -202,7 +201,6 @@ def _delete_left_folders(folder: Path) -> None:
 
 
 def _runs(process: int) -> bool:
-    """Return whether a process with this number may still run; True on systems that cannot say."""
     try:
         if os.name == "posix":
             os.kill(process, 0)
@@ -301,7 +299,6 @@ def only(file: Path) -> Iterator[None]:
 
 
 def _locked_handle(file: Path) -> int:
-    """Open the lock file and lock it; return its handle."""
     while True:
         handle = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
         try:

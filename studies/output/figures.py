@@ -366,7 +366,6 @@ def _spec(chart: Any) -> dict[str, Any]:
 
 
 def _known(data: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
-    """Return the rows that have both coordinates, or are failed cases."""
     known = np.ones(len(data), dtype=bool)
     for name in (x, y):
         if not _is_named(data, name):
@@ -377,7 +376,6 @@ def _known(data: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
 
 
 def _is_named(data: pd.DataFrame, column: str) -> bool:
-    """Return whether a column has names and not numbers."""
     return data[column].dtype.kind not in "fiub"
 
 
@@ -395,7 +393,6 @@ def _cell_axis(data: pd.DataFrame, name: str, sort: str = "ascending") -> dict[s
 def _shaded(
     data: pd.DataFrame, known: Any, value: str, edges: Sequence[float], colours: Mapping[str, str] = {}
 ) -> tuple[pd.DataFrame, Any]:
-    """Return the cells of a map with the class of each, where there are classes, and the encoding of its colour."""
     import altair as alt
 
     if colours:
@@ -493,7 +490,6 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
 
 
 def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> list[Any]:
-    """Return the layers of a plot: bands or bars, lines, points, names beside points, failed cases."""
     import altair as alt
 
     x, y = axes

@@ -120,7 +120,6 @@ def _refusal(file: Path, reason: str, other: str) -> BadInput:
 
 
 def _listed(folder: Path) -> dict[str, set[str]] | None:
-    """Return the digests of the files that are listed in a folder, by their names; None without a list."""
     try:
         text = (folder / LIST).read_bytes().decode("utf-8", "replace")
     except OSError:

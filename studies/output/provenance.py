@@ -175,7 +175,6 @@ def _project(root: Path) -> str | None:
 
 
 def _git(folder: Path, *words: str) -> str | None:
-    """Run git in a folder and return its output; None if git fails or is not installed."""
     try:
         process = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, timeout=20, check=True)
     except (OSError, subprocess.SubprocessError):

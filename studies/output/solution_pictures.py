@@ -114,7 +114,6 @@ def plane_name(solution: Solution) -> str:
 
 
 def _slope(solution: Solution) -> float:
-    """Return the descent of the tilted plate along the section, per mm."""
     return solution.load.direction[0] * math.tan(solution.load.plate_tilt)
 
 
@@ -166,7 +165,6 @@ def _add_magnet(plotter: Any, design: Design, response: Response, reach: float) 
 
 
 def _placed(local: Array, design: Design, response: Response) -> Array:
-    """Return points (n, 2) of the magnet's frame in the section, mm."""
     c, s = math.cos(response.tilt), math.sin(response.tilt)
     x = c * local[:, 0] + s * local[:, 1] + response.shift[0]
     z = -s * local[:, 0] + c * local[:, 1] + response.shift[2] + design.H
@@ -189,7 +187,6 @@ def plate_span(design: Design, solution: Solution, moved: Array, slope: float) -
 
 
 def _bottom(design: Design, solution: Solution) -> float:
-    """Return the height of the plate's lower face on the beam's axis, mm."""
     load = solution.load
     return design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
 
@@ -282,7 +279,6 @@ def _reach(design: Design, solution: Solution, slope: float, span: tuple[float, 
 def _aim(
     plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
 ) -> None:
-    """Point the camera along +y at the section, with everything in view and the scalar bar beside it."""
     left, right = _width(design, span)
     centre = (left + right) / 2 + 0.20 * reach * SIZE[0] / SIZE[1]
     height = (_top(design, solution, slope) - 0.28 * reach) / 2
@@ -420,7 +416,6 @@ def _triangles(mesh: Any) -> NDArray[np.int64]:
 
 
 def _outline(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the nodes (end, middle, end) of the edges that belong to one triangle only, shape (k, 3)."""
     edges = np.concatenate([triangles[:, [0, 3, 1]], triangles[:, [1, 4, 2]], triangles[:, [0, 5, 2]]])
     _, first, count = np.unique(edges[:, 1], return_index=True, return_counts=True)
     return np.asarray(edges[first[count == 1]])

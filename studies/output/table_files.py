@@ -91,7 +91,6 @@ def _cells(values: NDArray[Any], digits: int) -> list[str]:
 
 @contextlib.contextmanager
 def _parquet(file: Path, about: dict[str, str]) -> Iterator[Write]:
-    """Yield a function that appends a batch to a Parquet file, in groups of `ROW_GROUP` rows."""
     import pyarrow as pa
     from pyarrow import parquet
 

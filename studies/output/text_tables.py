@@ -92,7 +92,6 @@ def column(key: str, values: Sequence[Any]) -> Column:
 
 
 def _is_long(value: Any) -> bool:
-    """Return whether a list may be broken over lines."""
     return isinstance(value, (list, tuple)) and (len(value) > VECTOR or any(isinstance(item, str) for item in value))
 
 

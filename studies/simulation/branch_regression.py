@@ -194,7 +194,6 @@ def _first_times(problem: _Problem, most: int) -> Array:
 
 
 def _merged(problem: _Problem, times: Array) -> Array:
-    """Return the times with two neighbours merged or one left out, whichever costs least, shape (N - 1,)."""
     x = problem.moduli(times)[0][1:] + 1e-300
     candidates = [np.delete(times, k) for k in range(len(times))]
     for k in range(len(times) - 1):
@@ -223,7 +222,6 @@ def _polished(problem: _Problem, times: Array) -> Array:
 
 
 def _assessed(problem: _Problem, times: Array) -> BranchFit:
-    """Return the fit with these times, with its criterion and its confidence."""
     from scipy.special import stdtrit
 
     x, norm = problem.moduli(times)

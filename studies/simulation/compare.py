@@ -127,7 +127,6 @@ def result_of(design: Design, comparison: Comparison, chosen: Choice | None = No
 
 
 def _table(title: str, rows: Sequence[FlatRow]) -> Table:
-    """Return the table of the terminal: force and shift along the motion by all mechanics, and the errors."""
     force, shift = ("force_N", "shift_z_mm") if title == "Press" else ("force_x_N", "shift_x_mm")
     judged = ("force", "force") if title == "Press" else ("force_x", "shift_x")
     places = ("shear_mm", "depth_mm")
@@ -213,7 +212,6 @@ def formulas(design: Design, load: Load) -> tuple[Response | None, str]:
 
 
 def _verdict(fem: LoadOutcome, homogeneous: LoadOutcome, remark: str) -> tuple[str, str]:
-    """Return status and message of a row: the status of the first solve that failed, else of one that is unstable."""
     both = sorted((fem, homogeneous), key=lambda outcome: (outcome.status in ANSWERED, outcome.status == "ok"))
     texts = dict.fromkeys(text for text in (fem.message, homogeneous.message, remark) if text)
     return both[0].status, "; ".join(texts)

@@ -75,7 +75,6 @@ def states(table: pd.DataFrame) -> list[Figure]:
 def _models(
     table: pd.DataFrame, title: str, x: tuple[str, str], quantity: str, label: str, caption: str = ""
 ) -> Figure:
-    """Return a quantity of all models of a comparison; the caption is made from the last row by default."""
     data = long(table, x, label, {f"{prefix}_{quantity}": name for prefix, name in NAMES.items()})
     return plot(title, caption or _last_sentence(data, x[1], label), data, x[1], label, STYLES)
 
@@ -123,7 +122,6 @@ def _errors(table: pd.DataFrame, title: str, x: tuple[str, str], error: str) -> 
 
 
 def _readings(table: pd.DataFrame, title: str, x: tuple[str, str]) -> Figure:
-    """Return the outputs of Hall elements, a panel for each; their fields where they have no voltage."""
     import pandas as pd
 
     volts = any(READING.match(name) for name in table.columns)

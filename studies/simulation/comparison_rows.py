@@ -144,7 +144,6 @@ def with_reading_errors(design: Design, rows: Sequence[FlatRow]) -> list[FlatRow
 
 
 def _largest_change(rows: Sequence[FlatRow], column: str, rest: float) -> float:
-    """Return the largest known change of a reading from rest; 0 if none is known."""
     changes = [abs(row[column] - rest) for row in rows if column in row]
     return max((change for change in changes if not math.isnan(change)), default=0.0)
 

@@ -130,7 +130,6 @@ def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:
 
 
 def _stability_at(record: FlatRow, depth: float, stiffness: float) -> tuple[str, str]:
-    """Return status and sentence of a press to a depth, mm, whose sheared tip sticks to the plate."""
     free, guided, limit = (
         record[name] for name in ("critical_depth_mm", "guided_critical_depth_mm", "guided_stable_to_mm")
     )

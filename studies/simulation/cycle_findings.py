@@ -134,7 +134,6 @@ def _table(cycles: Cycles) -> Table:
 
 
 def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:
-    """Return the interruption with the loops of the cycles that are complete."""
     complete = [one for one in followed if one.loops]
     records = [{"law": one.law, "loops": one.loops} for one in complete]
     reached = len(followed[-1].loops) if followed else 0
@@ -143,7 +142,6 @@ def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:
 
 
 def _loss_factor(design: Design, motion: Motion, gap: float, follow: Callable[[Design], Cycles]) -> FlatRow:
-    """Return the loss factor with a gap, percent, its loop and a sentence, or why there is none."""
     try:
         factor, row = loading_cycles.loss_factor_of_gap(design, motion, gap, follow)
     except OutOfReach as error:

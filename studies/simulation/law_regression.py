@@ -204,7 +204,6 @@ def _same(larger: Fit, smaller: Fit) -> bool:
 
 
 def _width(stable: Ranges) -> float:
-    """Return the logarithmic width of the ranges of all modes together, rounded off."""
     return round(sum(math.log(high / low) for low, high in stable.values()), 9)
 
 
@@ -297,7 +296,6 @@ def excess(left: Array, stress: Array) -> float:
 
 
 def _whole(form: Form, free: list[float]) -> tuple[float, ...]:
-    """Return all numbers of a form's law: the fitted ones, and the defaults of the others."""
     given = dict(zip(form.free, free, strict=True))
     return tuple(given.get(name, getattr(STANDARD, name)) for name in LAWS[form.law])
 
@@ -503,12 +501,10 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
 
 
 def _farther(other: Fit, fit: Fit) -> bool:
-    """Return whether one law is stable wherever another one is, and beyond."""
     return within(fit.stable, other.stable) and not within(other.stable, fit.stable)
 
 
 def _pressed(fit: Fit) -> float:
-    """Return a law's stress at `PRESSED`, up to a factor common to all laws."""
     return fit.E * float(nominal_stress(fit.law, tuple(fit.numbers.values()), np.array(PRESSED)))
 
 

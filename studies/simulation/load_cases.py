@@ -81,7 +81,6 @@ def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]
 
 
 def _check_motion(motion: Motion) -> bool:
-    """Refuse options that exclude each other; return whether there is a shear."""
     slides = bool(motion.shear or motion.shear_y)
     if motion.depth is not None and motion.depths is not None:
         raise BadInput("--depth and --depths exclude each other: give only one")
@@ -281,7 +280,6 @@ def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:
 
 
 def _level(loads: list[Load], method: Method) -> Accuracy:
-    """Return the accuracy, with the number of harmonics of --harmonics."""
     from fem import accuracy as accuracy_levels
     from fem.scene import MOST_HARMONICS, choose_model
 
@@ -306,7 +304,6 @@ def _rows(
     vtu: Path | None,
     png: Path | None,
 ) -> Generator[FlatRow]:
-    """Yield the rows of the states, and finally write the files of the last one."""
     last: Solution | None = None
     reached = 0
     made_for = design_digest.of_mechanics(design, method.magnet)

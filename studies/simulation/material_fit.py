@@ -57,7 +57,6 @@ def _texts(record: FlatRow) -> FlatRow:
 
 
 def _design_file(path: str, rms: str, command: str, lines: Sequence[str]) -> str:
-    """Return the text of the design file of a fit; it names the test and the command."""
     head = [f"# fitted to {Path(path).name}: rms residual {rms}", f"# by {command}"]
     # a comment cannot contain the end of a line, which the name of a file can
     clean = ["".join(letter if letter.isprintable() else "?" for letter in line) for line in head]
@@ -301,7 +300,6 @@ def _warnings(fit: BranchFit, test: Test) -> list[str]:
 
 
 def _draw_branches(path: Path, test: Test, fit: BranchFit) -> None:
-    """Draw the moduli of a test with the fitted branches, and the loss factor or what the fit leaves over."""
     smooth = np.geomspace(test.at[0], test.at[-1], 400)
     curve, at_points = (branch_regression.model(each, fit) for each in (replace(test, at=smooth), test))
     save(path, branch_figures(test, (smooth, curve), at_points))

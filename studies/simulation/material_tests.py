@@ -360,7 +360,6 @@ def _check_ramp(table: _Table, at: Array, values: Array, ramp: float | None) -> 
 
 
 def _held_stretch(table: _Table, option: float | None) -> float | None:
-    """Return the stretch of a column of `STRETCH` or of the option; None if neither states it."""
     held = option
     if table.has(STRETCH):
         strain = table.one_value({name: factor for name, (_, factor) in STRETCH.items()}, None, "--stretch")

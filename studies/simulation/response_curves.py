@@ -176,7 +176,6 @@ def rows(curves: Curves, coarse: Curves | None, scene: Scene) -> list[FlatRow]:
 
 
 def _polar(name: str, unit: str, values: Complex | None) -> dict[str, Array | None]:
-    """Return the columns of gain and phase; no phase where there is no gain."""
     if values is None or not np.abs(values).max() > 0:
         return {f"{name.removesuffix('_per_N')}{unit}": None, f"{name}_phase_deg": None}
     return {

@@ -284,7 +284,6 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
 
 
 def _gains(at: At, curves: Curves, low: float, high: float, *, damped: bool) -> FlatRow:
-    """Return resonances, slow readings, bandwidths, and the readings at 600 Hz."""
     motion, free, every = curves.motion, curves.force is None, range(len(curves.names))
 
     def size(per: str, k: int) -> Gain:
@@ -327,7 +326,6 @@ def _at_band(at: At, curves: Curves) -> dict[int, tuple[float, float]]:
 
 
 def _slow(values: Complex | None, readers: list[int]) -> list[float | None]:
-    """Return the size of readings (f, k) at the lowest frequency; None where an element reads nothing."""
     if values is None:
         return []
     return [float(abs(values[0, k])) if k in readers else None for k in range(values.shape[1])]
@@ -339,7 +337,6 @@ def _median_and_largest(name: str, values: Array | None) -> FlatRow:
 
 
 def _least(name: str, values: Array | None, frequency: Array) -> FlatRow:
-    """Return the least of values (f,), mm, and its frequency; None without a finite value."""
     if values is None or not np.isfinite(values).any():
         return {f"{name}_mm": None, f"{name}_Hz": None}
     i = int(np.nanargmin(values))
@@ -347,7 +344,6 @@ def _least(name: str, values: Array | None, frequency: Array) -> FlatRow:
 
 
 def _message(curves: Curves, numbers: FlatRow, *, damped: bool, stiffness: float | None) -> str:
-    """Say what the readings do at 600 Hz, up to which the paper used its sensor, and where they resonate."""
     per = "per_N" if numbers["resonance_per_N_Hz"] else "per_mm"
     first = curves.readers[0] if curves.readers else 0
     gain, phase = numbers["relative_reading_at_600"][first], numbers["phase_at_600_deg"][first]

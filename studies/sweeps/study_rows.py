@@ -168,7 +168,6 @@ class Rows:
         return table
 
     def _axis_columns(self, batch: Batch) -> Columns:
-        """Return the columns of the axes, and of D, L, f, E and the depth in any case."""
         base, n = self.plan.design, len(batch)
         fixed: dict[str, Any] = {name: getattr(base, name) for name in FIRST_AXES if name != "depth"}
         fixed |= {"depth": self.plan.load.get("depth", 0.0)}
@@ -180,7 +179,6 @@ class Rows:
         return table
 
     def _mechanics(self, results: Mapping[str, Columns]) -> Columns:
-        """Return force, shift, tilt and contact radius by all models, then the errors."""
         plan = self.plan
         shown = [
             name
@@ -241,7 +239,6 @@ class Rows:
         return table
 
     def _state(self, solved: Solved, k: int, remarks: Sequence[str], problem: Problem) -> tuple[str, str]:
-        """Return status and message of a problem: those of the reference, else of the first model that failed."""
         if problem.design is None:
             return "bad_input", problem.message
         answers = [solved.states[model.name][k] for model in reversed(self.plan.fem)]
@@ -277,7 +274,6 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
 
 
 def _as_column(values: NDArray[Any]) -> NDArray[Any]:
-    """Return the values of an axis as a column: numbers, or texts if some values are names."""
     if values.dtype.kind not in "OU":
         return values
     return np.array([v if isinstance(v, str) else f"{v:.12g}" for v in values.tolist()], dtype=object)
@@ -360,7 +356,6 @@ class StudyReadings:
         return table
 
     def _read(self, batch: Batch, result: Columns) -> tuple[Array, Array]:
-        """Return fields, T, and outputs of the elements, shape (n, k); a layout may have fewer than k."""
         count = max(len(names) for names, _ in self._layouts())
         if not any(design is not None and design.shape.has_magnet for design in batch.sensors):
             return np.full((len(batch), count), NAN), np.full((len(batch), count), NAN)
@@ -415,7 +410,6 @@ class StudyReadings:
 
 
 def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
-    """Return the critical depth, mm, and force, N, and the depth up to which a press is stable, mm."""
     D = _of_problems(batch, lambda design: design.D)
     depth, force, stable = (
         _of_answers(batch, [answer.values.get(name) for answer in answers])
@@ -430,7 +424,6 @@ def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Colum
 
 
 def _mode_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
-    """Return the lowest frequencies, Hz, and the shape of the first one."""
     table: Columns = {}
     unit = _of_problems(batch, lambda design: frequency_unit(design.D, 1.0, design.density))
     scale = unit * np.sqrt(batch.E)
@@ -471,7 +464,6 @@ def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...
 
 
 def _cycle_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
-    """Return gap at mid-stroke, % of full scale, area, mJ, and largest force, N, of the last loop."""
     D = _of_problems(batch, lambda design: design.D)
     gap, area, largest = (
         _of_answers(batch, [answer.values.get(name) for answer in answers])

@@ -160,7 +160,6 @@ def _batches(plan: Plan, cases: Cases, paths: Paths, solves: Solves) -> Iterator
 def _solved(
     plan: Plan, batch: Batch, targets: Sequence[Mapping[str, Target]], paths: Paths, solves: Solves
 ) -> Solved:
-    """Return the answers to all problems of a batch; problems without a case in it have any."""
     present = set(np.unique(batch.problem).tolist())
 
     def of(name: str) -> list[Answer]:
@@ -383,7 +382,6 @@ def idle_axes(shown: Shown, *, whole: bool) -> list[tuple[str, str]]:
 
 
 def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[str]], keys: Iterable[str]) -> list[str]:
-    """Return the axes along which none of the columns changes, from solved cases that differ in one axis only."""
     columns = {name: study_axes.column(name) for name in axes}
     own = {study_axes.column(name) for names in axes.values() for name in names}
     figures = [key for key in keys if key not in (*own, "solve", "seconds")]

@@ -133,7 +133,6 @@ def models_of(table: pd.DataFrame, end: str) -> list[str]:
 
 
 def _is_model(prefix: str) -> bool:
-    """Return whether a prefix is a model alone, not a model and the beginning of another quantity."""
     return prefix.split("_")[0] in MODELS and prefix.split("_")[-1] not in OTHER_ENDS
 
 
@@ -191,7 +190,6 @@ def failures(table: pd.DataFrame) -> list[str]:
 
 
 def _first_clauses(reason: str) -> str:
-    """Return the first clauses of a long reason, none of them cut; the table has the whole of it."""
     first, *others = reason.split("; ")
     for clause in others:
         if len(first) + len(clause) > MOST_NOTED:
@@ -442,7 +440,6 @@ def effect(x: Array, y: Array) -> float:
 
 
 def _scattered(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Iterator[Figure]:
-    """Yield results and errors of sampled points over each axis, the most effective one first."""
     import pandas as pd
 
     error, name = ERRORS.get(quantity, ("", ""))

@@ -85,7 +85,6 @@ class Collected:
         return files
 
     def _quantities(self, table: pd.DataFrame) -> list[str]:
-        """Return the quantities to draw: the force, and those that take solves of their own."""
         sheared = self.plan.loads_sideways and ("shear" in self.plan.axes or bool(self.plan.load.get("shear")))
         forces = ["force_x_N", "force_N"] if sheared else ["force_N", "force_x_N"]
         names = [*forces, *(name for name in sweep_figures.QUANTITIES if name not in forces)]
