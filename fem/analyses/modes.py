@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from fem.accuracy import STANDARD, Accuracy
 from fem.model import angular_fields, rigid_inclusion, single_order
@@ -218,53 +219,16 @@ def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr
 def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]:
     """Return the eigenvalues nearest to zero of K x = lambda M x in rising order, and their vectors (n, count).
 
-    Lanczos' method finds the largest eigenvalues 1 / lambda of K^-1 M in magnitude. All its vectors are kept
-    orthogonal in M, so that none is found twice. (SciPy's ARPACK takes three products with M a step, and spends as
-    much time on its own as on the solutions.)
-
-    Parameters
-    ----------
     K, M : upper triangles (n, n); M may be singular.
     """
-    M = M.copy()
+    M, solver = M.copy(), Solver()
     M.eliminate_zeros()  # most of the pattern is that of pressures and of pairs of different fields
-    mass, n = (M + sp.triu(M, 1).T).tocsr(), K.shape[0]
-    most = min(n, 10 * MOST)
-    V, MV, T = np.empty((most, n)), np.empty((most, n)), np.zeros((most, most))
-    solver = Solver()
+    mass = (M + sp.triu(M, 1).T).tocsr()
     solver.factorise(K)
     # a first vector in the range of K^-1 M has no part that M does not see
-    x = solver.solve(mass @ np.random.default_rng(0).normal(size=n))
-    for step in range(most):
-        Mx = mass @ x
-        length = math.sqrt(max(x @ Mx, 0.0))
-        # a vector of rounding errors only: there are no other eigenvalues
-        vanishes = step and length < 1e-14 * abs(T[0, 0])
-        if step and (vanishes or _settled(T[:step, :step], length, count)):
-            break
-        V[step], MV[step] = x / length, Mx / length
-        x = solver.solve(MV[step])
-        for _ in range(2):  # the first pass leaves rounding errors, the second one does not
-            along = MV[: step + 1] @ x
-            x -= along @ V[: step + 1]
-            T[: step + 1, step] += along
-    else:
-        step = most
-    inverse, shares = np.linalg.eigh(T[:step, :step], UPLO="U")
-    nearest = np.argsort(-np.abs(inverse))[:count]
-    rising = nearest[np.argsort(1 / inverse[nearest])]
-    return 1 / inverse[rising], V[:step].T @ shares[:, rising]
-
-
-def _settled(T: Array, length: float, count: int) -> bool:
-    """Return whether the `count` eigenvalues of largest magnitude are known, from the upper triangle T (m, m).
-
-    length : norm of the next vector before it is scaled.
-    """
-    # a check costs as much as a step: every third step has one
-    if len(T) <= count or len(T) % 3:
-        return False
-    values, vectors = np.linalg.eigh(T, UPLO="U")
-    largest = np.argsort(-np.abs(values))[:count]
+    first = solver.solve(mass @ np.random.default_rng(0).normal(size=K.shape[0]))
+    inverse = LinearOperator(K.shape, matvec=solver.solve, dtype=np.float64)
     # the error of an eigenvalue is the square of its relative residual
-    return bool(np.all(length * np.abs(vectors[-1, largest]) < 1e-6 * np.abs(values[largest])))
+    values, vectors = eigsh(K, count, mass, sigma=0.0, OPinv=inverse, v0=first, tol=1e-6)
+    rising = np.argsort(values)
+    return values[rising], vectors[:, rising]
