@@ -29,7 +29,7 @@ import functools
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 import skfem
@@ -192,16 +192,6 @@ class Grading:
         _shorten(wanted, x.real.copy(), x.imag.copy(), self.source, self.least, self.growth)
         return wanted
 
-    def reduced(self) -> Self:
-        """Return the grading without sources that have no effect: another source requires less everywhere.
-
-        The tip always stays.
-        """
-        lengths = self.least + self.growth * cdist(pairs(self.source), pairs(self.source))
-        more = (self.least - SMALLEST > lengths.T) & (self.growth >= self.growth[:, None])
-        used = np.append(0, 1 + np.flatnonzero(~np.any(more, axis=0)[1:]))
-        return dataclasses.replace(self, source=self.source[used], least=self.least[used], growth=self.growth[used])
-
 
 @compiled
 def _shorten(wanted: Array, r: Array, z: Array, source: Points, least: Array, growth: Array) -> None:
@@ -243,7 +233,7 @@ def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
         sources.append((x[want < s.size], want[want < s.size], from_others))
     least = np.concatenate([np.broadcast_to(length, len(x)) for x, length, _ in sources])
     growth = np.repeat([rate for _, _, rate in sources], [len(x) for x, _, _ in sources])
-    return Grading(s.size, np.concatenate([x for x, _, _ in sources]), least, growth).reduced()
+    return Grading(s.size, np.concatenate([x for x, _, _ in sources]), least, growth)
 
 
 def _magnet_lengths(shape: Shape, curve: Curve, x: Points, s: Settings) -> Array:
