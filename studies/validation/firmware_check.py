@@ -54,35 +54,17 @@ MOST_ERROR, MOST_INSTRUCTIONS, MOST_RAM = 0.5, 100_000, 4096
 STEP = 1e-3
 """Height about rest, mm, within which rows are left out of the errors: there the decoder's lateral force has a step,
 between a plate that does not touch and one that does."""
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
-SANITIZED = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-TARGET = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-std=gnu99", "-fno-math-errno"]
-QEMU = [
-    "-M",
-    "mps2-an386",
-    "-cpu",
-    "cortex-m4",
-    "-nographic",
-    "-monitor",
-    "none",
-    "-serial",
-    "null",
-    "-icount",
-    "shift=10",
-]
+STRICT = "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Werror".split()
+SANITIZED = "-std=c99 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all".split()
+TARGET = "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -std=gnu99 -fno-math-errno -ffunction-sections "
+TARGET += "-fdata-sections -Wl,--gc-sections --specs=nosys.specs -nostartfiles"
+QEMU = "-M mps2-an386 -cpu cortex-m4 -nographic -monitor none -serial null -icount shift=10 -semihosting-config "
+QEMU += "enable=on,target=native -kernel"
 HERE = Path(__file__).parent
-ANSWER = np.dtype(
-    [
-        ("status", "<i4"),
-        ("poses", "<i4"),
-        ("shift", "<f4", 3),
-        ("tilt", "<f4", 2),
-        ("force", "<f4", 3),
-        ("half_width", "<f4", 3),
-        ("instructions", "<u4"),
-        ("stack", "<u4"),
-    ]
-)
+ANSWER = np.dtype({
+    "names": ["status", "poses", "shift", "tilt", "force", "half_width", "instructions", "stack"],
+    "formats": ["<i4", "<i4", "3<f4", "2<f4", "3<f4", "3<f4", "<u4", "<u4"],
+})  # fmt: skip
 """A record of answers.bin."""
 
 
@@ -92,27 +74,25 @@ def write_header(firmware: Firmware, folder: Path) -> None:
 
 def compiled(folder: Path, compiler: str, flags: Sequence[str], name: str = "run") -> Path:
     """Compile firmware_run.c with the header of a folder, and return the program."""
-    command = [compiler, *flags, "-I.", str(HERE / "firmware_run.c"), "-o", name, "-lm"]
-    _run(command, folder)
+    _run([compiler, *flags, "-I.", str(HERE / "firmware_run.c"), "-o", name, "-lm"], folder)
     return folder / name
 
 
 def for_target(folder: Path, optimised: str = "-Os") -> tuple[Path, int, int]:
     """Compile for a Cortex-M4F; return the program, its bytes of flash, and of RAM without the stack."""
-    flags = [*TARGET, optimised, "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "--specs=nosys.specs"]
-    flags += ["-nostartfiles", "-T", str(HERE / "firmware_m4.ld")]
+    flags = [*TARGET.split(), optimised, "-T", str(HERE / "firmware_m4.ld")]
     program = compiled(folder, "arm-none-eabi-gcc", flags, "run.elf")
     sizes = _run(["arm-none-eabi-size", program.name], folder).splitlines()[1].split()
     text, data, bss = map(int, sizes[:3])
     return program, text + data, data + bss
 
 
-def answers(program: Path, outputs: Array, times: Array | None = None) -> NDArray[Any]:
-    """Return what a program decodes from outputs (n, 3), and from a time series with times (n,), s."""
-    seconds = np.full(len(outputs), np.nan) if times is None else np.diff(times, prepend=times[0])
-    np.column_stack([outputs, seconds]).astype("<f4").tofile(program.parent / "rows.bin")
-    emulator = ["qemu-system-arm", *QEMU, "-semihosting-config", "enable=on,target=native", "-kernel"]
-    _run([*(emulator if program.suffix == ".elf" else ()), str(program)], program.parent)
+def answers(program: Path, outputs: Array, seconds: Array | None = None) -> NDArray[Any]:
+    """Return what a program decodes from outputs (n, 3), and from a time series with the seconds before each row."""
+    before = np.full(len(outputs), np.nan) if seconds is None else seconds
+    np.column_stack([outputs, before]).astype("<f4").tofile(program.parent / "rows.bin")
+    emulator = ["qemu-system-arm", *QEMU.split()] if program.suffix == ".elf" else []
+    _run([*emulator, str(program)], program.parent)
     return np.fromfile(program.parent / "answers.bin", ANSWER)
 
 
@@ -133,13 +113,10 @@ def random_outputs(coder: Decoder, count: int, rng: np.random.Generator) -> tupl
 
 def series_outputs(coder: Decoder, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return outputs (n, 3) and times (n,), s, of presses and shears with noise, gaps, bad rows and jumps."""
-    t = 0.005 * np.arange(count)
-    shares = 0.45 * (1 - np.cos(2 * np.pi * 0.7 * t)), 0.5 * np.sin(2 * np.pi * 0.3 * t), 0.5 * np.sin(2 * np.pi * t)
-    w, x, y = shares
-    outputs = decoder_export.outputs_at(
-        coder, np.stack([x * w * coder.high[0], y * w * coder.high[1], w * coder.low[2]])
-    )
-    elements = coder.forward.elements
+    t, elements = 0.005 * np.arange(count), coder.forward.elements
+    w, x, y = 0.45 * (1 - np.cos(2 * np.pi * 0.7 * t)), 0.5 * np.sin(2 * np.pi * 0.3 * t), 0.5 * np.sin(2 * np.pi * t)
+    shift = np.stack([x * w * coder.high[0], y * w * coder.high[1], w * coder.low[2]])
+    outputs = decoder_export.outputs_at(coder, shift)
     outputs = outputs + np.array([e.noise_T * e.gain for e in elements]) * rng.normal(size=outputs.shape)
     outputs[count // 5, 0], outputs[count // 4], outputs[count // 3] = np.nan, 1.1 * elements[0].high, outputs[3]
     outputs[count // 2 : count // 2 + 25, 1] = outputs[count // 2, 1]
@@ -188,9 +165,7 @@ def hostile_faults(program: Path, coder: Decoder, count: int) -> tuple[int, floa
     A fault that a sanitizer finds ends the program with an error.
     """
     outputs, seconds = hostile_outputs(coder, count, np.random.default_rng(2))
-    np.column_stack([outputs, seconds]).astype("<f4").tofile(program.parent / "rows.bin")
-    _run([str(program)], program.parent)
-    found = np.fromfile(program.parent / "answers.bin", ANSWER)
+    found = answers(program, outputs, seconds)
     force = np.isfinite(found["force"]).all(axis=1)
     silent = np.isin(found["status"], [STATUSES.index(w) for w in ("ok", "uncalibrated", "after_gap", "jump")])
     mute = ~silent & (found["status"] != STATUSES.index("ambiguous"))
@@ -226,33 +201,26 @@ def judge(name: str, fields: dict[str, Any], level: str, flash: str, fewer: int)
     series, times = series_outputs(coder, max(SERIES // fewer, 200), rng)
     expected = decoder_export.reference(coder, firmware.made, outputs)
     over_time = decoder_export.reference(coder, firmware.made, series, times)
-    full = float(np.nanmax(np.abs(expected["force"])))
+    full, seconds = float(np.nanmax(np.abs(expected["force"]))), np.diff(times, prepend=times[0])
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         write_header(firmware, folder)
         host = compiled(folder, "gcc", [*STRICT, "-O2"])
         found = differences(answers(host, outputs), expected, full, shift)
-        timed = differences(answers(host, series, times), over_time, full)
+        timed = differences(answers(host, series, seconds), over_time, full)
         program, size, ram = for_target(folder)
-        few = outputs[: ON_TARGET // fewer]
-        on_target = answers(program, few)
-        target = differences(on_target, {k: v[: len(few)] for k, v in expected.items()}, full, shift[:, : len(few)])
-        timed_there = answers(program, series, times)
-    stack = int(max(on_target["stack"].max(), timed_there["stack"].max()))
-    each = np.concatenate([on_target["instructions"], timed_there["instructions"]])
-    return {
-        "design": name,
-        "flash": flash,
-        **found,
-        "series_statuses_percent": timed["statuses_percent"],
-        "series_force_percent": timed["force_percent"],
-        "target_force_percent": max(
-            target["force_percent"], differences(timed_there, over_time, full)["force_percent"]
-        ),
-        "instructions_median": int(np.median(each)),
-        "instructions_most": int(each.max()),
+        few = slice(ON_TARGET // fewer)
+        there, timed_there = answers(program, outputs[few]), answers(program, series, seconds)
+    target = differences(there, {k: v[few] for k, v in expected.items()}, full, shift[:, few])
+    both = [target, differences(timed_there, over_time, full)]
+    found |= {f"series_{key}": timed[key] for key in ("statuses_percent", "force_percent")}
+    used = np.concatenate([there, timed_there])
+    return {"design": name, "flash": flash, **found} | {
+        "target_force_percent": max(one["force_percent"] for one in both),
+        "instructions_median": int(np.median(used["instructions"])),
+        "instructions_most": int(used["instructions"].max()),
         "flash_bytes": size,
-        "ram_bytes": ram + stack,
+        "ram_bytes": ram + int(used["stack"].max()),
         "full_scale_N": full,
     }
 
@@ -293,17 +261,9 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         size = most("flash_bytes", [row for row in rows if row["flash"] == flash])
         goals.append(Goal(f"flash with --flash {flash}", size, decoder_export.bytes_of(flash), n, "bytes"))
     goals.append(Goal("faults under hostile readings", faults, 0, HOSTILE // fewer))
-    page: Row = {"verdict": verdict(goals), "goals": list(map(str, goals)), "rows": rows, "share": share}
-    page |= {
-        "singles": ROWS // fewer,
-        "hostile": HOSTILE // fewer,
-        "presses": PRESSES,
-        "step_um": 1e3 * STEP,
-        "versions": _versions(),
-    }
-    return pages.study("firmware", "Firmware", rows, page, failures=failures(goals))
-
-
-def _versions() -> list[str]:
     tools = ("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
-    return [_run([tool, "--version"], HERE).splitlines()[0] for tool in tools]
+    versions = [_run([tool, "--version"], HERE).splitlines()[0] for tool in tools]
+    page: Row = {"verdict": verdict(goals), "goals": list(map(str, goals)), "rows": rows, "share": share}
+    page |= {"singles": ROWS // fewer, "hostile": HOSTILE // fewer, "presses": PRESSES, "step_um": 1e3 * STEP}
+    page["versions"] = versions
+    return pages.study("firmware", "Firmware", rows, page, failures=failures(goals))
