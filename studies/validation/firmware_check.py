@@ -54,8 +54,8 @@ MOST_ERROR, MOST_INSTRUCTIONS, MOST_RAM = 0.5, 100_000, 4096
 STEP = 1e-3
 """Height about rest, mm, within which rows are left out of the errors: there the decoder's lateral force has a step,
 between a plate that does not touch and one that does."""
-STRICT = "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Werror".split()
-SANITIZED = "-std=c99 -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all".split()
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+SANITIZED = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 TARGET = "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -std=gnu99 -fno-math-errno -ffunction-sections "
 TARGET += "-fdata-sections -Wl,--gc-sections --specs=nosys.specs -nostartfiles"
 QEMU = "-M mps2-an386 -cpu cortex-m4 -nographic -monitor none -serial null -icount shift=10 -semihosting-config "

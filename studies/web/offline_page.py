@@ -24,11 +24,7 @@ from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.output import atomic_files
-from studies.web import (
-    offline_tables,
-    state_answers,
-    state_exports,
-)
+from studies.web import offline_tables, state_answers, state_exports, state_pictures
 from studies.web.explorer_state import RATES, Level, explorer_fields
 from studies.web.offline_tables import Grid
 from studies.web.page_content import as_json
@@ -104,7 +100,7 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
         "sensor": sensor,
         "model": "finite elements",
         "level": LEVEL,
-        "fixed": {"D": design.D, "L": design.L, "H": design.H},
+        "fixed": {"D": design.D, "L": design.L, "H": design.H, "elements": state_pictures.element_places(design)},
         "plane": offline_tables.plane(grid, response).data(),
         "elements": elements,
         "pictures": offline_tables.pictures(grid, magnet),

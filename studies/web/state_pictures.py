@@ -35,6 +35,7 @@ import numpy as np
 from scipy import special
 from skfem import ElementTriP2
 
+from analytic.parts import of_design
 from fem.model import angular_fields
 from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
@@ -74,7 +75,13 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "magnet": np.round(outline, DIGITS).tolist(),
         "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along},
         "direction": [c, s],
+        "elements": element_places(design),
     }
+
+
+def element_places(design: Design) -> dict[str, tuple[float, float, float]]:
+    """Return the positions of the Hall elements by their names; a chip has one position."""
+    return {element.name.partition(" ")[0]: element.position for element in of_design(design)}
 
 
 def plane_of(solution: Solution) -> tuple[float, float]:

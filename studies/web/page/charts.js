@@ -67,6 +67,16 @@ const Charts = (() => {
     if (half > 0) lines(u.ctx, [x, low, x, high], [x - cap, low, x + cap, low], [x - cap, high, x + cap, high]);
   }
 
+  // Names of lines with their dashes and colours.
+  function legend(box, keys) {
+    const list = Format.make("ul", { class: "legend" }, box);
+    for (const [label, dash, colour] of keys) {
+      const item = Format.make("li", {}, list);
+      Format.make("span", { class: "key", "data-dash": dash?.[0] ?? 0, "data-colour": colour }, item);
+      Format.make("span", {}, item, label);
+    }
+  }
+
   // Force or shift over depth. Data: for each side {depth, values, half, paper, level, name, now}.
   function curve(box, quantity, readout, model) {
     const unit = quantity === "force" ? "N" : "mm";
@@ -138,17 +148,8 @@ const Charts = (() => {
       hooks: { draw: [marks], setCursor: [tell] },
     });
 
-    function legend() {
-      const list = Format.make("ul", { class: "legend" }, box);
-      for (const one of series()) {
-        const item = Format.make("li", {}, list);
-        const side = one.label.startsWith("B") ? "b" : "a";
-        Format.make("span", { class: "key", "data-dash": one.dash ? one.dash[0] : 0, "data-colour": side }, item);
-        Format.make("span", {}, item, one.label);
-      }
-    }
-
-    const chart = plot(box, HEIGHT, { options, data, built: legend });
+    const keys = () => series().map(({ label: name, dash }) => [name, dash, name.startsWith("B") ? "b" : "a"]);
+    const chart = plot(box, HEIGHT, { options, data, built: () => legend(box, keys()) });
     box.tabIndex = 0;
     box.setAttribute("role", "group");
     box.setAttribute("aria-label", `${label} over depth. Left and right arrow keys read values.`);
@@ -257,15 +258,8 @@ const Charts = (() => {
         })),
       ],
     });
-    function legend() {
-      const list = Format.make("ul", { class: "legend" }, box);
-      names.forEach((label, k) => {
-        const item = Format.make("li", {}, list);
-        Format.make("span", { class: "key", "data-dash": dashes[k]?.[0] ?? 0, "data-colour": "abc"[k] }, item);
-        Format.make("span", {}, item, label);
-      });
-    }
-    return plot(box, HEIGHT, { options, data, built: legend });
+    const keys = names.map((label, k) => [label, dashes[k], "abc"[k]]);
+    return plot(box, HEIGHT, { options, data, built: () => legend(box, keys) });
   }
 
   return { curve, readings, overTime };

@@ -152,6 +152,7 @@ const OfflineEngine = (packed) => {
       magnet: pictures.outline ? mirrored(rows(carried(pictures.outline, 2, load), 2)) : [],
       plate: { z: fixed.L - load.depth, tilt: 0, x: side * load.size },
       direction: [side * load.c, side * load.s],
+      elements: fixed.elements,
     };
   }
 

@@ -78,14 +78,4 @@ const Requests = (engine, { message, show, refuse, progress }) => {
   engine.onAnswer(receive);
   return { change, receive, opened, closed, forget, behind, resting, newest: (name) => sides[name].number };
 };
-Requests.PARTS = [
-  "state",
-  "curve",
-  "sensor3d",
-  "field_lines",
-  "stability",
-  "vibration",
-  "loop",
-  "margins",
-  "commands",
-];
+Requests.PARTS = "state curve sensor3d field_lines stability vibration loop margins commands".split(" ");

@@ -224,56 +224,23 @@ const SectionDrawing = (() => {
     pen.stroke();
   }
 
-  // Places of one to three chips on a circle of radius 1.
-  const CHIPS = {
-    1: [[1, 0]],
-    2: [
-      [1, 0],
-      [-1, 0],
-    ],
-    3: [
-      [1, 0],
-      [-0.5, Math.sqrt(0.75)],
-      [-0.5, -Math.sqrt(0.75)],
-    ],
-  };
-
   // Hall elements, seen along the normal of the section; one outside of its plane is hollow.
-  function elements(pen, at, value, [c, s]) {
-    const low = value("L") - value("D") / 2 - value("l0");
-    const high = low + value("c");
-    const f = value("f");
+  function elements(pen, at, { elements: places, direction: [c, s] }) {
     const r = at.ratio;
-    const list =
-      value("hall_layout") === "three"
-        ? [
-            ["S1", 0, 0, low],
-            ["S2", f, 0, high],
-            ["S3", 0, f, high],
-          ]
-        : CHIPS[value("chip_count")].map(([x, y], k, all) => [
-            all.length > 1 ? `chip${k + 1}` : "chip",
-            x * value("chip_x"),
-            y * value("chip_x"),
-            low,
-          ]);
     pen.font = `${11 * r}px system-ui, sans-serif`;
     pen.textBaseline = "middle";
     pen.textAlign = "left";
-    pen.fillStyle = pen.strokeStyle = Format.colour("--s3");
-    pen.lineWidth = 1.3 * r;
-    for (const [name, x, y, z] of list) {
+    for (const [name, [x, y, z]] of Object.entries(places)) {
       const place = [at.x(c * x + s * y) - 4 * r, at.z(z) - 2.5 * r, 8 * r, 5 * r];
-      pen.fillStyle = Format.colour("--s3");
+      pen.fillStyle = pen.strokeStyle = Format.colour("--s3");
+      pen.lineWidth = 1.3 * r;
       if (Math.abs(c * y - s * x) < 0.01) pen.fillRect(...place);
       else pen.strokeRect(...place);
-      pen.save();
       pen.lineWidth = 3 * r;
       pen.strokeStyle = Format.colour("--paper");
       pen.strokeText(name, place[0] + 11 * r, at.z(z));
       pen.fillStyle = Format.colour("--ink");
       pen.fillText(name, place[0] + 11 * r, at.z(z));
-      pen.restore();
     }
   }
 
@@ -345,9 +312,10 @@ const SectionDrawing = (() => {
       }
     }
     if (fieldLines) lines(pen, at, fieldLines, view);
-    elements(pen, at, value, state?.section.direction || [1, 0]);
-    if (state) plate(pen, at, state.section.plate, 0.62 * value("D"));
-    if (state) bar(pen, canvas, at, field, span);
+    if (!state) return at;
+    elements(pen, at, state.section);
+    plate(pen, at, state.section.plate, 0.62 * value("D"));
+    bar(pen, canvas, at, field, span);
     return at;
   }
 
