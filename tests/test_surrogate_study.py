@@ -73,10 +73,10 @@ def test_every_state_of_the_test_has_its_errors(result):
 def test_the_report_says_what_is_missed(result, tmp_path):
     found = surrogate_study.result(result, 13)
     write(found, tmp_path, "magtip validate surrogate")
-    lost = found.failures
+    (said,) = found.failures
     text = (tmp_path / "SURROGATE.md").read_text("utf-8")
     # few beams on rough meshes cannot reach 2 %
-    assert lost
+    lost = said.partition("missed. ")[2].split("; ")
     assert all(goal in text for goal in lost)
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(surrogate_study.FILES)
 

@@ -82,11 +82,6 @@ def verdict(goals: Sequence[Goal]) -> str:
     return f"{len(goals) - lost} of {len(goals)} goals are met, {lost} {'is' if lost == 1 else 'are'} missed."
 
 
-def page_lines(goals: Sequence[Goal]) -> list[str]:
-    """Return the lines of a page: the verdict and the missed goals."""
-    return [verdict(goals), *([""] if missed(goals) else []), *(f"- {goal}" for goal in missed(goals))]
-
-
 def failures(goals: Sequence[Goal]) -> list[str]:
     """Return the sentence of missed goals, for `Result.failures`; nothing if there are goals and all are met."""
     lost = missed(goals)

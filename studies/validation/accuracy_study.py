@@ -30,7 +30,7 @@ from studies.cases import FemModel
 from studies.mechanics.model_choice import rounded_up
 from studies.output import provenance
 from studies.output.figures import picture
-from studies.output.goals import Goal, failures, page_lines
+from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
@@ -411,14 +411,13 @@ def rules(states: pd.DataFrame) -> list[Row]:
 
 def result(states: pd.DataFrame, *, quick: bool) -> Result:
     """Return the result of states: its tables are all states, and the rules that hold in them."""
-    estimates, levels, posed, rows = shares(states), summary(states), goals(states), pages.records(states)
+    estimates, levels, rows = shares(states), summary(states), pages.records(states)
     scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
     names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     designs = error_study_cases.designs()
     first = ("scene", "quantity", "states", "median_percent", "coverage")
     page = {
         "states": rows,
-        "verdict": page_lines(posed),
         "estimates": estimates,
         "levels": levels,
         "references": references(states),
@@ -429,7 +428,8 @@ def result(states: pd.DataFrame, *, quick: bool) -> Result:
         "physics": ", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
     }
     tables = {"Estimates": estimates, "Levels": levels}
-    more: Row = {"records": [*estimates, *levels], "tables": {"error_rules": rules(states)}, "digits": 9}
+    more: Row = {"records": [*estimates, *levels], "goals": goals(states), "digits": 9}
+    more["tables"] = {"accuracy": rows, "error_rules": rules(states)}
     more["shown"] = [Table(title=title, rows=table, first=first) for title, table in tables.items()]
     files = {"errors.png": partial(picture, rows=rows, draw=verdict_figures.accuracy)}
-    return pages.study("accuracy", "Accuracy", rows, page, files=files, failures=failures(posed), **more)
+    return pages.study("accuracy", "Accuracy", rows, page, files=files, **more)

@@ -129,16 +129,10 @@ def result(table: Mapping[str, NDArray[Any]], design: Design) -> Result:
     page["pictures"] = {name: text for name, (_, text) in pictures.items()}
     page["shares"] = [{name: value for name, value in row.items() if name != "nu"} for row in chosen]
     first = ("quantity", "level", "magnet_height_over_D", "within_10_percent")
-    shown = Table(title="Share of the cells within 5 and 10 %", rows=shares, first=first)
+    shown = [Table(title="Share of the cells within 5 and 10 %", rows=shares, first=first), *sentences]
     tables = {"shares": shares, "best": best, "readings": pages.records(parts), "sweep": list(flat_rows(table))}
-    return Result(
-        title=shown.title,
-        records=shares,
-        shown=[shown, *sentences],
-        tables=tables,
-        files={name: partial(save, figures=figures) for name, (figures, _) in pictures.items()},
-        pages={"ASSUMPTION.md": pages.rendered("assumption.md.j2", **page)},
-    )
+    files = {name: partial(save, figures=figures) for name, (figures, _) in pictures.items()}
+    return pages.study("assumption", "Assumption", shares, page, shown=shown, tables=tables, files=files)
 
 
 # Regions

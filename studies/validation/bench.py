@@ -30,7 +30,7 @@ from geometry.mesh import tetrahedra
 from geometry.messages import Progress
 from geometry.section import section
 from studies.output import provenance
-from studies.output.goals import Goal, failures, page_lines
+from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
@@ -137,10 +137,9 @@ def result(bench: Bench, about: Mapping[str, str], rows: Sequence[Row]) -> Resul
         own = [row for row in rows if row["case"] == case]
         filled = [name for name in COLUMNS if name in HEADS and any(row[name] not in (None, "") for row in own)]
         tables[case.capitalize()] = own, {name: HEADS[name] for name in filled}
-    page = {"verdict": page_lines(goals(rows)), "tables": tables, "about": {**about, **bench.versions}}
+    page = {"tables": tables, "about": {**about, **bench.versions}}
     remarks = [f"{row['case']}: {row['message']}" for row in rows if row["message"]]
-    lost = failures(goals(rows))
-    return pages.study("bench", "Speed", rows, page, look={"brief": BRIEF}, remarks=remarks, failures=lost)
+    return pages.study("bench", "Speed", rows, page, look={"brief": BRIEF}, goals=goals(rows), remarks=remarks)
 
 
 def goals(rows: Sequence[Row]) -> list[Goal]:

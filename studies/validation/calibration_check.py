@@ -25,7 +25,7 @@ from studies import cases
 from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Sensor
-from studies.output.goals import Goal, failures, verdict
+from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, tolerances
 from studies.validation import pages
@@ -188,9 +188,9 @@ def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str) -> Resul
     goals.append(Goal("RMSE over that of a quadratic regression, both from 30 rows, median", few, 1 / 3, n))
     goals.append(Goal("RMSE from 30 rows over that of a quadratic regression from 3000, median", many, 1.0, n))
     table = [{"unknown": name, **row} for name, row in shares.to_dict("index").items()]
-    page = {"verdict": verdict(goals), "goals": list(map(str, goals)), "table": table, "sensors": n, "source": source}
+    page: Row = {"table": table, "sensors": n, "source": source}
     page["median"] = pages.records(frame.drop(columns="sensor").median().to_frame().T)
     title = "Calibrations of made sensors"
     shown = [Table(title=title, rows=table), *map(str, goals[-2:]), str(goals[0])]
-    more: Row = {"tables": {"unknowns": unknowns}, "digits": 5}
-    return pages.study("calibrations", title, judged, page, shown=shown, failures=failures(goals), **more)
+    tables = {"calibrations": judged, "unknowns": unknowns}
+    return pages.study("calibrations", title, judged, page, goals=goals, shown=shown, tables=tables, digits=5)

@@ -112,7 +112,7 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         page,
         look={"first": ("claim", "verdict")},
         records=answers,
-        tables={name: pages.records(table) for name, table in tables.items()},
+        tables={"claims": printed} | {name: pages.records(table) for name, table in tables.items()},
         files=claim_figures.pictures(states, best_E),
     )
 

@@ -16,7 +16,7 @@ from geometry.meshing.mesh_quality import quality
 from geometry.messages import Progress
 from geometry.section import section
 from studies.inputs.option_groups import Whole
-from studies.output.goals import Goal, failures
+from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
@@ -97,8 +97,7 @@ def run(progress: Progress, *, quick: bool = False, count: Whole = 64) -> Result
 
 def result(rows: Sequence[Row]) -> Result:
     spread = summary(rows)
-    page = {"rows": rows, "spread": spread}
-    return pages.study("range", "Range of designs", rows, page, spread, failures=failures(goals(rows)))
+    return pages.study("range", "Range of designs", rows, {"rows": rows, "spread": spread}, spread, goals=goals(rows))
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:

@@ -22,7 +22,7 @@ from geometry.messages import Progress
 from studies.calibration import bench_file, calibration_file, calibration_study, sensor_fit, simulated_bench
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES, Firmware
-from studies.output.goals import Goal, failures, verdict
+from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.sensitivity.made_sensors import tolerances
 from studies.validation import pages
@@ -263,7 +263,7 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     goals.append(Goal("faults under hostile readings", faults, 0, HOSTILE // fewer))
     tools = ("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
     versions = [_run([tool, "--version"], HERE).splitlines()[0] for tool in tools]
-    page: Row = {"verdict": verdict(goals), "goals": list(map(str, goals)), "rows": rows, "share": share}
+    page: Row = {"rows": rows, "share": share}
     page |= {"singles": ROWS // fewer, "hostile": HOSTILE // fewer, "presses": PRESSES, "step_um": 1e3 * STEP}
     page["versions"] = versions
-    return pages.study("firmware", "Firmware", rows, page, failures=failures(goals))
+    return pages.study("firmware", "Firmware", rows, page, goals=goals)

@@ -15,7 +15,7 @@ from studies import cases
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output.figures import picture
-from studies.output.goals import Goal, failures, page_lines
+from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.error_study_cases import designs
@@ -155,11 +155,11 @@ def goals(rows: pd.DataFrame) -> list[Goal]:
 
 
 def result(rows: pd.DataFrame) -> Result:
-    posed, best, records = goals(rows), beam.LEVELS[-1], pages.records(rows)
+    best, records = beam.LEVELS[-1], pages.records(rows)
     regions, designs = (pages.records(table) for table in (summary(rows), by_design(rows, best)))
     stopped = rows[rows.message != ""].drop_duplicates(["design", "message"])
-    page = {"verdict": page_lines(posed), "summary": regions, "best": best, "designs": designs}
+    page: pages.Row = {"summary": regions, "best": best, "designs": designs}
     page["stopped"] = sorted(f"design {row.design}: {row.message}" for row in stopped.itertuples())
     files = {"ladder.png": partial(picture, rows=records, draw=verdict_figures.ladder)}
     title = "Errors of the formulas, root mean square"
-    return pages.study("ladder", title, records, page, regions, files=files, failures=failures(posed))
+    return pages.study("ladder", title, records, page, regions, goals=goals(rows), files=files)

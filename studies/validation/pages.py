@@ -10,6 +10,7 @@ import pandas as pd
 
 from geometry.messages import Progress
 from studies.output import page_templates
+from studies.output.goals import Goal, failures, missed, verdict
 from studies.output.page_templates import filled, listed
 from studies.output.result import Result, Table, collected
 
@@ -59,13 +60,18 @@ def study(
     page: Mapping[str, Any],
     printed: Sequence[Row] | None = None,
     look: Mapping[str, Any] = {},
+    goals: Sequence[Goal] | None = None,
     **more: Any,
 ) -> Result:
     """Return the result of a study: rows in NAME.csv, and NAME.md from its template and the values of `page`.
 
-    The terminal shows the table `printed` (default: the rows) with the fields `look`; `more` are fields of `Result`.
+    The terminal shows the table `printed` (default: the rows) with the fields `look`. Goals are values of the page
+    (`verdict`, `goals` and those that are `missed`), and failures where they are missed. `more` are fields of
+    `Result`.
     """
-    tables = {name: rows} | more.pop("tables", {})
+    if goals is not None:
+        page = {"verdict": verdict(goals), "goals": goals, "missed": missed(goals)} | dict(page)
+        more = {"failures": failures(goals)} | more
     shown = [Table(title=title, rows=rows if printed is None else printed, **look)]
     text = {f"{name.upper()}.md": rendered(f"{name}.md.j2", **page)}
-    return Result(title=title, tables=tables, pages=text, **({"records": rows, "shown": shown} | more))
+    return Result(title=title, pages=text, **({"records": rows, "shown": shown, "tables": {name: rows}} | more))

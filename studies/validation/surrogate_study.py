@@ -34,9 +34,9 @@ from studies.mechanics.prediction import CRITICAL, DEEP, SLENDER, THICK, WIDE, Q
 from studies.mechanics.solve_plan import Processes, Solver
 from studies.mechanics.surrogate_file import Group, Surrogate
 from studies.output.figures import Figure, Look, plot, save
-from studies.output.goals import Goal, missed, verdict
+from studies.output.goals import Goal
 from studies.output.provenance import versions
-from studies.output.result import Result, Table
+from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
 from studies.validation.surrogate_fit import COVERAGE, TrainingSet, quantiles_by_region, surrogate_of
@@ -459,28 +459,18 @@ def result(outcome: Outcome, first: int) -> Result:
     """Return the result of a study; `first` is the number of its first training beams."""
     rows = outcome.errors()
     table = summaries(rows)
-    posed = goals(table, outcome.failed[1])
-    lost = list(map(str, missed(posed)))
-    title = "Errors on unseen beams"
     columns = ("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "surrogate.npz")
         surrogate_file.write(file, outcome.surrogate)
         size = file.stat().st_size / 1e6
-    page = {"about": outcome.surrogate.about, "first": first, "failed": outcome.failed, "table": table, "lost": lost}
-    page |= {"verdict": verdict(posed), "size": size, "speed": designs_per_second(outcome)}
-    return Result(
-        title=title,
-        records=table,
-        shown=[Table(title=title, rows=table, first=columns)],
-        tables={"summary": table, "errors": pages.records(rows)},
-        files={
-            "surrogate.npz": lambda path: surrogate_file.write(path, outcome.surrogate),
-            "errors.png": lambda path: save(path, figures(rows)),
-        },
-        pages={"SURROGATE.md": pages.rendered("surrogate.md.j2", **page)},
-        failures=lost,
-    )
+    page = {"about": outcome.surrogate.about, "first": first, "failed": outcome.failed, "table": table}
+    page |= {"size": size, "speed": designs_per_second(outcome)}
+    files: Row = {"surrogate.npz": lambda path: surrogate_file.write(path, outcome.surrogate)}
+    files["errors.png"] = lambda path: save(path, figures(rows))
+    more: Row = {"tables": {"summary": table, "errors": pages.records(rows)}, "files": files}
+    posed, look = goals(table, outcome.failed[1]), {"first": columns}
+    return pages.study("surrogate", "Errors on unseen beams", table, page, look=look, goals=posed, **more)
 
 
 EQUAL = "error = half width"

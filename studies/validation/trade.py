@@ -22,7 +22,7 @@ from studies.mechanics.model_choice import ANY_REGION, Choice, Statement
 from studies.output import records
 from studies.output.atomic_files import json_line, write_text
 from studies.output.figures import picture
-from studies.output.goals import Goal, failures, page_lines
+from studies.output.goals import Goal
 from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.output.text_tables import cell as number
@@ -100,7 +100,6 @@ def result(
             for each in rule
         ],
         "results": results,
-        "verdict": page_lines(goals(results)),
         "summary": confirmation,
         "tolerances": ", ".join(f"{100 * each:g}" for each in TOLERANCES),
         "designs": len({each["design"] for each in results}),
@@ -112,10 +111,10 @@ def result(
     }
     files = {"model_choice.json": lambda path: write_text(path, text)}
     files["trade.png"] = partial(picture, rows=rows, draw=verdict_figures.trade)
-    more: Row = {"tables": {"confirm": results} if results else {}, "files": files}
-    more["failures"] = failures(goals(results, kinds)) if kinds else ()
-    records = [*table, *(confirmation if kinds else [])]
-    return pages.study("trade", "Cost and error", rows, page, records=records, shown=shown, **more)
+    tables = {"trade": rows} | ({"confirm": results} if results else {})
+    more: Row = {"records": [*table, *(confirmation if kinds else [])], "shown": shown, "files": files}
+    posed = goals(results, kinds) if kinds else None
+    return pages.study("trade", "Cost and error", rows, page, goals=posed, tables=tables, **more)
 
 
 def cells(states: pd.DataFrame) -> list[Row]:

@@ -16,7 +16,7 @@ from fem.scene import Scene, press_limits
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.output.goals import Goal, missed, verdict
+from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.simulation import response_curves
 from studies.simulation.response_curves import Complex, Curves
@@ -177,7 +177,6 @@ def goals(judged: Sequence[Row]) -> list[Goal]:
 
 
 def result(judged: Sequence[Row]) -> Result:
-    posed, table = goals(judged), summary(judged)
-    page = {"verdict": verdict(posed), "posed": list(map(str, posed)), "summary": table, "reference": REFERENCE}
-    lost = list(map(str, missed(posed)))
-    return pages.study("vibration_errors", "Errors of vibrations", judged, page, table, digits=4, failures=lost)
+    table, title = summary(judged), "Errors of vibrations"
+    page = {"summary": table, "reference": REFERENCE}
+    return pages.study("vibration_errors", title, judged, page, table, goals=goals(judged), digits=4)
