@@ -71,6 +71,7 @@ def as_text(found: Fit, source: str, lag: float | None, failures: Sequence[str] 
         "growth": found.growth,
         "noise": sensor.noise.tolist(),
         "force_noise_N": sensor.force_noise,
+        "force_share": sensor.force_share,
         "temperature_C": sensor.temperature_C,
         "mechanics": law,
     }
@@ -102,7 +103,7 @@ def read(path: Path) -> Fit:
         )
         sensor = Sensor(
             Design(**record["design"]), Mechanics(**law), un, np.array(record["noise"]), record["force_noise_N"],
-            temperature_C=record["temperature_C"],
+            force_share=record.get("force_share", 0.0), temperature_C=record["temperature_C"],
         )  # fmt: skip
         theta = np.array([row["value"] for row in rows])
         # growth is in the covariance already; of the decoder's own noise it is the factor too

@@ -232,7 +232,7 @@ def held_out(
                     table.append(score)
         force[test] = decoded.force
         inside = np.abs(decoded.force - truth[test]) <= np.hypot(
-            decoded.half_width, sensor_fit.QUANTILE * sensor.force_noise
+            decoded.half_width, sensor_fit.QUANTILE * sensor.force_errors(truth[test])
         )
         known = np.isfinite(decoded.force) & np.isfinite(truth[test])
         table[-len(METHODS)]["inside_percent"] = 100 * float(inside[known].mean()) if known.any() else math.nan
@@ -396,7 +396,8 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     rows, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
     found = (sensor_fit.fit if force_noise else sensor_fit.fit_with_noise)(sensor, measured[rows], warmer[rows])
-    doubtful = found.sensor.force_noise > DOUBTED * sensor.force_noise or found.growth > 2
+    own, expected = (np.median(each.force_errors(truth[rows])) for each in (found.sensor, sensor))
+    doubtful = own > DOUBTED * expected or found.growth > 2
     hint, better = mistaken(sensor, measured[rows], warmer[rows], bench.readings) if doubtful else ("", 1.0)
     if better > CERTAIN:
         raise BadInput(f"the columns are not what their heads say: {hint}")
@@ -500,6 +501,7 @@ def _result(
         said=said,
         warnings=warnings,
         force_noise=sensor.force_noise,
+        force_share=100 * sensor.force_share,
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
         curve=_curve(tables["learning"]),
     )

@@ -49,8 +49,9 @@ from studies.sensitivity.made_sensors import CUT, SPECS, MadeSensors, Tolerances
 
 STEPS, LARGEST_STEP, SETTLED = 40, 0.05, 1e-7
 """Most Gauss-Newton steps; longest change of a shift in one, over D; relative fall of the sum at which they end."""
-NOISE_ROUNDS, SAME_NOISE = 4, 0.05
-"""Most rounds in which the error of the forces is estimated; relative change that ends them."""
+NOISE_ROUNDS, SAME_NOISE, LEAST_NOISE = 6, 0.05, 0.2
+"""Most rounds in which the error of the forces is estimated; relative change that ends them; least error at rest over
+that of all rows, since no row may count without limit."""
 MOST_DAMPED = 1e3
 """Damping at which a row that still finds no better shift is at its best one."""
 GRID = (9, 9, 12)
@@ -171,7 +172,9 @@ class Sensor:
     Attributes
     ----------
     noise : (k,) standard deviations of the readings, in the elements' unit.
-    force_noise, motion_noise : of forces, N, and of depth and shears, mm.
+    force_noise, motion_noise : of forces at rest, N, and of depth and shears, mm.
+    force_share : standard deviation of a force's component over the component, which adds to it: hysteresis, and what
+        the mechanics miss.
     temperature_C : T_0 of the nominal sensor.
     """
 
@@ -181,6 +184,7 @@ class Sensor:
     noise: Array
     force_noise: float
     motion_noise: float = 0.02
+    force_share: float = 0.0
     temperature_C: float = 20.0
 
     def value(self, theta: Array, name: str) -> Array:
@@ -262,8 +266,14 @@ class Sensor:
 
     def weights(self, measured: Array) -> Array:
         """Return one over the standard deviation of what was measured (n, k + 6), 0 where nothing was."""
-        sigma = np.concatenate([self.noise, [self.force_noise] * 3, [self.motion_noise] * 3])
-        return np.where(np.isfinite(measured), 1 / sigma, 0.0)
+        count, k = len(measured), len(self.noise)
+        of_force = self.force_errors(measured[:, k : k + 3])
+        each = np.tile(self.noise, (count, 1)), of_force, np.full((count, 3), self.motion_noise)
+        return np.where(np.isfinite(measured), 1 / np.hstack(each), 0.0)
+
+    def force_errors(self, force: Array) -> Array:
+        """Return the standard deviations (n, 3), N, of measured forces (n, 3)."""
+        return np.asarray(np.hypot(self.force_noise, self.force_share * np.nan_to_num(force)))
 
     def starts(self, theta: Array, measured: Array) -> Array:
         """Return shifts (n, 3) near those of rows, from a grid over the workspace: the one that predicts best."""
@@ -413,18 +423,47 @@ def fit(sensor: Sensor, measured: Array, warmer: Array, steps: int = STEPS) -> F
 
 
 def fit_with_noise(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
-    """Estimate the sensor, and the standard deviation of the forces from its residuals.
+    """Estimate the sensor, and the standard deviations of forces and motions from its residuals.
 
     Three numbers of a row determine its shift, and the readings are the most exact ones: what is left is the error of
-    the measured forces, that of the mechanics included.
+    the measured forces, that of the mechanics included. It is a constant and a share of the force, whose squares
+    follow from a regression of the squared residuals.
     """
+    k = len(sensor.noise)
     for _ in range(NOISE_ROUNDS):
         found = fit(sensor, measured, warmer)
-        ratio = math.sqrt(found.chi2 / max(found.freedom, 1))
-        sensor = dataclasses.replace(sensor, force_noise=sensor.force_noise * min(max(ratio, 0.1), 10.0))
-        if abs(ratio - 1) < SAME_NOISE:
+        before = sensor.force_errors(measured[:, k : k + 3])
+        sensor = _with_noise_of(found, measured, warmer)
+        after = sensor.force_errors(measured[:, k : k + 3])
+        if np.abs(after / before - 1).max() < SAME_NOISE:
             break
     return fit(sensor, measured, warmer)
+
+
+def _with_noise_of(found: Fit, measured: Array, warmer: Array) -> Sensor:
+    """Return the sensor with the errors of forces and motions that the residuals of a fit say."""
+    from scipy.optimize import nnls
+
+    sensor, theta, k = found.sensor, found.theta, len(found.sensor.noise)
+    W = sensor.weights(measured)
+    r, Js, Jt = linearised(sensor, theta, found.shift, measured, W, warmer)
+    S, _, A, B, _ = condensed(r, Js, Jt, sensor.unknowns, theta)
+    # residuals are smaller than errors, by what shift and unknowns take up
+    left = Jt - Js @ np.linalg.solve(A, B)
+    freedom = 1 - np.einsum("nmi,nim->nm", Js, np.linalg.solve(A, np.swapaxes(Js, 1, 2)))
+    freedom -= np.einsum("nmp,pq,nmq->nm", left, np.linalg.inv(S), left)
+    known = (W > 0) & (freedom > 0.1)
+    known[:, :k] = False
+    variance = np.square(r / np.where(known, W, 1.0)) / np.where(known, freedom, 1.0)
+    motion, known[:, k + 3 :] = known[:, k + 3 :].copy(), False
+    size, weight = np.square(measured[known]), np.sqrt(freedom[known]) * W[known] ** 2
+    table = np.stack([np.ones_like(size), size], axis=1) * weight[:, None]
+    constant, share = nnls(table, variance[known] * weight)[0]
+    constant = max(constant, LEAST_NOISE**2 * float(np.average(variance[known], weights=freedom[known])))
+    moved = float(np.sqrt(variance[:, k + 3 :][motion].mean())) if motion.any() else sensor.motion_noise
+    return dataclasses.replace(
+        sensor, force_noise=math.sqrt(constant), force_share=math.sqrt(share), motion_noise=moved
+    )
 
 
 def _total(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> float:

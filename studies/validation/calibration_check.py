@@ -162,6 +162,7 @@ def _judge(
         "inside_percent": 100 * float((np.abs(off[known]) <= decoded.half_width[known]).mean()),
         "lost": int((~known).sum()),
         "force_noise_N": found.sensor.force_noise,
+        "force_share": found.sensor.force_share,
         "largest_N": float(np.abs(true).max()),
     }
     truth = truth_of(made, un, base)
