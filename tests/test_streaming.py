@@ -119,6 +119,28 @@ def test_counts_go_on_where_they_begin_again():
     assert found == [(2.0 * v, 2.0 * v, 3.0 * v) for v in values]
 
 
+def test_counts_begin_near_the_field_at_rest():
+    """A chip under the magnet sees 20 mT, four times what 16 bits of 0.15 uT hold."""
+    design = Design(hall_layout="tmag5273a1", chip_x=1.0)
+    options = live_stream.Streaming(port="-", frames="aa", axes="y,-x,z")
+    rest = live_stream.rest_in_frames(design, options, 1)
+    assert max(map(abs, rest)) > 0.15 * 2**16
+    counts = [round(v / frames.LSB[k == 2]) & 0xFFFF for k, v in enumerate(rest)]
+    reader = frames.Frames("aa", 1)
+    reader.begin_near(rest)
+    frame = b"\xaa" + struct.pack(">3H", *(0xFFFF - c for c in counts))
+    found = reader.feed(3 * frame)[0]
+    assert found == pytest.approx(rest, abs=0.2)
+    x, y, _ = live_stream.reader(design, options)(found)
+    field = forward_model.readings_at(forward_model.model(design), np.zeros((3, 1)))[:, 0]
+    assert (x, y) == pytest.approx(field[:2], abs=2e-7)
+
+
+def test_a_stream_without_rows_leaves_no_file(capsys, tmp_path):
+    assert streamed(capsys, "--port", RECORDING, "--speed", 0, "--zero", 1e6, "--out", tmp_path / "rows.csv")[0] == 3
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_checksum_is_needed_once_lines_have_it():
     reader = frames.Frames("lines", 2)
     good = [with_sum(f"{k},1") for k in range(6)]

@@ -449,5 +449,10 @@ def run(
         "fit_error_N": max(firmware.coder.mechanics.errors[1:3]),
         "example": example_of(design),
     }
+    off = "" if calibration else "; what a made sensor differs from the design comes on top: calibrate it"
+    remark = (
+        f"the tables add {force:.1g} N to the error of the mechanics ({firmware.source}), which the decoder's "
+        f"polynomials miss by up to {record['fit_error_N']:.2g} N{off}"
+    )
     shown = [Table(title="Firmware", rows=[record])]
-    return Result(title="Firmware", records=[record], shown=shown, files={**files, **more})
+    return Result(title="Firmware", records=[record], shown=shown, remarks=[remark], files={**files, **more})

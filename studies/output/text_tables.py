@@ -41,8 +41,11 @@ TURNS = {
 MISFITS = {
     "fit_error_rad": ("error of the decoder's polynomials, tilt", UNITS["rad"][0]),
     "fit_error_N": ("error of the decoder's polynomials, force", UNITS["N"][0]),
+    "table_error_mm": ("error of the tables, shift", UNITS["mm"][0]),
+    "table_error_N": ("error of the tables, force", UNITS["N"][0]),
+    "table_error_percent": ("error of the tables, force over full scale", UNITS["percent"][0]),
 }
-"""Names of the decoder's fit errors: differences of its polynomials from the fitted states or formulas."""
+"""Names of the decoder's errors: differences of its polynomials from the fitted states or formulas, and of tables."""
 
 GAP = "  "
 """Space between columns."""

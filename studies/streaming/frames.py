@@ -188,6 +188,10 @@ class Frames:
             self._follows = True
             yield self._unwrapped(counts)
 
+    def begin_near(self, field: Sequence[float]) -> None:
+        """Take counts of the first frame for those nearest to a field, uT: x, y, z of each chip."""
+        self._last = [round(value / self.lsb[k % 3 == 2]) for k, value in enumerate(field)]
+
     def _unwrapped(self, counts: Sequence[int]) -> tuple[float, ...]:
         """Return flux densities, uT, from counts that begin again at 2^16: the nearest to those of the last frame."""
         last = self._last or [0] * len(counts)

@@ -25,7 +25,7 @@ import numpy as np
 
 from analytic import parts
 from analytic.decode import field_of, state
-from analytic.inverse.forward_model import readings_with_slopes
+from analytic.inverse.forward_model import model, readings_at, readings_with_slopes
 from analytic.stream import Stream
 from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
@@ -276,11 +276,22 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
     lsb = tuple(parse_numbers("--lsb", options.lsb)) if options.lsb else frames.LSB
     if len(lsb) != 2 or not all(0 < each < math.inf for each in lsb):
         raise BadInput(f"--lsb takes two numbers, uT of a count along x and y, and along z; got {options.lsb!r}")
-    port = sources.Port(
-        options.port, frames.Frames(options.frames, width, (lsb[0], lsb[1])), CLOCKS[options.clock], options.baud
-    )
+    cut = frames.Frames(options.frames, width, (lsb[0], lsb[1]))
+    if options.frames == "aa":
+        cut.begin_near(rest_in_frames(design, options, width))
+    port = sources.Port(options.port, cut, CLOCKS[options.clock], options.baud)
     port.open()
     return port
+
+
+def rest_in_frames(design: Design, options: Streaming, width: int) -> list[float]:
+    """Return what the chips of a frame send at rest, uT along their own x, y and z; 0 for other chips."""
+    read = readings_at(model(design), np.zeros((3, 1)))[:, 0].reshape(-1, 3)
+    found = [0.0] * (3 * width)
+    for chip, (down, x, y) in zip(chips(design, options), read.tolist(), strict=True):
+        for (axis, sign), value in zip(frames.mounting(options.axes), (x, y, -down), strict=True):
+            found[3 * chip + axis] = 1e6 * sign * value
+    return found
 
 
 def is_table(options: Streaming) -> bool:
@@ -301,6 +312,10 @@ def _check_fit(options: Streaming) -> None:
             raise BadInput(f"--{name.replace('_', '-')} has no meaning for {what}: leave it out")
     if options.baud < 1:
         raise BadInput(f"--baud must be at least 1 bit per second; got {options.baud}")
+
+
+class NothingDecoded(Exception):
+    """A stream has ended without a row: no file of heads alone is left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,6 +339,8 @@ class Outputs:
             if self.mcap is not None:
                 found.append(stack.enter_context(recording.mcap_file(self.mcap, live.design, self.frame_id)))
             yield found
+            if not live.counts:
+                raise NothingDecoded
             if not self.as_json:
                 print()
 
@@ -335,18 +352,17 @@ def run(
 
     more : further sinks.
     """
-    with outputs.sinks(live) as sinks:
-        with _ended_by_signals():
-            for arrived in source.rows():
-                heard = time.monotonic()
-                rows = live.rows(arrived)
-                for sink in (*sinks, *more):
-                    sink(rows)
-                if rows:
-                    live.late.append(time.monotonic() - heard)
-                if ended is not None and ended.is_set():
-                    break
-        return summary(live, source.lost)
+    with contextlib.suppress(NothingDecoded), outputs.sinks(live) as sinks, _ended_by_signals():
+        for arrived in source.rows():
+            heard = time.monotonic()
+            rows = live.rows(arrived)
+            for sink in (*sinks, *more):
+                sink(rows)
+            if rows:
+                live.late.append(time.monotonic() - heard)
+            if ended is not None and ended.is_set():
+                break
+    return summary(live, source.lost)
 
 
 @contextlib.contextmanager
