@@ -4,6 +4,7 @@ import contextlib
 import functools
 import gc
 import importlib
+import io
 import itertools
 import json
 import os
@@ -69,11 +70,33 @@ def own_cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def small_pictures():
-    """Pictures of figures have fewer pixels and are drawn sooner."""
+def blank_pictures():
+    """Figures are compiled for their pictures, but not drawn; `drawn_pictures` draws them, with few pixels.
+
+    Drawing takes half a second, and fails in no way in which compiling does not.
+    """
+    import vl_convert
+    from PIL import Image
+
+    blank, draw = io.BytesIO(), vl_convert.vegalite_to_png
+    Image.linear_gradient("L").save(blank, "PNG")
+
+    def compiled(spec, scale):
+        assert vl_convert.vegalite_to_vega(spec)
+        return blank.getvalue()
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "SCALE", 0.75)
-        yield
+        patch.setattr(vl_convert, "vegalite_to_png", compiled)
+        yield draw
+
+
+@pytest.fixture
+def drawn_pictures(blank_pictures, monkeypatch):
+    """Pictures of figures are drawn."""
+    import vl_convert
+
+    monkeypatch.setattr(vl_convert, "vegalite_to_png", blank_pictures)
 
 
 @pytest.fixture(scope="session", autouse=True)

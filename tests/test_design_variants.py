@@ -26,22 +26,42 @@ def test_sentences_of_a_batch_name_the_variants():
     ]
 
 
+WRITES_AND_WAITS = """
+import time
+from studies.fabrication import design_variants as variants
+from studies.mechanics import worker_process
+from studies.output import atomic_files
+
+def fabricate(job):
+    with atomic_files.filled(job[2]) as folder, atomic_files.staged(folder) as stage:
+        atomic_files.write_text(stage / "README.md", "recipe")
+        time.sleep(0 if job[1]["L"] == 9 else 60)
+    return variants.fabricated("ok", "", job[2])
+
+variants.fabricate = fabricate
+worker_process.main()
+"""
+
+
 def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
-    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
-    tokens = ["cad", "paper", "--out", "parts", "--axis", "L=9,10,11,12,13,14,15,16"]
+    """Its processes, which here build no solids, have begun to write all variants but the first one."""
+    code = "import sys; from studies.cli import main; from studies.mechanics import worker_process\n"
+    code += (
+        f"worker_process.COMMAND = (sys.executable, '-P', '-c', {WRITES_AND_WAITS!r}); sys.exit(main(sys.argv[1:]))"
+    )
+    tokens = ["cad", "paper", "--out", "parts", "--axis", "L=9,10,11"]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
     options = {"cwd": tmp_path, "env": environment, "start_new_session": True, "stderr": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", code, *tokens], **options) as process:
-        while process.poll() is None and not (tmp_path / "parts" / "L9" / "README.md").exists():
+        while process.poll() is None and len(list(tmp_path.rglob("README.md"))) < 2:
             time.sleep(0.05)
         os.killpg(process.pid, signal.SIGINT)
         said = process.stderr.read().decode()
         assert process.wait() == 130
     assert said.splitlines()[-1] == "magtip: interrupted; any complete files are kept"
     assert "Traceback" not in said
-    folders = [path for path in (tmp_path / "parts").glob("[!.]*") if path.name != "L9"]
-    assert len(folders) < 7
-    assert all((folder / "README.md").exists() for folder in folders)
+    assert [path.name for path in (tmp_path / "parts").glob("[!.]*")] == ["L9"]
+    assert (tmp_path / "parts" / "L9" / "README.md").exists()
     assert not list(tmp_path.rglob(".writing-*"))
 
 

@@ -137,6 +137,7 @@ def test_nothing_to_draw_is_no_error():
     ],
     ids=lambda figure: figure.title,
 )
+@pytest.mark.usefixtures("drawn_pictures")
 def test_a_picture_has_marks_of_the_colours(figure, tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "SCALE", SCALE)
     figures.save(tmp_path / "one.png", [figure], notes=["A sentence."])

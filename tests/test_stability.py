@@ -7,11 +7,9 @@ import pytest
 from analytic import buckling
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import stability
-from fem.equilibrium import solve
 from fem.scene import Scene
 from fem.solution import Estimates
-from fem.solve import direct_solver
-from fem.solve.direct_solver import UNKNOWN, Solver, Stability, have_pardiso
+from fem.solve.direct_solver import UNKNOWN, Solver
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -35,18 +33,6 @@ def test_an_unknown_stability_is_no_stable_one(monkeypatch):
     found = stability.critical(Design(L=32.0), "ignored", accuracy=QUICK)
     assert (found.depth, found.stable_to) == (None, 0.0)
     assert found.message.startswith("the press is stable up to 0 mm; beyond, its stability is unknown")
-
-
-def test_without_pardiso_the_verdicts_are_the_same(monkeypatch):
-    beam = Design(L=32.0, l0=30.2)
-    answers = []
-    for library in (have_pardiso, lambda: False):
-        monkeypatch.setattr(direct_solver, "have_pardiso", library)
-        found = stability.critical(beam, "ignored", accuracy=QUICK, estimate=False)
-        state = solve(beam, Load(depth=1.0), QUICK, magnet="ignored", model="harmonic")
-        answers.append((found.depth, state.status, state.facts.stability, state.response.force[2]))
-    assert answers[0] == (pytest.approx(0.6613, abs=1e-4), "unstable", Stability(1), pytest.approx(1.1, rel=0.5))
-    assert answers[1] == (pytest.approx(answers[0][0]), *answers[0][1:3], pytest.approx(answers[0][3]))
 
 
 def test_a_guided_tip_holds_longer():
