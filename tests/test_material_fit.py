@@ -354,7 +354,7 @@ def test_command_writes_a_design_that_reads_back(run, strict, tmp_path):
     assert sorted(path.name for path in (tmp_path / "made").glob("[!.]*")) == ["design.toml", "fit.csv", "fit.png"]
     with open(tmp_path / "made" / "fit.csv", newline="", encoding="utf-8") as lines:
         assert [row["law"] for row in csv.DictReader(lines)] == [record["law"] for record in records]
-    assert (tmp_path / "made" / "fit.png").stat().st_size > 10_000
+    assert (tmp_path / "made" / "fit.png").is_file()
 
 
 def test_command_tells_bad_input_in_one_sentence(refusal, tmp_path):

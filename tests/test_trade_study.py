@@ -69,7 +69,8 @@ def reduced(tmp_path_factory):
     folder = tmp_path_factory.mktemp("trade")
     # of an earlier run with --confirm
     atomic_files.write_text(folder / "confirm.csv", "kind")
-    with contextlib.redirect_stdout(io.StringIO()) as out:
+    with contextlib.redirect_stdout(io.StringIO()) as out, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trade_study, "REPEATS", dict.fromkeys(trade_study.REPEATS, 1))
         assert entry_point.main([*COMMAND, "--out", str(folder)]) == 0
     return folder, [json.loads(line) for line in out.getvalue().splitlines()]
 

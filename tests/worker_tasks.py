@@ -9,9 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
-
-from studies.mechanics import path_solver, worker_process
+from studies.mechanics import worker_process
 
 
 def echo(task):
@@ -64,6 +62,8 @@ def noted_solve(task):
     """Note the length over D of a solve, by a single write, which is never mixed with others, and solve it."""
     with open(os.environ[SOLVES], "ab", 0) as log:
         log.write(f"{task.scene.design.L / task.scene.design.D!r}\n".encode())
+    from studies.mechanics import path_solver
+
     return path_solver.solve_task(task)
 
 
@@ -82,6 +82,8 @@ def fails_at_depth(job):
     """Fail in another way at each depth of a job of the explorer; between and after them say that it is done."""
     depth = round(10 * job.request.state.load.depth)
     if depth == 1:
+        import numpy as np
+
         raise np.linalg.LinAlgError("Singular matrix\nof rank 1")
     if depth in (2, 3):
         raises("odd" if depth == 2 else "exit")
