@@ -47,8 +47,8 @@ class Pattern:
         # every block is coupled with itself, so that no row of the matrix is empty
         keys = np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)])
         # sorted keys are rows of blocks, and in each row the columns in rising order
-        self._pairs, inverse = np.unique(keys, return_inverse=True)
-        rows, columns = np.divmod(self._pairs, count)
+        coupled, inverse = np.unique(keys, return_inverse=True)
+        rows, columns = np.divmod(coupled, count)
         begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
         start = np.cumsum(width) - width
         offset = (start - start[begin[rows]])[inverse]
@@ -68,18 +68,7 @@ class Pattern:
         self.offsets: list[Ints] = [
             offset[end - pair.size : end].reshape(pair.shape) for pair, end in zip(pairs, groups_end, strict=True)
         ]
-        self._skin, self._sizes = skin, sizes
-
-    def elimination_order(self) -> Ints:
-        """Return an order (n,) of the unknowns that keeps factors sparse, with those of a block together.
-
-        The graph of the blocks has several times fewer vertices than that of the unknowns.
-        """
-        first, second = np.divmod(self._pairs, len(self._sizes))
-        graph = sp.csr_matrix((np.ones(len(first)), (first, second)), shape=(len(self._sizes),) * 2)
-        blocks = nested_dissection((graph + sp.triu(graph, 1).T).tocsr())
-        start = np.cumsum(self._sizes) - self._sizes
-        return np.concatenate([np.arange(start[b], start[b] + self._sizes[b]) for b in blocks])
+        self._skin = skin
 
     def with_data(self, data: Array) -> sp.csr_matrix:
         """Return the upper triangle with entries (nnz,)."""

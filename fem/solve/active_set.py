@@ -143,9 +143,7 @@ class ActiveSet:
     def factorise(self, state: State, assembly: Assembly) -> None:
         tangent, system = self._tangent, self.system
         tangent.drop()
-        tangent.solver.factorise(
-            assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order
-        )
+        tangent.solver.factorise(assembly.tangent, symmetric=assembly.symmetric, single=True)
         tangent.stability = tangent.solver.stability(system.n_pressure)
         tangent.pressed = self._first
         if self._first is None and self._plate is not None and system.surface is not None:

@@ -16,7 +16,6 @@ import functools
 import math
 import sys
 import weakref
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NoReturn
@@ -120,22 +119,17 @@ class Solver:
         self.outer: Ints = np.zeros(0, dtype=np.int64)
         self.schur: Array | None = None
 
-    def factorise(
-        self, matrix: sp.csr_matrix, *, symmetric: bool = True, order: Callable[[], Ints] | None = None
-    ) -> None:
+    def factorise(self, matrix: sp.csr_matrix, *, symmetric: bool = True, single: bool = False) -> None:
         """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError.
 
-        order : for steps of Newton's method, which need no more than single precision: factors of symmetric matrices
-            that are not small are then computed in it, in two thirds of the time, if it is accurate enough. Returns
-            the order (n,) in which PARDISO eliminates the unknowns of a large matrix; called at most once. Default:
-            PARDISO's own order, and double precision.
+        single : whether single precision serves, as for steps of Newton's method: factors of symmetric matrices that
+            are not small are then computed in it, in two thirds of the time, if it is accurate enough.
         """
         _check_finite(matrix)
         self._symmetric = symmetric
         if symmetric not in self._factors and self._use_pardiso:
-            size, newton = matrix.shape[0], order is not None and symmetric
-            chosen = order() if order and size >= FEW else None
-            self._factors[symmetric] = Pardiso(matrix, symmetric, chosen, single=newton and size >= SINGLE)
+            single = single and symmetric and matrix.shape[0] >= SINGLE
+            self._factors[symmetric] = Pardiso(matrix, symmetric, single=single)
         elif symmetric not in self._factors:
             self._factors[symmetric] = PlainFactors(symmetric)
         self._factors[symmetric].factorise(matrix)
@@ -368,7 +362,6 @@ class Pardiso:
     (`match`). That takes most of the symbolic phase; mixed displacement-pressure systems need it only where elements,
     and with them pivots, differ by orders of magnitude.
 
-    order : order in which the unknowns are eliminated; default: PARDISO's own.
     outer : unknowns that are not eliminated, but left in a Schur complement.
     single : whether the first factors, and then the present ones, are in single precision.
     """
@@ -377,12 +370,11 @@ class Pardiso:
         self,
         matrix: sp.csr_matrix,
         symmetric: bool,
-        order: Ints | None = None,
         outer: Ints | None = None,
         *,
         single: bool = False,
     ) -> None:
-        self._mkl, self._symmetric, self._order, self._outer = _mkl(), symmetric, order, outer
+        self._mkl, self._symmetric, self._outer = _mkl(), symmetric, outer
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
         self._start(matrix, match=not symmetric, single=single)
@@ -402,8 +394,6 @@ class Pardiso:
         memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
         if self._outer is not None:
             permutation[self._outer], self.iparm[35] = 1, 2
-        elif self._order is not None and not match:
-            permutation[:], self.iparm[4] = self._order, 1
         nothing = np.zeros(0)
         first = _address(self._numbers)
         most, which, kind, phase, many, right, talk, error = range(first, first + 32, 4)
