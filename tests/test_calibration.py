@@ -28,7 +28,7 @@ from studies.firmware.decoder_export import STATUSES
 from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
 from studies.sensitivity.made_sensors import tolerances
-from studies.streaming import live_stream
+from studies.streaming import live_stream, ros2_package
 from studies.validation import calibration_check, firmware_check
 from studies.web.explorer_answers import Answers
 from studies.web.explorer_state import request_of
@@ -205,6 +205,18 @@ def test_a_calibrated_sensor_decodes_as_in_python_by_the_decoder_in_c(calibratio
     ratio = answer["half_width"][known] / expected.half_width[known]
     assert ratio.min() > 0.8
     assert 1 < np.median(ratio) < 1.2
+
+
+def test_a_ros_package_decodes_by_the_calibration(calibration, tmp_path):
+    for name, write in ros2_package.files(paper(), calibration[1]).items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        write(tmp_path / name)
+    folder = tmp_path / "ros2" / "magtip_sensor"
+    assert (folder / "config" / "calibration.json").read_text() == calibration[1].read_text()
+    launch = (folder / "launch" / "sensor.launch.py").read_text()
+    compile(launch, "launch", "exec")
+    assert '"calibration": "calibration.json"' in launch
+    assert "config/calibration.json" in (folder / "setup.py").read_text()
 
 
 def test_readings_of_the_made_sensor_are_within_their_intervals(bench, calibration, run):

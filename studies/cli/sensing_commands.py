@@ -309,7 +309,7 @@ def firmware(
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
     design = design_of(source, sets)
     made = parse_tolerances(tolerances or [], design)
-    more = ros2_package.files(design) if ros2 else {}
+    more = ros2_package.files(design, calibration) if ros2 else {}
     study = partial(decoder_export.run, design, level, responses, flash, made, calibration, here.command, more)
     return publish(study, here)
 

@@ -17,15 +17,19 @@ PLACES = {
 }  # fmt: skip
 """Templates, and their folders in the package."""
 MADE = {f"resource/{PACKAGE}": "", f"{PACKAGE}/__init__.py": ""}
-FILES = tuple(f"ros2/{PACKAGE}/{name}" for name in (*(p + t for t, p in PLACES.items()), *MADE, "config/design.toml"))
+CONFIG = ("config/design.toml", "config/calibration.json")
+FILES = tuple(f"ros2/{PACKAGE}/{name}" for name in (*(p + t for t, p in PLACES.items()), *MADE, *CONFIG))
 
 
-def files(design: Design) -> dict[str, Writer]:
-    """Return the writers of the package's files."""
-    folder = Path(__file__).with_name("ros2")
+def files(design: Design, calibration: Path | None = None) -> dict[str, Writer]:
+    """Return the writers of the package's files; with a calibration it decodes by a copy of that."""
+    folder, calibrated = Path(__file__).with_name("ros2"), calibration is not None
     texts = {
-        place + name: page_templates.rendered(folder / f"{name}.j2", version=version("magtip")) + "\n"
+        place + name: page_templates.rendered(folder / f"{name}.j2", version=version("magtip"), calibrated=calibrated)
+        + "\n"
         for name, place in PLACES.items()
     }
-    texts |= {**MADE, "config/design.toml": design_text(design)}
+    texts |= {**MADE, CONFIG[0]: design_text(design)}
+    if calibration is not None:
+        texts[CONFIG[1]] = calibration.read_text("utf-8")
     return {f"ros2/{PACKAGE}/{name}": partial(write_text, text=text) for name, text in texts.items()}
