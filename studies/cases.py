@@ -27,9 +27,8 @@ from geometry.bad_input import nearest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.inputs import study_axes, study_input
-from studies.inputs.study_axes import AXES, Factor
-from studies.inputs.study_input import QuantityName
+from studies.inputs import study_input
+from studies.inputs.study_input import AXES, Factor, QuantityName
 from studies.mechanics import store as stores
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import (
@@ -61,17 +60,17 @@ def table(cases: Iterable[tuple[Design, Load, Magnet]]) -> pd.DataFrame:
     given = list(cases)
     base = paper()
     rows = [
-        {name: getattr(design, name) for name in study_axes.DESIGN}
+        {name: getattr(design, name) for name in study_input.DESIGN}
         | {"depth": load.depth, "shear": load.shear_x, "shear_y": load.shear_y, "friction": load.friction}
         | {"plate_tilt": math.degrees(load.plate_tilt), "imperfection": load.imperfection}
         | {"grip": math.nan if load.grip is None else load.grip, "magnet": magnet}
         for design, load, magnet in given
     ]
-    usual = {name: getattr(base, name) for name in study_axes.DESIGN}
+    usual = {name: getattr(base, name) for name in study_input.DESIGN}
     usual |= {"shear": 0.0, "shear_y": 0.0, "plate_tilt": 0.0, "imperfection": 0.0}
     frame = pd.DataFrame(rows)
     kept = [name for name in frame if name not in usual or (frame[name] != usual[name]).any()]
-    return frame[kept].rename(columns={name: study_axes.column(name) for name in kept})
+    return frame[kept].rename(columns={name: study_input.column(name) for name in kept})
 
 
 def answer(
@@ -139,7 +138,7 @@ def answer(
 def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:
     names = [_axis(str(column)) for column in cases.columns]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
-        raise BadInput(f"the column {study_axes.column(twice[0])} stands twice in the cases: leave one of them out")
+        raise BadInput(f"the column {study_input.column(twice[0])} stands twice in the cases: leave one of them out")
     if not names or (needs_load and not {"depth", "grip"} & set(names)):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
     columns = [_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)]
@@ -174,7 +173,7 @@ def _joined(given: Mapping[str, Any], parts: Sequence[Columns], reasons: Values)
     import pandas as pd
 
     refused = reasons != ""
-    fields = pd.DataFrame({study_axes.column(name): values for name, values in given.items()})
+    fields = pd.DataFrame({study_input.column(name): values for name, values in given.items()})
     frames = [pd.DataFrame(part) for part in parts]
     answers = pd.concat(frames, ignore_index=True) if frames else fields.iloc[:0]
     if not refused.any():
@@ -204,10 +203,10 @@ def _check_kinds(cases: object, models: object, base: object, quantities: object
 
 
 def _axis(column: str) -> str:
-    known = {study_axes.column(name): name for name in AXES}
+    known = {study_input.column(name): name for name in AXES}
     if column in known:
         return known[column]
-    remedy = f"did you mean {study_axes.column(column)}?" if column in AXES else nearest(column, known)
+    remedy = f"did you mean {study_input.column(column)}?" if column in AXES else nearest(column, known)
     raise BadInput(f"there is no field {column!r} of a design or a load: {remedy}")
 
 
@@ -231,7 +230,7 @@ def _cells(name: str, column: pd.Series) -> tuple[Values, list[str]]:
 
 def _refusal(name: str, cell: str | float, given: object = None) -> str:
     """Return why a cell is refused, "" if it is not; `given` is what stood there if that is no float."""
-    axis, column = AXES[name], study_axes.column(name)
+    axis, column = AXES[name], study_input.column(name)
     if isinstance(cell, str):
         wanted = [*axis.names, *(["a number"] if axis.is_number else [])]
         return "" if cell in axis.names else f"{column} must be {' or '.join(wanted)}; got {cell!r}"

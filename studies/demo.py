@@ -17,7 +17,7 @@ from studies.mechanics.path_solver import LoadOutcome
 from studies.output import atomic_files, page_templates, result, vtk_files
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
-from studies.simulation import compare, comparison_findings, design_summary
+from studies.simulation import compare, comparison_rows, design_summary
 from studies.simulation.compare import Comparison, part
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "altair")
@@ -106,7 +106,7 @@ def document(design: Design, comparison: Comparison, cad: FlatRow, mesh: FlatRow
             remark = f"; no effect here: {unused[spec.name]}" if spec.name in unused else ""
             value = design_summary.shown(getattr(design, spec.name))
             assumed.append((spec.name, f"{value}{unit}", f"{spec.metadata['text']}{remark}"))
-    findings = {name: comparison_findings.sentences(name, comparison.summary) for name in ("press", "shear", "trust")}
+    findings = {name: comparison_rows.sentences(name, comparison.summary) for name in ("press", "shear", "trust")}
     page = {"design": design, "assumed": assumed, "cad": cad, "mesh": mesh, "origin": origin}
     page |= {"findings": findings, "press": press[1::2] if len(press) > 6 else press, "shear": shear}
     return page_templates.rendered(Path(compare.__file__).with_name("templates") / "demo.md.j2", **page)

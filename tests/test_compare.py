@@ -17,8 +17,8 @@ from geometry.loads import Load
 from geometry.relaxation import relaxation_of
 from studies.mechanics import path_solver
 from studies.output import result
-from studies.simulation import compare, comparison_findings, comparison_rows
-from studies.simulation.comparison_rows import with_reading_errors
+from studies.simulation import compare, comparison_rows
+from studies.simulation.comparison_rows import findings, sentences, with_reading_errors
 
 DEPTHS = (0.5, 1.0)
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
@@ -116,7 +116,7 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
     assert [math.isnan(row["analytic_force_N"]) for row in rows] == [True, False, False, False]
     assert "7.5 mm" in rows[0]["message"]
     assert "stopped at depth 0.9 mm" in rows[3]["message"]
-    assert comparison_findings.findings(paper(), rows, [])["missing_states"] == 3
+    assert findings(paper(), rows, [])["missing_states"] == 3
 
 
 def test_a_failed_solve_is_not_hidden_by_an_unstable_one():
@@ -142,7 +142,7 @@ def test_a_beam_without_a_magnet_has_forces_but_no_readings():
     (row,) = found.press
     assert row["fem_force_N"] == row["fem_homogeneous_force_N"]
     assert math.isnan(row["fem_S1_mT"])
-    text = " ".join(comparison_findings.sentences("press", found.summary))
+    text = " ".join(sentences("press", found.summary))
     assert "Readings" not in text
     assert "Voltage" not in text
     assert "nan" not in text
@@ -175,32 +175,32 @@ def press_row(depth, rigid, homogeneous, volt=0.0):
 
 def test_sentences_about_the_press_follow_the_figures():
     rows = [press_row(0.5, -60.0, -30.0), press_row(1.0, -40.0, -8.0), press_row(1.5, -30.0, 4.0)]
-    found = comparison_findings.findings(paper(), rows, [])
-    bare, rigid, *_ = comparison_findings.sentences("press", found)
+    found = findings(paper(), rows, [])
+    bare, rigid, *_ = sentences("press", found)
     assert "within 5 % of the finite elements at 1.5 mm, and within 10 % at 1 to 1.5 mm" in bare
     assert "worst error is -30 %, at 0.5 mm" in bare
     assert "never within 10 %" in rigid
     assert found["press_error_estimate_percent"] == pytest.approx(1.0)
     good = [press_row(depth, 1.0, 7.0) for depth in (0.5, 1.0)]
-    bare, rigid, *_ = comparison_findings.sentences("press", comparison_findings.findings(paper(), good, []))
+    bare, rigid, *_ = sentences("press", findings(paper(), good, []))
     assert "within 5 % of the finite elements at none of the depths, and within 10 % at all depths (0.5 to 1" in bare
     assert "within 5 % of the finite elements at all depths (0.5 to 1 mm)" in rigid
 
 
 def test_the_papers_claim_about_the_voltage_is_judged():
     agreeing = [press_row(depth, 0.0, 0.0) for depth in (1.0, 2.0, 3.0)]
-    found = comparison_findings.findings(paper(), agreeing, [])
+    found = findings(paper(), agreeing, [])
     assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(0.0, abs=1e-9)
-    assert "agrees with the paper" in " ".join(comparison_findings.sentences("press", found))
+    assert "agrees with the paper" in " ".join(sentences("press", found))
     wrong = [press_row(depth, 0.0, 0.0, volt=0.1) for depth in (1.0, 2.0, 3.0)]
-    found = comparison_findings.findings(paper(), wrong, [])
+    found = findings(paper(), wrong, [])
     rest, last = hall.readings(paper()).V[0], wrong[-1]["fem_S1_V"]
     assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(100 * 0.1 / (last - rest))
-    assert "do not confirm" in " ".join(comparison_findings.sentences("press", found))
+    assert "do not confirm" in " ".join(sentences("press", found))
 
 
 def test_the_secant_law_is_told_with_its_work_integral():
-    found = comparison_findings.findings(paper(), [press_row(3.0, 0.0, 0.0)], [])
+    found = findings(paper(), [press_row(3.0, 0.0, 0.0)], [])
     assert found["secant_force_N"] == pytest.approx(5 * math.pi)
     assert found["tangent_force_N"] == pytest.approx(3 * math.pi)
     assert found["area_over_hertz"] == pytest.approx(1.25)
@@ -230,23 +230,19 @@ def shear_row(way, stiffness, untilted, analytic, status="ok"):
 
 
 def test_sentences_about_the_shear_follow_the_figures():
-    blameless = comparison_findings.findings(paper(), [], [shear_row(1.0, 0.6, 5.0, 40.0)])
-    text = " ".join(comparison_findings.sentences("shear", blameless))
+    blameless = findings(paper(), [], [shear_row(1.0, 0.6, 5.0, 40.0)])
+    text = " ".join(sentences("shear", blameless))
     assert "0.827 N/mm" in text
     assert "0.600 N/mm" in text
     assert "tilts by 5.7°" in text
     assert "alone does not explain" in text
-    guilty = comparison_findings.findings(paper(), [], [shear_row(1.0, 0.6, 35.0, 40.0)])
-    assert "explains most of" in " ".join(comparison_findings.sentences("shear", guilty))
+    guilty = findings(paper(), [], [shear_row(1.0, 0.6, 35.0, 40.0)])
+    assert "explains most of" in " ".join(sentences("shear", guilty))
     # the estimate of the shear force is its own: the press force is larger and more accurate
-    assert "the shear force (Fx) is estimated at 1.2 % at most" in " ".join(
-        comparison_findings.sentences("trust", guilty)
-    )
-    nothing = comparison_findings.findings(
-        paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan, status="not_converged")]
-    )
-    assert "reached no state" in " ".join(comparison_findings.sentences("shear", nothing))
-    assert "1 state was not reached" in " ".join(comparison_findings.sentences("trust", nothing))
+    assert "the shear force (Fx) is estimated at 1.2 % at most" in " ".join(sentences("trust", guilty))
+    nothing = findings(paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan, status="not_converged")])
+    assert "reached no state" in " ".join(sentences("shear", nothing))
+    assert "1 state was not reached" in " ".join(sentences("trust", nothing))
 
 
 def test_default_states_suit_the_design(monkeypatch):
@@ -289,7 +285,7 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
     assert pressed["fem_chip_-z_output_mT"] != pressed["fem_chip_-z_mT"]
     assert sheared["analytic_chip_x_error_percent_FS"] == pytest.approx(0, abs=1e-9)
     assert not any(name.endswith("_V") or "S1" in name for name in (*pressed, *sheared))
-    found = comparison_findings.findings(design, press, shear)
+    found = findings(design, press, shear)
     assert found["chip_-z_output_mT_against_force_error_percent_FS"] == pytest.approx(0, abs=1e-9)
     text = " ".join(found["sentences"])
     assert "Output of chip -z" in text

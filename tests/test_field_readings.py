@@ -9,7 +9,7 @@ from analytic import hall
 from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
-from studies.inputs import state_files
+from studies.inputs import table_input
 from studies.sensing import field_readings
 from studies.simulation import state_rows
 
@@ -219,5 +219,5 @@ def test_a_load_comes_back_from_a_file_as_it_was(tmp_path, load):
     row = state_rows.state_row(load, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0), "paper", LABEL)
     file = tmp_path / "states.jsonl"
     file.write_text(json.dumps(row | LABEL))
-    (state,) = state_files.read(file, paper())
+    (state,) = table_input.read_states(file, paper())
     assert state.load == load

@@ -18,8 +18,8 @@ from fem.physics_version import PHYSICS
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.mechanics import model_choice, prediction, surrogate_file, surrogate_range, surrogate_response
-from studies.mechanics.gaussian_process import GaussianProcess, correlation, with_constant
 from studies.mechanics.path_solver import frequency_unit
+from studies.mechanics.surrogate_file import GaussianProcess, correlation, with_constant
 from studies.mechanics.surrogate_response import respond
 from studies.validation import surrogate_fit
 from studies.validation.surrogate_training import random_beams

@@ -8,8 +8,7 @@ import pytest
 from fem.accuracy import QUICK
 from geometry.design import paper
 from geometry.loads import Load
-from studies.inputs.study_axes import Factor
-from studies.inputs.study_input import grid
+from studies.inputs.study_input import Factor, grid
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Recent, load_of, varied
 
 PLAN = Plan(

@@ -6,9 +6,8 @@ import math
 import pytest
 
 from geometry.design import BadInput, Design, paper
-from studies.inputs.quantity_input import UNITS, quantity
 from studies.inputs.study_input import is_study, parse_axes, read_study, study_design
-from studies.inputs.user_input import fabrication_of, nearest, parse_numbers, read_design
+from studies.inputs.user_input import UNITS, fabrication_of, nearest, parse_numbers, quantity, read_design
 
 
 def test_axes():

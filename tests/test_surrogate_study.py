@@ -10,9 +10,9 @@ from stores import temporary
 
 from fem.accuracy import QUICK
 from studies.mechanics import prediction, surrogate_range
-from studies.mechanics.gaussian_process import GaussianProcess
 from studies.mechanics.prediction import Beams, first_zero
 from studies.mechanics.solve_plan import Processes
+from studies.mechanics.surrogate_file import GaussianProcess
 from studies.output.goals import missed
 from studies.output.result import write
 from studies.validation import surrogate_study

@@ -18,9 +18,8 @@ from fem.physics_version import PHYSICS
 from geometry.bad_input import MeshError, SolveFailed
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.inputs import study_axes
-from studies.inputs.study_axes import Factor
-from studies.inputs.study_input import grid
+from studies.inputs import study_input
+from studies.inputs.study_input import Factor, grid
 from studies.mechanics import solve_plan
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import FemModel, Plan, varied
@@ -321,7 +320,7 @@ def test_impossible_hall_elements_spoil_only_their_own_cases(axis, values):
     wrong, right = run(paper(), {axis: values}, {"depth": 0.5})
     (alone,) = run(paper(), {axis: values[1:]}, {"depth": 0.5})
     assert (wrong["status"], axis in wrong["message"]) == ("bad_input", True)
-    assert wrong[study_axes.column(axis)] == values[0]
+    assert wrong[study_input.column(axis)] == values[0]
     assert (right["status"], right["message"]) == ("ok", "")
     assert right["fem_force_N"] == alone["fem_force_N"]
     assert right["fem_S1_mT"] == alone["fem_S1_mT"]

@@ -15,8 +15,7 @@ from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
-from studies.inputs.study_axes import Factor
-from studies.inputs.study_input import grid
+from studies.inputs.study_input import Factor, grid
 from studies.mechanics import path_solver, store, store_check
 from studies.mechanics.path_solver import place
 from studies.mechanics.solve_plan import Processes

@@ -26,7 +26,7 @@ from cyclopts import (
 
 from geometry.bad_input import OutOfReach, SolveFailed
 from geometry.design import BadInput
-from studies.output import console, standard_streams
+from studies.output import console
 from studies.output.result import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 
 NEGATIVE = re.compile(r"-[\d.]\S*[,%]|-$")
@@ -161,7 +161,7 @@ def _unused(error: UnusedCliTokensError) -> str:
 
 def run(tokens: list[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit status."""
-    standard_streams.complete()
+    console.complete_streams()
     words = _joined(sys.argv[1:] if tokens is None else tokens)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
@@ -171,7 +171,7 @@ def run(tokens: list[str] | None = None) -> int:
             console.say(f"magtip: {name} is empty: give it a value, or leave it out")
             return BAD
     try:
-        with contextlib.redirect_stdout(standard_streams.Output(sys.stdout)):
+        with contextlib.redirect_stdout(console.Output(sys.stdout)):
             listed = app[words[0]] if any(words[:1] == [verb] for each in ACTIONS.values() for verb in each) else app
             # import all verbs or actions: their list shows only the name of one that is not imported
             if all(word.startswith("-") for word in words[listed is not app :][:1]):
@@ -193,8 +193,8 @@ def run(tokens: list[str] | None = None) -> int:
     except SolveFailed as error:
         console.say(f"magtip: {error}")
         return FAILED
-    except standard_streams.OutputLost as error:
-        standard_streams.drop(sys.stdout)
+    except console.OutputLost as error:
+        console.drop_stream(sys.stdout)
         if error.errno == errno.EPIPE:
             return BROKEN_PIPE
         console.say(f"magtip: cannot write to standard output ({error.strerror}): redirect it elsewhere")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -257,3 +258,73 @@ def design_text(design: Design) -> str:
     for name, value in changed_fields(design).items():
         lines.append(f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}")
     return "\n".join(lines) + "\n"
+
+
+# Numbers with units
+
+
+UNITS: dict[str, dict[str, float]] = {
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
+    "mm": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "cm": 10.0, "m": 1000.0},
+    "MPa": {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6},
+    "Hz": {"Hz": 1.0, "kHz": 1e3},
+    "mm/s": {"mm/s": 1.0, "m/s": 1000.0},
+    "T": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "µT": 1e-6, "nT": 1e-9, "kG": 0.1, "G": 1e-4},
+    "V": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6},
+    "V/T": {"V/T": 1.0, "mV/mT": 1.0, "mV/G": 10.0},
+    "T/sqrt(Hz)": {"T/sqrt(Hz)": 1.0, "nT/sqrt(Hz)": 1e-9, "uT/sqrt(Hz)": 1e-6, "µT/sqrt(Hz)": 1e-6},
+    "kg/m3": {"kg/m3": 1.0, "g/cm3": 1000.0},
+    "C": {"C": 1.0, "°C": 1.0},
+    "1/K": {"1/K": 1.0, "%/K": 0.01, "ppm/K": 1e-6},
+    "h": {"h": 1.0, "min": 1 / 60},
+    "1": {"%": 0.01},
+}
+"""Units that may be written, by the unit that magtip uses; each with its factor. Unit "1" is that of pure numbers."""
+
+_TEXT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: float = math.inf) -> float:
+    """Return a value in `unit`, from a number in that unit, or from a text with a number and a unit.
+
+    Parameters
+    ----------
+    name : of the value, for messages.
+    unit : one of the keys of `UNITS`; with "1" a number is a fraction, and a text may be in %.
+    low, high : least and largest value in `unit`, both allowed.
+
+    >>> quantity("resolution_z", "5 mN", "N"), quantity("largest_strain", "40 %", "1")
+    (0.005, 0.4)
+    """
+    number, factor = math.nan, 1.0
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        number = float(value)
+    elif isinstance(value, str) and (match := _TEXT.fullmatch(value)):
+        number, factor = float(match[1]), _factor(name, match[2], unit)
+    example = '0.4 or "40 %"' if unit == "1" else f'5 or "5 {unit}"'
+    if not math.isfinite(number):
+        raise BadInput(f"{name} must be a number{_in(unit)}, such as {example}; got {value!r:.60}")
+    # decimal prefixes must not leave rounding in the last digit: 5 * 1e-3 is 0.005, as 5 / 1000 is
+    result = number / round(1 / factor) if factor < 1 else number * factor
+    if not low <= result <= high:
+        bound = f"lie between {low:g} and {high:g}" if math.isfinite(high) else f"be at least {low:g}"
+        hint = ': write 40 % as 0.4 or "40 %"' if unit == "1" and result > high else ""
+        raise BadInput(f"{name} must {bound}{_after(unit)}; got {result:g}{_after(unit)}{hint}")
+    return result
+
+
+def _factor(name: str, text: str, unit: str) -> float:
+    known = UNITS[unit]
+    if not text:
+        return 1.0
+    if text not in known:
+        raise BadInput(f"{name}: {text!r} is no unit for it: {nearest(text, known)}")
+    return known[text]
+
+
+def _in(unit: str) -> str:
+    return "" if unit == "1" else f" in {unit}"
+
+
+def _after(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"

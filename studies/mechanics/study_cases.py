@@ -30,8 +30,7 @@ from geometry.bad_input import closest
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from studies.inputs import user_input
-from studies.inputs.study_axes import DESIGN, LOAD, Factor
-from studies.inputs.study_input import QuantityName
+from studies.inputs.study_input import DESIGN, LOAD, Factor, QuantityName
 from studies.inputs.user_input import Value
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, motion_of

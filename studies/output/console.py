@@ -10,10 +10,10 @@ import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TextIO
 
 from geometry.messages import WARNING, Progress
-from studies.output import standard_streams, text_tables
+from studies.output import text_tables
 from studies.output.atomic_files import json_line
 from studies.output.text_tables import Column
 
@@ -266,7 +266,7 @@ def say(text: str) -> None:
     try:
         print(" ".join(text.split()), file=sys.stderr, flush=True)
     except OSError:
-        standard_streams.drop(sys.stderr)
+        drop_stream(sys.stderr)
 
 
 @contextlib.contextmanager
@@ -358,3 +358,54 @@ def load(*names: str) -> None:
 def loaded() -> bool:
     """Return whether `load` has started imports: Python's own exit may then take seconds or fail."""
     return _loading.is_set()
+
+
+# Standard streams that are closed, and a standard output that cannot be written
+
+
+class OutputLost(OSError):
+    """Standard output cannot be written: its disk is full, or the process that reads it has ended (EPIPE)."""
+
+
+class Output:
+    """A stream that raises `OutputLost` for its errors, which are thus distinct from errors of files."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with _as_output_lost():
+            return self._stream.write(text)
+
+    def flush(self) -> None:
+        with _as_output_lost():
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def _as_output_lost() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputLost(error.errno, error.strerror or str(error)) from None
+
+
+def complete_streams() -> None:
+    """Connect closed standard streams to the null device.
+
+    Otherwise the next files that are opened would get their numbers, and messages would be written into these files.
+    """
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            handle = os.open(os.devnull, os.O_RDWR)
+            setattr(sys, name, os.fdopen(handle, "r" if name == "stdin" else "w", encoding="utf-8"))
+
+
+def drop_stream(stream: TextIO) -> None:
+    """Connect a standard stream to the null device, so that Python's flush at the exit does not fail again."""
+    handle = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(handle, stream.fileno())
+    os.close(handle)

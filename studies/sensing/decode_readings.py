@@ -29,7 +29,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Response, tilts_of
 from geometry.relaxation import Relaxation, relaxation_of
-from studies.inputs import state_files, table_input, user_input
+from studies.inputs import table_input, user_input
 from studies.inputs.option_groups import Decoding
 from studies.output import atomic_files, console, page_templates
 from studies.output.records import FlatRow
@@ -164,7 +164,7 @@ def of_file(path: Path, design: Design) -> Mechanics:
     """Return the mechanics of the converged states in a file; the states must belong to this design."""
     samples = [
         (state.load, state.response)
-        for state in state_files.read(path, design)
+        for state in table_input.read_states(path, design)
         if state.status in ANSWERED and state.load is not None and state.response is not None
     ]
     try:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, tilts_of
-from studies.inputs import state_files, table_input, user_input
+from studies.inputs import table_input, user_input
 from studies.inputs.option_groups import FieldLevel, Pose, Reading
-from studies.inputs.state_files import State
+from studies.inputs.table_input import State
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
@@ -208,9 +208,9 @@ def of_states(design: Design, file: Path, sensing: Sensing) -> list[FlatRow]:
     Raises
     ------
     BadInput
-        `state_files.read` refuses the file, the file contains no states, or the field at a pose is unknown.
+        `table_input.read_states` refuses the file, the file contains no states, or the field at a pose is unknown.
     """
-    states = state_files.read(file, design)
+    states = table_input.read_states(file, design)
     if not states:
         raise BadInput(f"{file} contains no states: give the output of `magtip solve --json`")
     rows = [_read_state(design, state, sensing, f"{file}, line {state.line}") for state in states]

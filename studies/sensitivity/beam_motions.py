@@ -21,7 +21,7 @@ from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
-from studies.inputs import study_axes
+from studies.inputs import study_input
 from studies.mechanics import surrogate_range, surrogate_response
 from studies.mechanics.prediction import Beams
 from studies.mechanics.study_cases import varied
@@ -246,7 +246,7 @@ def sampled_outputs(
     (n,). Hall elements keep their places, as in `study_cases.varied`.
     """
     columns = dict(zip(ranges, points.T, strict=True))
-    fields = {name: values for name, values in columns.items() if name in study_axes.DESIGN}
+    fields = {name: values for name, values in columns.items() if name in study_input.DESIGN}
     made = [_varied(design, {name: float(of[k]) for name, of in fields.items()}) for k in range(len(points))]
     designs, impossible = zip(*made, strict=True)
     depth, shear = (columns.get(name, np.full(len(points), getattr(load, name))) for name in ("depth", "shear"))

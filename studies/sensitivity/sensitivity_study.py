@@ -25,7 +25,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies import cases
-from studies.inputs import study_axes, user_input
+from studies.inputs import study_input, user_input
 from studies.inputs.user_input import AccuracyName
 from studies.output import page_templates
 from studies.output.figures import picture
@@ -113,7 +113,7 @@ class Request:
         if not self.ranges:
             raise BadInput("no input varies: add --vary NAME=low:high")
         for name in self.ranges:
-            if name not in study_axes.DESIGN and name not in ("depth", "shear"):
+            if name not in study_input.DESIGN and name not in ("depth", "shear"):
                 raise BadInput(f"--vary {name}: only fields of the design, depth and shear can vary: leave it out")
         if "shear" in self.ranges and self.load.shear:
             raise BadInput("shear is given twice, by --shear and by --vary: leave one of them out")
@@ -136,19 +136,19 @@ def ranges_of(design: Design, vary: Sequence[str], methods: Sequence[str], sizes
         value, size = getattr(design, name), sizes[name]
         spread = size * value / 100 if name in ("E", "remanence") else size
         if spread:
-            ranges[name] = (value - spread, min(value + spread, study_axes.DESIGN[name].high))
+            ranges[name] = (value - spread, min(value + spread, study_input.DESIGN[name].high))
     if vary and tuple(methods) == ("montecarlo",):
         raise BadInput("--vary works with the methods sobol and morris: add one to --methods, or use --tolerance")
     for name, text in user_input.pairs("--vary", vary, "E=0.6:1").items():
-        study_axes.check_name(name)
-        if not study_axes.AXES[name].is_number:
+        study_input.check_name(name)
+        if not study_input.AXES[name].is_number:
             raise BadInput(f"--vary {name}: its values are names, not numbers, so it has no range: leave it out")
         if name == "hall_average":
             raise BadInput("--vary hall_average: it is a whole number of samples, so it has no range: leave it out")
         parts = text.split(":")
         if len(parts) != 2:
             raise BadInput(f"--vary {name} takes low:high, such as {name}=1:2; got {text!r}")
-        low, high = (study_axes.parse(name, part.strip())[0] for part in parts)
+        low, high = (study_input.parse(name, part.strip())[0] for part in parts)
         if isinstance(low, str) or isinstance(high, str) or not low < high:
             raise BadInput(f"--vary {name} takes low:high with low < high; got {text!r}")
         ranges[name] = (low, high)
@@ -231,10 +231,10 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
     design, ranges, load = request.design, request.ranges, request.load
     points = global_sensitivity.trajectories(ranges, request.trajectories, request.seed)
     fixed = {name: getattr(load, name) for name in ("depth", "shear") if name not in ranges and getattr(load, name)}
-    inputs = pd.DataFrame(points, columns=[study_axes.column(name) for name in ranges])
+    inputs = pd.DataFrame(points, columns=[study_input.column(name) for name in ranges])
     read, tilt = design.shape.has_magnet, request.sheared
     table = cases.answer(
-        inputs.assign(**{study_axes.column(name): value for name, value in fixed.items()}),
+        inputs.assign(**{study_input.column(name): value for name, value in fixed.items()}),
         [f"fem:{request.accuracy}"],
         base=design,
         quantities=["force", "shift", "contact_radius", *["readings"] * read, *["tilt"] * tilt],
@@ -283,7 +283,7 @@ def _rows(
     count = {"points": len(values), "failed": failed, "failed_percent": 100 * failed / len(values)}
     return [
         {"method": method, "output": output, "input": name, "low": low, "high": high}
-        | {"unit": study_axes.AXES[name].unit}
+        | {"unit": study_input.AXES[name].unit}
         | _known(numbers)
         | count
         | last
@@ -342,7 +342,7 @@ def sensor_rows(
     columns: dict[str, Any] = {
         "sensor": range(1, len(made) + 1),
         "status": ["failed" if reason else "ok" for reason in refusals],
-        **{study_axes.column(name): made.fields[name] for name in OF_A_TOLERANCE},
+        **{study_input.column(name): made.fields[name] for name in OF_A_TOLERANCE},
         **{f"magnet_offset_{way}_mm": made.magnet_offset[:, k] for k, way in enumerate("xyz")},
         "magnet_tilt_rad": made.magnet_tilt[:, 1],
         "magnet_tilt_y_rad": -made.magnet_tilt[:, 0],

@@ -24,10 +24,11 @@ from studies.mechanics.path_solver import LoadOutcome, follow
 from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, failure_of
-from studies.simulation import comparison_figures, comparison_findings
+from studies.simulation import comparison_figures
 from studies.simulation.comparison_rows import (
     Kind,
     check_rate,
+    findings,
     rate_sentence,
     row,
     with_rate,
@@ -81,11 +82,9 @@ def run(
     found = [*rows_of("press", design, loads[0], *pressed), *rows_of("shear", design, loads[1], *sheared)]
     found = with_reading_errors(design, found)
     press, shear = found[: len(loads[0])], found[len(loads[0]) :]
-    summary = comparison_findings.findings(design, press, shear)
-    press, shear = (
-        with_rate(design, "press", press, frequency, speed),
-        with_rate(design, "shear", shear, frequency, speed),
-    )
+    summary = findings(design, press, shear)
+    press = with_rate(design, "press", press, frequency, speed)
+    shear = with_rate(design, "shear", shear, frequency, speed)
     if frequency is not None or speed is not None:
         summary["rate_sentence"] = rate_sentence(design, press, frequency, speed)
     return Comparison(press, shear, summary, pressed[0], sheared[0])

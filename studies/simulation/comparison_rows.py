@@ -1,4 +1,4 @@
-"""The rows of a comparison: a press or a shear by three mechanics, with errors, readings, and the force at a rate.
+"""The rows of a comparison and its findings: a press and a shear by three mechanics, their errors, readings and rate.
 
 Prefixes of columns: "fem" is the finite elements with the rigid magnet, "fem_homogeneous" those of a beam that is
 all silicone, "analytic" the formulas, and "untilted" the pose of "fem" without its tilt. Errors of a quantity are
@@ -23,20 +23,26 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from analytic import hall
+from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Response
+from geometry.loads import ANSWERED, Load, Response
 from geometry.relaxation import range_remedy, range_sentence, relaxation_of
 from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.sensing.field_readings import columns
 
+TEMPLATE = Path(__file__).with_name("templates") / "compare.j2"
 NAN = math.nan
+Figures = dict[str, Any]
+"""Figures of a comparison under their names in JSON, which carry those of the Hall elements."""
+Span = tuple[float, float]
+Error = tuple[float, float]
+"""A depth or a shear, mm, and the error there, %."""
 Kind = Literal["press", "shear"]
 Poses = Mapping[str, Response | None]
 """Poses of the magnet by the prefixes fem, fem_homogeneous and analytic; None where one has no solution."""
@@ -69,9 +75,9 @@ def row(kind: Kind, design: Design, load: Load, poses: Poses) -> FlatRow:
         found |= {f"{model}_{column}": number for model, number in by_model.items()}
         # without a shear, what there is along x is the solver's rounding
         judged = bool(load.shear_x) or not error.endswith("_x")
-        for beam, model in (("", "fem"), ("homogeneous_", "fem_homogeneous")) if error else ():
+        for bare, model in (("", "fem"), ("homogeneous_", "fem_homogeneous")) if error else ():
             percentage = percent(by_model["analytic"], by_model[model]) if judged else NAN
-            found[f"{beam}{error}_error_percent"] = percentage
+            found[f"{bare}{error}_error_percent"] = percentage
     return found | _reading_columns(kind, design, poses)
 
 
@@ -214,7 +220,7 @@ def rate_sentence(design: Design, rows: Sequence[FlatRow], frequency: float | No
         return "no press was solved, so the force at this rate is not known"
     last = solved[-1]
     (text,) = page_templates.sentences(
-        Path(__file__).with_name("templates") / "compare.j2",
+        TEMPLATE,
         "rate",
         change=last["fem_force_at_rate_change_percent"],
         depth=last["depth_mm"],
@@ -225,3 +231,137 @@ def rate_sentence(design: Design, rows: Sequence[FlatRow], frequency: float | No
         loss=None if frequency is None else float(relaxation_of(design).loss_factor(2 * math.pi * frequency)),
     )
     return text
+
+
+# Findings: figures from the tables, and sentences made from the figures
+
+
+def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow]) -> Figures:
+    """Return the figures of the rows of `compare.run`, NaN or empty without rows, and the sentences from them.
+
+    Spans are pairs (first, last) of neighbouring depths of the table, mm. A "worst" figure is the one of largest
+    magnitude, beside the depth or shear where it occurs.
+    """
+    names, unit = columns(design)
+    figures: Figures = {"depths_mm": [row["depth_mm"] for row in press], "elements": names, "output": unit}
+    rigid = _along(press, "depth_mm", "force_error_percent")
+    bare = _along(press, "depth_mm", "homogeneous_force_error_percent")
+    for beam_name, prefix, errors in (("homogeneous", "homogeneous_", bare), ("rigid", "", rigid)):
+        for bound in (5, 10):
+            figures[f"{beam_name}_within_{bound}_percent_mm"] = spans(errors, bound)
+        figures |= _worst(f"{prefix}force_error_percent", errors)
+    figures |= _worst("shift_error_percent", _along(press, "depth_mm", "shift_error_percent"))
+    for column in (f"analytic_{name}_error_percent_FS" for name in names[:2]):
+        figures |= _worst(column, _along(press, "depth_mm", column))
+    figures |= _output_against_force(design, press, f"{names[0]}_{unit}")
+    figures |= _secant(design, figures["depths_mm"])
+    figures |= _shear_figures(design, shear, names)
+    for label, rows in (("press", press), ("shear", shear)):
+        figures[f"{label}_error_estimate_percent"] = _largest_percent(rows, "error_estimate")
+    figures["shear_force_x_error_estimate_percent"] = _largest_percent(shear, "sideways_error_estimate")
+    figures["missing_states"] = sum(row["status"] not in ANSWERED for row in (*press, *shear))
+    figures["warnings"] = design.warnings()
+    figures["sentences"] = [text for part in ("press", "shear", "trust") for text in sentences(part, figures)]
+    return figures
+
+
+def spans(errors: Sequence[Error], bound: float) -> list[Span]:
+    """Return the runs of neighbouring places at which an error stays within a bound, in %.
+
+    >>> spans([(1.0, -9.0), (2.0, 4.0), (3.0, 1.0)], 5)
+    [(2.0, 3.0)]
+    """
+    runs: list[Span] = []
+    inside = False
+    for place, error in errors:
+        fits = abs(error) <= bound
+        if fits:
+            runs.append((runs.pop()[0] if inside else place, place))
+        inside = fits
+    return runs
+
+
+def _along(rows: Sequence[FlatRow], place: str, column: str) -> list[Error]:
+    return [(row[place], row[column]) for row in rows]
+
+
+def _largest_percent(rows: Sequence[FlatRow], column: str) -> float:
+    estimates = [row[f"{beam}{column}"] for row in rows for beam in ("", "homogeneous_")]
+    return 100 * max(filter(math.isfinite, estimates), default=NAN)
+
+
+def _worst(name: str, errors: Sequence[Error]) -> dict[str, float]:
+    finite = [(place, error) for place, error in errors if math.isfinite(error)]
+    place, error = max(finite, key=lambda pair: abs(pair[1]), default=(NAN, NAN))
+    return {f"worst_{name}": error, f"worst_{name}_at_mm": place}
+
+
+def _output_against_force(design: Design, press: Sequence[FlatRow], output: str) -> dict[str, float]:
+    """Repeat the paper's test: errors of the output of S1 at equal force, in % of its largest change in the FEM."""
+    needed = ("fem_force_N", f"fem_{output}", "analytic_force_N", f"analytic_{output}")
+    points = [tuple(row[name] for name in needed) for row in press]
+    finite = [point for point in points if all(map(math.isfinite, point))]
+    result = {f"{output}_against_force_error_percent_FS": NAN, f"{output}_against_force_up_to_N": NAN}
+    if not finite:
+        return result
+    _, rest = at_rest(design)[0]
+    force, seen, model_force, model_seen = np.array(finite).T
+    shared = force <= model_force.max()
+    if not shared.any() or seen[-1] == rest:
+        return result
+    at_equal_force = np.interp(force[shared], np.append(0.0, model_force), np.append(rest, model_seen))
+    error = 100 * (at_equal_force - seen[shared]) / np.abs(seen - rest).max()
+    result[f"{output}_against_force_error_percent_FS"] = float(error[np.abs(error).argmax()])
+    result[f"{output}_against_force_up_to_N"] = float(force[shared].max())
+    return result
+
+
+def _secant(design: Design, depths: Sequence[float]) -> dict[str, float]:
+    """Return force (5) with (7) at the deepest valid depth, as secant and as tangent law, and area over Hertz's."""
+    deepest = max((depth for depth in depths if 0 < depth <= design.R), default=NAN)
+    if not deepest > 0:
+        return {"secant_depth_mm": NAN, "secant_force_N": NAN, "tangent_force_N": NAN, "area_over_hertz": NAN}
+    tangent = design.E * math.pi / design.L * (design.D * deepest**2 / 2 - deepest**3 / 3)
+    return {
+        "secant_depth_mm": deepest,
+        "secant_force_N": beam.solve(design, Load(depth=deepest)).force[2],
+        "tangent_force_N": tangent,
+        "area_over_hertz": 2 - deepest / design.R,
+    }
+
+
+def _shear_figures(design: Design, shear: Sequence[FlatRow], elements: Sequence[str]) -> dict[str, float]:
+    moved = [
+        row
+        for row in shear
+        if row["shear_mm"] and math.isfinite(row["fem_force_x_N"]) and math.isfinite(row["fem_homogeneous_force_x_N"])
+    ]
+    figures = {"shear_depth_mm": shear[0]["depth_mm"] if shear else NAN}
+    figures["shear_stiffness_N_per_mm"] = beam.cantilever_stiffness(design)
+    for label, row in zip(("first", "last"), (moved[0], moved[-1]) if moved else (), strict=False):
+        figures |= _per_mm(label, row)
+    for column in ("force_x_error_percent", "homogeneous_force_x_error_percent"):
+        figures |= _worst(column, _along(moved, "shear_mm", column))
+    for column in (f"{model}_{name}_error_percent_FS" for model in ("untilted", "analytic") for name in elements):
+        figures |= _worst(f"shear_{column}", _along(shear, "shear_mm", column))
+    return figures
+
+
+def _per_mm(label: str, row: FlatRow) -> dict[str, float]:
+    """Return stiffness, tilt and shift of a sheared state per mm of shear."""
+    way = row["shear_mm"]
+    found = {f"{label}_shear_mm": way}
+    for model in ("fem", "fem_homogeneous"):
+        found[f"{model}_{label}_stiffness_N_per_mm"] = row[f"{model}_force_x_N"] / way
+        found[f"{model}_{label}_tilt_deg_per_mm"] = math.degrees(row[f"{model}_tilt_rad"]) / way
+        found[f"{model}_{label}_shift_per_mm"] = row[f"{model}_shift_x_mm"] / way
+    return found | {"analytic_shift_per_mm": row["analytic_shift_x_mm"] / way}
+
+
+def sentences(part: str, figures: Figures) -> list[str]:
+    """Return the findings of the press or of the shear, or how far to trust them ("trust")."""
+    tilted, whole = (
+        [figures[f"worst_shear_{model}_{name}_error_percent_FS"] for name in figures["elements"]]
+        for model in ("untilted", "analytic")
+    )
+    return page_templates.sentences(TEMPLATE, part, f=figures, tilted=tilted, whole=whole)

@@ -22,8 +22,7 @@ from geometry.bad_input import nearest
 from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput
 from geometry.hall_chips import CHIPS, OWN, HallChip
 from studies.fabrication.sensor_solids import Silicone
-from studies.inputs.quantity_input import quantity
-from studies.inputs.user_input import check_keys, toml_table
+from studies.inputs.user_input import check_keys, quantity, toml_table
 from studies.sizing.requirements import CATALOGUES, Requirements
 
 FILTER = math.pi / 2
@@ -183,7 +182,7 @@ class Catalogues:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key of a table: unit (of `studies.inputs.quantity_input.UNITS`, text, or names) and range of its numbers, how
+    """A key of a table: unit (of `studies.inputs.user_input.UNITS`, text, or names) and range of its numbers, how
     many they are, and its default: None where it is needed, NaN where it is then unknown.
     """
 

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput
-from studies.inputs.quantity_input import quantity
-from studies.inputs.user_input import toml_table
+from studies.inputs.user_input import quantity, toml_table
 
 DATA = Path(__file__).with_name("published_sensors.toml")
 FOLDER = Path(__file__).resolve().parent.parent / "examples" / "sizing"

@@ -20,8 +20,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES
-from studies.inputs.quantity_input import quantity
-from studies.inputs.user_input import check_keys, toml_table, validated
+from studies.inputs.user_input import check_keys, quantity, toml_table, validated
 
 EXAMPLE = """\
 # Requirements for `magtip size`. All keys but force_z are optional; a number may be a text with its unit.

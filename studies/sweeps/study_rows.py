@@ -28,7 +28,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, rotation_of
 from geometry.relaxation import relaxation_of
-from studies.inputs import study_axes
+from studies.inputs import study_input
 from studies.mechanics import timed_quantities
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
@@ -175,7 +175,7 @@ class Rows:
         table: Columns = {}
         for name in dict.fromkeys((*FIRST_AXES, *self.plan.axes, *fixed)):
             values = batch.axes[name] if name in batch.axes else np.full(n, fixed[name])
-            table[study_axes.column(name)] = _as_column(values)
+            table[study_input.column(name)] = _as_column(values)
         return table
 
     def _mechanics(self, results: Mapping[str, Columns]) -> Columns:

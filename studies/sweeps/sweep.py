@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from geometry.design import BadInput
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
-from studies.inputs import study_axes, study_input, user_input
+from studies.inputs import study_input, user_input
 from studies.inputs.user_input import Value
 from studies.mechanics import store as stores
 from studies.mechanics.model_choice import UNMET, percent
@@ -247,10 +247,10 @@ def _check_twice(names: Sequence[str], options: Sweep, sets: Sequence[str], stud
 def _load(study: study_input.Study, options: Sweep) -> dict[str, Value]:
     load = dict(study.load)
     for name, text in user_input.pairs("--load", options.load or (), "shear=1").items():
-        user_input.check_keys("--load", [name], study_axes.LOAD)
-        load[name] = study_axes.parse(name, text)[0]
+        user_input.check_keys("--load", [name], study_input.LOAD)
+        load[name] = study_input.parse(name, text)[0]
     if options.depth is not None:
-        load["depth"] = study_axes.checked("depth", [options.depth])[0]
+        load["depth"] = study_input.checked("depth", [options.depth])[0]
     return load
 
 
@@ -285,7 +285,7 @@ class Shown:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.case = tuple(dict.fromkeys((*CASE, *(study_axes.column(name) for name in plan.axes))))
+        self.case = tuple(dict.fromkeys((*CASE, *(study_input.column(name) for name in plan.axes))))
         self.count = self.unstable = self.failed = self.beyond = 0
         self.rows: list[FlatRow] = []
         self.failures: list[FlatRow] = []
@@ -382,8 +382,8 @@ def idle_axes(shown: Shown, *, whole: bool) -> list[tuple[str, str]]:
 
 
 def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[str]], keys: Iterable[str]) -> list[str]:
-    columns = {name: study_axes.column(name) for name in axes}
-    own = {study_axes.column(name) for names in axes.values() for name in names}
+    columns = {name: study_input.column(name) for name in axes}
+    own = {study_input.column(name) for names in axes.values() for name in names}
     figures = [key for key in keys if key not in (*own, "solve", "seconds")]
     idle = []
     for name in axes:

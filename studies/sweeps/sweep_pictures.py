@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.inputs import study_axes
+from studies.inputs import study_input
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.study_cases import Columns, Plan
 from studies.output import figures
@@ -71,7 +71,7 @@ class Collected:
         import pandas as pd
 
         columns = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
-        idle = {study_axes.column(name) for k in self._fixed for name in self.plan.factors[k].names}
+        idle = {study_input.column(name) for k in self._fixed for name in self.plan.factors[k].names}
         table = pd.DataFrame({name: values for name, values in columns.items() if name not in idle})
         names = (path if k == 1 else path.with_stem(f"{path.stem}-{k}") for k in itertools.count(1))
         files = []

@@ -36,7 +36,7 @@ from studies.output.result import Result
 from studies.sensing import layout_uniqueness
 from studies.simulation import vibration_report
 from studies.simulation.compare import part
-from studies.simulation.comparison_findings import spans
+from studies.simulation.comparison_rows import spans
 from studies.validation import claim_errors, claim_figures, pages
 from studies.validation.claim_errors import BOUND, CLAIMED, VALUES, WORDS, Press, States, formula
 from studies.validation.pages import Row

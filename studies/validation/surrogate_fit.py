@@ -38,9 +38,8 @@ from scipy import linalg, optimize
 
 from geometry.arrays import Array
 from studies.mechanics import prediction, surrogate_range
-from studies.mechanics.gaussian_process import ROOT5, GaussianProcess, with_constant
 from studies.mechanics.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
-from studies.mechanics.surrogate_file import Group, Surrogate
+from studies.mechanics.surrogate_file import ROOT5, GaussianProcess, Group, Surrogate, with_constant
 from studies.validation.surrogate_training import Beams, States, deepest, density_ratio, joined
 
 LEAST_LOSS = 1e-4

@@ -29,10 +29,9 @@ from geometry.messages import Progress
 from studies.inputs.option_groups import Whole
 from studies.mechanics import prediction, surrogate_file, surrogate_range
 from studies.mechanics import store as stores
-from studies.mechanics.gaussian_process import GaussianProcess, correlation
 from studies.mechanics.prediction import CRITICAL, DEEP, SLENDER, THICK, WIDE, Quantity
 from studies.mechanics.solve_plan import Processes, Solver
-from studies.mechanics.surrogate_file import Group, Surrogate
+from studies.mechanics.surrogate_file import GaussianProcess, Group, Surrogate, correlation
 from studies.output.figures import Figure, Look, plot, save
 from studies.output.goals import Goal
 from studies.output.provenance import versions

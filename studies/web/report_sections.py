@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.inputs import study_axes, user_input
+from studies.inputs import study_input, user_input
 from studies.mechanics.study_cases import load_of, varied
 from studies.output.figures import Figure
 from studies.sensitivity import uncertainty_figures
@@ -195,11 +195,11 @@ def _largest_state(table: Table, base: Design) -> tuple[Design, Load] | None:
     import numpy as np
     import pandas as pd
 
-    present = {study_axes.column(name): name for name in study_axes.AXES if study_axes.column(name) in table.frame}
+    present = {study_input.column(name): name for name in study_input.AXES if study_input.column(name) in table.frame}
     if "depth_mm" not in present or not table.ok.any():
         return None
     rows = table.frame.loc[table.ok, list(present)].rename(columns=present)
-    own = [rows[name] == getattr(base, name) for name in rows if name in study_axes.DESIGN]
+    own = [rows[name] == getattr(base, name) for name in rows if name in study_input.DESIGN]
     sizes = {
         name: pd.to_numeric(rows[name], errors="coerce").abs().fillna(0.0) if name in rows else 0.0
         for name in ("shear", "shear_y", "depth")
@@ -208,9 +208,9 @@ def _largest_state(table: Table, base: Design) -> tuple[Design, Load] | None:
     rank = rank.assign(aside=np.hypot(sizes["shear"], sizes["shear_y"]), depth=sizes["depth"])
     place = rank.sort_values(["own", "aside", "depth"], ascending=False, kind="stable").index[0]
     case = {name: _axis_value(value) for name, value in rows.loc[place].items() if value == value and value != ""}
-    fields = {k: v for k, v in case.items() if k in study_axes.DESIGN and v != getattr(base, k)}
+    fields = {k: v for k, v in case.items() if k in study_input.DESIGN and v != getattr(base, k)}
     try:
-        return varied(base, fields), load_of({name: v for name, v in case.items() if name in study_axes.LOAD})
+        return varied(base, fields), load_of({name: v for name, v in case.items() if name in study_input.LOAD})
     except (BadInput, TypeError):
         return None
 
