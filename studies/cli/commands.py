@@ -12,7 +12,9 @@ import io
 import os
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from cyclopts import (
     App,
@@ -159,6 +161,13 @@ def _unused(error: UnusedCliTokensError) -> str:
     return f"{' '.join(chain) or 'magtip'} takes {taken}: leave out {surplus}, or quote a value that has spaces"
 
 
+REMEDIES: dict[type[Exception], Callable[[Any], str]] = {
+    UnknownOptionError: _unknown,
+    MissingArgumentError: _missing,
+    UnusedCliTokensError: _unused,
+}
+
+
 def run(tokens: list[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit status."""
     console.complete_streams()
@@ -178,17 +187,9 @@ def run(tokens: list[str] | None = None) -> int:
                 list(map(listed.__getitem__, listed))
             status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
             sys.stdout.flush()
-    except UnknownOptionError as error:
-        console.say(f"magtip: {_unknown(error)}")
-        return BAD
-    except MissingArgumentError as error:
-        console.say(f"magtip: {_missing(error)}")
-        return BAD
-    except UnusedCliTokensError as error:
-        console.say(f"magtip: {_unused(error)}")
-        return BAD
     except (BadInput, CycloptsError) as error:
-        console.say(f"magtip: {_moved(words) or error}")
+        sentence = REMEDIES.get(type(error), lambda error: _moved(words) or str(error))(error)
+        console.say(f"magtip: {sentence}")
         return FAILED if isinstance(error, OutOfReach) else BAD
     except SolveFailed as error:
         console.say(f"magtip: {error}")

@@ -75,11 +75,11 @@ def at_design(design: Design, magnet: Magnet, accuracy: str, depth: float | None
         "status": "unknown" if free.message or guided.message else "ok",
         # both searches may end for the same reason, which is then named once
         "message": _joined(*dict.fromkeys((free.message, guided.message))),
-        **_limit_last(_critical(free), ""),
+        **_critical(free),
         "euler_N": buckling.euler(design),
         "haringx_N": haringx,
         "haringx_depth_mm": buckling.depth(design, haringx),
-        **_limit_last(_critical(guided, "guided_"), "guided_"),
+        **_critical(guided, "guided_"),
         "guided_euler_N": buckling.euler(design, buckling.GUIDED),
     }
     if depth is not None:
@@ -104,11 +104,6 @@ def _joined(*sentences: str) -> str:
 def _critical(found: Critical, prefix: str = "") -> FlatRow:
     values = (found.depth, found.force, found.stable_to, found.estimates.depth, found.estimates.force)
     return {f"{prefix}{name}": value for name, value in zip(CRITICAL, values, strict=True)}
-
-
-def _limit_last(columns: FlatRow, prefix: str) -> FlatRow:
-    columns[f"{prefix}stable_to_mm"] = columns.pop(f"{prefix}stable_to_mm")
-    return columns
 
 
 def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:

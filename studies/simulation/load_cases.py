@@ -80,27 +80,31 @@ def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]
     return options
 
 
+def _refuse(motion: Motion, names: str, sentence: str) -> None:
+    """Refuse options that are given; {0} in the sentence is the option, {1} that of the force in its place."""
+    for name in names.split():
+        if getattr(motion, name) != getattr(Motion(), name):
+            option = f"--{name.replace('_', '-')}"
+            raise BadInput(sentence.format(option, option.replace("shear", "shear-force")))
+
+
 def _check_motion(motion: Motion) -> bool:
     slides = bool(motion.shear or motion.shear_y)
-    if motion.depth is not None and motion.depths is not None:
-        raise BadInput("--depth and --depths exclude each other: give only one")
-    if motion.depth is None and motion.depths is None and motion.grip is None:
-        raise BadInput("no load is given: add --depth D in mm, --force F in N, or --grip HEIGHT with --shear X")
-    if motion.grip is not None and not slides:
-        raise BadInput("--grip needs a shear: add --shear X in mm")
-    if motion.grip is not None and motion.friction is not None:
-        raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
-    if motion.grip is not None and motion.imperfection:
-        raise BadInput("--imperfection has no meaning with --grip, which has no plate: leave --imperfection out")
-    if motion.grip is not None and motion.plate_tilt:
-        raise BadInput("--plate-tilt has no meaning with --grip, which has no plate: leave --plate-tilt out")
     if motion.depths is not None:
-        others = {"--steps": motion.steps, "--shear": motion.shear, "--shear-y": motion.shear_y}
-        for name, value in others.items():
-            if value is not None:
-                raise BadInput(
-                    f"--depths is for presses only and cannot be combined with {name}: give one --depth instead"
-                )
+        _refuse(motion, "depth", "{0} and --depths exclude each other: give only one")
+    elif motion.depth is None and motion.grip is None:
+        raise BadInput("no load is given: add --depth D in mm, --force F in N, or --grip HEIGHT with --shear X")
+    if motion.grip is not None:
+        if not slides:
+            raise BadInput("--grip needs a shear: add --shear X in mm")
+        _refuse(
+            motion,
+            "friction imperfection plate_tilt",
+            "{0} has no meaning with --grip, which has no plate: leave {0} out",
+        )
+    if motion.depths is not None:
+        alone = "--depths is for presses only and cannot be combined with {0}: give one --depth instead"
+        _refuse(motion, "steps shear shear_y", alone)
     return slides
 
 
@@ -164,32 +168,18 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
 
 def _check_forces(motion: Motion) -> None:
     name = "--forces" if motion.force is None else "--force"
-    if motion.force is not None and motion.forces is not None:
-        raise BadInput("--force and --forces exclude each other: give only one")
-    for other, value in {"--depth": motion.depth, "--depths": motion.depths}.items():
-        if value is not None:
-            raise BadInput(
-                f"{name} and {other} exclude each other, because the force decides the depth: give only one"
-            )
-    if motion.grip is not None:
-        raise BadInput(f"--grip has no plate that presses with a force: leave {name} or --grip out")
-    for other, value in {"--shear": motion.shear, "--shear-y": motion.shear_y}.items():
-        if value is not None:
-            raise BadInput(
-                f"{other} is a displacement and cannot be combined with {name}: give the force along the plate with "
-                f"{other.replace('shear', 'shear-force')} in N"
-            )
+    if motion.force is not None:
+        _refuse(motion, "forces", "--force and {0} exclude each other: give only one")
+    alone = f"{name} and {{0}} exclude each other, because the force decides the depth: give only one"
+    _refuse(motion, "depth depths", alone)
+    _refuse(motion, "grip", f"{{0}} has no plate that presses with a force: leave {name} or {{0}} out")
+    aside = (
+        f"{{0}} is a displacement and cannot be combined with {name}: give the force along the plate with {{1}} in N"
+    )
+    _refuse(motion, "shear shear_y", aside)
     if motion.forces is not None:
-        others = {
-            "--steps": motion.steps,
-            "--shear-force": motion.shear_force,
-            "--shear-force-y": motion.shear_force_y,
-        }
-        for other, value in others.items():
-            if value is not None:
-                raise BadInput(
-                    f"--forces is for presses only and cannot be combined with {other}: give one --force instead"
-                )
+        alone = "--forces is for presses only and cannot be combined with {0}: give one --force instead"
+        _refuse(motion, "steps shear_force shear_force_y", alone)
 
 
 def approximate_loads(targets: Sequence[ForceTarget]) -> list[Load]:
