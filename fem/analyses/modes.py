@@ -72,14 +72,12 @@ def modes(
     *,
     depth: float = 0.0,
     accuracy: Accuracy = STANDARD,
-    located: Accuracy | None = None,
     estimate: bool = True,
 ) -> Modes:
     """Return the lowest modes about a press to a depth in mm; 0 is the free sensor.
 
     Parameters
     ----------
-    located : accuracy at which the edge of the contact is located; default: `accuracy`.
     estimate : estimate the errors from a second solve on a mesh coarser by COARSER, with the same edge of contact:
         the constants of the rules cover the error of its location, not the difference of both solves (fem/README.md).
 
@@ -91,8 +89,7 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    edge = find_contact(replace(scene, accuracy=located or accuracy))
-    find = functools.partial(_solve_modes, count=count, told=scene, edge=edge)
+    find = functools.partial(_solve_modes, count=count, told=scene, edge=find_contact(scene))
     return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
 
 

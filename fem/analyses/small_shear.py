@@ -62,14 +62,12 @@ def small_shear(
     magnet: Magnet = "rigid",
     *,
     accuracy: Accuracy = STANDARD,
-    located: Accuracy | None = None,
     estimate: bool = True,
 ) -> SmallShear:
     """Return stiffness, shift and tilt per mm of shear at a depth in mm, with the contact area glued.
 
     Parameters
     ----------
-    located : accuracy at which the edge of the contact is located; default: `accuracy`.
     estimate : estimate the errors from a second solve on a mesh coarser by COARSER, with the same glued area: the
         constants of the rules cover the error of its location, not the difference of both solves (fem/README.md).
 
@@ -81,9 +79,8 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    level = located or accuracy
-    rough = specification(scene, max(ROUGH, level.section_size))
-    edge = find_press(rough, EDGE * level.section_patch, depth / design.D)
+    rough = specification(scene, max(ROUGH, accuracy.section_size))
+    edge = find_press(rough, EDGE * accuracy.section_patch, depth / design.D)
     find = functools.partial(_solve_small_shear, edge=edge)
     return estimated(scene, find, estimate_small_shear) if estimate else find(scene)
 

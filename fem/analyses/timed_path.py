@@ -48,7 +48,6 @@ from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
-from geometry.messages import Progress
 from geometry.relaxation import relaxation_of
 
 __all__ = ["TimeControl", "TimedLoad", "TimedState", "ViscousLaw", "follow"]
@@ -145,7 +144,6 @@ def follow(
     magnet: Magnet = "rigid",
     model: Model = "auto",
     every_step: bool = False,
-    progress: Progress | None = None,
 ) -> Iterator[TimedState]:
     """Follow a path of loads in time from rest at time 0.
 
@@ -155,7 +153,6 @@ def follow(
     law : "prony" or "finite", see `fem.model.viscoelasticity`.
     steps : default: a tolerance of 1e-3.
     every_step : yield the state after each time step, not only at each load.
-    progress : called with the completed share of the time and a text.
 
     Yields
     ------
@@ -182,7 +179,7 @@ def follow(
             raise BadInput("a plate that sticks needs one load for the press and a later one for the shear")
         glued = load
     path = TimedPath(scene, law, steps or TimeControl())
-    return _follow(path, _segments(scene, loads), every_step, progress)
+    return _follow(path, _segments(scene, loads), every_step)
 
 
 def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
@@ -205,10 +202,8 @@ def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
     return segments
 
 
-def _follow(
-    path: TimedPath, segments: Sequence[Segment], every_step: bool, progress: Progress | None
-) -> Iterator[TimedState]:
-    state, run, end, step = path.rest, -1, segments[-1].end, 0.0
+def _follow(path: TimedPath, segments: Sequence[Segment], every_step: bool) -> Iterator[TimedState]:
+    state, run, step = path.rest, -1, 0.0
     for segment in segments:
         duration = sum(part.end - part.begin for part in segments if part.run == segment.run)
         if segment.run != run:
@@ -219,8 +214,6 @@ def _follow(
         iterations = told = 0
         for reached in path.march(state, segment, step, duration):
             state, stop, step, iterations = reached.state, reached.stop, reached.step, reached.iterations
-            if progress is not None:
-                progress(state.time / end if end else 1.0, f"{state.path.d.model}: until {segment.end:.4g} s")
             if stop or (every_step and state.time < segment.end):
                 load = reached_load(state.path, segment.load, path.scene)
                 yield _read(path, state, load, iterations - told, stop)
