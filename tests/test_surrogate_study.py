@@ -31,7 +31,7 @@ from studies.validation.surrogate_training import (
 )
 
 ROUGH = replace(QUICK, name="rough", section_size=0.5, section_patch=0.12, harmonics=1)
-EXTENT = Extent(first=10, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH)
+EXTENT = Extent(first=12, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH)
 DEPTHS, SHEARS = 2, 1
 """Random depths of a press, and random shears."""
 
@@ -47,7 +47,7 @@ def result():
 
 
 def test_training_has_the_first_beams_and_those_of_the_rounds(result):
-    assert len(result.training.beams) + result.failed[0] == 11
+    assert len(result.training.beams) + result.failed[0] == 13
     assert len(result.test.set.beams) + result.failed[1] == 6
     assert result.surrogate.about["accuracy"] == "rough"
 
