@@ -1,8 +1,9 @@
 """Modules that libraries import without need: the command line runs them when they are first used, not before.
 
-SciPy asks for every public module of NumPy, its Fortran compiler and its tests among them, and scipy.spatial loads
-rotations: together a quarter of the imports of a solve, which uses none of them. `importlib.util.LazyLoader`, of the
-standard library, runs a module at the first use of one of its names, so that whatever does use them finds them.
+SciPy asks for every public module of NumPy, its Fortran compiler and its tests among them, scipy.spatial loads
+rotations, and numba a reader of settings: together a quarter of the imports of a solve, which uses none of them.
+`importlib.util.LazyLoader`, of the standard library, runs a module at the first use of one of its names, so that
+whatever does use them finds them.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from types import ModuleType
 
-DEFERRED = ("numpy.f2py", "numpy.testing", "scipy.spatial.transform")
+DEFERRED = ("numpy.f2py", "numpy.testing", "scipy.spatial.transform", "yaml")
 
 
 class _Finder:
