@@ -406,38 +406,30 @@ def run(
     """
     begin = time.process_time()
     passed: list[tuple[Stop, TimedState, bool]] = []
+
+    def results() -> Cycles:
+        states = with_readings(design, passed, static)
+        solutions = [state.solution for _, state, _ in passed]
+        failed = [solution for solution in solutions if solution.status == "not_converged"]
+        unstable = [state for _, state, _ in passed if state.solution.status == "unstable"]
+        # of stable states the one with the largest strain says what limits the use of all
+        strained = max(solutions, key=lambda solution: solution.facts.largest_strain or 0.0)
+        doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
+        status, message = "ok", strained.message if doubtful else ""
+        if unstable:
+            status, message = "unstable", f"{unstable[0].solution.message}, first at {unstable[0].time:.4g} s"
+        if failed:
+            status, message = failed[0].status, failed[0].message
+        unit = "V" if design.hall_layout == "three" else "T"
+        return Cycles(law, status, message, states, loops_of(motion, states), unit, time.process_time() - begin)
+
     try:
         passed.extend(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
     except KeyboardInterrupt:
         if passed and interrupted is not None:
-            interrupted.append(_results(design, motion, law, static, passed, begin))
+            interrupted.append(results())
         raise
-    return _results(design, motion, law, static, passed, begin)
-
-
-def _results(
-    design: Design,
-    motion: Motion,
-    law: ViscousLaw,
-    static: Static,
-    passed: list[tuple[Stop, TimedState, bool]],
-    begin: float,
-) -> Cycles:
-    """Return readings, loops and status of states; `begin` is the processor time before the first one, s."""
-    states = with_readings(design, passed, static)
-    solutions = [state.solution for _, state, _ in passed]
-    failed = [solution for solution in solutions if solution.status == "not_converged"]
-    unstable = [state for _, state, _ in passed if state.solution.status == "unstable"]
-    # of stable states the one with the largest strain says what limits the use of all
-    strained = max(solutions, key=lambda solution: solution.facts.largest_strain or 0.0)
-    doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
-    status, message = "ok", strained.message if doubtful else ""
-    if unstable:
-        status, message = "unstable", f"{unstable[0].solution.message}, first at {unstable[0].time:.4g} s"
-    if failed:
-        status, message = failed[0].status, failed[0].message
-    unit = "V" if design.hall_layout == "three" else "T"
-    return Cycles(law, status, message, states, loops_of(motion, states), unit, time.process_time() - begin)
+    return results()
 
 
 def _follow(

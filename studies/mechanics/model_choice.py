@@ -252,13 +252,12 @@ def finer(
 
 def unmet(
     choice: Choice,
-    tolerance: float,
     design: Design,
     load: Load,
     along_N: float | None,
     estimates: Mapping[str, float | None] | None = None,
 ) -> str:
-    """Return why an answer is not known to meet a tolerance, "" if it is.
+    """Return why an answer is not known to meet the choice's tolerance, "" if it is.
 
     Parameters
     ----------
@@ -278,9 +277,9 @@ def unmet(
     for name, error in errors.items():
         if error is None or math.isnan(error):
             return f"{name} is unknown"
-        if error > tolerance:
+        if error > choice.tolerance:
             size = "that of a force which nearly vanishes" if math.isinf(error) else percent(rounded_up(error, 2))
-            return f"{name}, {size}, exceeds the tolerance {percent(tolerance)}"
+            return f"{name}, {size}, exceeds the tolerance {percent(choice.tolerance)}"
     return ""
 
 
@@ -423,9 +422,9 @@ def _bound(known: Sequence[Statement], design: Design, load: Load, place: Region
     else:
         from studies.mechanics import surrogate_response
 
-        if surrogate_response.refusal(design, load, magnet):
+        (estimate,) = surrogate_response.respond_all([(design, load, magnet)])
+        if isinstance(estimate, str):
             return None
-        estimate = surrogate_response.respond(design, load, magnet)
         largest = max(own.bound(readings=True), *(width for width in estimate.errors.values() if width is not None))
         response = estimate.response
     if not load.shears_tip:

@@ -183,7 +183,7 @@ def _checked(answer: Answer, target: Target, design: Design, load: Load) -> Answ
         return answer
     estimates = {"force": answer.error_estimate, **answer.estimates}
     along = along_shear(load, answer.response)
-    reason = unmet(target.choice, target.choice.tolerance, design, load, along, estimates)
+    reason = unmet(target.choice, design, load, along, estimates)
     if not reason:
         return answer
     return replace(answer, status=UNMET, message="; ".join(filter(None, (answer.message, reason))))

@@ -136,7 +136,7 @@ def _checked(row: FlatRow, design: Design, like: Load, choice: Choice) -> FlatRo
     x, y = load.direction
     estimates = {name: row[f"{name}_error_estimate"] for name in ("shift", "tilt", "sideways")}
     estimates["force"] = row["error_estimate"]
-    reason = model_choice.unmet(choice, choice.tolerance, design, load, x * force[0] + y * force[1], estimates)
+    reason = model_choice.unmet(choice, design, load, x * force[0] + y * force[1], estimates)
     return row | {"status": UNMET, "message": "; ".join(filter(None, (row["message"], reason)))} if reason else row
 
 

@@ -244,7 +244,7 @@ def _confirmed(tolerance: float, models: Mapping[tuple[str, str], Row], rule: Se
         errors = [state[f"{name}_error_percent"] for name in COUNTED]
         if np.isnan(errors).all():
             return chosen | {"status": state["status"]}
-        if not model_choice.unmet(choice, tolerance, trial.design, load, state["along_N"]):
+        if not model_choice.unmet(choice, trial.design, load, state["along_N"]):
             error = float(np.nanmax(errors)) / 100
             return chosen | {"status": "within" if error <= tolerance else "exceeded", "error": error}
         choice = model_choice.finer(*case, choice, trial.magnet, rule=rule)
