@@ -55,7 +55,7 @@ SIZES = (
     *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10), ((5, 5, 3), 12), ((5, 5, 3), 10)),
 )
 """Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
-CODE, CALIBRATED_CODE = 10_000, 750
+CODE, CALIBRATED_CODE = 10_300, 450
 """Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/firmware);
 those of a calibration's intervals."""
 MOST_FLASH = 1_000_000
