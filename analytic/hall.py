@@ -31,19 +31,8 @@ FLIP = np.array([1.0, -1.0, -1.0])
 """Half a turn about x, from the magnet's frame to the sensor's: the north pole points down. The polarisation of a
 magnet whose north pole points up is negative."""
 SITE = attrgetter(
-    *(
-        "magnet_diameter",
-        "magnet_height",
-        "D",
-        "L",
-        "l0",
-        "f",
-        "c",
-        "hall_plate",
-        "hall_layout",
-        "chip_x",
-        "chip_count",
-    )
+    *("D", "L", "magnet_diameter", "magnet_height", "hall_layout"),
+    *("l0", "f", "c", "hall_plate", "chip_x", "chip_count"),
 )
 """Returns the fields of a design that fix the field of its magnet at its elements, but for the remanence."""
 FIELDS: tuple[Field, ...] = ("exact", "paper", "paper-printed", "dipole")

@@ -6,6 +6,7 @@ import, so only the functions that need it import it.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -198,6 +199,7 @@ def magnet_volume(shape: Shape) -> float:
     return turned_volume(_magnet(shape)) if shape.has_magnet else 0.0
 
 
+@functools.lru_cache(maxsize=8)
 def magnet_inertia(shape: Shape) -> tuple[float, float]:
     """Return the magnet's exact moments of inertia across and along its axis, about its centre, for unit density.
 
