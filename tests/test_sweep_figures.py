@@ -9,7 +9,7 @@ from geometry.design import paper
 from studies.inputs.study_input import grid
 from studies.mechanics.study_cases import Cases, FemModel, Plan
 from studies.output import figures
-from studies.sweeps import sweep_figures, sweep_pictures
+from studies.sweeps import sweep_figures
 from studies.sweeps.sweep_figures import View
 
 
@@ -244,7 +244,7 @@ def drawn(monkeypatch):
 
 
 def collected(plan):
-    pictures = sweep_pictures.Collected(plan)
+    pictures = sweep_figures.Collected(plan)
     table = table_of(plan)
     # in two batches, the second one short
     cut = plan.count - 1
@@ -270,7 +270,7 @@ def test_a_shear_shows_the_shear_force(drawn, tmp_path):
 
 
 def test_a_huge_study_is_thinned_with_a_note(drawn, monkeypatch, tmp_path):
-    monkeypatch.setattr(sweep_pictures, "MOST_DRAWN", 12)
+    monkeypatch.setattr(sweep_figures, "MOST_DRAWN", 12)
     axes = {"D": [6.0, 8.0], "depth": [0.1 * k for k in range(1, 12)]}
     collected(plan_of(grid(axes))).draw(tmp_path / "sweep.png")
     (force, *_), notes = drawn["sweep.png"]
@@ -290,9 +290,9 @@ def test_the_pictures_are_written_and_those_of_an_earlier_sweep_do_not_stay(tmp_
 
 def test_a_large_study_shows_one_modulus_and_one_layout(drawn, monkeypatch, tmp_path):
     """Forces are proportional to E, and do not depend on f."""
-    monkeypatch.setattr(sweep_pictures, "LARGE", 20)
+    monkeypatch.setattr(sweep_figures, "LARGE", 20)
     plan = plan_of(grid({"E": [0.5, 1.0, 2.0], "f": [5.0, 6.0], "D": [7.0, 8.0], "depth": [0.5, 1.0]}))
-    pictures = sweep_pictures.Collected(plan)
+    pictures = sweep_figures.Collected(plan)
     batch = Cases(plan).batch(np.arange(plan.count))
     axes = {f"{name}_{'MPa' if name == 'E' else 'mm'}": values for name, values in batch.axes.items()}
     forces = dict.fromkeys(("fem_force_N", "analytic_force_N", "force_error_percent"), batch.E)

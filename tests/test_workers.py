@@ -201,7 +201,7 @@ def estimates(costs, seconds, workers):
     Returns the share of the work that is done, the estimate and the true time left after each task.
     """
     now = 0.0
-    unfinished = Unfinished(list(costs))
+    unfinished = Unfinished(list(costs), float)
     running, waiting, states = [], list(enumerate(seconds)), []
     while running or waiting:
         while waiting and len(running) < workers:
@@ -233,7 +233,7 @@ def test_after_a_fifth_of_the_work_the_estimate_is_right_within_a_factor_of_1_5(
 
 
 def test_a_long_last_task_is_waited_for():
-    unfinished = Unfinished([1.0, 1.0, 1.0, 30.0])
+    unfinished = Unfinished([1.0, 1.0, 1.0, 30.0], float)
     unfinished.finish(0, 2.0)
     assert unfinished.seconds_left(2) == 60.0
 

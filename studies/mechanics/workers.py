@@ -83,19 +83,19 @@ def finished(
     BaseException
         Whatever else the function raises: it ends the run, with the traceback of the worker as a note.
     """
-    report = _Reports(tasks, cost, progress)
+    report = Unfinished(tasks, cost, progress)
     if isinstance(tasks, Sequence) and tasks:
         workers = min(workers, len(tasks))  # each has more threads for linear algebra
     with _executor(workers, scheduler) as executor:
         try:
             yield from _finished(tasks, function, executor, report)
         except SchedulerLost as error:
-            count = "some tasks are" if report.left is None else f"{report.left} tasks are"
+            count = f"{len(report.waiting)} tasks are" if report.known else "some tasks are"
             raise SchedulerLost(f"{error}: {count} unfinished; the same command continues") from None
 
 
 def _finished(
-    tasks: Iterable[T], function: Callable[[T], R], executor: Executor, report: _Reports
+    tasks: Iterable[T], function: Callable[[T], R], executor: Executor, report: Unfinished
 ) -> Iterator[Finished[T, R]]:
     waiting = iter(enumerate(tasks))
     started: dict[Future[Answer], tuple[int, T]] = {}
@@ -144,50 +144,19 @@ def _executor(workers: int, scheduler: str | None) -> contextlib.AbstractContext
     return processes(workers) if workers else contextlib.nullcontext(inline())
 
 
-class _Reports:
-    """Progress of a run, with the time left if the number of tasks is known."""
-
-    def __init__(self, tasks: Iterable[T], cost: Callable[[T], float] | None, progress: Progress | None) -> None:
-        self.progress, self.next, self.finished, self.shown = progress, 0.0, 0, -1
-        self.unfinished: Unfinished | None = None
-        if isinstance(tasks, Sequence):
-            self.unfinished = Unfinished([cost(task) if cost else 1.0 for task in tasks])
-
-    @property
-    def left(self) -> int | None:
-        """Number of unfinished tasks; None if it is unknown."""
-        return len(self.unfinished.waiting) if self.unfinished else None
-
-    def finish(self, number: int, seconds: float) -> None:
-        """Count a finished task; `seconds` is NaN if it has no answer."""
-        self.finished += 1
-        if self.unfinished:
-            self.unfinished.finish(number, seconds)
-
-    def show(self, workers: int) -> None:
-        """Report the progress if a task was finished since the last report, and that is not very recent."""
-        now = time.perf_counter()
-        if self.progress is None or self.finished == self.shown or (now < self.next and self.left != 0):
-            return
-        self.next, self.shown = now + REPORTS, self.finished
-        if self.unfinished is None:
-            self.progress(0.0, f"{self.finished} solves")
-            return
-        seconds = self.unfinished.seconds_left(max(workers, 1))
-        text = "" if math.isnan(seconds) or not self.left else f", {clock_text(seconds)} left"
-        self.progress(self.unfinished.share, f"{self.finished} of {self.finished + (self.left or 0)} solves{text}")
-
-
 class Unfinished:
-    """Tasks that wait or run, and the time that they are likely to take: their costs times the mean time per cost.
+    """Tasks that wait or run, the time that they are likely to take, and reports of the progress.
 
-    Parameters
-    ----------
-    costs : of all tasks, in any unit.
+    The time is that of their costs times the mean time per cost; of tasks that are no sequence it is unknown.
     """
 
-    def __init__(self, costs: Sequence[float]) -> None:
-        self.waiting, self.total = dict(enumerate(costs)), math.fsum(costs)
+    def __init__(
+        self, tasks: Iterable[T], cost: Callable[[T], float] | None = None, progress: Progress | None = None
+    ) -> None:
+        self.progress, self.next, self.finished, self.shown = progress, 0.0, 0, -1
+        self.known = isinstance(tasks, Sequence)
+        self.waiting = {k: cost(task) if cost else 1.0 for k, task in enumerate(tasks if self.known else ())}
+        self.total = math.fsum(self.waiting.values())
         self._seconds = self._measured = 0.0
 
     @property
@@ -197,7 +166,8 @@ class Unfinished:
 
     def finish(self, number: int, seconds: float) -> None:
         """Note that a task is finished, and how long it took; NaN if it has no answer."""
-        cost = self.waiting.pop(number)
+        self.finished += 1
+        cost = self.waiting.pop(number, 0.0)
         if not math.isnan(seconds):
             self._seconds += seconds
             self._measured += cost
@@ -208,6 +178,20 @@ class Unfinished:
             return math.nan
         costs = self.waiting.values()
         return self._seconds / self._measured * max(math.fsum(costs) / workers, max(costs, default=0.0))
+
+    def show(self, workers: int) -> None:
+        """Report the progress if a task was finished since the last report, and that is not very recent."""
+        now, left = time.perf_counter(), len(self.waiting)
+        ended = self.known and not left
+        if self.progress is None or self.finished == self.shown or (now < self.next and not ended):
+            return
+        self.next, self.shown = now + REPORTS, self.finished
+        if not self.known:
+            self.progress(0.0, f"{self.finished} solves")
+            return
+        seconds = self.seconds_left(max(workers, 1))
+        text = "" if math.isnan(seconds) or not left else f", {clock_text(seconds)} left"
+        self.progress(self.share, f"{self.finished} of {self.finished + left} solves{text}")
 
 
 def clock_text(seconds: float) -> str:

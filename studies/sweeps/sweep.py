@@ -121,10 +121,10 @@ def _run(
         if folder is None:
             yield from (table for table, _ in batches)
             return
-        from studies.sweeps import sweep_pictures
+        from studies.sweeps import sweep_figures
 
         write = stack.enter_context(table_files.writer(folder / name))
-        pictures = sweep_pictures.Collected(plan)
+        pictures = sweep_figures.Collected(plan)
         for table, indices in batches:
             write(table)
             pictures.add(table, indices)
