@@ -78,7 +78,7 @@ def test_tilt_counts_as_well_as_force():
 
 @pytest.fixture(scope="module")
 def deck():
-    return bench.deck(cube(), bench.Press(E=2.0, nu=0.49, L=2.0, R=2.0, depth=0.5))
+    return bench.deck(cube(), {"E": 2.0, "nu": 0.49, "L": 2.0, "R": 2.0, "depth": 0.5})
 
 
 def test_deck_has_the_mesh_in_the_order_of_calculix(deck):
@@ -235,6 +235,7 @@ def test_missing_peers_are_rows_that_say_how_to_install_them(monkeypatch, run, s
 def test_only_the_chosen_cases_run_and_the_help_names_all(monkeypatch, run, refusal, strict):
     names = {name for name, _ in bench.parts()}
     assert names == {case["key"] for kind in bench.SPECS.values() for case in kind}
+    assert all(case["accuracy"] for case in bench.SPECS["case"])
     assert all(name in run("validate", "bench", "--help")[1] for name in names)
     of_magtip(monkeypatch, lambda task: answer(0, 0.1))
     out = run("validate", "bench", "--cases", "field, modes", "--json")[1]

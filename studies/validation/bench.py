@@ -406,21 +406,6 @@ TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
 """Nodes of a cell after corners 1 and 2 have changed places."""
 
 
-class Press(NamedTuple):
-    """What is pressed how far: modulus, MPa, length of the beam, its radius and the depth, mm.
-
-    `contact` is CalculiX' type of contact pair, and `stiffness` that of the contact, MPa per mm.
-    """
-
-    E: float
-    nu: float
-    L: float
-    R: float
-    depth: float
-    contact: str = "SURFACE TO SURFACE"
-    stiffness: float = 300.0
-
-
 def calculix_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
     """Return the setting of CalculiX, and what solves the half model's press by it."""
     command, design = shutil.which(bench.ccx), paper()
@@ -428,8 +413,7 @@ def calculix_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
         return "", "CalculiX is not installed: apt-get install calculix-ccx"
     said = measure([command, "-v"]).out.splitlines()
     bench.versions["CalculiX"] = next((f"ccx {line.split()[-1]}" for line in said if "Version" in line), "")
-    contact = {name: peer[name] for name in ("contact", "stiffness") if name in peer}
-    press = Press(design.E, peer["nu"], design.L, design.R, spec["loads"][0]["depth"], **contact)
+    press = {"E": design.E, "L": design.L, "R": design.R, "depth": spec["loads"][0]["depth"]} | peer
     edge = peer["size"] * design.D
 
     def solve() -> Answer:
@@ -438,11 +422,11 @@ def calculix_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
     return f"C3D10, nu {peer['nu']:g}, size {peer['size']:g} D", solve
 
 
-def calculix(ccx: str, mesh: Any, press: Press, limit: float = LIMIT_S) -> Answer:
+def calculix(ccx: str, mesh: Any, press: Row) -> Answer:
     """Return the half model's press by CalculiX on a tetrahedral mesh in mm."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "press.inp").write_text(deck(mesh, press))
-        ended = measure([ccx, "-i", "press"], folder=Path(folder), limit=limit)
+        ended = measure([ccx, "-i", "press"], folder=Path(folder))
         printed = Path(folder, "press.dat")
         text = printed.read_text() if printed.exists() else ""
     answer = {"dofs": 3 * mesh.doflocs.shape[1], "iterations": iterations(ended.out), "import_s": 0.0}
@@ -457,33 +441,29 @@ def calculix(ccx: str, mesh: Any, press: Press, limit: float = LIMIT_S) -> Answe
     return answer | {"status": "ok", "message": "", "forces_N": [[0.0, 0.0, normal]]}
 
 
-def deck(mesh: Any, press: Press) -> str:
-    """Return the input deck for a scikit-fem MeshTet2 with boundaries "base", "skin" and "symmetry"."""
+def deck(mesh: Any, press: Row) -> str:
+    """Return the input deck for a scikit-fem MeshTet2 with boundaries "base", "skin" and "symmetry".
+
+    `press` has the modulus E, MPa, nu, length L and radius R of the beam and the depth, mm; CalculiX' type of
+    `contact` pair, and the `stiffness` of the contact, MPa per mm.
+    """
     points, cells = mesh.doflocs.T, np.asarray(mesh.dofs.element_dofs).T
     slopes = points[cells[:, 1:4]] - points[cells[:, :1]]
     cells = np.where(np.linalg.det(slopes)[:, None] < 0, cells[:, TURNED], cells) + 1
-    n, reach = len(points), 1.5 * np.sqrt(press.R * press.depth)
-    corners = [(x, y, z) for z in (press.L, press.L + 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    plate = [(1.5 * press.R * x, 1.5 * press.R * y, z) for x, y, z in corners]
+    E, nu, L, R = (press[name] for name in ("E", "nu", "L", "R"))
+    corners = [(x, y, z) for z in (L, L + 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     base, symmetry = (np.flatnonzero(np.abs(points[:, k]) < 1e-9) + 1 for k in (2, 1))
-    mu, K = press.E / 2 / (1 + press.nu), press.E / 3 / (1 - 2 * press.nu)
     return pages.rendered(
         "calculix.inp.j2",
-        body=_numbered(points, 1),
-        plate=_numbered(plate, n + 1),
-        cells=[f"{i}, " + ", ".join(map(str, row)) for i, row in enumerate(cells.tolist(), 1)],
-        block=f"{len(cells) + 1}, " + ", ".join(str(n + k) for k in range(1, 9)),
-        last=len(cells) + 1,
+        points=[*points.tolist(), *((1.5 * R * x, 1.5 * R * y, z) for x, y, z in corners)],
+        nodes=len(points),
+        cells=cells.tolist(),
         base=base.tolist(),
         symmetry=np.setdiff1d(symmetry, base).tolist(),
-        faces=_faces(mesh, cells, press.L, reach),
-        moduli=(mu / 2, 2 / K),
-        press=press,
+        faces=_faces(mesh, cells, L, 1.5 * np.sqrt(R * press["depth"])),
+        moduli=(E / 4 / (1 + nu), 6 * (1 - 2 * nu) / E),
+        press={"contact": "SURFACE TO SURFACE", "stiffness": 300.0} | press,
     )
-
-
-def _numbered(points: Any, first: int) -> list[str]:
-    return [f"{i}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(points, first)]
 
 
 def _faces(mesh: Any, cells: Any, L: float, reach: float) -> list[str]:

@@ -15,7 +15,6 @@ import functools
 import math
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +24,6 @@ from scipy.optimize import brentq, minimize_scalar
 
 from analytic import beam, decode, hall
 from analytic.magnet import cylinder_field
-from fem.accuracy import FINE, QUICK, STANDARD, Accuracy
 from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
@@ -34,34 +32,12 @@ from studies import cases
 from studies.validation.pages import TEMPLATES, Row
 
 WORDS: dict[str, Any] = tomllib.loads((TEMPLATES / "claims.toml").read_text("utf-8"))
-VALUES: dict[str, Any] = WORDS.pop("values")
-"""What the paper claims, in words, and values of the paper and of this study with their sources."""
+VALUES, EXTENTS = (WORDS.pop(name) for name in ("values", "extents"))
+"""What the paper claims, in words; values of the paper and of this study with their sources; loads of the study."""
 BOUND: float = VALUES["bound"]
 CLAIMED: list[tuple[float, float]] = [(E, force) for E, force in VALUES["largest"]]
 MODULI: tuple[float, float] = VALUES["moduli"][0], VALUES["moduli"][1]
 NAN = math.nan
-
-
-@dataclass(frozen=True, slots=True)
-class Extent:
-    """Loads on which the claims are tested, in mm and in rising order; 0 is a beam without a magnet.
-
-    The paper presses to 3 mm and shears to 3.1 mm; 3 mm along both axes of its Figure 6 are 4.24 mm along the
-    diagonal. `layouts` are heights of the magnet, and heights c of S2 and S3, the preset's first; costs are compared
-    with those of `reference`.
-    """
-
-    heights: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 6.7)
-    depths: tuple[float, ...] = tuple(k / 8 for k in range(1, 25))
-    shears: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2, 1.5, 1.8, 2.1, 2.4, 2.7, 3.1, 3.6, 4.25)
-    layouts: tuple[tuple[float, float], ...] = ((2.0, 2.0), (2.0, 5.0), (4.0, 2.0))
-    accuracy: Accuracy = STANDARD
-    reference: Accuracy = FINE
-
-
-QUICK_EXTENT = Extent(
-    (0.0, 2.0, 4.0), (0.75, 1.5, 2.25, 3.0), (0.0, 1.5, 3.1), ((2.0, 2.0), (4.0, 2.0)), QUICK, STANDARD
-)
 
 
 class Press(NamedTuple):
@@ -117,27 +93,27 @@ CONDITIONS: tuple[tuple[str, Magnet, float, float], ...] = (
 QUANTITIES = ("force", "shift", "tilt", "readings")
 
 
-def solve(extent: Extent, store: Path | None, progress: Progress | None = None) -> States:
+def solve(extent: Row, store: Path | None, progress: Progress | None = None) -> States:
     """Return all states: those that the store has, and the others solved and added to it."""
-    series = [(height, "none") for height in extent.heights] + [(paper().magnet_height, VALUES["friction"])]
+    series = [(height, "none") for height in extent["heights"]] + [(paper().magnet_height, VALUES["friction"])]
     presses = [
         {"height": height, "friction": friction, "depth_mm": depth}
         for height, friction in series
-        for depth in extent.depths
+        for depth in extent["depths"]
     ]
     shears = [
         {"tip": tip, "height": paper().magnet_height, "magnet": magnet, "shear_mm": shear}
         | {"depth_mm": depth, "grip_mm": grip, "friction": "stick" if depth else "none"}
         for tip, magnet, depth, grip in CONDITIONS
-        for shear in extent.shears
+        for shear in extent["shears"]
     ]
     rows = pd.DataFrame([*presses, *shears]).fillna({"tip": "", "magnet": "rigid", "shear_mm": 0.0})
-    designs = {height: with_magnet(height) for height in {*extent.heights, paper().magnet_height}}
+    designs = {height: with_magnet(height) for height in {*extent["heights"], paper().magnet_height}}
     for field in ("magnet_diameter", "magnet_height", "magnet_edge_radius", "l0"):
         rows[f"{field}_mm"] = [getattr(designs[height], field) for height in rows["height"]]
     rows.loc[rows["tip"] != "", "l0_mm"] = paper().l0
     asked = rows.drop(columns=["tip", "height"])
-    model = f"fem:{extent.accuracy.name}"
+    model = f"fem:{extent['accuracy']}"
     answers = cases.answer(asked, [model], quantities=QUANTITIES, store=store, progress=progress)
     answers = answers.assign(tip=rows["tip"], height=rows["height"])
     sheared, pressed = answers[answers.tip != ""], answers[answers.tip == ""]

@@ -23,7 +23,7 @@ from analytic import beam
 from analytic.magnet import cylinder_field
 from analytic.relaxation_loops import loop
 from fem import equilibrium
-from fem.accuracy import QUICK, STANDARD, Accuracy
+from fem.accuracy import LEVELS, QUICK, STANDARD, Accuracy
 from fem.analyses.modes import modes, spring_mass
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
@@ -38,7 +38,7 @@ from studies.simulation import vibration_report
 from studies.simulation.compare import part
 from studies.simulation.comparison_rows import spans
 from studies.validation import claim_errors, claim_figures, pages
-from studies.validation.claim_errors import BOUND, CLAIMED, VALUES, WORDS, Press, States, formula
+from studies.validation.claim_errors import BOUND, CLAIMED, EXTENTS, VALUES, WORDS, Press, States, formula
 from studies.validation.pages import Row
 
 FILES = (
@@ -65,7 +65,8 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
     store
         File of solved states, to which new ones are added; default: that of the user.
     """
-    extent = claim_errors.QUICK_EXTENT if quick else claim_errors.Extent()
+    extent = EXTENTS["quick" if quick else "full"]
+    accuracy = LEVELS[extent["accuracy"]]
     states = claim_errors.solve(extent, store, part(progress, 0.0, 0.85))
     heights = pd.DataFrame([claim_errors.height_row(press) for press in states.presses])
     conditions = [rows for _, rows in states.sheared.groupby("tip", sort=False)]
@@ -73,9 +74,9 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
     stuck = [rows for rows in conditions if rows.magnet.iloc[0] == "rigid" and rows.depth_mm.iloc[0]]
     splits = [claim_errors.split(rows) for rows in stuck]
     told = [part(progress, *ends) or progress for ends in ((0.85, 0.88), (0.88, 0.97), (0.97, 1.0))]
-    vibrations = mode_rows(extent.accuracy, told[0])
-    layouts = pd.DataFrame(layout_rows(extent.layouts, told[1]))
-    costs = cost_rows(extent.reference, told[2])
+    vibrations = mode_rows(accuracy, told[0])
+    layouts = pd.DataFrame(layout_rows(extent["layouts"], told[1]))
+    costs = cost_rows(LEVELS[extent["reference"]], told[2])
     factor = factor_figures()
     best_E = float(heights.best_E_MPa[heights.magnet_height_mm == states.preset.height].iloc[0])
     answers = [
@@ -87,7 +88,7 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         uniqueness(layouts),
         largest_forces(states),
         frequency(vibrations, formula_frequencies()),
-        band(vibrations, response_figures(extent.accuracy)),
+        band(vibrations, response_figures(accuracy)),
         hysteresis(loop_figures()),
         hall_factor(factor),
         offset(factor),
