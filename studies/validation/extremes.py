@@ -119,22 +119,17 @@ def cases(*, quick: bool = False) -> list[Case]:
     level = QUICK if quick else STANDARD
     with CASES.open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file, delimiter=";") if not (quick and row["run"] == "full")]
-    return [_case(row, level) for row in rows]
-
-
-def _case(row: Row, level: Accuracy) -> Case:
-    check, *numbers = row["check"].split()
-    return Case(
-        row["scene"],
-        _loads(*row["loads"].split(), steps=4 if level is QUICK else 8),
-        functools.partial(globals()[check], *map(float, numbers)),
-        BOUNDS[level.name].get(row["bound"]) or float(row["bound"]),
-        {"": level, "quick": QUICK, "harmonics": HARMONICS}[row["accuracy"]],
-        _changes(row["changes"]),
-        row["magnet"],
-        row["model"],
-        tuple(row["ends"].split()),
-    )
+    accuracies = {"": level, "quick": QUICK, "harmonics": HARMONICS}
+    found = []
+    for row in rows:
+        check, *numbers = row["check"].split()
+        case: Row = {"name": row["scene"], "loads": _loads(*row["loads"].split(), steps=4 if quick else 8)}
+        case["measure"] = functools.partial(globals()[check], *map(float, numbers))
+        case["bound"] = BOUNDS[level.name].get(row["bound"]) or float(row["bound"])
+        case |= {"accuracy": accuracies[row["accuracy"]], "changes": _changes(row["changes"])}
+        case |= {"magnet": row["magnet"], "model": row["model"], "ends": tuple(row["ends"].split())}
+        found.append(Case(**case))
+    return found
 
 
 def _loads(kind: str, *words: str, steps: int) -> tuple[Load, ...]:
@@ -343,18 +338,10 @@ def ordered(case: Case, states: Sequence[Solution]) -> Measurement:
     return Measurement(check, largest)
 
 
-def beyond_and_back(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare force and energy with those of a path that first goes 0.5 mm beyond the last load."""
-    return _other_path(case, states, [case.loads[-1].depth + 0.5])
-
-
-def many_steps(step: float, case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare force and energy with those of a path in steps of this length, mm."""
+def other_path(beyond: float, step: float, case: Case, states: Sequence[Solution]) -> Measurement:
+    """Compare force and energy with those of a path that first goes beyond the last load, or has small steps, mm."""
     first, last = case.loads[0].depth, case.loads[-1].depth
-    return _other_path(case, states, [first + step * i for i in range(round((last - first) / step))])
-
-
-def _other_path(case: Case, states: Sequence[Solution], depths: Sequence[float]) -> Measurement:
+    depths = [last + beyond] if beyond else [first + step * i for i in range(round((last - first) / step))]
     other = follow(case, [*press(*depths), case.loads[-1]])
     return Measurement(f"force and energy against a path of {len(depths) + 1} loads", apart(states[-1], other))
 

@@ -1,6 +1,7 @@
 """Problems in time with known answers: viscoelastic cubes and beams, a half space, steady vibrations of the sensor.
 
-Branches and laws are those of `fem.model.viscoelasticity`. Times are in s.
+verify_problems.toml describes them, and names what each function returns. Branches and laws are those of
+`fem.model.viscoelasticity`. Times are in s.
 """
 
 import functools
@@ -68,7 +69,6 @@ def stresses(
 
 
 def relaxing_cube(_: int) -> list[float]:
-    """Return sigma_xz and sigma_xx - sigma_zz over mu0 G(t)/G(0) of a cube sheared at once, after 0, 0.3, 3 s."""
     e = tetrahedra(1)
     motion = [(dt, sheared(0.8, e)) for dt in (0.0, 0.3, 2.7)]
     found = zip(stresses(e, faces(e), material.neo_hookean, TWO, motion), TWO.modulus([0.0, 0.3, 3.0]), strict=True)
@@ -76,7 +76,6 @@ def relaxing_cube(_: int) -> list[float]:
 
 
 def turned_cube(_: int) -> tuple[float, ...]:
-    """Return 1 less the difference of a turned sheared cube's stresses, turned back, to those of a sheared cube."""
     e, axis = tetrahedra(1), np.array([1.0, 2.0, 2.0]) / 3
     amounts = 0.6 * np.sin(math.pi / 8 * np.arange(1, 9))
     turns = [Rotation.from_rotvec(2 / 8 * i * axis).as_matrix() for i in range(1, 9)]
@@ -95,7 +94,6 @@ def turned_cube(_: int) -> tuple[float, ...]:
 
 
 def cyclic_cube(n: int) -> tuple[float, float]:
-    """Return storage and loss modulus of a cube in small cyclic shear, 0.2 Hz, over the exact ones."""
     e, size, omega = tetrahedra(1), 1e-3, 0.4 * math.pi
     dt, count = 2 * math.pi / omega / n, 6 * n
     times = dt * np.arange(1, count + 1)
@@ -107,7 +105,6 @@ def cyclic_cube(n: int) -> tuple[float, float]:
 
 
 def holzapfel_block(n: int) -> tuple[float, float]:
-    """Return the Cauchy stress of Holzapfel's block at 16 s, Pa, and the share of it that has relaxed at 20 s."""
     e = tetrahedra(1)
     slow = sum(mu * a for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True)) / 2
     shares = tuple(mu * a / 2 / slow for mu, a in zip(OGDEN_PA, EXPONENTS, strict=True))
@@ -139,7 +136,6 @@ def _solved(states: Iterator[TimedState]) -> list[TimedState]:
 
 
 def held_beam(_: int) -> Array:
-    """Return F(t) / F(0) over G(t) / G(0) of the silicone beam pressed by 1 mm at once, at 0.3 and 2 s."""
     design, times = silicone(), (0.0, 0.3, 2.0)
     loads = [TimedLoad(t, Load(1.0)) for t in times]
     path = follow(design, loads, QUICK, magnet="ignored", steps=TimeControl(kappa=1e6))
@@ -148,7 +144,6 @@ def held_beam(_: int) -> Array:
 
 
 def indented_half_space(n: int) -> Array:
-    """Return the force of a ramp and its release over Lee and Radok's and Ting's, without the mesh's error."""
     design, top = silicone(), 1e-4
     times, depths = np.array([0.0, 0.5, 1.0, 1.1]), top * np.array([0.0, 0.5, 1.0, 0.9])
     loads = [TimedLoad(float(t), Load(float(d))) for t, d in zip(times[1:], depths[1:], strict=True)]
@@ -161,7 +156,6 @@ def indented_half_space(n: int) -> Array:
 
 
 def limits(_: int) -> tuple[float, ...]:
-    """Return the forces of a very fast and of a very slow press by 1 mm over those of elastic solves, law by law."""
     design, ratios = silicone(0.4998), []
     mu, bulk = design.E / (2 * (1 + design.nu)), design.E / (3 * (1 - 2 * design.nu))
     for share, duration in ((1.0, 1e-6), (0.5, 1e7)):
@@ -194,7 +188,6 @@ def sheared_beam(n: int) -> tuple[float, ...]:
 
 
 def balance(n: int) -> tuple[float, float]:
-    """Return the shares of the work that are stored or dissipated in `sheared_beam`, for both laws."""
     first, _, second, _ = sheared_beam(n)
     return first, second
 
@@ -204,7 +197,6 @@ Friction = float | Literal["none", "stick"]
 
 @functools.lru_cache
 def touched_beam(n: int, law: ViscousLaw, friction: Friction) -> tuple[float, float]:
-    """Return 1 less the largest error of the energy balance over the work, and 1 less negative dissipation."""
     accuracy = replace(QUICK, section_size=0.3, section_patch=0.1, harmonics=1)
     loads, begin = [TimedLoad(1.0, Load(1.0)), TimedLoad(2.0, Load(0.0))], 0.0
     if friction != "none":
@@ -221,7 +213,6 @@ def touched_beam(n: int, law: ViscousLaw, friction: Friction) -> tuple[float, fl
 
 
 def change(n: int) -> tuple[float, float]:
-    """Return how the forces in `sheared_beam` change with steps of half the length, N, for both laws."""
     coarse, fine = sheared_beam(n), sheared_beam(2 * n)
     return abs(coarse[1] - fine[1]), abs(coarse[3] - fine[3])
 
@@ -289,7 +280,6 @@ def signs(law: ViscousLaw, n: int) -> tuple[Array, Array]:
 
 
 def negative_dissipation(n: int) -> tuple[float, ...]:
-    """Return 1 less the negative parts: of closed cycles by both laws, and of steps by the law "finite"."""
     (linear, _), (finite, steps) = signs("prony", n), signs("finite", n)
     return tuple(1 - float(np.maximum(0.0, -values.min())) for values in (linear, finite, steps))
 
@@ -303,7 +293,6 @@ STEP = 1e-5
 
 
 def slow_limit(_: int) -> tuple[float, ...]:
-    """Return force per mm of the slowest vibration over the slope of the force of nonlinear solves, along z and x."""
     sensor = vibrating_sensor(paper(), SHEARED, (1e-6, 1.0), QUICK)
     force, unit = sensor.at([1e-6]).force[0].real, sensor.scene.design.E * sensor.scene.design.D
     (part,) = sensor.reduced_blocks
@@ -325,7 +314,6 @@ def slow_limit(_: int) -> tuple[float, ...]:
 
 
 def undamped_resonances(_: int) -> tuple[float, ...]:
-    """Return frequencies at which the motion of an elastic sensor changes its sign over its natural frequencies."""
     ratios = []
     for load in (Load(), GLUED):
         natural = modes(paper(), count=8, depth=load.depth, accuracy=QUICK, estimate=False)
@@ -341,7 +329,6 @@ def undamped_resonances(_: int) -> tuple[float, ...]:
 
 
 def half_power_width(_: int) -> tuple[float, ...]:
-    """Return the half-power width of the free sensor's bending resonance over its frequency and the loss factor."""
     loss = 0.01
     sensor = vibrating_sensor(replace(paper(), loss_factor=loss), Load(), (100.0, 1000.0), QUICK)
     peak = resonance_peaks.peaks(lambda f: np.abs(sensor.at(f).shift[:, 1, 0]), 100.0, 1000.0)[0]
@@ -350,7 +337,6 @@ def half_power_width(_: int) -> tuple[float, ...]:
 
 
 def correspondence(_: int) -> tuple[float, ...]:
-    """Return 1 plus the relative difference of K*(omega) to K G*(omega) / G(infinity), along z and x."""
     design, answers = replace(paper(), nu=0.5), []
     relaxation = relaxation_of(design)
     g = relaxation.complex_modulus(2 * np.pi * np.array([0.1, 10.0, 1000.0])) / relaxation.rest
@@ -375,7 +361,6 @@ def correspondence(_: int) -> tuple[float, ...]:
 
 
 def reciprocity_and_passivity(_: int) -> tuple[float, ...]:
-    """Return 1 plus the asymmetry of a sheared sensor's impedance, and how often the plate only takes up work."""
     force = vibrating_sensor(paper(), SHEARED, (1.0, 1000.0), QUICK).at(np.geomspace(1.0, 1000.0, 60)).force
     impedance = force[:, :, [1, 0]]
     work = np.linalg.eigvalsh((impedance.imag + impedance.imag.transpose(0, 2, 1)) / 2)
@@ -384,7 +369,6 @@ def reciprocity_and_passivity(_: int) -> tuple[float, ...]:
 
 
 def full_solutions(_: int) -> Array:
-    """Return 1 plus the relative difference of the reduced basis to full solutions: force, and pose of the magnet."""
     sensor = vibrating_sensor(paper(), GLUED, (1.0, 1000.0), QUICK)
     unit = frequency_unit(sensor.scene.design)
     differences = []

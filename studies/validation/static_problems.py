@@ -1,8 +1,8 @@
 """Published and closed-form problems of equilibrium: blocks, membranes, spheres, clamped cylinders, contact.
 
-verify_problems.toml describes them. Each function takes the number n of elements along a side (unless that table says
-otherwise) and returns the published quantities. Stresses are in units of the shear or Young's modulus and lengths in
-units of the body, unless stated otherwise. If displacements are prescribed and a closed form exists, Newton's method
+verify_problems.toml describes them, and names what each function returns. It takes the number n of elements along a
+side, unless that table says otherwise. Stresses are in units of the shear or Young's modulus and lengths in units of
+the body, unless stated otherwise. If displacements are prescribed and a closed form exists, Newton's method
 starts from that displacement field and solves for the pressures and for balance of forces.
 """
 
@@ -97,7 +97,6 @@ def square(n: int, move: Callable[[Array], Array] | None = None) -> skfem.MeshTr
 
 
 def cook(n: int) -> tuple[float]:
-    """Return the tip deflection u_y(48, 60), mm, of Cook's membrane in plane strain."""
     mesh = square(n, lambda x: np.stack([48 * x[0], 44 * x[0] + x[1] * (44 - 28 * x[0])]))
     mesh = mesh.with_boundaries({"right": lambda x: x[0] > 48 - SKIN})
     e = elements.build(mesh, axisymmetric=False)
@@ -161,13 +160,11 @@ def _coupled(strain: material.Arrays, mu: Array, p: Array, out: material.Arrays,
 
 
 def mirrored_reese_block(n: int, levels: tuple[int, ...]) -> list[float]:
-    """Return the compression with bricks cut along the other diagonals over that of `reese_block`."""
     one, other = (reese_block(n, levels, mirrored=way) for way in (False, True))
     return [b / a for a, b in zip(one, other, strict=True)]
 
 
 def reese_formulations(n: int) -> list[float]:
-    """Return the compression at p/p0 = 80 by quadrature of order 4, and by Reese's energy, over `reese_block`'s."""
     levels = (20, 40, 60, 80)
     others = (reese_block(n, levels, order=4), reese_block(n, levels, own_energy=True))
     return [values[-1] / reese_block(n, levels)[-1] for values in others]
@@ -196,7 +193,6 @@ def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
 
 
 def homogeneous_states(_: int) -> tuple[float, ...]:
-    """Return stresses and energies of homogeneous states, in the order of verify_problems.toml."""
     stretch, e = 2.0, tetrahedra(1)
     stresses = []
     for along, free in ((stretch**-0.5, True), (stretch, False), (1.0, False)):
@@ -388,7 +384,6 @@ LEVEL = tuple(LEVELS.values())
 
 
 def magnet_field(_: int) -> Array:
-    """Return B_z on the axis of a magnet of 4 x 4 mm and 1.2 T, mT, 5, 6, 7 and 8 mm from its centre."""
     return np.asarray(1e3 * cylinder_field([[0, 0, z] for z in (5.0, 6.0, 7.0, 8.0)], 2.0, 4.0, 1.2)[:, 2])
 
 

@@ -13,10 +13,10 @@ covered if the intervals of all of its states hold it.
 import itertools
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -37,22 +37,10 @@ from studies.output.goals import Goal
 from studies.output.provenance import versions
 from studies.output.result import Result
 from studies.validation import pages
+from studies.validation import surrogate_training as training
 from studies.validation.pages import Row
 from studies.validation.surrogate_fit import COVERAGE, TrainingSet, quantiles_by_region, surrogate_of
-from studies.validation.surrogate_training import (
-    Beams,
-    States,
-    compared,
-    critical_depths,
-    deepest,
-    density_ratio,
-    first_modes,
-    motions,
-    random_beams,
-    regional_beams,
-    shear_depth,
-    training_beams,
-)
+from studies.validation.surrogate_training import Beams, States, compared, deepest, density_ratio, motions
 
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
@@ -108,10 +96,10 @@ class Outcome(NamedTuple):
 def build(extent: Extent, store: stores.Store, processes: Processes, progress: Progress | None = None) -> Outcome:
     """Build and test the surrogate; states that the store has are not solved again."""
     solver = Solver(store, processes, progress, extent.accuracy)
-    states = training_states(solver, training_beams(extent.first, extent.seed))
+    states = training_states(solver, training.training_beams(extent.first, extent.seed))
     for k, count in enumerate(extent.rounds):
         surrogate = surrogate_of(states.complete(), {})
-        more = widest(surrogate, random_beams(POOL, extent.seed + 2 + k), count)
+        more = widest(surrogate, training.random_beams(POOL, extent.seed + 2 + k), count)
         states = states.joined(training_states(solver, more))
     complete = states.complete()
     calibration = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
@@ -128,17 +116,17 @@ def build(extent: Extent, store: stores.Store, processes: Processes, progress: P
 def training_states(solver: Solver, beams: Beams) -> TrainingSet:
     """Return the states of training beams: at the nodes of the surrogate."""
     press = motions(solver, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
-    mode = first_modes(solver, beams)
-    shear = motions(solver, beams, shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
+    mode = training.first_modes(solver, beams)
+    shear = motions(solver, beams, training.shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
     return TrainingSet(beams, press, mode, shear)
 
 
 def unseen(solver: Solver, count: int, critical: int, seed: int) -> Unseen:
     """Return `count` random beams of each region with their states, and critical depths of the first ones."""
-    states = random_states(solver, regional_beams(count, seed), seed)
+    states = random_states(solver, training.regional_beams(count, seed), seed)
     complete = states.complete()
     first = complete.beams[: critical * prediction.REGIONS]
-    depths = compared(critical_depths(solver, first), critical_depths(solver.coarser(), first))
+    depths = compared(training.critical_depths(solver, first), training.critical_depths(solver.coarser(), first))
     return Unseen(complete, depths, len(states.beams) - len(complete.beams))
 
 
@@ -156,12 +144,12 @@ def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
     )
     sideways = np.asarray(np.round(share * surrogate_range.farthest(beams.L)[:, None], 6))
     press = motions(solver, beams, depths)
-    sheared = shear_depth(beams, press)[:, None]
+    sheared = training.shear_depth(beams, press)[:, None]
     other = solver.coarser()
     return TrainingSet(
         beams,
         compared(press, motions(other, beams, depths)),
-        compared(first_modes(solver, beams), first_modes(other, beams)),
+        compared(training.first_modes(solver, beams), training.first_modes(other, beams)),
         compared(motions(solver, beams, sheared, sideways), motions(other, beams, sheared, sideways)),
     )
 
@@ -204,8 +192,6 @@ def widest_points(process: GaussianProcess, points: Array, weight: Array, count:
 
 # Errors in states, and the scaling of the intervals to them
 
-PRESS_KIND, SHEAR_KIND, MODE_KIND, CRITICAL_KIND = "press", "shear", "mode", "critical depth"
-"""Kinds of states."""
 BEAM = ("L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
 HALF = 0.5
 """Share of the range of the depths, in their roots, beyond which a press is deep."""
@@ -229,13 +215,13 @@ def errors(surrogate: Surrogate, states: TrainingSet) -> pd.DataFrame:
     for name, quantity in predicted.press(press["depth"]).items():
         rod = 1 - quantity.value if name == "sideways_ratio" else quantity.value
         column = {"force": "force_z", "shift": "shift_z"}.get(name, name)
-        tables.append(_rows(b, PRESS_KIND, name, press, column, quantity, rod))
+        tables.append(_rows(b, "press", name, press, column, quantity, rod))
     found = predicted.shear(shear["depth"], shear["shear"], beyond_stable=True)
     rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
-    tables += [_rows(b, SHEAR_KIND, name, shear, name, quantity, rods[name]) for name, quantity in found.items()]
+    tables += [_rows(b, "shear", name, shear, name, quantity, rods[name]) for name, quantity in found.items()]
     mode = predicted.first_mode(density_ratio(b))
     frequency = Quantity(mode.value[:, None], mode.half_width[:, None])
-    tables.append(_rows(b, MODE_KIND, "frequency", states.mode, "frequency", frequency, frequency.value))
+    tables.append(_rows(b, "mode", "frequency", states.mode, "frequency", frequency, frequency.value))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -252,7 +238,7 @@ def critical_errors(surrogate: Surrogate, states: TrainingSet, critical: States)
     shown = np.where(exists, true, np.nan)
     column = Quantity(value, value * predicted.critical_spread[:, None])
     one = {**critical, "depth": shown}
-    return _rows(first, CRITICAL_KIND, "depth", one, "depth", column, value)
+    return _rows(first, "critical depth", "depth", one, "depth", column, value)
 
 
 def _predicted(surrogate: Surrogate, b: Beams) -> prediction.Beams:
@@ -264,8 +250,8 @@ def recalibrated(surrogate: Surrogate, rows: pd.DataFrame) -> Surrogate:
 
     The intervals of presses are scaled apart in light and in deep ones.
     """
-    kinds = dict.fromkeys(surrogate.groups, PRESS_KIND) | {"mode": MODE_KIND}
-    kinds |= dict.fromkeys(("shear", "shear_skin"), SHEAR_KIND)
+    kinds = dict.fromkeys(surrogate.groups, "press") | {"mode": "mode"}
+    kinds |= dict.fromkeys(("shear", "shear_skin"), "shear")
     scaled = {name: _scaled(group, kinds[name], rows) for name, group in surrogate.groups.items()}
     return replace(surrogate, groups=scaled)
 
@@ -273,11 +259,11 @@ def recalibrated(surrogate: Surrogate, rows: pd.DataFrame) -> Surrogate:
 def _scaled(group: Group, kind: str, rows: pd.DataFrame) -> Group:
     quantiles: dict[str, Array] = {}
     for name, values in group.quantiles.items():
-        wanted = (CRITICAL_KIND, "depth") if name == CRITICAL else (kind, name)
+        wanted = ("critical depth", "depth") if name == CRITICAL else (kind, name)
         own = rows[(rows.kind == wanted[0]) & (rows.quantity == wanted[1])]
         if own.empty:
             quantiles[name] = values
-        elif wanted[0] == PRESS_KIND:
+        elif wanted[0] == "press":
             # light and deep presses apart: the error of a light one is that of the contact's mesh
             low = np.sqrt(surrogate_range.SHALLOWEST)
             high = np.sqrt(surrogate_range.deepest(*(own[name].to_numpy() for name in BEAM)))
@@ -339,18 +325,19 @@ is refused by chance about once in as many goals as there are in a table."""
 DEEPER = f"deep, depth above {DEEP:g} D"
 NO_DATA: Row = {"states": 0, "beams": 0, "p95_percent": None, "covered_beams_percent": None}
 NO_DATA["least_covered_percent"] = 100 * COVERAGE
-REGIONS: dict[str, Callable[[pd.DataFrame], Any]] = {
-    "all": lambda rows: rows.beam == rows.beam,
-    f"slender, L/D above {SLENDER:g}": lambda rows: rows.L_over_D > SLENDER,
-    "slender, thin magnet": lambda rows: (rows.L_over_D > SLENDER) & (rows.magnet_height_over_D <= THICK),
-    f"thick magnet, above {THICK:g} D": lambda rows: rows.magnet_height_over_D > THICK,
-    "wide thin magnet": lambda rows: (rows.magnet_diameter_over_D > WIDE) & (rows.magnet_height_over_D <= THICK),
-    f"wide thin magnet, L/D to {SLENDER:g}": lambda rows: (
-        REGIONS["wide thin magnet"](rows) & (rows.L_over_D <= SLENDER)
-    ),
-    DEEPER: lambda rows: rows.kind.isin(["press", "shear"]) & (rows.depth_over_D > DEEP),
-    "nu below 0.49": lambda rows: rows.nu < 0.49,
+SLENDER_ONES, THIN_ONES = f"L_over_D > {SLENDER}", f"magnet_height_over_D <= {THICK}"
+WIDE_ONES = f"magnet_diameter_over_D > {WIDE} and {THIN_ONES}"
+REGIONS = {
+    "all": "beam == beam",
+    f"slender, L/D above {SLENDER:g}": SLENDER_ONES,
+    "slender, thin magnet": f"{SLENDER_ONES} and {THIN_ONES}",
+    f"thick magnet, above {THICK:g} D": f"magnet_height_over_D > {THICK}",
+    "wide thin magnet": WIDE_ONES,
+    f"wide thin magnet, L/D to {SLENDER:g}": f"{WIDE_ONES} and L_over_D <= {SLENDER}",
+    DEEPER: f"kind in ['press', 'shear'] and depth_over_D > {DEEP}",
+    "nu below 0.49": "nu < 0.49",
 }
+"""Regions of the test: states of its table."""
 
 
 def summaries(rows: pd.DataFrame) -> list[Row]:
@@ -362,7 +349,8 @@ def summaries(rows: pd.DataFrame) -> list[Row]:
     table: list[Row] = []
     quantities = rows[["kind", "quantity"]].drop_duplicates().itertuples(index=False)
     for (region, inside), (kind, name) in itertools.product(REGIONS.items(), quantities):
-        some = rows[inside(rows) & (rows.kind == kind) & (rows.quantity == name)]
+        some = rows.query(inside)
+        some = some[(some.kind == kind) & (some.quantity == name)]
         if some.empty:
             continue
         sizes, covered = some.error_percent.abs().to_numpy(), scores(some) <= 1.0
@@ -410,7 +398,7 @@ def goals(table: Sequence[Row], failed: int) -> list[Goal]:
 
 def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, float]:
     """Return how many designs a CPU second takes, with intervals."""
-    b = random_beams(count, 11)
+    b = training.random_beams(count, 11)
     begin = time.process_time()
     beams = _predicted(outcome.surrogate, b)
     beams.press(0.5 * beams.deepest[:, None])
