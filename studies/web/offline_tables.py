@@ -541,4 +541,4 @@ def elements(design: Design) -> Data | None:
     rest = state_answers.readings(design, REST, {"shift": None, "tilt": None})
     if rest is None or "volts" not in rest:
         return rest
-    return {name: rest[name] for name in ("elements", "units", "rest", "noise", "low", "high")}
+    return {name: rest[name] for name in ("elements", "units", "rest", "high")}

@@ -68,19 +68,14 @@ def answer(
         "calibration": NOT_CALIBRATED if other else "",
         "status": solution.status,
         "message": solution.message,
-        "model": solution.model,
         "load": {"depth": solution.load.depth, "shear": list(solution.load.imposed_shear)},
         "response": response_data(solution.response),
         "estimates": widths,
         "section": section(state.design, solution, state.magnet),
-        "slip_share": solution.slip_share,
-        "strain": solution.facts.largest_strain,
-        "dofs": solution.dofs,
         "seconds": solution.seconds,
         "readings": readings(state.design, solution.response, widths),
         "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
         "rate": rate(state.design, state.frequency),
-        "formula": formula(state.design, state.load, "paper"),
         "formula_level": {"level": state.formula_level, **formula(state.design, state.load, state.formula_level)},
     }
     return data if made is None else data | _of_made_sensor(data, state.design, solution.response, made)
@@ -117,10 +112,7 @@ def _of_made_sensor(data: Data, design: Design, response: Response, made: Fit) -
         return None if half is None else np.hypot(half, own[name]).tolist()
 
     (row,) = calibration_file.decoded_rows(made, np.array([own["output"]]), None, np.zeros(1))
-    force, half, shift = (
-        [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
-        for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm"))
-    )
+    force, half = ([row[f"{name}_{axis}_N"] for axis in "xyz"] for name in ("force", "half_width"))
     known, readings = row["status"] == "ok", data["readings"]
     return {
         "calibration": CALIBRATED,
@@ -137,10 +129,8 @@ def _of_made_sensor(data: Data, design: Design, response: Response, made: Fit) -
             "status": row["status"],
             "level": "calibration",
             "force": force if known else None,
-            "shift": shift if known else None,
             "half_width": half if known else None,
             "noise": None,
-            "multiplicity": int(known),
         },
     }
 
@@ -217,7 +207,7 @@ def _times(share: float | None, value: float | None) -> float | None:
 
 
 def readings(design: Design, response: Response, widths: Data) -> Data | None:
-    """Return the readings of the Hall elements, at rest too, with half widths and noise; None without a magnet.
+    """Return the readings of the Hall elements, at rest too, with half widths; None without a magnet.
 
     A half width is the sum of the slopes of a reading along shift and tilt, times the half widths of these.
     """
@@ -237,9 +227,7 @@ def readings(design: Design, response: Response, widths: Data) -> Data | None:
         "volts": list(now.output),
         "rest": list(rest.output),
         "half_width": None if spread is None else spread.tolist(),
-        "noise": [element.noise_T * element.gain for element in elements],
         "saturated": list(now.saturated),
-        "low": [element.low for element in elements],
         "high": [element.high for element in elements],
     }
 
@@ -296,10 +284,8 @@ def decoded(decoder: Decoder, response: Response, widths: Data) -> Data:
         "status": result.status[0],
         "level": DECODER_LEVEL,
         "force": force.tolist() if known else None,
-        "shift": result.shift[0].tolist() if np.isfinite(result.shift[0]).all() else None,
         "half_width": half_width,
         "noise": result.noise_N[0].tolist() if np.isfinite(result.noise_N[0]).all() else None,
-        "multiplicity": int(result.multiplicity[0]),
     }
 
 

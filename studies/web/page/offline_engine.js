@@ -85,7 +85,6 @@ const OfflineEngine = (packed) => {
     return {
       status,
       message,
-      model: page.model,
       load: { depth: load.depth, shear: [load.c * load.size, load.s * load.size] },
       response: inDirection(response, load),
       estimates: { ...estimates, force: turned(estimates.force, sizes), shift: turned(estimates.shift, sizes) },
