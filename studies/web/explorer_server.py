@@ -362,24 +362,6 @@ def start(
     return Running(f"http://127.0.0.1:{number}/?token={token}{fragment}", shared, server)
 
 
-def serve(
-    changed: dict[str, str],
-    port: int,
-    needed: Requirements | None,
-    made: Fit | None,
-    ready: Callable[[str], None],
-    measuring: Measuring | None = None,
-) -> None:
-    """Serve the page until Ctrl-C.
-
-    Parameters
-    ----------
-    changed, port, needed, made : as of `start`.
-    ready : called with the address when the server listens.
-    """
-    asyncio.run(_serve(changed, port, needed, made, ready, measuring))
-
-
 @dataclass(frozen=True, slots=True)
 class Measuring:
     """A stream of readings that runs beside the server.
@@ -395,38 +377,48 @@ class Measuring:
     zero: Callable[[], None]
 
 
-async def _serve(
+def serve(
     changed: dict[str, str],
     port: int,
     needed: Requirements | None,
     made: Fit | None,
     ready: Callable[[str], None],
-    measuring: Measuring | None,
+    measuring: Measuring | None = None,
 ) -> None:
-    running = start(changed, port, needed, made, measuring.zero if measuring else None)
-    thread: threading.Thread | None = None
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # event loops of Windows, and of other threads than the main one, take no signal handlers; Ctrl-C then raises
-        with contextlib.suppress(NotImplementedError, RuntimeError):
-            loop.add_signal_handler(number, stop.set)
-    try:
-        # the worker processes start meanwhile
-        await asyncio.sleep(0)
-        ready(running.address)
-        # the first request of a page then finds what its checks import
-        request_of({})
-        if measuring is not None:
+    """Serve the page until Ctrl-C.
 
-            def send(text: str) -> None:
-                loop.call_soon_threadsafe(running.send, text)
+    Parameters
+    ----------
+    changed, port, needed, made : as of `start`.
+    ready : called with the address when the server listens.
+    """
 
-            thread = threading.Thread(target=measuring.run, args=(send,), daemon=True)
-            thread.start()
-        await stop.wait()
-    finally:
-        if measuring is not None and thread is not None:
-            measuring.ended.set()
-            await asyncio.to_thread(thread.join)
-        await running.close()
+    async def served() -> None:
+        running = start(changed, port, needed, made, measuring.zero if measuring else None)
+        thread: threading.Thread | None = None
+        stop, loop = asyncio.Event(), asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            # event loops of Windows, and of other threads than the main one, take no signal handlers; Ctrl-C raises
+            with contextlib.suppress(NotImplementedError, RuntimeError):
+                loop.add_signal_handler(number, stop.set)
+        try:
+            # the worker processes start meanwhile
+            await asyncio.sleep(0)
+            ready(running.address)
+            # the first request of a page then finds what its checks import
+            request_of({})
+            if measuring is not None:
+
+                def send(text: str) -> None:
+                    loop.call_soon_threadsafe(running.send, text)
+
+                thread = threading.Thread(target=measuring.run, args=(send,), daemon=True)
+                thread.start()
+            await stop.wait()
+        finally:
+            if measuring is not None and thread is not None:
+                measuring.ended.set()
+                await asyncio.to_thread(thread.join)
+            await running.close()
+
+    asyncio.run(served())

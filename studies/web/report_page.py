@@ -23,20 +23,12 @@ from studies.output import atomic_files, figures, provenance
 from studies.output.figures import Figure
 from studies.output.text_tables import quantity_name
 from studies.web import folder_contents, report_sections
-from studies.web.folder_contents import Contents, Table
+from studies.web.folder_contents import Table
 from studies.web.page_content import Budget, as_json, lead_of, page_html, sources, title_of
 from studies.web.report_sections import Section
 
 PAGE = Path(__file__).parent / "page"
-SCRIPTS = (
-    "format",
-    "theme",
-    "exports",
-    "report_figures",
-    "sensor_view",
-    "report_surface",
-    "report_page",
-)
+SCRIPTS = ("format", "theme", "exports", "report_figures", "sensor_view", "report_surface", "report_page")
 """Scripts of every report; three.js comes before them where there is a figure in 3D."""
 GENERATOR = "magtip report"
 """Text by which a page of a report is recognised, so that no other file is replaced."""
@@ -187,16 +179,12 @@ def _kept_tables(
         elif total > MOST_TABLE_BYTES:
             left_out[name, table.name] = f"it has {_bytes(table) / 1e6:.1f} MB, too many for the page"
         else:
-            kept[_table_key(name, table)] = list(csv.reader(io.StringIO(table.text)))
+            kept[f"{name}/{table.name}"] = list(csv.reader(io.StringIO(table.text)))
     return kept, left_out
 
 
 def _bytes(table: Table) -> int:
     return len(table.text) or 20 * table.frame.size
-
-
-def _table_key(folder: str, table: Table) -> str:
-    return f"{folder}/{table.name}"
 
 
 def _titles(sections: Sequence[Section]) -> list[str]:
@@ -214,7 +202,7 @@ def _content(section: Section, left_out: Mapping[tuple[str, str], str], images: 
         reason = left_out.get((section.name, table.name), "")
         text = f"{table.name}: {_count(len(table), 'row')}, {_count(table.frame.shape[1], 'column')}"
         text += f" (not in this page: {reason})" if reason else ""
-        files.append({"id": "" if reason else _table_key(section.name, table), "name": table.name, "text": text})
+        files.append({"id": "" if reason else f"{section.name}/{table.name}", "name": table.name, "text": text})
     pictures, used = sources(contents, section.replaced, images, section.remarks), set[str]()
     pages = {name: page_html(text, pictures, used) for name, text in contents.pages.items()}
     loose = {name: source for name, source in pictures.items() if name not in used}
@@ -294,13 +282,9 @@ def _file_name(title: str, folder: str) -> str:
 def _origins(sections: Sequence[Section]) -> list[dict[str, str]]:
     rows = []
     for one in sections:
-        texts = _origin_texts(one.contents)
+        contents = one.contents
+        texts = [contents.run.made] if contents.run is not None else []
+        texts += [str(record["made"]) for record in contents.records.values() if isinstance(record.get("made"), str)]
+        texts += filter(None, map(provenance.origin_in, contents.pages.values()))
         rows += [{"name": one.name or ".", "text": text} for text in dict.fromkeys(texts)]
     return rows
-
-
-def _origin_texts(contents: Contents) -> list[str]:
-    texts = [contents.run.made] if contents.run is not None else []
-    texts += [str(record["made"]) for record in contents.records.values() if isinstance(record.get("made"), str)]
-    texts += [text for page in contents.pages.values() for text in [provenance.origin_in(page)] if text]
-    return texts
