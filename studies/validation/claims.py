@@ -77,7 +77,9 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
     vibrations = mode_rows(accuracy, told[0])
     layouts = pd.DataFrame(layout_rows(extent["layouts"], told[1]))
     costs = cost_rows(LEVELS[extent["reference"]], told[2])
-    factor = factor_figures()
+    factor, (light, heavy) = factor_figures(), spring_mass(paper())
+    # all of the silicone as a free mass, in place of a third of it as in Rayleigh's rod
+    springs = {"third_of_silicone": light, "with_magnet": heavy, "all_silicone": light / math.sqrt(3)}
     best_E = float(heights.best_E_MPa[heights.magnet_height_mm == states.preset.height].iloc[0])
     answers = [
         at_each_depth(heights),
@@ -87,7 +89,7 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         tilt_as_cause(splits),
         uniqueness(layouts),
         largest_forces(states),
-        frequency(vibrations, formula_frequencies()),
+        frequency(vibrations, springs),
         band(vibrations, response_figures(accuracy)),
         hysteresis(loop_figures()),
         hall_factor(factor),
@@ -302,7 +304,8 @@ def uniqueness(layouts: pd.DataFrame) -> Row:
 # Frequencies and losses
 
 
-def frequency(rows: Sequence[Row], formulas: dict[str, float]) -> Row:
+def frequency(rows: Sequence[Row], formulas: Mapping[str, float]) -> Row:
+    """Answer the claim on the natural frequency; `formulas` are those of a mass on an axial spring EA/L, Hz."""
     free, bare = (
         next(row for row in rows if row["magnet"] == magnet and not row["depth_mm"])
         for magnet in ("rigid", "ignored")
@@ -384,10 +387,6 @@ def cost(rows: Sequence[Row]) -> Row:
 # Figures of the claims that do not concern the beam's forces: readings, frequencies, Hall factor, and cost
 
 
-def _quiet(share: float, text: str) -> None:
-    """Tell no progress."""
-
-
 def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> list[Row]:
     """Return the share of poses whose readings another pose gives too, for each layout and form of the readings.
 
@@ -414,7 +413,7 @@ def loop_figures() -> Row:
     design = paper()
     motion = Motion(VALUES["depth"], 0.0, "none", VALUES["speed"] / (2 * VALUES["depth"]), cycles=2)
     static = loading_cycles.Static(None, None)
-    cycles = loading_cycles.run(design, motion, "prony", static, "quick", "rigid", 1e-3, _quiet)
+    cycles = loading_cycles.run(design, motion, "prony", static, "quick", "rigid", 1e-3, lambda *_: None)
     relaxation = relaxation_of(design)
     spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))
     found = {"loss_factor": design.loss_factor, "fem_percent": cycles.loops[-1]["gap_percent"]}
@@ -432,13 +431,6 @@ def mode_rows(accuracy: Accuracy, progress: Progress) -> list[Row]:
     return rows
 
 
-def formula_frequencies() -> dict[str, float]:
-    """Return frequencies of a mass on an axial spring EA/L, Hz, by three readings of the mass."""
-    light, heavy = spring_mass(paper())
-    # all of the silicone as a free mass, in place of a third of it as in Rayleigh's rod
-    return {"third_of_silicone": light, "with_magnet": heavy, "all_silicone": light / math.sqrt(3)}
-
-
 def response_figures(accuracy: Accuracy) -> Row:
     """Return what `magtip response` says of the paper's sensor with the loss factor of the preset.
 
@@ -447,7 +439,7 @@ def response_figures(accuracy: Accuracy) -> Row:
     by less than 5 %.
     """
     design, load, band = paper(), Load(VALUES["vibration_depth"], friction="stick"), tuple(VALUES["vibration_band"])
-    result = vibration_report.run(design, load, (band[0], band[1]), 2, "rigid", accuracy.name, [], _quiet)
+    result = vibration_report.run(design, load, (band[0], band[1]), 2, "rigid", accuracy.name, [], lambda *_: None)
     z, x = (next(one for one in result.records if one["motion"] == axis) for axis in "zx")
     read = [(z, z["element"].index("S1")), (x, x["element"].index("S2"))]
     gains = [motion["relative_reading_at_600"][k] or math.nan for motion, k in read]

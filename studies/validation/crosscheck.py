@@ -1,7 +1,6 @@
 """Comparison of the harmonic model on the section with models of tetrahedra, by their own error estimates."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,11 +30,10 @@ COMPONENTS = {
     "sideways": ("sideways_N",),
 }
 """Columns of the components of each quantity that is compared."""
-SHEAR = 0.05
-"""Shear of a tilted plate over D: with a coefficient of 0.4 some of the contact area slips, and some sticks."""
-TILTED = Path(__file__).with_name("tilted_loads.csv")
-"""Loads of tilted plates: design, tilt, friction, and whether the shear is across the tilt, along y. A plate without
-friction only presses. Each kind of load occurs with and without a rigid magnet."""
+LOADS = Path(__file__).with_name("crosscheck_loads.csv")
+"""Loads of the designs: first upright plates with the largest shear of `error_study_cases`, then tilted ones at the
+same depth. A frictionless plate only presses; others shear by 0.05 D along the tilt or across, where with a
+coefficient of 0.4 some of the contact area slips. Each kind of load occurs with and without a rigid magnet."""
 Case = tuple[int, Load]
 """Number of the design, and load."""
 
@@ -63,8 +61,7 @@ def run(
     """
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
-    chosen = [(number, upright(number)) for number in range(count)]
-    chosen += [case for case in tilted_loads() if tilted and case[0] < count]
+    chosen = [(number, load) for number, load in loads() if number < count and (tilted or not load.plate_tilt)]
     return result(compared(chosen, *solved(chosen, LEVELS[accuracy], store, progress)))
 
 
@@ -73,23 +70,13 @@ def magnet_of(number: int) -> Magnet:
     return "rigid" if number % 2 == 0 else "ignored"
 
 
-def upright(number: int) -> Load:
-    """Return the load of a design under an upright plate: its largest shear."""
-    return error_study_cases.trial(number, magnet_of(number), "stick", "auto").loads[-1]
-
-
-def tilted_loads() -> Iterator[Case]:
-    """Yield the loads of TILTED, each at the depth of the design's upright case."""
-    for row in pd.read_csv(TILTED, dtype={"friction": str}).itertuples():
-        number, friction, whole = (
-            int(row.design),
-            row.friction,
-            SHEAR * error_study_cases.designs()[int(row.design)].D,
-        )
-        shear = 0.0 if friction == "none" else error_study_cases.rounded(whole)
-        x, y = (0.0, shear) if row.across else (shear, 0.0)
-        mu: Any = friction if friction in ("none", "stick") else float(friction)
-        yield number, Load(upright(number).depth, x, y, mu, plate_tilt=round(math.radians(row.tilt_deg), 6))
+def loads() -> list[Case]:
+    found = []
+    for row in pd.read_csv(LOADS, dtype={"friction": str}).itertuples():
+        friction: Any = row.friction if row.friction in ("none", "stick") else float(row.friction)
+        load = Load(row.depth_mm, row.shear_mm, row.shear_y_mm, friction, plate_tilt=row.tilt_rad)
+        found.append((int(row.design), load))
+    return found
 
 
 def solved(
