@@ -18,12 +18,12 @@ import numpy as np
 
 from analytic import beam
 from fem.accuracy import LEVELS
-from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.output import atomic_files
+from studies.output.page_templates import rendered
 from studies.web import offline_tables, state_answers, state_exports, state_pictures
 from studies.web.explorer_state import RATES, Level, explorer_fields
 from studies.web.offline_tables import Grid
@@ -109,7 +109,7 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
         "commands": state_exports.without_load(design, magnet, LEVEL),
         "files": {"design.toml": user_input.design_text(design)},
         "curve_files": {level: state_exports.of_curve(one).decode() for level, one in curves.items()},
-        "refusal": _refusal(grid),
+        "refusal": _words("refusal", grid),
     }
     volts = ""
     if elements is not None and "rest" in elements:
@@ -119,7 +119,9 @@ def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
         if np.isfinite(decoding_errors).any():
             volts += f", the decoded force by {_figure(np.nanmax(decoding_errors))} N"
         content |= {"readings": readings.data(), "decoded": decoded.data()}
-    return content, _about(grid, np.nanmax(errors, axis=0), sensor, volts)
+    tangential, _, normal, shift, _, sinking, tilt = map(_figure, np.nanmax(errors, axis=0))
+    off: Data = {"tangential": tangential, "normal": normal, "shift": shift, "sinking": sinking, "tilt": tilt}
+    return content, _words("about", grid, sensor=html.escape(sensor), volts=html.escape(volts), **off)
 
 
 def _fields(grid: Grid) -> list[Data]:
@@ -153,39 +155,14 @@ def _sensor(design: Design) -> str:
     return f"the paper's sensor{' with ' if texts else ''}{', '.join(texts)}"
 
 
-def _refusal(grid: Grid) -> str:
-    D, lowest = grid.design.D, np.flatnonzero(np.isfinite(grid.rows[:, 1, 0]))
-    sheared = (
-        f", and shears to {grid.shears[-1]:.3g} mm at depths from {grid.roots[lowest[0]] ** 2 * D:.3g} mm"
-        if len(lowest)
-        else ""
-    )
-    return (
-        f"This page has states to a depth of {grid.roots[-1] ** 2 * D:.3g} mm{sheared}, as far as they could be "
-        "solved: take magtip explore for this one"
-    )
-
-
-def _about(grid: Grid, errors: Array, sensor: str, volts: str) -> str:
-    tangential, _, normal, shift, _, sinking, tilt = map(_figure, errors)
+def _words(part: str, grid: Grid, **more: Any) -> str:
+    """Return a part of what the page says of itself: its `refusal` of a load, or `about`, as HTML."""
+    lowest = grid.roots[np.flatnonzero(np.isfinite(grid.rows[:, 1, 0]))][:1] ** 2 * grid.design.D
     presses = sum(not shear for _, shear, _ in grid.states)
-    text = (
-        f"This file is fixed to one design, {sensor}, solved by finite elements at accuracy {LEVEL}: {presses} "
-        f"presses to {grid.roots[-1] ** 2 * grid.design.D:.3g} mm and {len(grid.states) - presses} shears to "
-        f"{grid.shears[-1]:.3g} mm, in which the contact sticks; between them it interpolates. "
-        f"Against {len(grid.checks)} further solves between these states the normal force is off by at most "
-        f"{normal} N, the force along the shear by {tangential} N, the magnet's shift by {shift} mm along the shear "
-        f"and {sinking} mm along z, the tilt by {tilt} deg{volts}. Half widths hold this error near their depth and "
-        "the estimated error of the finite elements; where one of these is unknown, so are they. All states are at "
-        "rest. A design that changes, friction, tilted plates, vibrations and loading cycles need magtip explore "
-        "without --export."
-    )
-    summary = f"Fixed design: {sensor}. Finite elements, accuracy {LEVEL}; interpolated to {normal} N."
-    return (
-        f'<details id="about-model" class="soft"><summary>{html.escape(summary)} Show for what this page holds.'
-        "</summary>"
-        f"<p>{html.escape(text)}</p></details>"
-    )
+    values: Data = {"part": part, "level": LEVEL, "lowest": lowest.tolist(), "presses": presses}
+    values |= {"sheared": len(grid.states) - presses, "checks": len(grid.checks)}
+    values |= {"deepest": grid.roots[-1] ** 2 * grid.design.D, "farthest": grid.shears[-1]}
+    return " ".join(rendered(PAGE / "fixed_design.html.j2", **values, **more).split())
 
 
 def _figure(value: float) -> str:
