@@ -357,10 +357,6 @@ def test_command_writes_a_design_that_reads_back(run, strict, tmp_path):
     assert (tmp_path / "made" / "fit.png").is_file()
 
 
-def test_command_tells_bad_input_in_one_sentence(refusal, tmp_path):
-    assert "there is no file" in refusal("fit", tmp_path / "none.csv")
-
-
 def test_a_test_that_no_law_describes_is_no_design(run, tmp_path):
     """The design file of an earlier, better test does not stay beside it."""
     assert run("fit", table(tmp_path, synthetic("neo-hookean")), "--out", tmp_path / "out")[0] == 0

@@ -39,6 +39,9 @@ FACTS = (
 """Columns of what the message puts in words (see `fem.solution.Facts`); None for a fact that is unknown. The onset is
 the interval of the depth, or of the shear, whichever grew, in which the path became unstable."""
 
+ERRORS = {"error_estimate": "force"} | {f"{name}_error_estimate": name for name in ("shift", "tilt", "sideways")}
+"""Columns of error estimates, and the quantities that they are of."""
+
 
 def state_row(load: Load, response: Response | None, model: str, made_for: Fields, **known: Any) -> FlatRow:
     """Return the row of one state of a path.
@@ -57,10 +60,7 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         **_response_columns(response),
         "slip_share": None,
         "dissipated_mJ": None,
-        "error_estimate": None,
-        "shift_error_estimate": None,
-        "tilt_error_estimate": None,
-        "sideways_error_estimate": None,
+        **dict.fromkeys(ERRORS),
         "dofs": 0,
         "newton_iterations": 0,
         "seconds": 0.0,
@@ -82,10 +82,7 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
         message=state.message,
         slip_share=state.slip_share,
         dissipated_mJ=state.dissipated,
-        error_estimate=state.estimates.force,
-        shift_error_estimate=state.estimates.shift,
-        tilt_error_estimate=state.estimates.tilt,
-        sideways_error_estimate=state.estimates.sideways,
+        **{column: getattr(state.estimates, name) for column, name in ERRORS.items()},
         dofs=state.dofs,
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,
@@ -101,10 +98,7 @@ def surrogate_row(load: Load, estimate: Estimate, model: str, made_for: Fields, 
         model,
         made_for,
         message=estimate.message,
-        error_estimate=estimate.errors["force"],
-        shift_error_estimate=estimate.errors["shift"],
-        tilt_error_estimate=estimate.errors["tilt"],
-        sideways_error_estimate=estimate.errors["sideways"],
+        **{column: estimate.errors[name] for column, name in ERRORS.items()},
         seconds=seconds,
         largest_strain_percent=100 * estimate.strain,
     )

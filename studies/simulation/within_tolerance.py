@@ -134,8 +134,7 @@ def _checked(row: FlatRow, design: Design, like: Load, choice: Choice) -> FlatRo
         return row
     load = replace(like, depth=row["depth_mm"], shear_x=row["shear_mm"], shear_y=row["shear_y_mm"])
     x, y = load.direction
-    estimates = {name: row[f"{name}_error_estimate"] for name in ("shift", "tilt", "sideways")}
-    estimates["force"] = row["error_estimate"]
+    estimates = {name: row[column] for column, name in state_rows.ERRORS.items()}
     reason = model_choice.unmet(choice, design, load, x * force[0] + y * force[1], estimates)
     return row | {"status": UNMET, "message": "; ".join(filter(None, (row["message"], reason)))} if reason else row
 
