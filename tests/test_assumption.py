@@ -129,13 +129,6 @@ def test_errors_stand_at_their_length_and_load():
     assert errors(mixed) == approx(np.array(ERROR))
 
 
-def test_two_rows_of_one_cell_are_refused():
-    values = table(ERROR)
-    values.loc[1, ["depth_mm", "L_mm"]] = values.loc[0, ["depth_mm", "L_mm"]]
-    with pytest.raises(ValueError, match="two rows of the table are one cell"):
-        paper_figures.cells(values)
-
-
 def test_cells_without_an_answer_have_no_error():
     values = table(ERROR)
     values.loc[[4, 0], "fem_force_N"] = np.nan
@@ -161,13 +154,6 @@ def test_a_beam_that_does_not_resist_the_shear_is_not_judged():
 # Regions
 
 
-def test_largest_block():
-    inside = np.array([[0, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]], dtype=bool)
-    assert assumption.largest_block(inside) == (slice(1, 3), slice(0, 3))
-    assert assumption.largest_block(np.zeros((2, 2), dtype=bool)) is None
-    assert assumption.largest_block(np.ones((2, 3), dtype=bool)) == (slice(0, 2), slice(0, 3))
-
-
 def test_shares_and_blocks_of_a_level():
     rows = assumption.share_rows(paper_figures.cells(table(ERROR)))
     row = next(row for row in rows if (row["quantity"], row["level"]) == ("press force", "paper"))
@@ -178,19 +164,6 @@ def test_shares_and_blocks_of_a_level():
     assert row["within_5_block"] == "L/D 2, d/D 0.1 to 0.3"
     assert row["largest_error_percent"] == approx(-90)
     assert row["median_error_percent"] == approx(12)
-
-
-def test_the_level_of_least_error_is_the_best():
-    values = table(ERROR)
-    values["analytic_finite_force_N"] = 2.1
-    rows = assumption.best_rows(paper_figures.cells(values))
-    best = {row["region"]: row for row in rows if row["quantity"] == "press force"}
-    shallow = best["no magnet, L/D above 2, d/D to 0.06"]
-    assert shallow["best_level"] == "finite"
-    assert shallow["rms_error_percent"] == approx(5)
-    assert shallow["paper_rms_error_percent"] == approx(90)
-    deep = best["no magnet, L/D 1.1 to 2, d/D above 0.2"]
-    assert (deep["best_level"], deep["best_in_percent"]) == ("paper", 100)
 
 
 def test_presses_that_a_free_tip_would_not_reach_are_counted():
@@ -271,14 +244,6 @@ def test_parts_add_up():
         assert row["total_percent_FS"] == approx(parts)
 
 
-def test_means_are_by_load_and_slenderness():
-    press, shear = assumption.split_means(pd.DataFrame(cells(tilt=0.1)), ["load", "slenderness"])
-    assert (press["load"], press["slenderness"], press["states"]) == ("press", "L/D 1.1 to 2", 1)
-    assert (shear["load"], shear["slenderness"], shear["states"]) == ("shear", "L/D 1.1 to 2", 2)
-    assert press["tilt_percent_FS"] == 0
-    assert shear["tilt_percent_FS"] > 1
-
-
 @pytest.mark.parametrize("column", ["fem_shift_x_mm", "fem_shift_z_mm", "analytic_paper_shift_x_mm", "fem_tilt_rad"])
 def test_an_unknown_pose_is_no_motion(column):
     values = poses(aside=0.4)
@@ -290,13 +255,6 @@ def test_an_unknown_pose_is_no_motion(column):
     assert len(rows) == len(whole)
 
 
-def test_a_press_may_have_no_columns_across():
-    values = poses()
-    for name in ("fem_shift_x_mm", "fem_shift_y_mm", "fem_tilt_rad", "analytic_paper_tilt_rad"):
-        values[name] = np.where(values["shear_mm"] == 0, np.nan, values[name])
-    assert all(math.isfinite(row["total_percent_FS"]) for row in split(values))
-
-
 def test_the_sensor_is_that_of_the_study():
     """Its elements' height, and sizes of the magnet that no axis varies."""
     values = poses().drop(columns=["magnet_diameter_mm", "l0_mm"])
@@ -305,8 +263,3 @@ def test_the_sensor_is_that_of_the_study():
     assert (sensor.c, sensor.magnet_diameter, sensor.l0) == (3.0, 3.0, pytest.approx(own.l0))
     by_c = [[row["dipole_percent_FS"] for row in split(values, dataclasses.replace(own, c=c))] for c in (2.0, 3.0)]
     assert by_c[0] != by_c[1]
-
-
-def test_a_chip_has_its_own_elements():
-    rows = split(poses(), dataclasses.replace(paper(), hall_layout="tmag5273a1"))
-    assert {row["element"] for row in rows} == {"chip x", "chip y", "chip -z"}

@@ -164,17 +164,6 @@ def test_a_process_that_is_killed_leaves_files_that_may_be_written_again(tmp_pat
     own_files.check(tmp_path, ["a.csv", "b.csv"])
 
 
-def test_equal_files_are_listed_once(tmp_path):
-    for _ in range(3):
-        atomic_files.write_text(tmp_path / "a.csv", "same")
-    assert len((tmp_path / own_files.LIST).read_text().splitlines()) == 1
-
-
-def test_other_files_in_the_folder_do_not_matter(tmp_path):
-    (tmp_path / "notes.md").write_text("mine")
-    own_files.check(tmp_path, ("REPORT.md",))
-
-
 @pytest.mark.parametrize("verb", ["demo", "verify", "bench", "sizing/fingertip", "cycle", "sweep", "trade", "layout"])
 def test_results_of_earlier_versions_may_be_made_again(verb):
     names = [file.name for file in (RESULTS / verb).iterdir() if file.is_file()]
@@ -273,14 +262,6 @@ def test_what_is_not_read_is_named_in_one_sentence(tmp_path, name, text, reason)
     assert sentence.startswith(name)
     assert reason in sentence
     assert "\n" not in sentence
-
-
-def test_many_folders_are_refused(tmp_path, refused, monkeypatch):
-    monkeypatch.setattr(folder_contents, "MOST_FOLDERS", 3)
-    for k in range(4):
-        (tmp_path / str(k)).mkdir()
-    with refused("more than 3 sub-folders"):
-        folder_contents.read(tmp_path)
 
 
 def test_version_counts_only_in_files_of_magtip(tmp_path, refused):

@@ -241,8 +241,7 @@ def test_the_recess_opens_into_slots_that_are_too_close():
 CHIP_4 = Design(D=4, L=4.5, l0=4.1, hall_layout="tmag5273a1", magnet_diameter=1, magnet_height=1)
 
 
-@pytest.mark.parametrize("process", ["fdm", "sla"])
-@pytest.mark.parametrize("shape", ["square", "round"])
+@pytest.mark.parametrize(("shape", "process"), [("square", "fdm"), ("round", "sla")])
 @pytest.mark.parametrize("design", [Design(), Design(c=4.0, f=7.0), CHIP_4, DESIGNS[6]], ids=name_of)
 def test_grooves_mark_x_and_y(design, shape, process):
     import build123d as bd

@@ -167,23 +167,6 @@ def test_shares_are_those_of_the_forces():
             assert scaled.values[name] == pytest.approx(value, nan_ok=True), name
 
 
-def test_variants_do_not_depend_on_their_neighbours():
-    from studies.sizing.candidate_variables import joined
-
-    chosen = [made(), made(D=12.0, L=13.2), made(part="TMAG5273A1"), made(magnet="5x2 N45")]
-    together = reached(joined(chosen))
-    for k, one in enumerate(chosen):
-        for name, value in reached(one).one(0).items():
-            assert together.one(k)[name] == pytest.approx(value, rel=1e-6, nan_ok=True), name
-
-
-def test_margins_are_relative_to_the_bounds():
-    result = reached(made())
-    assert result.margins["resolution_z"][0] == pytest.approx(1 - result.values["resolution_z"][0] / 0.05)
-    assert result.margins["outer_size"][0] == pytest.approx(1 - result.values["outer_size"][0] / 25)
-    assert result.margins["largest_strain"][0] == pytest.approx(1 - result.values["strain"][0])
-
-
 def test_half_widths_worsen_every_bound_that_mechanics_decide():
     nominal, worse = (reached(made(), caution=caution).values for caution in (0.0, 1.0))
     for name in ("resolution_z", "resolution_x", "strain", "depth"):

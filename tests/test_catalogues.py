@@ -7,7 +7,7 @@ import pytest
 from analytic.parts import of_design
 from geometry.base import Base, plan
 from geometry.design import Design
-from studies.sizing.catalogues import catalogues_of, read_catalogue, rows
+from studies.sizing.catalogues import catalogues_of, read_catalogue
 from studies.sizing.requirements import CATALOGUES, Requirements
 
 OWN = """
@@ -48,11 +48,6 @@ def test_shipped_ranges_are_plausible():
     assert all(silicone.nu_low < silicone.nu < silicone.nu_high <= 0.5 for silicone in parts.silicones)
 
 
-def test_sources_disagree_on_dragon_skin_30():
-    silicone = named(parts_of().silicones, "Dragon Skin 30")
-    assert (silicone.E_low, silicone.E_high) == (0.55, 1.02)
-
-
 @pytest.mark.parametrize(
     ("name", "psi"), [("Ecoflex 00-50", 12), ("Dragon Skin 10", 22), ("Dragon Skin 20", 49), ("Smooth-Sil 950", 272)]
 )
@@ -80,18 +75,6 @@ def test_shipped_parts_can_be_left_out(toml):
     parts = parts_of(catalogues=(toml(OWN),), shipped=("hall_parts",))
     assert [magnet.name for magnet in parts.magnets] == ["4x2 N38", "4x2 N35"]
     assert [silicone.name for silicone in parts.silicones] == ["Dragon Skin 30"]
-
-
-def test_parts_are_those_that_are_named():
-    parts = parts_of(magnets=("4x2 N45", "3x3 N35"), hall_parts=("SS495A",))
-    assert [magnet.name for magnet in parts.magnets] == ["4x2 N45", "3x3 N35"]
-    assert [part.name for part in parts.hall_parts] == ["SS495A"]
-
-
-def test_rows_name_units():
-    row = rows(parts_of(magnets=("4x2 N35",)).magnets)[0]
-    assert (row["diameter_mm"], row["remanence_low_T"], row["largest_temperature_C"]) == (4.0, 1.17, 80.0)
-    assert row["assumed"] == "edge_radius, grades"
 
 
 def test_an_unknown_part_is_refused(refused):
@@ -285,12 +268,6 @@ def test_all_kinds_are_tables(run):
         out.index(title) for title in ("Magnets: ", "Hall parts: ", "Silicones: ")
     )
     assert "4x2 N35" in out
-
-
-def test_own_parts(run, strict, toml):
-    path = toml('[[silicone]]\nname = "Mine"\nE = [1, 2, 3]')
-    _, out, _ = run("catalogue", "silicones", "--file", path, "--json")
-    assert strict(out)[-1]["name"] == "Mine"
 
 
 def test_a_bad_file_is_refused(run, toml):

@@ -10,12 +10,11 @@ import pandas as pd
 import pytest
 
 from analytic import beam, hall
-from analytic.lookup import Grid
 from geometry.design import paper
 from geometry.loads import Response
 from studies.cli import entry_point
 from studies.validation import claim_errors, claims
-from studies.validation.claim_errors import TIP_FIGURES, Press, States, Voltages, formula, height_row
+from studies.validation.claim_errors import TIP_FIGURES, Press, States, formula, height_row
 from studies.validation.claims import verdict
 
 VERDICTS = {
@@ -94,12 +93,6 @@ def test_an_interval_ends_where_the_error_is_the_bound():
         assert claim_errors.error_of_largest(predicted, force, E) == approx(30)
 
 
-def test_each_depth_from_the_first_that_fits():
-    """d^2 over d^1.5 grows by 10.5 % from 1.5 / 1.105^2 to 1.5."""
-    depth = np.array([0.5, 1.0, 1.3, 1.4, 1.5])
-    assert claim_errors.each_depth_from(depth, depth**2, depth**1.5) == 1.3
-
-
 def test_a_sensor_that_is_the_formula_has_no_error():
     row = claim_errors.height_row(press(claim_errors.formula(DEPTH)))
     assert row["best_E_MPa"] == approx(1.0)
@@ -110,13 +103,6 @@ def test_a_sensor_that_is_the_formula_has_no_error():
     assert row["S1_error_percent"] < 0.1
 
 
-def test_twice_the_force_is_half_the_modulus():
-    row = claim_errors.height_row(press(2 * claim_errors.formula(DEPTH)))
-    assert row["best_E_MPa"] == approx(0.5)
-    assert row["worst_error_percent"] == approx(-50)
-    assert row["best_E_S1_error_percent"] < 2
-
-
 def test_presses_that_stop_have_a_row_without_answers():
     force = claim_errors.formula(DEPTH)
     force[-2:] = np.nan
@@ -124,24 +110,6 @@ def test_presses_that_stop_have_a_row_without_answers():
     assert row["reached_mm"] == DEPTH[-3]
     assert np.isnan(row["best_E_MPa"])
     assert (row["status"], row["message"]) == ("not_converged", "elements fold")
-
-
-def test_a_gain_mends_a_wrong_gain_only():
-    force = np.linspace(0.0, 10.0, 21)
-    same = Voltages(force, force, force[1:], 2 * force[1:], 10.0)
-    assert same.error(1.0) == approx(50)
-    assert same.error(1.0, any_gain=True) == approx(0, abs=0.1)
-    bent = same._replace(measured=force[1:] ** 2)
-    assert bent.error(1.0, any_gain=True) > 5
-
-
-def test_voltages_beyond_the_formulas_largest_force_are_not_compared():
-    force = np.linspace(0.0, 10.0, 21)
-    hard = Voltages(force, force, 4 * force[1:], force[1:], 10.0)
-    assert hard.reaches(0.25)
-    assert not hard.reaches(1.0)
-    assert hard.error(0.25) == approx(0)
-    assert np.isnan(hard.error(100.0))
 
 
 @pytest.mark.parametrize("height", [1.0, 2.0, 4.0])
@@ -195,17 +163,6 @@ def test_a_stiffer_beam_needs_a_larger_modulus():
     assert (row["within_5_percent_from_E_MPa"], row["within_5_percent_to_E_MPa"]) == approx((2 / 1.05, 2 / 0.95))
 
 
-def test_states_that_were_not_reached_are_left_out():
-    short = sheared()
-    short.loc[2:, "fem_force_N"] = np.nan
-    assert claim_errors.tip_row(short)["last_error_percent"] == approx(0, abs=1e-9)
-    assert claim_errors.split(short)["shear_mm"].tolist() == [1.0]
-
-
-def test_the_papers_own_beam_has_no_error():
-    assert claim_errors.split(sheared())["error_N"].to_numpy() == approx(0, abs=1e-5)
-
-
 @pytest.mark.parametrize(
     ("changed", "part"),
     [
@@ -220,10 +177,6 @@ def test_each_cause_is_its_own_part(changed, part):
     assert claim_errors.share(rows, part) == approx(100, abs=0.1)
     parts = rows["tilt_N"] + rows["geometry_N"] + rows["force_law_N"]
     assert parts.to_numpy() == approx(rows["error_N"].to_numpy())
-
-
-def test_the_papers_table_has_the_entries_of_its_workspace():
-    assert math.prod(Grid(3.0, 3.0, 0.01).shape) == claims.VALUES["entries"]
 
 
 # Verdicts on figures that stand on either side of a claim
@@ -289,16 +242,6 @@ def test_forces_at_the_same_depth_are_proportional_to_E():
     assert answer["verdict"] == "refuted"
     assert answer["figures"]["depth_mm_at_9_N"] == answer["figures"]["depth_mm_at_18_N"]
     assert answer["figures"]["error_percent_at_3_N"] == pytest.approx(0)
-
-
-def test_forces_in_proportion_to_E_would_reproduce_the_largest_ones(monkeypatch):
-    monkeypatch.setattr(claims, "CLAIMED", ((1.0, 3.0), (5.0, 15.0)))
-    reach = DEPTH[np.searchsorted(formula(DEPTH), 3.0)]
-    force = np.where(reach >= DEPTH, formula(DEPTH), 2 * formula(DEPTH))
-    scale = 3.0 / float(np.interp(reach, DEPTH, force))
-    assert claims.largest_forces(states(force))["verdict"] == "refuted"
-    monkeypatch.setattr(claims, "CLAIMED", ((1.0, 3.0 / scale), (5.0, 15.0 / scale)))
-    assert claims.largest_forces(states(force))["verdict"] == "reproduced"
 
 
 def modes(bending):

@@ -206,45 +206,6 @@ def test_the_secant_law_is_told_with_its_work_integral():
     assert found["area_over_hertz"] == pytest.approx(1.25)
 
 
-def shear_row(way, stiffness, untilted, analytic, status="ok"):
-    both = {
-        f"{model}_{name}": value * way
-        for model in ("fem", "fem_homogeneous")
-        for name, value in (("force_x_N", stiffness), ("shift_x_mm", 0.4), ("tilt_rad", 0.1))
-    }
-    return row_of(
-        "shear",
-        Load(depth=1.0, shear_x=way, friction="stick"),
-        **both,
-        analytic_shift_x_mm=0.5 * way,
-        analytic_tilt_rad=0.0,
-        force_x_error_percent=30.0,
-        homogeneous_force_x_error_percent=50.0,
-        **{f"untilted_S{k}_error_percent_FS": untilted for k in (1, 2, 3)},
-        **{f"analytic_S{k}_error_percent_FS": analytic for k in (1, 2, 3)},
-        error_estimate=0.004,
-        sideways_error_estimate=0.0116,
-        homogeneous_sideways_error_estimate=math.nan,
-        status=status,
-    )
-
-
-def test_sentences_about_the_shear_follow_the_figures():
-    blameless = findings(paper(), [], [shear_row(1.0, 0.6, 5.0, 40.0)])
-    text = " ".join(sentences("shear", blameless))
-    assert "0.827 N/mm" in text
-    assert "0.600 N/mm" in text
-    assert "tilts by 5.7°" in text
-    assert "alone does not explain" in text
-    guilty = findings(paper(), [], [shear_row(1.0, 0.6, 35.0, 40.0)])
-    assert "explains most of" in " ".join(sentences("shear", guilty))
-    # the estimate of the shear force is its own: the press force is larger and more accurate
-    assert "the shear force (Fx) is estimated at 1.2 % at most" in " ".join(sentences("trust", guilty))
-    nothing = findings(paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan, status="not_converged")])
-    assert "reached no state" in " ".join(sentences("shear", nothing))
-    assert "1 state was not reached" in " ".join(sentences("trust", nothing))
-
-
 def test_default_states_suit_the_design(monkeypatch):
     asked = []
 

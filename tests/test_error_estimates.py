@@ -8,15 +8,13 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from fem.accuracy import COARSER, FINE, LEVELS, QUICK, STANDARD, coarser
+from fem.accuracy import FINE, LEVELS, QUICK, STANDARD
 from fem.equilibrium import solve
 from fem.model import single_order, symmetry_models
 from fem.model.gradient_recovery import build_recovery
 from fem.model.symmetry_models import MeshSpecification
 from fem.physics_version import PHYSICS
 from fem.results.error_estimates import (
-    LEAST_OVER_USUAL,
-    ErrorRule,
     VibrationQuantity,
     error_rule,
     error_rules,
@@ -25,7 +23,7 @@ from fem.results.error_estimates import (
     relative_error,
     table_rows,
 )
-from fem.scene import Scene, press_limits
+from fem.scene import Scene
 from fem.solve import load_increments
 from fem.solve.direct_solver import Solver
 from fem.solve.path_state import PastState, about, at_rest, glue, with_harmonics
@@ -237,27 +235,6 @@ def test_errors_fall_with_the_edge_length():
         assert 0 <= rule.s <= 1
 
 
-def test_the_usual_difference_has_the_order_of_the_mesh_and_the_power_of_the_base():
-    rule = ErrorRule(m=0.5, p=2.0, q=1.5, c=1.0, s=0.3)
-    assert rule.usual(1.0, 1.0) == 0.5
-    assert rule.usual(0.1, 1.0) == pytest.approx(0.5e-2)
-    assert rule.usual(1.0, 4.0) == pytest.approx(0.5 / 8)
-
-
-def test_the_expected_error_lies_between_the_usual_difference_and_the_one_found():
-    rule = ErrorRule(m=1.0, p=1.0, q=0.0, c=2.0, s=0.25)
-    assert rule.expected(1e-2, 1e-2) == pytest.approx(2e-2)
-    assert rule.expected(1e-2, 16e-2) == pytest.approx(4e-2)
-    assert rule.expected(1e-2, 0.0) == rule.expected(1e-2, LEAST_OVER_USUAL * 1e-2) > 0
-
-
-@pytest.mark.parametrize("magnet", get_args(Magnet))
-def test_deep_presses_lie_between_the_others_and_the_silicone(magnet):
-    for design in error_study_cases.designs():
-        first, deepest = press_limits(design, magnet)
-        assert 0 < first < deepest < design.L - design.magnet_height * (magnet == "rigid")
-
-
 def test_a_vector_that_is_known_in_part_has_no_estimate():
     rule = error_rule("press", "rigid", "force")
     assert relative_error(rule, (1.0, 2.0), (1.0, 2.1), 0.05, 1.0) > 0
@@ -370,15 +347,6 @@ def test_a_sideways_push_moves_the_dome_as_in_the_whole_model(magnet):
     assert negative == [0, 0]
 
 
-def test_the_state_is_that_of_the_press():
-    low, _ = press("rigid")
-    state = about(low, single_order.build(low.d, 1))
-    np.testing.assert_allclose(state.u[:, [0, 3]], low.u, rtol=0, atol=1e-15)
-    assert not state.u[:, [1, 2, 4]].any()
-    assert state.skin.weights.sum() == pytest.approx(low.skin.weights.sum(), rel=1e-12)
-    assert np.array_equal(state.overlap > 0, np.repeat(low.overlap > 0, 2, axis=1))
-
-
 def test_raised_fields_are_those_of_one_harmonic():
     low, _ = press("ignored")
     state = about(low, single_order.build(low.d, 1))
@@ -403,15 +371,3 @@ def test_each_level_is_finer_than_the_one_before():
     for rough, fine in ((QUICK, STANDARD), (STANDARD, FINE)):
         assert all(getattr(fine, size) < getattr(rough, size) for size in SIZES)
         assert fine.harmonics > rough.harmonics
-
-
-@pytest.mark.parametrize("level", LEVELS.values(), ids=LEVELS)
-def test_a_companion_is_coarser_in_all(level):
-    companion = coarser(level)
-    for size in (*SIZES, "friction_step_factor"):
-        assert getattr(companion, size) == pytest.approx(COARSER * getattr(level, size))
-    assert companion.harmonics == level.harmonics - 1
-
-
-def test_the_companion_of_a_single_harmonic_has_two():
-    assert coarser(replace(STANDARD, harmonics=1)).harmonics == 2

@@ -18,7 +18,6 @@ from studies.output import goals, provenance
 from studies.output.result import FAILED
 from studies.validation import accuracy_study, error_study_cases
 from studies.validation.accuracy_study import COUNT, QUANTITIES, Task, status, tangent_rows
-from studies.validation.error_study_cases import TANGENT_SCENES
 
 
 def task(scene, number=0, fineness=1):
@@ -41,15 +40,6 @@ def state(true, estimate, **changes):
     place |= {"model": "axisymmetric", "depth_mm": 1.0, "shear_mm": 0.0, "status": "ok", "message": ""}
     errors = {f"{name}_error": true for name in QUANTITIES} | {f"{name}_estimate": estimate for name in QUANTITIES}
     return place | errors | changes
-
-
-def test_there_are_twelve_designs_and_half_of_them_are_odd():
-    designs = error_study_cases.designs()
-    assert len(set(designs)) == 12
-    assert designs[0] == paper()
-    assert sum(error_study_cases.trial(n, "rigid", "press", "auto").odd for n in range(12)) == 6
-    assert min(d.nu for d in designs) < 0.47
-    assert max(d.nu for d in designs) > 0.4999
 
 
 @pytest.mark.parametrize("scene", ["press", "stick", "friction", "grip"])
@@ -204,10 +194,6 @@ def test_states_without_a_comparison_miss_a_goal():
     assert not missed([state(0.01, 0.015), state(0.0, 0.0, status="unstable")])
 
 
-def test_a_large_error_stays_in_the_statistics():
-    assert accuracy_study.summary(pd.DataFrame([state(0.4, 0.015)]))[0]["max_percent"] == pytest.approx(40)
-
-
 # The trials of critical depths, small shears and frequencies, as the accuracy study runs them
 
 
@@ -256,12 +242,3 @@ def test_a_beam_that_does_not_give_way_is_listed():
 def replace_reference(one):
     """The same trial with its level as the reference, which is solved in a moment."""
     return one._replace(reference=replace(one.level, name="reference"))
-
-
-def test_all_designs_are_looked_at_and_quick_takes_one():
-    made = [one for one in accuracy_study.tasks() if one.trial.scene in TANGENT_SCENES]
-    assert {one.level.name for one in made} == set(LEVELS)
-    for scene in TANGENT_SCENES:
-        assert {t.trial.number for t in made if t.trial.scene == scene} == set(range(error_study_cases.DESIGNS))
-    short = [one.trial for one in accuracy_study.tasks(quick=True) if one.trial.scene in TANGENT_SCENES]
-    assert {(trial.scene, trial.number) for trial in short} == {(scene, 0) for scene in TANGENT_SCENES}

@@ -35,8 +35,8 @@ ELSEWHERE = {
     "D = 50 mm, similar",
     "depth 1e-9 mm, all silicone",
 }
-ROUGH = {"magnet 6.782 mm high, the largest": replace(QUICK, section_size=0.25)}
-"""A scene of many small increments, and the accuracy at which it stops or gives way as at level quick."""
+ROUGH = {"magnet 6.782 mm high, the largest": 0.25, "depth 0.9 L, all silicone": 0.5}
+"""Scenes of many small increments, and edge lengths over D with which they end as at level quick."""
 SMALL = Case("small", press(0.98, 0.99, 1.0), extremes.work, 2e-3, QUICK)
 
 
@@ -47,7 +47,8 @@ def pressed():
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in SLOW | ELSEWHERE])
 def test_a_scene_ends_as_it_should(name):
-    row = extremes.examine(replace(SCENES[name], accuracy=ROUGH.get(name, QUICK)))
+    accuracy = replace(QUICK, section_size=ROUGH.get(name, QUICK.section_size))
+    row = extremes.examine(replace(SCENES[name], accuracy=accuracy))
     assert row["verdict"] == "pass", extremes.line(row)
     assert row["passed"]
     assert row["status"] in SCENES[name].ends

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fem.model.material import evaluate, law
-from geometry.design import LAWS, SILICONE_E, BadInput
+from geometry.design import LAWS, BadInput
 from studies.inputs.option_groups import LawName
 from studies.inputs.user_input import read_design
 from studies.simulation import law_regression
@@ -179,14 +179,6 @@ def test_few_points_are_fitted_by_laws_with_as_few_constants(count):
         assert pytest.approx(1.4998 * 2, rel=0.1) == best.E
 
 
-def test_a_point_without_stress_does_not_count():
-    fits, others = (law_regression.fit(sheet(*points)) for points in (DRAGON_SKIN_30, [(0.0, 0.0), *DRAGON_SKIN_30]))
-    assert [(found.law, found.constants, found.exact) for found in fits] == [
-        (found.law, found.constants, found.exact) for found in others
-    ]
-    assert pytest.approx(fits[0].E, rel=1e-6) == others[0].E
-
-
 def test_three_values_of_a_data_sheet_give_the_stiffness_of_the_whole_curve(run, strict, tmp_path):
     status, out, err = run("fit", table(tmp_path, sheet(*DRAGON_SKIN_30)), "--out", "made", "--json")
     records = strict(out)
@@ -211,24 +203,10 @@ def test_a_law_that_is_stable_farther_is_named_with_its_misfit():
     assert "--law" not in " ".join(law_regression.warnings(chosen_of(data, "ogden"), data))
 
 
-def test_rounding_decides_nothing_and_is_not_shown():
-    fits = law_regression.fit(sheet((0.5, 0.214), (1.0, 0.437)))
-    assert [(found.law, found.rms, found.share, found.small) for found in fits[:2]] == [
-        (law, 0.0, 0.0, 0.0) for law in ("yeoh", "ogden")
-    ]
-
-
 def test_a_law_with_more_constants_than_points_cannot_be_chosen():
     data = sheet((1.0, 0.6))
     with pytest.raises(BadInput, match=r"yeoh has more constants than the test has distinct stretches \(1\)"):
         law_regression.choose(law_regression.fit(data), data, "yeoh")
-
-
-def test_what_one_far_value_leaves_open_is_said():
-    data = sheet((1.0, 0.6))
-    said = " ".join(law_regression.warnings(chosen_of(data), data))
-    assert "has 1 constant and the test as many points" in said
-    assert "the smallest strain of the test is 100 %, so E (the stiffness at small strain) is extrapolated" in said
 
 
 @pytest.mark.parametrize(("factor", "other"), [(1000.0, "in kPa E would be 0.5"), (0.01, "check that the column")])
@@ -239,40 +217,6 @@ def test_an_E_that_no_silicone_has_is_remarked_on(factor, other):
     assert not any(
         "range of silicones" in text for text in law_regression.warnings(chosen_of(interpolated()), interpolated())
     )
-
-
-def test_gents_formula_gives_the_stiffest_silicone():
-    S = 90
-    E = 0.0981 * (56 + 7.66 * S) / (0.137505 * (254 - 2.54 * S))
-    assert pytest.approx(E, rel=0.06) == SILICONE_E[1]
-
-
-def test_order_of_points_does_not_matter():
-    data = interpolated()
-    order = np.random.default_rng(0).permutation(len(data.stretch))
-    one, other = chosen_of(data), chosen_of(Specimen(data.stretch[order], data.stress[order]))
-    assert one.fit.law == other.fit.law
-    assert pytest.approx(one.fit.E, rel=1e-6) == other.fit.E
-
-
-def test_compression_alone_is_fitted():
-    stretch = np.linspace(0.6, 0.98, 12)
-    data = Specimen(stretch, 0.4 * law_regression.nominal_stress("neo-hookean", (), stretch))
-    chosen = chosen_of(data)
-    assert chosen.fit.law == "neo-hookean"
-    assert pytest.approx(1.2, rel=1e-3) == chosen.fit.E
-    assert law_regression.warnings(chosen, data) == []
-
-
-def test_tables_hold_in_80_columns_and_leave_nothing_out(run, tmp_path, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    file = table(tmp_path, synthetic("ogden", noise=0.002))
-    status, out, err = run("fit", file)
-    assert status == 0
-    assert all(len(line.rstrip()) <= 80 for line in out.splitlines() if "not chosen" not in line)
-    assert all(word in out for word in ("ogden_share=", "excess", "equibiaxial", "planar"))
-    assert "--wide" not in out + err
-    assert "determined" in run("fit", file, "--wide")[1]
 
 
 def test_data_beyond_the_stable_range_warn_and_are_not_chosen(tmp_path):

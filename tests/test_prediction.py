@@ -98,17 +98,6 @@ def test_the_force_rises_with_the_depth_and_the_side_force_with_the_shear():
     assert (np.diff(b.press(depth)["force"].value, axis=1) > 0).all()
 
 
-def test_equal_depths_share_their_work_and_do_not_change_the_answer():
-    b = beams(5)
-    depth = 0.5 * b.stable_to()[:, None] * np.ones((1, 3))
-    shear = b.farthest[:, None] * np.array([[0.3, 0.9, 0.6]])
-    together = b.shear(depth, shear)
-    alone = b.shear(depth[:, 1:2], shear[:, 1:2])
-    for name in prediction.SHEAR:
-        assert together[name].value[:, 1:2] == pytest.approx(alone[name].value, rel=1e-12, nan_ok=True)
-        assert together[name].half_width[:, 1:2] == pytest.approx(alone[name].half_width, rel=1e-12, nan_ok=True)
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -261,22 +250,6 @@ Y = np.column_stack([np.sin(3 * X[:, 0]) + X[:, 1] ** 2, X[:, 0] * X[:, 1]])
 PROCESS = GaussianProcess(X, Y, np.array([0.6, 0.8]), 1e-8)
 
 
-def test_the_prediction_passes_through_the_training_points():
-    mean, spread = PROCESS.predict(X)
-    assert mean == pytest.approx(Y, abs=1e-6)
-    assert spread.max() < 1e-3
-
-
-def test_a_linear_function_is_exact_everywhere():
-    linear = GaussianProcess(X, X @ np.array([[2.0], [-1.0]]) + 3.0, np.array([0.6, 0.8]), 1e-8)
-    far = np.array([[5.0, -4.0]])
-    assert linear.predict(far)[0] == pytest.approx(np.array([[17.0]]), rel=1e-6)
-
-
-def test_the_spread_grows_away_from_the_training_points():
-    assert PROCESS.predict(np.array([[3.0, 3.0]]))[1] > 10 * PROCESS.predict(np.array([[0.5, 0.5]]))[1]
-
-
 def test_prediction_and_spread_are_those_of_the_block_matrix_of_kriging():
     """[K H; H' 0] [w; m] = [k; h]: the prediction is w Y, its variance c(0) - w k - m h."""
     x = RNG.random((5, 2))
@@ -313,14 +286,6 @@ def test_an_input_without_effect_gets_a_long_length_scale():
     assert process.lengths[1] > 5 * process.lengths[0]
     x = RNG.random((200, 2))
     assert np.abs(process.predict(x)[0] - np.sin(4 * x[:, :1])).max() < 0.02
-
-
-def test_correlations_are_one_at_the_point_itself_and_fall_with_the_distance():
-    c = correlation(np.zeros((1, 1)), np.array([[0.0], [1.0], [2.0]]))[0]
-    a = np.sqrt(5.0)
-    assert c[0] == 1
-    assert c[1] == pytest.approx((1 + a + a**2 / 3) * np.exp(-a))
-    assert c[2] < c[1]
 
 
 # The surrogate's response to one load: units, direction, refusals.

@@ -3,7 +3,6 @@
 import contextlib
 import csv
 import json
-import math
 import re
 import sqlite3
 import time
@@ -124,19 +123,6 @@ def test_a_filter_keeps_the_states_that_meet_it(file, where, count):
     assert (summary["states"], len(rows)) == (count, count)
 
 
-def test_filters_hold_together(file):
-    assert listing(file, "law=neo-hookean", "depth_over_D=0.3", transient=True)[0]["states"] == 1
-    assert listing(file, "law=yeoh", transient=True)[0]["states"] == 0
-
-
-def test_failed_and_transient_states_are_shown_together(file):
-    assert {row["status"] for row in listing(file, failed=True, transient=True)[1]} == {
-        "not_converged",
-        "worker_died",
-    }
-    assert [row["status"] for row in listing(file, failed=True)[1]] == ["not_converged"]
-
-
 def test_dates_limit_the_states(file):
     with contextlib.closing(sqlite3.connect(file)) as other, other:
         other.execute("UPDATE state SET added = '2026-03-01T12:00:00+00:00' WHERE shear > 0")
@@ -158,13 +144,6 @@ def test_older_physics_is_that_below_the_version_of_today(file, monkeypatch):
     assert listing(file, older_physics=True)[0]["states_by_model"] == ("axisymmetric (physics 2): 3",)
 
 
-def test_a_quantity_with_a_physics_version_of_its_own_is_compared_with_that(file, monkeypatch):
-    with store.opened(file) as kept:
-        kept.add(CONTENT | {"quantity": "modes", "physics": 3}, [PRESSED])
-    monkeypatch.setattr("fem.physics_version.PHYSICS", {"axisymmetric": 1, "harmonic": 1, "modes": 4})
-    assert listing(file, older_physics=True)[0]["states_by_model"] == ("modes (physics 3): 1",)
-
-
 def test_a_path_has_the_totals_of_its_states(file):
     (path,) = listing(file, "model=axisymmetric", of_paths=True)[1]
     assert (path["states"], path["not_ok"], path["key"]) == (3, 2, store.key(CONTENT))
@@ -180,12 +159,6 @@ def test_a_vibration_is_listed_at_the_load_about_which_it_is(file):
     assert (path["least_depth_over_D"], path["greatest_depth_over_D"], path["greatest_shear_over_D"]) == (
         *(0.125, 0.125, 0.05),
     )
-
-
-def test_the_newest_rows_come_first(file):
-    summary, rows = listing(file, limit=2)
-    assert (len(rows), summary["states"]) == (2, 4)
-    assert rows[0]["law"] == "yeoh"
 
 
 def test_every_value_of_a_filter_is_a_parameter(file):
@@ -336,21 +309,6 @@ def test_an_export_has_all_columns_over_D_and_E(three, tmp_path, suffix):
     assert (pressed["law"], float(pressed["law_number_1"]), pressed["friction"]) == ("yeoh", 0.1, None)
     assert (failed["force_z_over_E_D2"], failed["message"], failed["outcome"]) == (None, "stops, early", "failed")
     assert (str(rubbed["friction"]), float(rubbed["nu"])) == ("0.3", 0.45)
-
-
-def test_a_filter_limits_an_export(three, tmp_path):
-    assert [row["nu"] for row in exported(three, tmp_path / "states.csv", "nu=0.45")] == ["0.45"]
-
-
-def test_batches_are_put_together(three, tmp_path, monkeypatch):
-    monkeypatch.setattr(store_actions, "BATCH", 2)
-    assert len(exported(three, tmp_path / "states.parquet")) == 3
-
-
-def test_missing_numbers_of_a_parquet_file_are_null(three, tmp_path):
-    values = [row["grip_over_D"] for row in exported(three, tmp_path / "states.parquet")]
-    assert values == [None, None, None]
-    assert not any(isinstance(value, float) and math.isnan(value) for value in values)
 
 
 def test_an_export_without_states_writes_nothing(three, tmp_path, refused):

@@ -35,16 +35,6 @@ def of(figure, **values):
 # comparisons and states
 
 
-def test_a_series_that_ends_early_is_not_read_at_the_end_of_the_others():
-    press = read("demo", "press.csv")
-    press.loc[6:, "fem_shift_z_mm"] = np.nan
-    caption = comparison_figures.press(press)[2].caption
-    depth = press["depth_mm"]
-    assert caption.startswith(f"At the end of the path, {depth[11]:.3g} mm: finite elements, rigid magnet ")
-    assert caption.count(f"(only to {depth[5]:.3g} mm)") == 1
-    assert "only to" not in comparison_figures.press(read("demo", "press.csv"))[2].caption
-
-
 def test_states_are_grouped_by_depth(tmp_path):
     lines = [
         f'{{"depth_mm": {d}, "shear_mm": {s}, "status": "ok", "force_N": [{s}, 0, {d}], "shift_mm": [0, 0, 0]}}'
@@ -99,12 +89,6 @@ def test_loops_keep_the_order_of_time():
     assert line["encoding"]["order"]["field"] == "order"
 
 
-def test_an_undamped_oscillator_does_not_stretch_the_axis():
-    gains = {"finite elements": np.array([1.0, 3.0]), "undamped": np.array([1.0, 1e6])}
-    figure = time_figures.oscillators(np.array([1.0, 2.0]), gains, ["undamped"])
-    assert figure.data["shift per N over that at 1 Hz"].max() == 3
-
-
 def test_a_folder_of_the_verbs_shows_figures_in_place_of_pictures(tmp_path):
     tables = {"response.csv": Table("response.csv", RESPONSE), "cycle.csv": Table("cycle.csv", CYCLE)}
     section = report_sections.section(Contents(tmp_path, "", tables), solve=False)
@@ -139,44 +123,6 @@ def test_front_tells_the_best_from_the_removed():
     assert len(differences.data) == 3
 
 
-def test_front_is_a_table_of_its_main_columns():
-    sheet = sizing_figures.front_sheet(FRONT)
-    assert list(sheet)[:4] == ["rank", "status", "D_mm", "L_mm"]
-    assert "range_z_N" in sheet
-
-
-def test_yield_has_its_interval():
-    (figure,) = sizing_figures.made_within(
-        parse("requirement,sensors,within,within_percent,low_percent,high_percent\n"
-              "all,1000,912,91.2,89,93\nlargest_strain,1000,950,95,93,96")
-    )  # fmt: skip
-    assert figure.data["requirement"].tolist() == ["all", "largest strain"]
-    assert figure.data["low"].tolist() == [89, 93]
-    assert figure.caption.startswith("91.2 % of 1000 made sensors meet all requirements.")
-
-
-def test_requirements_and_conflicts_are_tables():
-    record = {
-        "requirements": [
-            {"requirement": "force_z", "value": 5, "unit": "N", "state": "given"},
-            {"requirement": "height", "value": None, "unit": "mm", "state": "free"},
-        ],
-        "winner": {"margins": {"force_z": 0.25}},
-        "conflict": [],
-    }
-    sheets = sizing_figures.sheets(record)
-    assert list(sheets) == ["Requirements"]
-    assert sheets["Requirements"].to_dict("list") == {
-        "requirement": ["force z"],
-        "value": [5],
-        "unit": ["N"],
-        "margin of the best variant (%)": [25.0],
-    }
-    assert sizing_figures.sheets({"requirements": 3}) == {}
-    conflict = {"winner": None, "conflict": [{"requirement": "range", "gives": "3.1 N"}]}
-    assert list(sizing_figures.sheets(conflict)) == ["Conflict"]
-
-
 # sensitivity
 
 
@@ -192,15 +138,6 @@ def test_sobol_indices_have_both_orders_and_their_intervals():
     assert (first["low"].tolist(), first["high"].tolist()) == ([0.8, 0.0], [1.0, 0.1])
     assert "force E (0.95)" in figure.caption
     assert "3 of 100 points failed" in figure.caption
-
-
-def test_morris_has_a_series_for_each_input():
-    head = "output,input,mu_star,mu_star_low,mu_star_high,sigma,effect_unit,points,failed"
-    rows = ["force_N,E,0.8,0.7,0.9,0.1,N per full range,12,0", "force_N,nu,0.1,0,0.2,0.3,N per full range,12,0"]
-    (figure,) = uncertainty_figures.morris(parse("\n".join([head, *rows])))
-    assert figure.data["series"].tolist() == ["E", "nu"]
-    assert figure.data["σ"].tolist() == [0.1, 0.3]
-    assert set(figure.data["panel"]) == {"force (N per full range)"}
 
 
 def test_failed_sensors_are_never_below():

@@ -7,7 +7,7 @@ import pytest
 
 from geometry.design import BadInput, Design, paper
 from studies.inputs.study_input import is_study, parse_axes, read_study, study_design
-from studies.inputs.user_input import UNITS, fabrication_of, nearest, parse_numbers, quantity, read_design
+from studies.inputs.user_input import fabrication_of, quantity, read_design
 
 
 def test_axes():
@@ -127,11 +127,6 @@ def test_bad_studies(toml, text, parts, refused):
         study_design(study)
 
 
-def test_law_of_a_study(toml):
-    study = toml('[design]\nlaw = "mooney-rivlin"\nmooney_share = 0.125\n[axes]\nE = [1, 2]\n', "study.toml")
-    assert study_design(read_study(study)).law_numbers == (0.125,)
-
-
 def test_spaced_axes_have_exact_ends():
     axes = parse_axes(["depth=log:0.1:3:4", "D=lin:0.1:0.7:7"])
     assert axes["depth"] == pytest.approx([0.1, 0.310723250595, 0.965489384606, 3.0])
@@ -185,11 +180,6 @@ def test_sobol_points_fill_every_cell_of_a_grid(toml):
     assert len(cells) == 16
 
 
-def test_a_study_whose_axes_are_misspelt_is_told_so(toml, refused):
-    with refused("'axis'", "did you mean axes"):
-        is_study(str(toml("[axis]\nD = [6, 8]", "study.toml")))
-
-
 # Numbers with units: what is converted, and one sentence for everything else.
 
 
@@ -221,11 +211,6 @@ def test_value(value, unit, result):
 @pytest.mark.parametrize("value", ["5 mN", "7 mN", "3 mN"])
 def test_decimal_prefixes_leave_no_rounding(value):
     assert quantity("x", value, "N") == float(value[0]) / 1000
-
-
-@pytest.mark.parametrize("unit", sorted(UNITS))
-def test_every_unit_stands_for_itself(unit):
-    assert unit == "1" or UNITS[unit][unit] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -349,15 +334,6 @@ def test_ignored_magnet_need_not_fit(refused):
 def test_ignored_magnet_hides_no_other_fault(sets, refused):
     with refused("must"):
         read_design("paper", sets, magnet="ignored")
-
-
-def test_numbers():
-    assert parse_numbers("x", " -1, 2e3 ") == [-1.0, 2000.0]
-
-
-def test_nearest():
-    assert nearest("papre", ["paper"]) == "did you mean paper?"
-    assert nearest("zzz", ["D", "L"]) == "choose one of D, L"
 
 
 def test_law_by_option_and_by_file(tmp_path):

@@ -10,21 +10,18 @@ from stores import temporary
 
 from fem.accuracy import QUICK
 from studies.mechanics import prediction, surrogate_range
-from studies.mechanics.prediction import Beams, first_zero
+from studies.mechanics.prediction import Beams
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.surrogate_file import GaussianProcess
 from studies.output.goals import missed
 from studies.output.result import write
 from studies.validation import surrogate_study
-from studies.validation.surrogate_fit import conformal_quantile, press_outputs, shear_outputs
+from studies.validation.surrogate_fit import conformal_quantile
 from studies.validation.surrogate_study import Extent, recalibrated, scores, widest_points
 from studies.validation.surrogate_training import (
-    BEAM,
     corners,
-    density_ratio,
     design,
     in_range,
-    of_cube,
     random_beams,
     regional_beams,
     training_beams,
@@ -89,25 +86,6 @@ def test_new_points_go_where_intervals_are_widest_and_not_twice_to_one_place():
     assert chosen[0] in (1, 2)
     assert chosen[1] == 3
     assert widest_points(process, points, np.array([100.0, 1, 1, 1, 1]) * 1e3, 1).tolist() in ([1], [2], [0])
-
-
-def test_forms_of_a_hertzian_press_do_not_vary_with_the_depth(result):
-    press = result.training.press
-    hertz = {**press, "force_z": 0.7 * press["depth"] ** 1.5}
-    assert np.ptp(press_outputs(hertz)["force"]) < 1e-12
-
-
-def test_forms_of_a_shear_are_those_of_its_values(result):
-    shear = result.training.shear
-    pressed = {"force": shear["force_z"][:, :1] + 1.0, "shift": np.zeros_like(shear["depth"][:, :1])}
-    outputs = shear_outputs(shear, result.training.beams.L[:, None], pressed)
-    assert outputs["tilt"] * shear["shear"] == pytest.approx(shear["tilt"])
-
-
-def test_the_first_zero_lies_between_two_depths():
-    depth = np.array([[0.1, 0.2, 0.3]] * 3)
-    values = np.array([[1.0, 0.5, -0.5], [1.0, 0.5, 0.2], [-1.0, 0.5, 0.2]])
-    assert first_zero(depth, values) == pytest.approx([0.25, np.inf, 0.1])
 
 
 NUMBERS = ("L_over_D", "magnet_diameter_over_D", "magnet_height_over_D", "nu", "depth_over_D", "shear_over_D", "fem")
@@ -181,27 +159,12 @@ def test_a_beam_has_one_score_and_regions_their_own_intervals(result):
     assert np.array_equal(after["shift"], before["shift"])
 
 
-def test_quantiles_of_few_beams_are_those_of_all(result):
-    few = [row(beam=k, L_over_D=3.0, error_percent=9.0, interval_percent=1.0, depth_over_D=0.3) for k in range(2)]
-    many = [
-        row(beam=k, L_over_D=1.0, error_percent=1.0, interval_percent=1.0, depth_over_D=0.3) for k in range(9, 60)
-    ]
-    light = [one | {"depth_over_D": 0.02} for one in (*few, *many)]
-    ratio = recalibrated(result.surrogate, pd.DataFrame(few + many + light)).groups["press"].quantiles["force"]
-    assert ratio / result.surrogate.groups["press"].quantiles["force"] == pytest.approx(1.0)
-
-
 def test_an_unknown_score_is_no_small_one():
     assert conformal_quantile(np.array([1.0, math.nan, 2.0])) == math.inf
     assert conformal_quantile(np.append(np.ones(99), math.nan)) == 1.0
 
 
 # Beams of training and of the test
-
-
-def test_more_training_beams_keep_the_first_ones():
-    few, many = training_beams(20, 1), training_beams(60, 1)
-    assert np.array_equal(few, many[:20])
 
 
 def test_training_begins_with_the_corners_of_the_range():
@@ -249,11 +212,3 @@ def test_the_wall_is_that_of_the_design():
     wall = surrogate_range.wall(beams.L, beams.diameter, beams.height, beams.edge)
     for k in range(20):
         assert design(beams[k]).shape.wall / 10 == pytest.approx(wall[k], abs=2e-5)
-
-
-def test_corners_of_the_cube_are_corners_of_the_range():
-    beams = of_cube(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, 1.0, 1.0, 1.0]]))
-    assert (beams.L.tolist(), beams.nu.tolist()) == ([0.75, 4.0], [0.5, 0.45])
-    assert beams.diameter.tolist() == [0.2, 0.5]
-    assert density_ratio(beams).tolist() == list(surrogate_range.DENSITY_RATIO)
-    assert beams.dtype == BEAM

@@ -50,13 +50,6 @@ def test_axes_without_effect_have_no_part_and_are_named():
     assert figure.notes == ("L changes nothing in the press force.",)
 
 
-def test_an_axis_of_which_one_value_has_answers_is_not_called_idle():
-    whole = table(AXES, fem_force_N=lambda D, L, d: d * D)
-    whole.loc[whole["L_mm"] > 9, "status"] = "bad_input"
-    (figure,) = sweep_figures.sweep(whole)
-    assert not any("changes nothing" in note for note in figure.notes)
-
-
 def test_lines_hold_every_number_of_the_table():
     whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L, analytic_force_N=lambda D, L, d: D * d)
     (figure,) = sweep_figures.sweep(whole)
@@ -87,21 +80,6 @@ def test_failed_cases_are_counted_with_their_cause_and_marked():
     assert figure.notes == (
         "1 of 12 cases failed (bad_input); most often: the magnet does not fit; take a smaller one.",
     )
-
-
-def test_the_reason_of_failed_cases_is_never_cut():
-    first = "the magnet leaves 0 mm of silicone around it and needs at least 0.1 mm at every place of its hull"
-    whole = table({"L_mm": [9.0, 12.0]}, fem_force_N=lambda L: L).assign(status="bad_input")
-    whole["message"] = f"{first}: take a smaller one; and more"
-    (note,) = sweep_figures.failures(whole)
-    assert note.endswith(f"most often: {first}.")
-
-
-def test_nothing_but_failures_has_crosses_only():
-    whole = table(AXES, fem_force_N=lambda D, L, d: D * d * np.nan).assign(status="not_converged")
-    (figure,) = sweep_figures.sweep(whole)
-    assert figure.data["failed"].all()
-    figure.chart.to_dict()
 
 
 def test_many_combinations_are_shown_by_their_extremes():
@@ -150,17 +128,6 @@ def test_errors_of_a_force_that_changes_sign_are_over_the_largest():
     assert set(figure.data["error (% of the largest press force)"]) == {300.0}
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_errors_of_a_force_of_one_sign_stay_relative(sign):
-    whole = table(
-        {"depth_mm": [0.5, 1.0]},
-        fem_force_N=lambda d: sign * d,
-        analytic_force_N=lambda d: sign * 1.1 * d,
-        force_error_percent=lambda d: 10 + 0 * d,
-    )
-    assert "error (%)" in sweep_figures.sweep(whole)[-1].data
-
-
 def test_axes_that_vary_together_are_one_axis_with_a_note():
     whole = table({"D_mm": [8.0, 9.0, 10.0]}, fem_force_N=lambda D: D)
     whole.insert(1, "L_mm", [9.0, 11.0, 11.0])
@@ -169,49 +136,11 @@ def test_axes_that_vary_together_are_one_axis_with_a_note():
     assert figure.notes == ("L varies together with D.",)
 
 
-def test_axes_that_vary_together_and_repeat_are_named_by_all_their_values():
-    whole = table({"D_mm": [8.0, 8.5, 10.0], "depth_mm": [0.5, 1.0]}, fem_force_N=lambda D, d: D * d)
-    whole["D_mm"] = whole["D_mm"].replace(8.5, 8.0)
-    whole.insert(1, "L_mm", np.repeat([9.0, 11.0, 11.0], 2))
-    (figure,) = sweep_figures.sweep(whole)
-    assert set(figure.data["series"]) == {"D = 8 mm, L = 9 mm", "D = 8 mm, L = 11 mm", "D = 10 mm, L = 11 mm"}
-
-
 def test_log_spaced_values_have_logarithmic_axes():
     whole = table({"D_mm": [0.1, 1.0, 10.0, 100.0]}, fem_force_N=lambda D: D**2)
     (figure,) = sweep_figures.sweep(whole)
     encoding = figure.chart.to_dict()["layer"][-1]["encoding"]
     assert encoding["x"]["scale"]["type"] == encoding["y"]["scale"]["type"] == "log"
-
-
-def test_texts_are_categories_in_the_order_of_the_study():
-    whole = table({"friction": np.array([0.0, 1.0])}, fem_force_N=lambda friction: friction + 1)
-    whole["friction"] = ["stick", "0.3"]
-    (figure,) = sweep_figures.sweep(whole)
-    assert figure.data["friction"].tolist() == ["stick", "0.3"]
-    assert figure.chart.to_dict()["layer"][-1]["encoding"]["x"]["type"] == "nominal"
-
-
-def test_quantities_of_time_are_drawn_over_the_axes_of_a_sweep():
-    whole = table({"loss_factor": [0.05, 0.1]}, loop_gap_percent=lambda eta: 78 * eta)
-    whole.insert(1, "speed_mm_per_s", 1.0)
-    assert sweep_figures.axes_of(whole) == ["loss_factor"]
-    (figure,) = sweep_figures.sweep(whole)
-    assert figure.data["gap of the loop at mid-stroke (% of full scale)"].tolist() == pytest.approx([3.9, 7.8])
-
-
-def test_values_and_errors_have_the_same_colours_and_markers():
-    whole = table(
-        {"D_mm": [6.0, 8.0], "depth_mm": [0.5, 1.0]},
-        fem_force_N=lambda D, d: D * d,
-        analytic_force_N=lambda D, d: D * d**2,
-        force_error_percent=lambda D, d: 10 * D * (d - 1.5),
-    )
-    domains = []
-    for figure in sweep_figures.sweep(whole):
-        point = next(part for part in figure.chart.to_dict()["layer"] if part["mark"]["type"] == "point")
-        domains.append([point["encoding"][name]["scale"]["domain"] for name in ("color", "shape")])
-    assert domains[0] == domains[1] == [["D = 6 mm", "D = 8 mm"], ["finite elements", "the paper's formula"]]
 
 
 # What the pictures of a sweep show: which rows, which quantities, which note.
@@ -261,12 +190,6 @@ def test_all_rows_are_drawn(drawn, tmp_path):
     assert set(force.data["model"]) == {"finite elements", "the paper's formula"}
     assert error.title == "Error of the press force, the paper's formula"
     assert notes == []
-
-
-def test_a_shear_shows_the_shear_force(drawn, tmp_path):
-    collected(plan_of(grid({"shear": [0.5, 1.0]}), {"depth": 1.0})).draw(tmp_path / "sweep.png")
-    (force, _), _ = drawn["sweep.png"]
-    assert force.title == "Force along the shear over shear"
 
 
 def test_a_huge_study_is_thinned_with_a_note(drawn, monkeypatch, tmp_path):
