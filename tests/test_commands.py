@@ -135,7 +135,6 @@ def test_a_design_of_ones_own_is_not_replaced_by_a_fit(run, refusal, tmp_path):
     assert (tmp_path / "design.toml").read_text() == DESIGN
     (tmp_path / "design.toml").unlink()
     assert run("fit", "test.csv", "--out", ".")[0] == 0
-    assert run("fit", "test.csv", "--out", ".")[0] == 0
     fitted = (tmp_path / "design.toml").read_text()
     (tmp_path / "design.toml").write_text(fitted + "L = 20.0\n")
     assert "'design.toml' was changed after magtip had written it" in refusal("fit", "test.csv", "--out", ".")

@@ -199,7 +199,7 @@ def test_states_without_a_comparison_miss_a_goal():
 
 def analysed(scene):
     """The rows of the paper's sensor at level quick against a rough reference, load by load."""
-    one = task(scene, fineness=0)
+    one = task(scene)._replace(reference=replace(QUICK, name="reference", section_size=0.12, section_patch=0.01))
     return one, [tangent_rows(one, load) for load in one.trial.loads]
 
 

@@ -57,9 +57,8 @@ def test_a_long_increment_past_buckling_does_not_land_on_the_mirrored_branch():
     assert states[-1].status == "ok"
 
 
-@pytest.mark.parametrize("force", [1e-3, 5e-3])
-def test_a_deep_press_at_once_leans_the_same_way(force):
-    state = trace(SLENDER, [Load(depth=2.0, imperfection=force)], replace(QUICK, harmonics=2), estimate=False)[-1]
+def test_a_deep_press_at_once_leans_the_same_way():
+    state = trace(SLENDER, [Load(depth=2.0, imperfection=1e-3)], replace(QUICK, harmonics=2), estimate=False)[-1]
     assert state.status == "ok"
     assert 6.0 < state.response.shift[0] < 6.2
 

@@ -58,7 +58,7 @@ def test_it_changes_sign_where_an_unstable_direction_appears(sideways):
     assert found[0][0] > 0 > found[1][0]
 
 
-@pytest.mark.parametrize("share", [0.75, 0.95, 1.05])
+@pytest.mark.parametrize("share", [0.75, 1.05])
 def test_one_state_tells_the_critical_depth(sideways, share):
     critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
     near = sideways.margin(press(share * critical / BEAM.D))

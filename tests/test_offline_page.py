@@ -187,6 +187,7 @@ def test_commands_and_files_are_those_of_the_state(page):
 def test_a_sensor_without_a_magnet_and_of_another_law_has_a_page(monkeypatch):
     monkeypatch.setattr(offline_tables, "DEEPEST", 0.1)
     monkeypatch.setattr(offline_tables, "FARTHEST", 0.05)
+    monkeypatch.setattr(offline_page, "LEVEL", "quick")
     design = Design(magnet_diameter=0.0, magnet_height=0.0, law="yeoh", yeoh_2=0.1)
     assert offline_page.magnet_of(design) == "ignored"
     grid = offline_tables.solve(design, "ignored", COARSE, size=SIZE)

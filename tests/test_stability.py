@@ -35,14 +35,6 @@ def test_an_unknown_stability_is_no_stable_one(monkeypatch):
     assert found.message.startswith("the press is stable up to 0 mm; beyond, its stability is unknown")
 
 
-def test_a_guided_tip_holds_longer():
-    slender = Design(L=40.0)
-    free = stability.critical(slender, "ignored", accuracy=QUICK, estimate=False)
-    guided = stability.critical(slender, "ignored", accuracy=QUICK, guided=True, estimate=False)
-    assert free.depth is not None
-    assert guided.depth is None or guided.depth > 2 * free.depth
-
-
 def test_a_stubby_beam_is_stable():
     found = stability.critical(
         Design(L=5.0, magnet_diameter=0, magnet_height=0, magnet_edge_radius=0),
