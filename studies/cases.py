@@ -230,20 +230,10 @@ def _cells(name: str, column: pd.Series) -> tuple[Values, list[str]]:
 
 def _refusal(name: str, cell: str | float, given: object = None) -> str:
     """Return why a cell is refused, "" if it is not; `given` is what stood there if that is no float."""
-    axis, column = AXES[name], study_input.column(name)
-    if isinstance(cell, str):
-        wanted = [*axis.names, *(["a number"] if axis.is_number else [])]
-        return "" if cell in axis.names else f"{column} must be {' or '.join(wanted)}; got {cell!r}"
-    if not axis.is_number:
-        return f"{column} must be {' or '.join(axis.names)}; got {cell if given is None else given!r}"
-    if math.isnan(cell) and name == "grip" and (given is None or given != given):
+    if name == "grip" and cell != cell and (given is None or given != given):
         return ""
-    if not math.isfinite(cell):
-        return f"{column} must be a finite number; got {cell if given is None else given!r}"
-    if not axis.low <= cell <= axis.high:
-        upper = f" and at most {axis.high:g}" if math.isfinite(axis.high) else ""
-        return f"{column} must be at least {axis.low:g}{upper}; got {cell:g}"
-    return ""
+    wrong = study_input.fault(name, cell, given, open_low=True)
+    return f"{study_input.column(name)} {wrong}" if wrong else ""
 
 
 def _number(cell: Any) -> float:

@@ -70,7 +70,7 @@ def test_an_impossible_modulus_has_no_force(ask, E):
     """Forces are proportional to E, so that no solve would refuse it."""
     found = ask({"depth_mm": [1.0, 1.0], "E_MPa": [1.0, E]}, ["paper", "surrogate"], quantities=["force"])
     assert list(found["status"]) == ["ok", "bad_input"]
-    assert found["message"].iloc[1].startswith("E_MPa must be")
+    assert found["message"].iloc[1].startswith("E_MPa must")
     assert found[["analytic_force_N", "surrogate_force_N"]].isna().all(axis=1).tolist() == [False, True]
 
 

@@ -22,7 +22,7 @@ def test_axes():
         (["D="], ["axis D is empty"]),
         (["D=1,,2"], ["axis D must be a finite number"]),
         (["D=6,x"], ["axis D", "'x'"]),
-        (["D=6,nan"], ["axis D", "'nan'"]),
+        (["D=6,nan"], ["axis D", "got nan"]),
         (["D=6,6.0"], ["axis D lists a value twice"]),
         (["D=6", "D=7"], ["axis D is given twice"]),
         (["dephts=1"], ["'dephts'", "did you mean depth"]),

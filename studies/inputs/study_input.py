@@ -162,28 +162,30 @@ def checked(name: str, values: Sequence[Value]) -> list[Value]:
     if len(set(numbers)) < len(numbers):
         raise BadInput(f"axis {name} lists a value twice: give each value once")
     for value in numbers:
-        _check_value(name, AXES[name], value)
+        if wrong := fault(name, value):
+            raise BadInput(f"every value of axis {name} {wrong}")
     return numbers
 
 
-def _check_value(name: str, quantity: Quantity, value: Value) -> None:
+def fault(name: str, value: Value, given: object = None, *, open_low: bool = False) -> str:
+    """Return what a value of a field must be, and what it is; "" if it is so.
+
+    `given` stood in place of a value that is no number, and `open_low` allows a bound that an axis must exceed.
+    """
+    quantity = AXES[name]
     if isinstance(value, str):
-        if value not in quantity.names:
-            wanted = [*quantity.names, *(["a number"] if quantity.is_number else [])]
-            raise BadInput(f"every value of axis {name} must be {_listed(wanted)}; got {value!r}")
-        return
-    if not quantity.is_number:
-        raise BadInput(f"every value of axis {name} must be {_listed(quantity.names)}; got {value:g}")
-    if not math.isfinite(value):
-        raise BadInput(f"each value of axis {name} must be a finite number; got '{value:g}'")
+        wanted = [*quantity.names, *(["a number"] if quantity.is_number else [])]
+        return "" if value in quantity.names else f"must be {_listed(wanted)}; got {value!r}"
+    got = f"{value:g}" if given is None else repr(given)
+    if not (quantity.is_number and math.isfinite(value)):
+        return f"must be {'a finite number' if quantity.is_number else _listed(quantity.names)}; got {got}"
     low, high, unit = quantity.low, quantity.high, "" if quantity.unit == "1" else f" {quantity.unit}"
-    if not low <= value <= high or (quantity.open_low and not value > low):
-        bound = (
-            f"lie between {low:g} and {high:g}{unit}"
-            if math.isfinite(high)
-            else f"be {'more than ' if quantity.open_low else 'at least '}{low:g}{unit}"
-        )
-        raise BadInput(f"every value of axis {name} must {bound}; got {value:g}")
+    above = quantity.open_low and not open_low
+    if low <= value <= high and not (above and value == low):
+        return ""
+    least = f"be {'more than' if above else 'at least'} {low:g}{unit}"
+    bound = f"lie between {low:g} and {high:g}{unit}" if math.isfinite(high) else least
+    return f"must {bound}; got {value:g}"
 
 
 def parse(name: str, text: str) -> list[Value]:
