@@ -422,6 +422,8 @@ def test_export_of_a_bad_state_is_refused_in_a_sentence(loop, page):
 
 def test_a_worker_that_dies_is_said_and_replaced(loop, running, live):
     async def answers():
+        # a process that is still starting would do the job after its death
+        await live.until(state_of(await live.ask({"load": {"depth": 0.5}, "level": "quick"})))
         number = await live.ask({"load": {"depth": 1.0, "shear": 1.0, "friction": 0.3}, "level": "quick"})
         await asyncio.sleep(0.2)
         (pid,) = running.shared.workers.quick.processes.pids

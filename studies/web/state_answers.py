@@ -151,7 +151,8 @@ def rate(design: Design, frequency: float) -> Data | None:
     """Return how the silicone behaves in small vibrations; None at 0 Hz, or where its branches do not speak.
 
     "storage" is the storage modulus over the one that E is; "gap" that of the loop of a linear spring, a sine, in %
-    of full scale (`analytic.relaxation_loops`); inertia and the contact are left out.
+    of full scale (`analytic.relaxation_loops`); inertia and the contact are left out. With this modulus the first
+    mode has `mode_factor` times its frequency, and the quality `mode_Q`, None without a loss.
     """
     relaxation = relaxation_of(design)
     if not frequency or range_sentence(relaxation, frequencies=[frequency]):
@@ -162,6 +163,8 @@ def rate(design: Design, frequency: float) -> Data | None:
         "frequency": frequency,
         "loss_factor": modulus.imag / modulus.real,
         "storage": modulus.real / own,
+        "mode_factor": math.sqrt(modulus.real / own),
+        "mode_Q": modulus.real / modulus.imag if modulus.imag else None,
         "gap": 100 * loop(relaxation, frequency, "sine").hysteresis,
     }
 

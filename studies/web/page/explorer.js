@@ -363,11 +363,9 @@ const Explorer = (() => {
   function rateText(name, rate, mode) {
     if (!rate) return "";
     const { number, plain } = Format;
-    const { loss_factor: loss, storage, gap } = rate;
+    const { loss_factor: loss, storage, gap, mode_factor: factor, mode_Q: Q } = rate;
     const first =
-      mode && loss
-        ? ` With both the first mode is at ${number(mode * Math.sqrt(storage))} Hz with Q = ${number(1 / loss)}.`
-        : "";
+      mode && Q ? ` With both the first mode is at ${number(mode * factor)} Hz with Q = ${number(Q)}.` : "";
     return (
       `${name}At ${plain(rate.frequency)} Hz the loss factor is ${number(loss)}, the silicone is ${number(storage)} ` +
       `times as stiff as E, and a linear loop has a gap of ${number(gap)} % of full scale.${first}`
