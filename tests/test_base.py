@@ -103,16 +103,6 @@ def test_the_outer_size_equals_that_of_the_solids(fields):
         assert max(box.max.X, box.max.Y, -box.min.Y) <= p.half
 
 
-def test_a_post_rises_to_the_plate_and_is_open_to_the_beam():
-    design = Design(c=4.0, f=7.0)
-    p = plan(design, Base())
-    z = places(design)["S2"][2]
-    post = p.seats.posts["S2"]
-    assert post.corner[2] + post.sides[2] == pytest.approx(z)
-    assert post.corner[0] == pytest.approx(design.f - SS495A.depth)
-    assert plan(Design(), Base()).seats.posts == {}
-
-
 def test_screw_holes_go_through_and_can_be_left_out():
     drilled, plain = (base(Design(), Base(screw=screw)) for screw in (2.2, 0.0))
     p = plan(Design(), Base())
@@ -201,12 +191,6 @@ def test_a_round_base_holds_seats_and_beam_within_its_least_diameter():
     assert tuple(box.size)[:2] == pytest.approx((2 * p.half, 2 * p.half), abs=1e-6)
 
 
-def test_a_larger_base_moves_its_screws_outwards():
-    for shape, far in (("square", 1), ("round", math.sqrt(2))):
-        p = plan(Design(), Base(shape=shape, outer=30, screw=2))
-        assert far * p.screw_at == pytest.approx(15 - 1 - 1.5)
-
-
 def test_a_screw_of_a_round_base_keeps_its_wall_to_beam_and_seats():
     design = Design(hall_layout="tmag5273a1")
     p = plan(design, Base(shape="round", screw=2.2))
@@ -276,8 +260,3 @@ def test_the_smallest_round_base_has_room_for_grooves(process):
     fit = {"fdm": 0.1, "sla": 0.05}[process]
     assert p.half == pytest.approx(math.hypot(1.45 + fit, 1.85 + fit) + 1.2)
     assert len(p.marks) == 3
-
-
-def test_a_rim_without_room_gets_no_groove():
-    choices = Base(shape="round", seat_wall=0.6, marks=1)
-    assert plan(CHIP_4, choices).marks == ()

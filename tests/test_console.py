@@ -1,7 +1,6 @@
 """Tables on standard output: nothing is cut, nothing is longer than a line, and what is left out is named."""
 
 import csv
-import io
 import time
 from functools import cache
 from pathlib import Path
@@ -50,9 +49,12 @@ def test_no_line_is_longer_than_the_terminal(columns, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("room", [40, 80, None])
-@pytest.mark.parametrize("name", TABLES)
-def test_no_value_is_cut(name, room):
-    rows = rows_of(name)
+def test_no_value_is_cut(room):
+    for name in TABLES:
+        nothing_is_cut(rows_of(name), room)
+
+
+def nothing_is_cut(rows, room):
     columns = [text_tables.column(key, [row[key] for row in rows]) for key in rows[0]]
     places = text_tables.fitting([column.least for column in columns], 0, range(len(columns)), room)
     chosen = [columns[k] for k in places]
@@ -82,11 +84,6 @@ def test_wide_has_all_columns(capsys, monkeypatch):
         head = out.split("─")[0].split()
         filled = [key for key in rows[0] if any(row[key] != "" for row in rows)]
         assert sorted(head) == sorted(word for key in filled for word in text_tables.titled(key).split()), name
-
-
-def test_a_record_within_a_record_is_shown_in_words():
-    value = {"D_mm": 8.0, "E_MPa": 1.0, "nu": 0.4998, "law": "neo-hookean"}
-    assert text_tables.shown("made_for", value) == "D 8 mm, E 1 MPa, nu 0.4998, law neo-hookean"
 
 
 def test_what_is_left_out_is_named(capsys, monkeypatch):
@@ -141,14 +138,6 @@ def test_rows_one_by_one_keep_to_the_terminal(columns, capsys, monkeypatch):
     assert "Left out: model, dofs, stop; --wide" in whole
 
 
-def test_rows_one_by_one_wide(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    console.stream(iter([STATE] * 2), as_json=False, title="", keys=["status"], count=2, wide=True)
-    out = capsys.readouterr().out
-    assert "Left out" not in out
-    assert len([line for line in out.splitlines() if "1234" in line and line.startswith("ok")]) == 2
-
-
 def test_a_sweep_shows_what_varies(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     rows = [{"D_mm": 8.0, "L_mm": 9.0, "f_mm": 5.0, "E_MPa": e, "depth_mm": 1.0} for e in (0.5, 1.0)]
@@ -195,12 +184,6 @@ def test_texts_in_a_table_of_texts(capsys, monkeypatch):
         out = capsys.readouterr().out
         assert max(map(len, out.splitlines())) <= columns
         assert " ".join(words.split()) in " ".join(out.replace("D", "").split())
-
-
-def test_nothing_is_printed_of_nothing(capsys):
-    stream = io.StringIO()
-    assert console.stream(iter([]), as_json=False, title="T", keys=[], count=2) == []
-    assert capsys.readouterr().out == stream.getvalue() == ""
 
 
 @pytest.mark.parametrize(

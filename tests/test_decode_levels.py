@@ -75,12 +75,6 @@ def test_a_table_names_its_level_and_the_worst_row(run, strict, tmp_path):
     assert [record["level"] for record in records] == ["finite"] * 2
 
 
-def test_the_misfit_is_named_for_what_it_is(run):
-    _, out, _ = run("decode", "paper", "--readings", PRESSED)
-    assert "error of the decoder's polynomials, force" in out
-    assert "fit error" not in out
-
-
 @pytest.mark.parametrize(("options", "name"), [((), "none"), (("--level", "finite"), "finite")])
 def test_a_lookup_table_says_its_level(run, strict, options, name):
     (record,) = strict(run("table", "paper", "--step", 1, "--out", "t.npy", "--json", *options)[1])
@@ -112,13 +106,6 @@ def test_a_plate_that_does_not_touch_carries_nothing(run, strict, level):
     assert record["force_N"] == [0.0] * 3
     assert (record["depth_mm"], record["shear_mm"], record["shear_y_mm"]) == (0.0, 0.0, 0.0)
     assert record["message"].startswith("the plate does not touch the tip at this pose (depth 0), so the load is 0")
-
-
-def test_a_plate_that_touches_keeps_its_sideways_force(run, strict):
-    _, record, _ = decoded(run, strict, PRESSED)
-    assert record["contact"] is True
-    assert record["force_N"][0] == pytest.approx(0.608, abs=1e-3)
-    assert record["message"] == ""
 
 
 @pytest.mark.parametrize("level", ["paper", "finite"])

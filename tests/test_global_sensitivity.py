@@ -111,11 +111,6 @@ def test_the_interval_contains_the_truth_of_a_function_that_the_model_approximat
     assert all(contains(indices(ANGLES, values + error, np.full_like(values, 0.8), seed=6), FIRST, TOTAL))
 
 
-def test_a_seed_of_0_gives_the_same_interval_again():
-    one, again = (sobol_of(ishigami, ANGLES, 64, seed=0) for _ in range(2))
-    assert np.array_equal(one["first_order_low"], again["first_order_low"])
-
-
 def test_an_output_that_does_not_vary_or_always_fails_has_no_indices():
     constant, never = (sobol_of(lambda x, y=y: np.full(len(x), y), ANGLES, 8) for y in (2.0, np.nan))
     assert constant.isna().all(axis=None)
@@ -188,10 +183,6 @@ def test_another_model_replaces_failed_values_in_the_estimate():
     assert effects(RANGES, points, lost, values)["mu_star_high"]["a"] > 6.1
 
 
-def test_a_function_that_always_fails_has_no_effects():
-    assert np.isnan(morris_of(lambda x: np.full(len(x), np.nan), RANGES)).all(axis=None)
-
-
 @pytest.mark.parametrize("count", [1, 1001])
 def test_impossible_numbers_of_trajectories_are_refused(count):
     with pytest.raises(BadInput, match=f"from 2 to 1000 trajectories; got {count}"):
@@ -204,11 +195,6 @@ def test_another_model_replaces_a_failed_value_where_it_has_one():
     assert estimate.tolist() == [1.0, 2.0, 3.0, 5.0]
     assert least.tolist() == [1.0, 1.0, 1.0, 5.0]
     assert largest.tolist() == [1.0, 5.0, 5.0, 5.0]
-
-
-def test_values_without_failures_are_their_own_filling_and_failures_alone_have_none():
-    assert [one.tolist() for one in fillings(np.array([1.0, 2.0]))] == [[1.0, 2.0]]
-    assert fillings(np.full(3, np.nan)) == []
 
 
 def test_bounds_hold_for_every_filling_and_are_reached():
@@ -225,13 +211,3 @@ def test_bounds_hold_for_every_filling_and_are_reached():
     low, high = variances(np.r_[one, other], 0.0, 1.0)
     assert low <= min(spread) < low + 1e-3
     assert high == pytest.approx(max(spread))
-
-
-def test_infinite_values_are_failures():
-    """A value that is infinite counts like one that is not a number."""
-    infinite, unknown = (
-        sobol_of(lambda x, lost=lost: np.where(x[:, 0] > 3, lost, ishigami(x)), ANGLES, 64)
-        for lost in (np.inf, np.nan)
-    )
-    assert infinite.equals(unknown)
-    assert not infinite.isna().any(axis=None)

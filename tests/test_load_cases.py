@@ -34,13 +34,6 @@ def test_a_press_has_its_state_as_json(run, strict):
     assert [state[key] for key in ("stop", "remark", "onset_depth_from_mm", "inside_out_share")] == [None] * 3 + [0.0]
 
 
-def test_facts_are_for_programs_and_left_out_of_what_people_read(run):
-    status, out, _ = run("solve", "paper", "--depth", 1, *QUICK)
-    assert status == 0
-    assert "newton iterations" in out
-    assert "onset" not in out
-
-
 @pytest.mark.parametrize("flag", [("--depth", 1, "--steps", 2), ("--depths", "0.5,1")])
 def test_states_are_lines(run, flag, strict):
     status, out, _ = run("solve", "paper", *flag, "--json", *QUICK)
@@ -155,12 +148,6 @@ def test_analytic_states_say_for_which_sensor_they_are(run, refusal, strict, tmp
     assert "made_for" not in run("analytic", "paper", "--depth", 1)[1].replace(" ", "_")
 
 
-def test_an_analytic_state_without_a_magnet_says_so(run, strict):
-    bare = ("--set", "magnet_diameter=0", "--set", "magnet_height=0")
-    (record,) = strict(run("analytic", "paper", "--depth", 1, *bare, "--json")[1])
-    assert record["made_for"]["magnet"] == "ignored"
-
-
 @pytest.mark.parametrize(
     ("given", "loads"),
     [
@@ -241,12 +228,6 @@ def test_formulas_say_what_is_in_the_way(run, strict):
     assert "S1 is saturated" in full["warnings"]
     _, out, err = run("analytic", "paper", "--depth", 3, "--set", "l0=5")
     assert "S1 is saturated" in err
-
-
-def test_formulas_give_what_a_chip_sends(run, strict):
-    (record,) = strict(run("analytic", "paper", "--depth", 1, "--set", "hall_layout=tmag5273a1", "--json")[1])
-    assert record["readings_V"] is None
-    assert record["output_T"][0] == pytest.approx(record["readings_T"][0], abs=0.08 / 2048)
 
 
 @pytest.mark.parametrize(

@@ -126,10 +126,6 @@ def test_committed_results_have_their_figures(name, least):
     assert all(figure.caption and figure.source for figure in result.figures)
 
 
-def test_claims_are_a_table_at_once():
-    assert "claims.csv" in section(RESULTS / "claims").sheets
-
-
 def test_other_table_is_shown_as_it_is(tmp_path):
     (tmp_path / "mine.csv").write_text("a,b\n1,two\n")
     result = section(tmp_path)
@@ -168,11 +164,6 @@ def test_design_is_that_of_the_run_or_of_the_only_file(tmp_path):
     (tmp_path / "mine.toml").write_text("D = 9\nL = 11\n")
     (contents,) = folder_contents.read(tmp_path)
     assert report_sections.design_of(contents).D == 9
-
-
-def test_sensor_of_the_demonstration_is_that_of_the_paper():
-    (contents,) = folder_contents.read(RESULTS / "demo")
-    assert report_sections.design_of(contents).D == 8
 
 
 def test_the_state_in_3d_is_one_of_the_study(tmp_path):
@@ -225,21 +216,6 @@ def test_pictures_are_those_of_the_page():
     assert used == {"a.png"}
 
 
-def test_lead_ends_before_sections_and_long_lists(tmp_path):
-    lead = str(
-        page_content.lead_of(contents(tmp_path, "# T\n\nFirst.\n\n" + "word " * 300 + "\n\n## More\n\nlast\n"))
-    )
-    assert "First." in lead
-    assert "word" not in lead
-    assert page_content.lead_of(contents(tmp_path, "# T\n\n## More\n")) == ""
-
-
-def test_title_is_the_heading_else_the_kind_else_the_name(tmp_path):
-    assert page_content.title_of(contents(tmp_path, "# The `title`\n")) == "The title"
-    assert page_content.title_of(Contents(tmp_path, "out", tables={"sweep.csv": None})) == "Sweep"
-    assert page_content.title_of(Contents(tmp_path, "a/b")) == "a/b"
-
-
 def pictures_of(tmp_path, *names):
     for name in names:
         Image.new("RGB", (3000, 1000), "white").save(tmp_path / name)
@@ -251,10 +227,6 @@ def test_large_picture_gets_smaller(tmp_path):
     head, _, data = source.partition(",")
     assert head == "data:image/png;base64"
     assert Image.open(io.BytesIO(base64.b64decode(data))).size == (page_content.WIDTH, 367)
-
-
-def test_picture_that_a_figure_replaces_is_left_out(tmp_path):
-    assert page_content.sources(pictures_of(tmp_path, "a.png"), {"a.png"}, page_content.Budget(10**6), []) == {}
 
 
 def test_picture_without_room_is_named(tmp_path):

@@ -14,7 +14,7 @@ from geometry.loads import Load
 from studies.sensitivity import sensitivity_study
 from studies.sensitivity.beam_motions import Press
 from studies.sensitivity.made_sensors import tolerances
-from studies.sensitivity.sensitivity_study import Found, Request, monte_carlo, ranges_of, sobol, substitutes
+from studies.sensitivity.sensitivity_study import Request, monte_carlo, ranges_of, sobol, substitutes
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
@@ -139,17 +139,6 @@ def test_a_monte_carlo_has_percentiles_of_each_axis_and_a_row_for_each_sensor():
         assert row["high"] is None or row["high"] >= row["value"]
 
 
-def test_an_input_that_a_study_cannot_vary_is_refused():
-    with pytest.raises(BadInput, match="--vary friction"):
-        study_of({"friction": (0.1, 0.5)})
-
-
-def test_a_summary_names_the_most_frequent_reasons_and_counts_the_others():
-    assert Found(rows=[], count=10, reasons={}).failures == ""
-    many = Found(rows=[], count=20, reasons={"a": 4, "b": 3, "c": 2, "d": 1})
-    assert many.failures.endswith("2 because c, 1 for other reasons")
-
-
 FAST = ("--model", "finite", "--count", "16", "--sensors", "20", "--trajectories", "2", "--accuracy", "quick")
 
 
@@ -244,8 +233,3 @@ def test_impossible_ranges_are_refused(text, message):
     with pytest.raises(BadInput) as error:
         ranges_of(paper(), [text], ["sobol"], tolerances())
     assert message in str(error.value)
-
-
-def test_a_shear_that_is_given_twice_is_refused():
-    with pytest.raises(BadInput, match="shear is given twice"):
-        study_of({"shear": (0.1, 0.5)}, Press(1.0, 0.2))

@@ -64,12 +64,6 @@ def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(tr
     assert sorted(path.name for path in tmp_path.glob("[!.]*")) == ["sweep.csv", "sweep.png"]
 
 
-def test_the_largest_strain_is_a_quantity(traced):
-    own = equilibrium.trace(paper(), [Load(depth=0.5)], QUICK)[0].facts.largest_strain
-    (row,) = run(paper(), {"depth": [0.5]}, quantities=("force", "strain"))
-    assert row["fem_largest_strain_percent"] == pytest.approx(100 * own, rel=1e-9)
-
-
 def test_similar_designs_have_the_answers_of_their_own_solves(traced):
     """Twice the size: all lengths, and with them the magnet and the depth, vary together."""
     big = Design(D=16.0, L=18.0, E=2.5, magnet_diameter=8.0, magnet_height=4.0, magnet_edge_radius=0.2, l0=14.4, f=9)
@@ -210,13 +204,6 @@ def test_another_physics_version_is_solved_again(kept, traced, monkeypatch):
     monkeypatch.setitem(PHYSICS, "axisymmetric", PHYSICS["axisymmetric"] + 1)
     run(BARE, {"depth": [0.5]}, kept=kept)
     assert len(traced) == 2
-
-
-def test_another_accuracy_or_magnet_is_another_solve(traced, kept):
-    rough = FemModel("rough", replace(QUICK, section_size=0.2))
-    for change in ({}, {"fem": (rough,)}, {"magnet": "rigid"}):
-        run(paper(), {"depth": [0.5]}, **{"magnet": "ignored"} | change, kept=kept)
-    assert len(traced) == 3
 
 
 SIDE = {"quantities": ("force", "shift", "tilt", "readings")}
