@@ -251,8 +251,10 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
     shown: list[Block] = []
     files: dict[str, Writer] = {"sizing.json": partial(write_json, record=whole)}
     if rows:
-        main = rows if wide else [{name: row[name] for name in (*FRONT, "status", "reason")} for row in rows]
-        first = ("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "outer_size_mm")
+        several = ["chips"] * any((row["chips"] or 1) > 1 for row in rows)
+        names = (*FRONT, *several, "status", "reason")
+        main = rows if wide else [{name: row[name] for name in names} for row in rows]
+        first = ("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", *several, "outer_size_mm")
         shown.append(Table(title=f"Front: {len(rows)} points, solved by finite elements", rows=main, first=first))
         files["front.png"] = partial(picture, rows=rows, draw=sizing_figures.front)
     if rows and made_sensors is not None:
