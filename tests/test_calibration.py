@@ -207,6 +207,35 @@ def test_a_calibrated_sensor_decodes_as_in_python_by_the_decoder_in_c(calibratio
     assert 1 < np.median(ratio) < 1.2
 
 
+def test_a_zero_leaves_out_rails_and_says_that_the_sensor_was_pressed(bench, calibration, run, tmp_path):
+    found, path = calibration
+    rest, pressed = found.sensor.predict(found.theta, np.array([[0.0, 0, 0], [0.1, 0, -0.4]]), np.zeros(2))[:, :3]
+    rows = np.repeat(rest[None], 12, axis=0)
+    rows[4, 1], rows[8:] = 5.0, pressed
+    table = pd.DataFrame(rows, columns=["S1_V", "S2_V", "S3_V"]).assign(time_s=np.arange(12.0))
+    table.to_csv(tmp_path / "rows.csv", index=False)
+    base = ("decode", "paper", "--calibration", path, "--file", tmp_path / "rows.csv", "--zero")
+    status, _, err = run(*base, "0,7", "--out", tmp_path / "good.csv")
+    assert (status, "the zero moves" in err) == (0, False)
+    good = pd.read_csv(tmp_path / "good.csv")
+    assert good.status[4] == "saturated"
+    assert good.shift_z_mm.iloc[-1] == pytest.approx(-0.4, abs=1e-6)
+    # little is left of the force at rest, whose interval is finite all the same
+    assert np.isfinite(good.half_width_z_N.drop(4)).all()
+    status, _, err = run(*base, "8,11", "--out", tmp_path / "bad.csv")
+    assert "more than the calibration leaves open at rest" in err
+
+
+def test_a_row_at_a_rail_is_left_out_of_the_calibration(bench, run, tmp_path):
+    table = pd.read_csv(bench[1][0])
+    table.loc[4, "S1_V"] = 5.0
+    table.to_csv(tmp_path / "bench.csv", index=False)
+    status, text, err = run("calibrate", "paper", tmp_path / "bench.csv", "--out", tmp_path / "out", "--json")
+    assert status == 0
+    assert json.loads(text)["rows"] == 11
+    assert "row 5 of bench is left out, because S1 lies at a rail of its element" in err
+
+
 def test_a_ros_package_decodes_by_the_calibration(calibration, tmp_path):
     for name, write in ros2_package.files(paper(), calibration[1]).items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

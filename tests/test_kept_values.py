@@ -27,6 +27,7 @@ WITHOUT_ARRAYS = {
     "analytic.cylinder.compiled_functions",
     "fem.results.error_estimates.error_rules",
     "fem.solve.direct_solver._mkl",
+    "geometry.cad.magnet_inertia",
     "geometry.compiled._announce_compilation",
     "geometry.compiled._digest",
     "geometry.relaxation.constant_loss",

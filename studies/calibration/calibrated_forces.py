@@ -189,15 +189,34 @@ def force_errors(found: Fit, shift: Array, count: int, rng: np.random.Generator)
     return np.asarray(np.einsum("nfp,sp->snf", slope, draws))
 
 
-def relaxing_half_width(half: Array, slow: Array, force: Array, law_error: Array) -> Array:
+def relaxing_half_width(half: Array, slow: Array, force: Array, law_error: Array, most: float) -> Array:
     """Return half of the intervals (n, 3) of forces (n, 3) of a silicone that relaxes, from those of the slow ones.
 
-    They are proportional to the force, which follows linearly from the slow one, and do not fall below those of
-    slow loading; what another law would change (n,), N, is independent of them.
+    They are proportional to the force, which follows linearly from the slow one, but do not fall below those of slow
+    loading, and grow `most` times at most, where little is left of a force; what another law would change (n,), N, is
+    independent of them.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.linalg.norm(force, axis=1) / np.linalg.norm(slow, axis=1)
-    return np.asarray(np.hypot(half * np.fmax(ratio, 1.0)[:, None], law_error[:, None]))
+    grown = np.fmin(np.fmax(ratio, 1.0), max(most, 1.0))
+    return np.asarray(np.hypot(half * grown[:, None], law_error[:, None]))
+
+
+def zero_doubts(found: Fit, offset: Array) -> list[str]:
+    """Return a sentence if a zero moves the readings (k,), T, farther than what a calibration leaves open at rest."""
+    coder = coder_of(found)
+    far = np.abs(offset) > coder.goal.tolerance
+    said = [
+        f"{element.name} by {1e3 * abs(moved):.2g} mT ({1e3 * most:.2g} mT)"
+        for element, moved, most, is_far in zip(
+            coder.forward.elements, offset.tolist(), coder.goal.tolerance.tolist(), far.tolist(), strict=True
+        )
+        if is_far
+    ]
+    if not said:
+        return []
+    much = f"the zero moves {', '.join(said)}, more than the calibration leaves open at rest (in brackets)"
+    return [f"{much}: was the sensor pressed then, or has it changed?"]
 
 
 def poses_of(sensor: Sensor, load: Array) -> tuple[Array, Array, Array]:

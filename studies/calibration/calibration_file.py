@@ -234,7 +234,9 @@ def made_states(found: Fit, design: Design, times: Array, shift: Array, tilt: Ar
     rows = zip(times.tolist(), slow, load[:, 1:], strict=True)
     observed = np.array([law.step(*row) for row in rows])
     off = decode_readings.law_errors(design, times, slow, load, observed)[1:]
-    half = calibrated_forces.relaxing_half_width(answer.half_width, answer.force, observed[1:], off)
+    half = calibrated_forces.relaxing_half_width(
+        answer.half_width, answer.force, observed[1:], off, decode_readings.most_growth(design)
+    )
     return MadeStates(felt, outputs, law.slow * answer.force, observed[1:], half)
 
 
@@ -272,7 +274,14 @@ def decoded_rows(
     if times is not None:
         coder, field = calibrated_forces.coder_of(found), calibrated_forces.fields_of(found, readings, warmer)
         total, words, relaxing = decode_readings.over_time(coder, field, times, force, load, words)
-        numbers = [total, calibrated_forces.relaxing_half_width(half, force, total, relaxing[:, 3]), shift, relaxing]
+        numbers = [
+            total,
+            calibrated_forces.relaxing_half_width(
+                half, force, total, relaxing[:, 3], decode_readings.most_growth(found.design)
+            ),
+            shift,
+            relaxing,
+        ]
         columns = (*DECODED, *decode_readings.TIME_COLUMNS)
     return [
         dict(zip(columns, (word, *row), strict=True))
@@ -289,13 +298,28 @@ def decoded_arrays(
     """
     moved = readings if offset is None else readings + offset
     answer = calibrated_forces.decode(found, moved, warmer, zeroed=offset is not None)
-    elements = parts.of_design(found.sensor.design)
-    low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))
-    full = np.asarray(((readings <= low) | (readings >= high)).any(axis=1))
+    full = np.asarray(at_rails(found.sensor.design, readings).any(axis=1))
     force, half, shift, load = (
         np.where(full[:, None], np.nan, each) for each in (answer.force, answer.half_width, answer.shift, answer.load)
     )
     return np.where(full, "saturated", answer.status).tolist(), force, half, shift, load
+
+
+def warmer_of(found: Fit, temperature: Array) -> tuple[Array, list[str]]:
+    """Return T - T_0 of rows (n,), in a gap that of the rows beside it, and a sentence if there are gaps."""
+    warmer, known = temperature - found.sensor.temperature_C, np.isfinite(temperature)
+    if known.all() or not known.any():
+        return np.nan_to_num(warmer), []
+    rows = np.arange(len(warmer))
+    said = f"{(~known).sum()} of {len(rows)} rows have no temperature: it is interpolated from the rows beside them"
+    return np.interp(rows, rows[known], warmer[known]), [said]
+
+
+def at_rails(design: Design, readings: Array) -> NDArray[np.bool_]:
+    """Return which readings (n, k), in the elements' unit, lie at a rail."""
+    elements = parts.of_design(design)
+    low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))
+    return np.asarray((readings <= low) | (readings >= high))
 
 
 def zero_offset(found: Fit, readings: Array, warmer: Array) -> Array:
@@ -346,11 +370,14 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     raw, numbers, times, temperature = bench_file.read_readings(decoding.file, design)
     if added := [name for name in raw.columns if name in (*DECODED, *decode_readings.TIME_COLUMNS)]:
         raise BadInput(f"{decoding.file} has a column {added[0]} already, which decoding adds: rename or delete it")
-    warmer = np.nan_to_num(temperature - found.sensor.temperature_C)
+    warmer, said = warmer_of(found, temperature)
     offset = None
     if decoding.zero is not None:
-        at_rest = decode_readings.rows_at_rest(decoding, numbers, times)
-        offset = zero_offset(found, numbers[at_rest], warmer[at_rest])
+        full = at_rails(design, numbers)
+        at_rest = decode_readings.rows_at_rest(decoding, numbers, times, full)
+        offset = zero_offset(found, np.where(full, np.nan, numbers)[at_rest], warmer[at_rest])
+        gains = np.array([element.gain for element in calibrated_forces.coder_of(found).forward.elements])
+        said += calibrated_forces.zero_doubts(found, offset / gains)
     decoded = decoded_rows(found, numbers, times, warmer, offset)
     rows = [{**texts, **row} for texts, row in zip(raw.fillna("").to_dict("records"), decoded, strict=True)]
     table = table_of(rows).to_csv(index=False)
@@ -359,7 +386,7 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     elif not as_json:
         print(table, end="", flush=True)
     counts = Counter(row["status"] for row in rows)
-    said = [
+    said += [
         f"{n} of {len(rows)} rows {word}: {decode_readings.WHY[word]}" for word, n in counts.items() if word != "ok"
     ]
     if times is not None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic import parts
 from analytic.inverse.response_surface import Mechanics, of_formula, workspace
@@ -296,6 +297,17 @@ def residual_rows(found: Fit, bench: Bench, rows: Ints) -> list[FlatRow]:
     return rows_of
 
 
+def _at_rails(bench: Bench, full: NDArray[np.bool_]) -> list[str]:
+    """Return a sentence on rows that are left out, since a reading (n, k) of them lies at a rail."""
+    rows = np.flatnonzero(full.any(axis=1))
+    if not len(rows):
+        return []
+    name, run = bench.readings[int(full[rows[0]].argmax())], bench.table["run"].to_numpy()
+    at = 1 + int(np.count_nonzero(run[: rows[0]] == run[rows[0]]))
+    more = f", and {len(rows) - 1} more rows" * (len(rows) > 1)
+    return [f"row {at} of {run[rows[0]]} is left out, because {name} lies at a rail of its element{more}"]
+
+
 def _outliers(found: Fit, bench: Bench, rows: Ints) -> list[str]:
     """Return a sentence on the row that fits worst, if it is far from all others."""
     size = np.sqrt(np.nanmean(np.square(found.residual), axis=1))
@@ -394,7 +406,8 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
         truth[:] = _delayed(bench, truth, lag)
     full_scale = float(np.nanmax(np.abs(truth)))
     sensor = Sensor(design, law, un, noise, force_noise or 0.005 * full_scale)
-    complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(truth).any(axis=1)
+    full = calibration_file.at_rails(design, measured[:, :k])
+    complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(truth).any(axis=1) & ~full.any(axis=1)
     rows, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
     found = (sensor_fit.fit if force_noise else sensor_fit.fit_with_noise)(sensor, measured[rows], warmer[rows])
@@ -422,7 +435,7 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
         "estimated": force_noise is None, "hint": hint,
     }  # fmt: skip
     drawn = partial(figures, truth[rows], force[rows], curve)
-    return _result(found, bench, tables, origin, _outliers(found, bench, rows), drawn)
+    return _result(found, bench, tables, origin, [*_at_rails(bench, full), *_outliers(found, bench, rows)], drawn)
 
 
 def noise_of(design: Design) -> tuple[Array, str]:

@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 
 from analytic import beam
 from analytic.decode import decode, decoder, exceeded_limit, field_of, poses_outside
+from analytic.hall import at_rail
 from analytic.inverse import response_surface
 from analytic.parts import columns
 from analytic.time_series import RelaxingForce, TimeSeries, zero_offset, zeroed
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Response, tilts_of
-from geometry.relaxation import Relaxation, relaxation_of
+from geometry.relaxation import Relaxation, moduli, relaxation_of
 from studies.inputs import table_input, user_input
 from studies.inputs.option_groups import Decoding
 from studies.output import atomic_files, console, page_templates
@@ -310,7 +311,8 @@ def decode_file(
     )
     field, times = in_tesla(elements, values, unit), _times(decoding, head, rows)
     if decoding.zero is not None:
-        offset = zero_offset(coder, field[rows_at_rest(decoding, field, times)])
+        full = at_rail(elements, field.T).T
+        offset = zero_offset(coder, np.where(full, np.nan, field)[rows_at_rest(decoding, field, times, full)])
         field, coder = field + offset, zeroed(coder, offset)
     with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
         if progress is not None:
@@ -365,8 +367,10 @@ def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]
     return times
 
 
-def rows_at_rest(decoding: Decoding, readings: Array, times: Array | None) -> NDArray[np.bool_]:
-    """Return which rows (n,) of readings (n, k) lie between the two times of --zero, s."""
+def rows_at_rest(
+    decoding: Decoding, readings: Array, times: Array | None, full: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which rows (n,) of readings (n, k), of which some are `full` (at a rail), lie in the time of --zero."""
     text = decoding.zero or ""
     if times is None:
         raise BadInput(f"--zero needs the time of each row: {decoding.file} has no column time_s")
@@ -374,9 +378,10 @@ def rows_at_rest(decoding: Decoding, readings: Array, times: Array | None) -> ND
     if len(ends) != 2 or not ends[0] < ends[1]:
         raise BadInput(f"--zero takes two times FROM,TO in s, the first one before the second; got {text!r}")
     inside = (ends[0] <= times) & (times <= ends[1])
-    if not np.isfinite(readings[inside]).any(axis=0).all():
+    if not (np.isfinite(readings) & ~full)[inside].any(axis=0).all():
         raise BadInput(
-            f"--zero {text}: no row with readings lies in this time; the rows go from {times[0]:g} to {times[-1]:g} s"
+            f"--zero {text}: no row with readings lies in this time, or an element has none within its rails; the "
+            f"rows go from {times[0]:g} to {times[-1]:g} s"
         )
     return np.asarray(inside)
 
@@ -395,6 +400,11 @@ def over_time(
         found[k], force[k] = past.step(*row)
     known = np.where(np.array(found)[:, None] == "frozen", np.nan, slow)
     return force, found, np.column_stack([force - slow, law_errors(coder.forward.design, times, known, load, force)])
+
+
+def most_growth(design: Design) -> float:
+    """Return by how much an error of the force of slow loading, by the design's E, may grow in one that relaxes."""
+    return moduli(design)[1] / design.E / relaxation_of(design).rest
 
 
 def law_errors(design: Design, times: Array, slow: Array, load: Array, force: Array) -> Array:

@@ -62,6 +62,7 @@ class Nominal:
     """Decodes rows by a design and a level of the formulas, or states."""
 
     columns = FOUND
+    said: Sequence[str] = ()
 
     def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
         decoding = Decoding(level=options.level, responses=options.responses)
@@ -86,6 +87,7 @@ class Calibrated:
     """Decodes rows by a calibration, with the interval of each force."""
 
     columns = (*FOUND, *HALF)
+    said: Sequence[str] = ()
 
     def __init__(self, found: Fit, jitter: float) -> None:
         from studies.calibration import calibrated_forces
@@ -98,6 +100,7 @@ class Calibrated:
         """Begin with a silicone that has relaxed."""
         branches = decode_readings.doubted_branches(self._fit.design)
         self._doubted = [RelaxingForce(self._fit.design, each) for each in branches]
+        self._growth = decode_readings.most_growth(self._fit.design)
 
     def _fields(self, readings: Array) -> Array:
         return self._mechanics.fields_of(self._fit, readings, np.zeros(len(readings)))
@@ -105,12 +108,15 @@ class Calibrated:
     def zero(self, readings: Array) -> None:
         self._rest()
         self.stream.zero(self._fields(readings))
+        self.said = self._mechanics.zero_doubts(self._fit, self.stream.offset)
 
     def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
         fields = self._fields(readings).tolist()
         rows = [self.stream.step(tuple(field), moment) for field, moment in zip(fields, times, strict=True)]
         shift, force = (np.array([getattr(row, name) for row in rows]).reshape(-1, 3) for name in ("shift", "force"))
         _, slow, load, _ = state(self.stream.coder, np.ascontiguousarray(shift.T))
+        # a frozen element's force is not known: it says nothing of what relaxes
+        slow[:, [row.status == "frozen" for row in rows]] = np.nan
         known, half = np.isfinite(force).all(axis=1), np.full_like(force, np.nan)
         half[known] = self._mechanics.intervals(
             self._fit,
@@ -125,7 +131,7 @@ class Calibrated:
         ]
         off = np.array([max((float(np.linalg.norm(one - F)) for one in each), default=0.0) for each, F in
                         zip(laws, force, strict=True)])  # fmt: skip
-        wide = self._mechanics.relaxing_half_width(half, slow.T, force, off)
+        wide = self._mechanics.relaxing_half_width(half, slow.T, force, off, self._growth)
         for row, each in zip(rows, wide.tolist(), strict=True):
             yield row.status, *row.force, *row.shift, *each
 
@@ -175,7 +181,9 @@ class Live:
             if not read:
                 return []
             if not self._zero(0.0):
-                raise BadInput(f"--zero {self._rest:g}: an element sent no number in this time: check the elements")
+                raise BadInput(
+                    f"--zero {self._rest:g}: an element sent no number within its rails then: check the elements"
+                )
             self._rest = 0.0
         self._recent += read
         if self.zero_asked and self._recent:
@@ -192,6 +200,10 @@ class Live:
         self.counts.update(row["status"] for row in rows)
         return rows
 
+    @property
+    def remarks(self) -> Sequence[str]:
+        return self._decoder.said
+
     def why_nothing(self) -> str:
         """Return why no row has a force."""
         if self._rest and self._recent:
@@ -203,6 +215,8 @@ class Live:
     def _zero(self, begun: float) -> bool:
         """Take the last rows since a time, s, for those at rest; not where an element has no reading in them."""
         rest = np.array([row for moment, row in self._recent if moment >= begun])
+        full = np.array([[e.low, e.high] for e in parts.of_design(self.design)]).T
+        rest[(rest <= full[0]) | (rest >= full[1])] = np.nan
         whole = bool(np.isfinite(rest).any(axis=0).all())
         if whole:
             self._decoder.zero(rest)
@@ -441,7 +455,8 @@ def summary(live: Live, lost: int) -> Result:
         **{f"rows_{status}": count for status, count in live.counts.items()},
     }
     known = sum(live.counts[status] for status in decode_readings.WITH_POSE)
-    remarks = [
+    remarks = [*live.remarks]
+    remarks += [
         f"{count} of {total} rows {status}: {decode_readings.WHY.get(status, 'no pose explains these readings')}"
         for status, count in live.counts.items()
         if status != "ok"
