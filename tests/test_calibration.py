@@ -205,6 +205,17 @@ def test_a_calibrated_sensor_decodes_as_in_python_by_the_decoder_in_c(calibratio
     ratio = answer["half_width"][known] / expected.half_width[known]
     assert ratio.min() > 0.8
     assert 1 < np.median(ratio) < 1.2
+    # and over time, where the force relaxes: a press within a second, held
+    times = 0.05 * np.arange(60)
+    path = np.stack([0 * times, 0 * times, -0.5 * np.minimum(times, 1.0)])
+    series = decoder_export.outputs_at(made.coder, path)
+    slow = pd.DataFrame(calibration_file.decoded_rows(found, series, times, np.zeros(60)))
+    answer = firmware_check.answers(program, series, np.diff(times, prepend=0.0))
+    expected = {name: slow[[f"{name}_{axis}_N" for axis in "xyz"]].to_numpy() for name in ("force", "half_width")}
+    assert_allclose(answer["force"][1:], expected["force"][1:], atol=2e-3)
+    ratio = answer["half_width"][1:] / expected["half_width"][1:]
+    assert ratio.min() > 0.8
+    assert ratio.max() < 2.5
 
 
 def test_a_zero_leaves_out_rails_and_says_that_the_sensor_was_pressed(bench, calibration, run, tmp_path):
@@ -224,6 +235,28 @@ def test_a_zero_leaves_out_rails_and_says_that_the_sensor_was_pressed(bench, cal
     assert np.isfinite(good.half_width_z_N.drop(4)).all()
     status, _, err = run(*base, "8,11", "--out", tmp_path / "bad.csv")
     assert "more than the calibration leaves open at rest" in err
+
+
+def test_stream_and_decode_agree_behind_a_frozen_element(calibration):
+    sensor, rng, times = calibration[0].sensor, np.random.default_rng(1), 0.1 * np.arange(80)
+    noisy = dataclasses.replace(sensor, design=dataclasses.replace(sensor.design, hall_noise=3e-4))
+    found = dataclasses.replace(calibration[0], sensor=noisy)
+    shift = np.stack([0 * times, 0 * times, -0.3 + 0.2 * np.sin(times)])
+    series = decoder_export.outputs_at(calibrated_forces.coder_of(found), shift) + 3e-4 * rng.normal(size=(80, 3))
+    series[30:55, 1] = series[30, 1]
+    rows = list(live_stream.Calibrated(found, 0.0).rows(times.tolist(), series))
+    decoded = calibration_file.decoded_rows(found, series, times, np.zeros(80))
+    assert [row[0] for row in rows] == [row["status"] for row in decoded]
+    assert "frozen" in {row["status"] for row in decoded}
+    for k, name in ((3, "force_z_N"), (9, "half_width_z_N")):
+        assert_allclose([row[k] for row in rows], [row[name] for row in decoded], rtol=1e-6, atol=1e-9)
+
+
+def test_a_missing_temperature_is_that_of_the_rows_beside_it(calibration):
+    warmer, said = calibration_file.warmer_of(calibration[0], np.array([20.0, np.nan, 40.0, np.nan]))
+    assert warmer == pytest.approx([0, 10, 20, 20])
+    assert said == ["2 of 4 rows have no temperature: it is interpolated from the rows beside them"]
+    assert calibration_file.warmer_of(calibration[0], np.full(2, np.nan))[1] == []
 
 
 def test_a_row_at_a_rail_is_left_out_of_the_calibration(bench, run, tmp_path):

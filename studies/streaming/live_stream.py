@@ -98,9 +98,9 @@ class Calibrated:
 
     def _rest(self) -> None:
         """Begin with a silicone that has relaxed."""
-        branches = decode_readings.doubted_branches(self._fit.design)
-        self._doubted = [RelaxingForce(self._fit.design, each) for each in branches]
-        self._growth = decode_readings.most_growth(self._fit.design)
+        design = self.stream.coder.forward.design
+        self._doubted = [RelaxingForce(design, each) for each in decode_readings.doubted_branches(design)]
+        self._growth = decode_readings.most_growth(design)
 
     def _fields(self, readings: Array) -> Array:
         return self._mechanics.fields_of(self._fit, readings, np.zeros(len(readings)))
