@@ -116,16 +116,17 @@ def fields_of(found: Fit, readings: Array, warmer: Array) -> Array:
     return np.asarray(((field + ambient) / gain[:, None] - ambient) / remanence[:, None])
 
 
-def decode(found: Fit, readings: Array, warmer: Array, *, zeroed: bool = False) -> DecodedForces:
+def decode(found: Fit, readings: Array, warmer: Array, offset: Array | None = None) -> DecodedForces:
     """Decode readings (n, k), in the elements' unit, by an estimated sensor; their rails do not count.
 
-    zeroed : whether the readings were moved to those of the estimated sensor at rest, whose errors then fall out.
+    offset : (k,) of a zero, T, as `analytic.time_series.zero_offset` returns it.
     """
     coder = coder_of(found)
     nowhere = np.array([-math.inf, math.inf]) * np.ones((len(coder.sigma), 1))
     coder = dataclasses.replace(coder, goal=coder.goal._replace(rails=nowhere))
-    answer = decoding.decode(coder, fields_of(found, readings, warmer))
+    answer = decoding.decode(coder, fields_of(found, readings, warmer) + (0.0 if offset is None else offset))
     half, known = np.full_like(answer.force, np.nan), np.isfinite(answer.force).all(axis=1)
+    zeroed = offset is not None
     (half[known],) = intervals(found, [found.covariance], answer.shift[known], warmer[known], zeroed=zeroed)
     return DecodedForces(answer.status, answer.force, half, answer.shift, answer.load)
 
@@ -135,7 +136,8 @@ def intervals(
 ) -> list[Array]:
     """Return half of the 90 % intervals (n, 3) of forces that readings give at shifts (n, 3).
 
-    covariances : (p, p) of the unknowns, one for each answer. zeroed : as in `decode`.
+    covariances : (p, p) of the unknowns, one for each answer.
+    zeroed : whether a zero moved the readings to those of the estimated sensor at rest, whose errors then fall out.
     """
     slope, noise = _decoding_slopes(found.sensor, found.theta, shift, warmer, zeroed=zeroed)
     free, errors = found.sensor.unknowns.free, found.sensor.mechanics.errors

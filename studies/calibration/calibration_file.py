@@ -22,7 +22,7 @@ from analytic import parts
 from analytic.decode import field_of
 from analytic.hall import converted
 from analytic.inverse.response_surface import Mechanics
-from analytic.time_series import RelaxingForce
+from analytic.time_series import RelaxingForce, zero_offset
 from geometry.arrays import Array
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
@@ -294,10 +294,9 @@ def decoded_arrays(
 ) -> tuple[list[Any], Array, Array, Array, Array]:
     """Return status, force of slow loading, half of its interval, shift and load (n, 3) of readings (n, k).
 
-    offset : (k,) `zero_offset`, if a zero was taken: it moves readings, but not the rails of the elements.
+    offset : (k,), T, if a zero was taken: it moves readings, but not the rails of the elements.
     """
-    moved = readings if offset is None else readings + offset
-    answer = calibrated_forces.decode(found, moved, warmer, zeroed=offset is not None)
+    answer = calibrated_forces.decode(found, readings, warmer, offset)
     full = np.asarray(at_rails(found.sensor.design, readings).any(axis=1))
     force, half, shift, load = (
         np.where(full[:, None], np.nan, each) for each in (answer.force, answer.half_width, answer.shift, answer.load)
@@ -306,10 +305,14 @@ def decoded_arrays(
 
 
 def warmer_of(found: Fit, temperature: Array) -> tuple[Array, list[str]]:
-    """Return T - T_0 of rows (n,), in a gap that of the rows beside it, and a sentence if there are gaps."""
+    """Return T - T_0 of rows (n,), in a gap that of the rows beside it, and a sentence if some or all are missing."""
     warmer, known = temperature - found.sensor.temperature_C, np.isfinite(temperature)
-    if known.all() or not known.any():
-        return np.nan_to_num(warmer), []
+    if not known.any():
+        asked = "gain_per_K" in found.sensor.unknowns.names
+        said = f"the rows have no temperature, as the bench had: they are decoded at {found.sensor.temperature_C:g} C"
+        return np.zeros(len(warmer)), [said] * asked
+    if known.all():
+        return warmer, []
     rows = np.arange(len(warmer))
     said = f"{(~known).sum()} of {len(rows)} rows have no temperature: it is interpolated from the rows beside them"
     return np.interp(rows, rows[known], warmer[known]), [said]
@@ -320,12 +323,6 @@ def at_rails(design: Design, readings: Array) -> NDArray[np.bool_]:
     elements = parts.of_design(design)
     low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))
     return np.asarray((readings <= low) | (readings >= high))
-
-
-def zero_offset(found: Fit, readings: Array, warmer: Array) -> Array:
-    """Return what to add to readings (k,) from rows of them at rest (n, k), at dT (n,); NaN counts in no mean."""
-    rest = found.sensor.predict(found.theta, np.zeros((1, 3)), warmer.mean(keepdims=True))[0]
-    return np.asarray(rest[: readings.shape[1]] - np.nanmean(readings, axis=0))
 
 
 def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: bool) -> Result:
@@ -375,9 +372,9 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     if decoding.zero is not None:
         full = at_rails(design, numbers)
         at_rest = decode_readings.rows_at_rest(decoding, numbers, times, full)
-        offset = zero_offset(found, np.where(full, np.nan, numbers)[at_rest], warmer[at_rest])
-        gains = np.array([element.gain for element in calibrated_forces.coder_of(found).forward.elements])
-        said += calibrated_forces.zero_doubts(found, offset / gains)
+        rest = calibrated_forces.fields_of(found, np.where(full, np.nan, numbers)[at_rest], warmer[at_rest])
+        offset = zero_offset(calibrated_forces.coder_of(found), rest)
+        said += calibrated_forces.zero_doubts(found, offset)
     decoded = decoded_rows(found, numbers, times, warmer, offset)
     rows = [{**texts, **row} for texts, row in zip(raw.fillna("").to_dict("records"), decoded, strict=True)]
     table = table_of(rows).to_csv(index=False)
