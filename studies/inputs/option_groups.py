@@ -71,86 +71,59 @@ def _options(group: type[_T]) -> type[_T]:
 
 @_options
 class Motion:
-    """Motion of the plate or of the grip, and the contact.
-
-    Attributes
-    ----------
-    depths
-        Several depths of a press, d1,d2,d3, mm.
-    force
-        Normal force of a press, N, instead of its depth, which is searched for.
-    forces
-        Several normal forces of a press, f1,f2,f3, N.
-    shear_force
-        Force along x, N, to which the plate shears the tip after the press to --force. The depth stays fixed, so the
-        normal force changes; the state shows it.
-    shear_force_y
-        The same along y, N.
-    steps
-        Number of equal steps of the depth, or of the shear (at full depth) if there is one; or of the forces in
-        their place; default: 1.
-    plate_tilt
-        Rotation of the plate about y, degrees; positive values turn its normal from z towards x.
-    imperfection
-        Dead force on the dome along x, N; it selects the direction in which a press buckles.
-    friction
-        none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first
-        touch on; default: none for a press, stick for a shear.
-    grip
-        Replace the plate by a grip that holds all surface points within this height of the tip, mm.
-    """
+    """Motion of the plate or of the grip, and the contact."""
 
     depth: Annotated[float | None, DEPTH] = None
     depths: str | None = None
+    """Several depths of a press, d1,d2,d3, mm."""
     force: float | None = None
+    """Normal force of a press, N, instead of its depth, which is searched for."""
     forces: str | None = None
+    """Several normal forces of a press, f1,f2,f3, N."""
     shear_force: float | None = None
+    """Force along x, N, to which the plate shears the tip after the press to --force. The depth stays fixed, so the
+    normal force changes; the state shows it."""
     shear_force_y: float | None = None
+    """The same along y, N."""
     steps: Whole | None = None
+    """Number of equal steps of the depth, or of the shear (at full depth) if there is one; or of the forces in their
+    place; default: 1."""
     shear: Annotated[float | None, SHEAR] = None
     shear_y: Annotated[float | None, SHEAR_Y] = None
     plate_tilt: float = 0.0
+    """Rotation of the plate about y, degrees; positive values turn its normal from z towards x."""
     imperfection: float = 0.0
+    """Dead force on the dome along x, N; it selects the direction in which a press buckles."""
     friction: str | None = None
+    """none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first touch
+    on; default: none for a press, stick for a shear."""
     grip: float | None = None
+    """Replace the plate by a grip that holds all surface points within this height of the tip, mm."""
 
 
 @_options
 class Pose:
-    """Pose of the magnet.
-
-    Attributes
-    ----------
-    shift
-        Displacement x,y,z of the magnet's centre, mm; z is negative towards the base.
-    tilt
-        Rotation vector rx,ry of the magnet about its centre, rad: positive ry tilts its axis towards x, positive rx
-        towards -y (a state has rx = -tilt_y and ry = tilt).
-    """
+    """Pose of the magnet."""
 
     shift: str = "0,0,0"
+    """Displacement x,y,z of the magnet's centre, mm; z is negative towards the base."""
     tilt: str = "0,0"
+    """Rotation vector rx,ry of the magnet about its centre, rad: positive ry tilts its axis towards x, positive rx
+    towards -y (a state has rx = -tilt_y and ry = tilt)."""
 
 
 @_options
 class Method:
-    """Model, mesh and accuracy of the finite elements.
-
-    Attributes
-    ----------
-    model
-        Finite-element model; auto takes the smallest one that can carry the load.
-    harmonics
-        Number of harmonics of model harmonic, 0 to 12 (a shear needs 1 or more); default: that of the accuracy.
-    mesh
-        File with a tetrahedral mesh of this design, whole or the half at y >= 0, in a format of meshio (.vtu, .msh,
-        .inp, ...), with regions named silicone and magnet; errors are then not estimated.
-    """
+    """Model, mesh and accuracy of the finite elements."""
 
     magnet: Annotated[Magnet, MAGNET] = "rigid"
     model: Model = "auto"
+    """Finite-element model; auto takes the smallest one that can carry the load."""
     harmonics: Whole | None = None
+    """Number of harmonics of model harmonic, 0 to 12 (a shear needs 1 or more); default: that of the accuracy."""
     mesh: Path | None = None
+    """File with a tetrahedral mesh of this design, whole or the half at y >= 0, in a format of meshio (.vtu, .msh,
+    .inp, ...), with regions named silicone and magnet; errors are then not estimated."""
     accuracy: Annotated[AccuracyName | None, STANDARD] = None
     tolerance: Annotated[str | None, TOLERANCE] = None
 
@@ -162,268 +135,185 @@ class Method:
 
 @_options
 class Basis:
-    """Poses and readings on which a layout of Hall elements is evaluated.
-
-    Attributes
-    ----------
-    clearance
-        Least distance between an element and the moved magnet or the beam's wall, mm.
-    """
+    """Poses and readings on which a layout of Hall elements is evaluated."""
 
     level: Annotated[str | None, FORMULAS] = None
     responses: Annotated[Path | None, RESPONSES] = None
     ignore_tilt: Annotated[bool, NO_TILT] = False
     mode: Mode = "component"
     clearance: float = 0.0
+    """Least distance between an element and the moved magnet or the beam's wall, mm."""
 
 
 @_options
 class Selection:
-    """States of the store, all of them by default.
-
-    Attributes
-    ----------
-    where
-        Filter by a field, NAME=VALUE, NAME=a,b or NAME=low:high; repeatable. Fields are model, magnet, law, nu,
-        L_over_D, accuracy, friction, depth_over_D, status and the other columns of an export.
-    since
-        Only states that were added at this date or time (UTC) or later, such as 2026-11-05.
-    before
-        Only states that were added before this date or time (UTC).
-    failed
-        Only states whose solve failed; with --transient those too.
-    transient
-        Only states whose process died or ran out of memory.
-    older_physics
-        Only states of physics versions that this version of magtip no longer uses.
-    damaged
-        Only states whose content, position or answer is damaged.
-    """
+    """States of the store, all of them by default."""
 
     store: Annotated[Path | None, STORE] = None
     where: list[str] | None = None
+    """Filter by a field, NAME=VALUE, NAME=a,b or NAME=low:high; repeatable. Fields are model, magnet, law, nu,
+    L_over_D, accuracy, friction, depth_over_D, status and the other columns of an export."""
     since: str | None = None
+    """Only states that were added at this date or time (UTC) or later, such as 2026-11-05."""
     before: str | None = None
+    """Only states that were added before this date or time (UTC)."""
     failed: bool = False
+    """Only states whose solve failed; with --transient those too."""
     transient: bool = False
+    """Only states whose process died or ran out of memory."""
     older_physics: bool = False
+    """Only states of physics versions that this version of magtip no longer uses."""
     damaged: bool = False
+    """Only states whose content, position or answer is damaged."""
 
 
 @_options
 class Vibration:
-    """State at rest of a sensor, and the frequencies at which it vibrates.
-
-    Attributes
-    ----------
-    frequencies
-        Lowest and highest frequency, LOW:HIGH, Hz.
-    count
-        Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them.
-    friction
-        stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
-        Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates.
-    plate_tilt
-        Tilt of the plate's normal from z towards x, degrees.
-    grip
-        In place of the plate, hold the skin down to this depth below the top, mm; it moves along x.
-    extrapolate
-        Allow frequencies for which the silicone's branches do not speak, and mark the results.
-    """
+    """State at rest of a sensor, and the frequencies at which it vibrates."""
 
     depth: Annotated[float | None, Parameter(help="Travel of the plate after first touch, mm; default: 1.")] = None
     shear: Annotated[float, SHEAR] = 0.0
     frequencies: str = "1:1000"
+    """Lowest and highest frequency, LOW:HIGH, Hz."""
     count: Whole = 200
+    """Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them."""
     shear_y: Annotated[float, SHEAR_Y] = 0.0
     friction: str | None = None
+    """stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
+    Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates."""
     plate_tilt: float = 0.0
+    """Tilt of the plate's normal from z towards x, degrees."""
     grip: float | None = None
+    """In place of the plate, hold the skin down to this depth below the top, mm; it moves along x."""
     magnet: Annotated[Magnet, MAGNET] = "rigid"
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
     extrapolate: bool = False
+    """Allow frequencies for which the silicone's branches do not speak, and mark the results."""
 
 
 @_options
 class Cycle:
-    """Motion of the plate in time.
-
-    Attributes
-    ----------
-    speed
-        Mean speed of the plate, mm/s; give this or --frequency.
-    frequency
-        Cycles per second, without the holds, Hz.
-    waveform
-        Motion of the plate: triangle (constant speed) or sine.
-    cycles
-        Number of cycles.
-    hold
-        Rest of the plate at each end of the stroke, s.
-    shear
-        After the press, shear the tip along x between plus and minus this, mm; the depth stays.
-    friction
-        none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first
-        touch on; default: none for a press, stick for a shear.
-    second_law
-        Also follow the motion by the law for large rates (Reese and Govindjee), and print the difference.
-    gap
-        Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
-        paper measured less than 10).
-    tolerance
-        Permitted error of the force from the time steps, over the largest force; at least 1e-7.
-    extrapolate
-        Allow frequencies and holds for which the silicone's branches do not speak, and mark the results.
-    """
+    """Motion of the plate in time."""
 
     depth: Annotated[float, DEPTH] = 1.0
     speed: float | None = None
+    """Mean speed of the plate, mm/s; give this or --frequency."""
     frequency: float | None = None
+    """Cycles per second, without the holds, Hz."""
     waveform: Waveform = "triangle"
+    """Motion of the plate: triangle (constant speed) or sine."""
     cycles: Whole = 3
+    """Number of cycles."""
     hold: float = 0.0
+    """Rest of the plate at each end of the stroke, s."""
     shear: float = 0.0
+    """After the press, shear the tip along x between plus and minus this, mm; the depth stays."""
     friction: str | None = None
+    """none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first touch
+    on; default: none for a press, stick for a shear."""
     second_law: bool = False
+    """Also follow the motion by the law for large rates (Reese and Govindjee), and print the difference."""
     gap: float | None = None
+    """Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
+    paper measured less than 10)."""
     magnet: Annotated[Magnet, MAGNET] = "rigid"
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
     calibration: Annotated[Path | None, CALIBRATION] = None
     tolerance: float = 1e-3
+    """Permitted error of the force from the time steps, over the largest force; at least 1e-7."""
     extrapolate: bool = False
+    """Allow frequencies and holds for which the silicone's branches do not speak, and mark the results."""
 
 
 @_options
 class Reading:
-    """How the elements read.
-
-    Attributes
-    ----------
-    ambient
-        Uniform ambient field Bx,By,Bz, T.
-    seed
-        Seed of one random sample of the elements' noise; default: no noise.
-    """
+    """How the elements read."""
 
     level: Annotated[FieldLevel, LEVEL] = "exact"
     mode: Mode = "component"
     ambient: str = "0,0,0"
+    """Uniform ambient field Bx,By,Bz, T."""
     seed: Whole | None = None
+    """Seed of one random sample of the elements' noise; default: no noise."""
 
 
 @_options
 class Decoding:
-    """What is decoded, and by which mechanics.
-
-    Attributes
-    ----------
-    readings
-        Readings a,b,c in the order S1,S2,S3 (of a chip: -z,x,y), V or T as --units says.
-    file
-        CSV file with the columns `S1_V,S2_V,S3_V` (or `S1_T` and so on), of a chip `chip_-z_T,chip_x_T,chip_y_T`,
-        decoded row by row as a stream. With a column `time_s`, forces are those of a silicone that relaxes, and rows
-        that repeat, are missing or jump are marked; without it they are those of slow loading.
-    zero
-        Times FROM,TO of the file, s, in which the sensor is at rest: the mean of these readings is taken for those at
-        rest.
-    units
-        Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output.
-    tolerances
-        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
-        that these tolerances may cause at rest has the status uncalibrated.
-    """
+    """What is decoded, and by which mechanics."""
 
     readings: str | None = None
+    """Readings a,b,c in the order S1,S2,S3 (of a chip: -z,x,y), V or T as --units says."""
     file: Path | None = None
+    """CSV file with the columns `S1_V,S2_V,S3_V` (or `S1_T` and so on), of a chip `chip_-z_T,chip_x_T,chip_y_T`,
+    decoded row by row as a stream. With a column `time_s`, forces are those of a silicone that relaxes, and rows
+    that repeat, are missing or jump are marked; without it they are those of slow loading."""
     zero: str | None = None
+    """Times FROM,TO of the file, s, in which the sensor is at rest: the mean of these readings is taken for those at
+    rest."""
     units: Literal["T", "V"] | None = None
+    """Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output."""
     level: Annotated[str | None, FORMULAS] = None
     responses: Annotated[Path | None, RESPONSES] = None
     ignore_tilt: Annotated[bool, NO_TILT] = False
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
+    that these tolerances may cause at rest has the status uncalibrated."""
     calibration: Annotated[Path | None, CALIBRATION] = None
 
 
 @_options
 class Calibrating:
-    """What is known of a made sensor and its test stand.
-
-    Attributes
-    ----------
-    responses
-        File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate.
-    columns
-        NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; repeatable.
-    force_sign
-        Factor on all forces: -1 where the file counts compression as negative.
-    force_noise
-        Standard deviation of a measured force, N; default: half a percent of the largest one.
-    free
-        Unknown whose prior is ten times as wide; repeatable.
-    fix
-        NAME=VALUE: unknown that is not estimated, such as remanence=1; repeatable.
-    tolerances
-        NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, which gives the priors; repeatable.
-    scan
-        The one file is a scan of the bare magnet, without silicone, over the design's 3-axis chip: positions x_mm,
-        y_mm, z_mm of the stage and Bx_mT, By_mT, Bz_mT. Its polarisation, place and tilts are fitted.
-    """
+    """What is known of a made sensor and its test stand."""
 
     responses: Path | None = None
+    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate."""
     columns: Annotated[list[str] | None, Parameter(name="--column")] = None
+    """NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; repeatable."""
     force_sign: Literal[1, -1] = 1
+    """Factor on all forces: -1 where the file counts compression as negative."""
     force_noise: float | None = None
+    """Standard deviation of a measured force, N; default: half a percent of the largest one."""
     free: list[str] | None = None
+    """Unknown whose prior is ten times as wide; repeatable."""
     fix: list[str] | None = None
+    """NAME=VALUE: unknown that is not estimated, such as remanence=1; repeatable."""
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, which gives the priors; repeatable."""
     scan: bool = False
+    """The one file is a scan of the bare magnet, without silicone, over the design's 3-axis chip: positions x_mm,
+    y_mm, z_mm of the stage and Bx_mT, By_mT, Bz_mT. Its polarisation, place and tilts are fitted."""
 
 
 @_options
 class Streaming:
-    """Where readings come from, how a frame of them is laid out, and by what they are decoded.
-
-    Attributes
-    ----------
-    port
-        Serial port (/dev/ttyACM0), named pipe, - for standard input, or a CSV file with time_s and the elements'
-        columns, which is replayed at its own pace.
-    frames
-        Layout of a frame: lines of numbers in the order of the elements; lines-xyzt, x, y, z in uT and the
-        temperature of each chip; anyskin, the binary frames of AnySkin and ReSkin; aa, 0xAA and three counts of 16
-        bits for each chip.
-    units
-        Unit of the numbers of lines: V or mV, of a chip T, mT, uT or G; default: that of the elements' output.
-    chips
-        Which chips of a frame are this design's, counted from 1, such as 3 or 1,2,4; default: the first ones.
-    frame_chips
-        Number of chips in a frame; default: as many as --chips needs.
-    axes
-        Axes of the chip that lie along x, y and z of the sensor, such as y,-x,z.
-    lsb
-        Flux density of a count of aa, uT, along x and y, and along z; default: 0.15,0.242, an MLX90393 at gain 7.
-    clock
-        Unit of the device's time, with which each line then begins; default: times are those of arrival.
-    baud
-        Speed of a serial port, bits per second.
-    speed
-        Pace of a replay: 2 for twice as fast, 0 without waiting.
-    rest
-        Time at the start, s, in which nothing touches the sensor: its readings are taken for those at rest. On a
-        terminal, z and Enter take those of the last half second.
-    """
+    """Where readings come from, how a frame of them is laid out, and by what they are decoded."""
 
     port: str
+    """Serial port (/dev/ttyACM0), named pipe, - for standard input, or a CSV file with time_s and the elements'
+    columns, which is replayed at its own pace."""
     frames: Literal["lines", "lines-xyzt", "anyskin", "aa"] = "lines"
+    """Layout of a frame: lines of numbers in the order of the elements; lines-xyzt, x, y, z in uT and the
+    temperature of each chip; anyskin, the binary frames of AnySkin and ReSkin; aa, 0xAA and three counts of 16 bits
+    for each chip."""
     units: str | None = None
+    """Unit of the numbers of lines: V or mV, of a chip T, mT, uT or G; default: that of the elements' output."""
     chips: str | None = None
+    """Which chips of a frame are this design's, counted from 1, such as 3 or 1,2,4; default: the first ones."""
     frame_chips: Whole | None = None
+    """Number of chips in a frame; default: as many as --chips needs."""
     axes: str = "x,y,z"
+    """Axes of the chip that lie along x, y and z of the sensor, such as y,-x,z."""
     lsb: str | None = None
+    """Flux density of a count of aa, uT, along x and y, and along z; default: 0.15,0.242, an MLX90393 at gain 7."""
     clock: Literal["s", "ms", "us"] | None = None
+    """Unit of the device's time, with which each line then begins; default: times are those of arrival."""
     baud: Whole = 115200
+    """Speed of a serial port, bits per second."""
     speed: float = 1.0
+    """Pace of a replay: 2 for twice as fast, 0 without waiting."""
     rest: Annotated[float, Parameter(name="--zero")] = 0.0
+    """Time at the start, s, in which nothing touches the sensor: its readings are taken for those at rest. On a
+    terminal, z and Enter take those of the last half second."""
     level: Annotated[str | None, FORMULAS] = None
     responses: Annotated[Path | None, RESPONSES] = None
     calibration: Annotated[Path | None, CALIBRATION] = None
@@ -431,193 +321,129 @@ class Streaming:
 
 @_options
 class LayoutParts:
-    """Parts of a study of a layout beside its map.
-
-    Attributes
-    ----------
-    search
-        Search for better layouts over f, l0 and c (of a chip: l0 and chip_x), ranked by their share of unusable
-        poses, then by their worst noise; takes a minute.
-    ranges
-        Range of the search, NAME=LOW,HIGH, mm, or NAME=VALUE to keep a value; repeatable.
-    count
-        Number of layouts that the search lists, 1 to 16; default: 10.
-    claim
-        Test the paper's claim that readings are unique, over c, for |B| and for B.n; takes a minute.
-    force_range
-        Range of loads NORMAL,TANGENTIAL, N: report the force resolution along x, y and z from 0 to these limits,
-        where it is worst, and what saturates. The fields hall_noise to hall_average set the noise.
-    """
+    """Parts of a study of a layout beside its map."""
 
     search: bool = False
+    """Search for better layouts over f, l0 and c (of a chip: l0 and chip_x), ranked by their share of unusable
+    poses, then by their worst noise; takes a minute."""
     ranges: Annotated[list[str] | None, Parameter(name="--range")] = None
+    """Range of the search, NAME=LOW,HIGH, mm, or NAME=VALUE to keep a value; repeatable."""
     count: Whole | None = None
+    """Number of layouts that the search lists, 1 to 16; default: 10."""
     claim: bool = False
+    """Test the paper's claim that readings are unique, over c, for |B| and for B.n; takes a minute."""
     force_range: str | None = None
+    """Range of loads NORMAL,TANGENTIAL, N: report the force resolution along x, y and z from 0 to these limits,
+    where it is worst, and what saturates. The fields hall_noise to hall_average set the noise."""
 
 
 @_options
 class Fabrication:
-    """How the parts are made.
-
-    Attributes
-    ----------
-    process
-        Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls; default: that of the
-        design file, or fdm.
-    mold
-        Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3, split=1 or marks=1 (letters);
-        repeatable.
-    base
-        Setting of the base: square or round, or KEY=VALUE, such as outer=16, recess=0.4, screw=0 or marks=1 (grooves
-        at +x and +y); repeatable.
-    axis
-        Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable.
-    tolerance
-        Largest distance of the STL's facets from the surface, mm; default: D/2000.
-    silicone
-        Name of a silicone of the shipped catalogue, such as "Sylgard 184", whose mix and cure the recipe then states;
-        default: that of the design; without one the recipe refers to the data sheet.
-    """
+    """How the parts are made."""
 
     process: Literal["fdm", "sla"] | None = None
+    """Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls; default: that of the
+    design file, or fdm."""
     mold: list[str] | None = None
+    """Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3, split=1 or marks=1 (letters); repeatable."""
     base: list[str] | None = None
+    """Setting of the base: square or round, or KEY=VALUE, such as outer=16, recess=0.4, screw=0 or marks=1 (grooves
+    at +x and +y); repeatable."""
     axis: list[str] | None = None
+    """Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable."""
     tolerance: float | None = None
+    """Largest distance of the STL's facets from the surface, mm; default: D/2000."""
     silicone: str | None = None
+    """Name of a silicone of the shipped catalogue, such as "Sylgard 184", whose mix and cure the recipe then states;
+    default: that of the design; without one the recipe refers to the data sheet."""
 
 
 @_options
 class Sweep:
-    """What varies in a sweep, and what is computed.
-
-    Attributes
-    ----------
-    axis
-        Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
-        nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency,
-        speed) or of magnet; repeatable.
-    load
-        Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable.
-    design
-        Design to vary, a preset or a TOML file; default: paper.
-    depth
-        Depth of the press if depth is not an axis, mm.
-    magnet
-        Rigid body, or ignored (the whole beam is silicone); default: rigid.
-    accuracy
-        Accuracy of the finite elements; default: standard.
-    models
-        Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
-        another model than auto), surrogate, and levels of the formulas; default: standard,paper.
-    quantities
-        Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes,
-        response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts sideways.
-    """
+    """What varies in a sweep, and what is computed."""
 
     axis: list[str] | None = None
+    """Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
+    nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency, speed) or
+    of magnet; repeatable."""
     load: list[str] | None = None
+    """Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable."""
     design: str | None = None
+    """Design to vary, a preset or a TOML file; default: paper."""
     depth: float | None = None
+    """Depth of the press if depth is not an axis, mm."""
     magnet: Magnet | None = None
+    """Rigid body, or ignored (the whole beam is silicone); default: rigid."""
     accuracy: AccuracyName | None = None
+    """Accuracy of the finite elements; default: standard."""
     models: str | None = None
+    """Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
+    another model than auto), surrogate, and levels of the formulas; default: standard,paper."""
     quantities: str | None = None
+    """Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes,
+    response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts sideways."""
     tolerance: Annotated[str | None, TOLERANCE] = None
 
 
 @_options
 class Solving:
-    """Where states are solved and kept.
-
-    Attributes
-    ----------
-    workers
-        Number of processes that solve; default: one for each core, or none if all solves take only seconds.
-    scheduler
-        Address of a Dask scheduler, such as tcp://127.0.0.1:8786, whose workers solve.
-    retry_failed
-        Solve again the cases whose process died.
-    """
+    """Where states are solved and kept."""
 
     store: Annotated[Path | None, STORE] = None
     workers: Whole | None = None
+    """Number of processes that solve; default: one for each core, or none if all solves take only seconds."""
     scheduler: str | None = None
+    """Address of a Dask scheduler, such as tcp://127.0.0.1:8786, whose workers solve."""
     retry_failed: bool = False
+    """Solve again the cases whose process died."""
 
 
 @_options
 class Sensitivity:
-    """Inputs and methods of a study of tolerances.
-
-    Attributes
-    ----------
-    vary
-        Range of an input, NAME=low:high, of a field of the design, depth or shear; repeatable. Default: E, nu,
-        remanence and size of the magnet within their tolerances. Methods sobol and morris use it.
-    shear
-        Displacement of the plate along x after the press, with the tip stuck to it, mm.
-    methods
-        Any of sobol, morris and montecarlo, separated by commas.
-    tolerances
-        Tolerance of a made sensor, NAME=VALUE, such as E=5 (percent) or magnet_x=0.1 (mm); repeatable.
-    model
-        Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite).
-    accuracy
-        Accuracy of the finite elements of morris.
-    count
-        Number of base points of sobol, a power of 2; each needs a point more for every input, and one more.
-    trajectories
-        Number of trajectories of morris; each has a solve for every input, and one more.
-    sensors
-        Number of made sensors of montecarlo.
-    seed
-        Seed of all random numbers, 0 or more.
-    """
+    """Inputs and methods of a study of tolerances."""
 
     vary: list[str] | None = None
+    """Range of an input, NAME=low:high, of a field of the design, depth or shear; repeatable. Default: E, nu,
+    remanence and size of the magnet within their tolerances. Methods sobol and morris use it."""
     depth: Annotated[float, DEPTH]
     shear: float = 0.0
+    """Displacement of the plate along x after the press, with the tip stuck to it, mm."""
     methods: str = "sobol,montecarlo"
+    """Any of sobol, morris and montecarlo, separated by commas."""
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    """Tolerance of a made sensor, NAME=VALUE, such as E=5 (percent) or magnet_x=0.1 (mm); repeatable."""
     model: str = "surrogate"
+    """Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite)."""
     accuracy: AccuracyName = "standard"
+    """Accuracy of the finite elements of morris."""
     count: Whole = 1024
+    """Number of base points of sobol, a power of 2; each needs a point more for every input, and one more."""
     trajectories: Whole = 10
+    """Number of trajectories of morris; each has a solve for every input, and one more."""
     sensors: Whole = 1000
+    """Number of made sensors of montecarlo."""
     seed: Whole = 0
+    """Seed of all random numbers, 0 or more."""
 
 
 @_options
 class Sizing:
-    """Effort of a sizing, and what it writes.
-
-    Attributes
-    ----------
-    export
-        Write mould and casting recipe of the best variant too.
-    population
-        Number of candidates in a generation of the search.
-    generations
-        Number of generations.
-    points
-        Largest number of points of the front that are solved; of more points, those far apart are taken.
-    sensors
-        Number of made sensors from which the yield of the best variant follows.
-    workers
-        Number of processes that solve; default: one for each core.
-    calibration
-        calibration.json of `magtip calibrate` of a made sensor: if the best variant is its design (winner.toml), the
-        yield after calibration takes its posterior in place of that of twelve planned presses.
-    """
+    """Effort of a sizing, and what it writes."""
 
     export: bool = False
+    """Write mould and casting recipe of the best variant too."""
     population: Whole = 768
+    """Number of candidates in a generation of the search."""
     generations: Whole = 50
+    """Number of generations."""
     points: Whole = 12
+    """Largest number of points of the front that are solved; of more points, those far apart are taken."""
     sensors: Whole = 1000
+    """Number of made sensors from which the yield of the best variant follows."""
     accuracy: AccuracyName = "standard"
     store: Annotated[Path | None, STORE] = None
     workers: Whole | None = None
+    """Number of processes that solve; default: one for each core."""
     calibration: Path | None = None
+    """calibration.json of `magtip calibrate` of a made sensor: if the best variant is its design (winner.toml), the
+    yield after calibration takes its posterior in place of that of twelve planned presses."""
