@@ -12,39 +12,32 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.cli.parameters import AsJson, Sets, Source, Wide, command, design_of, destination
+from studies.cli.parameters import Call, verb
 from studies.inputs import user_input
 from studies.inputs.option_groups import Fabrication, Sizing
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
-from studies.output.result import Block, Destination, Result, Table, check_files, failure_of, publish, show, write
+from studies.output.result import Block, Result, Table, check_files, failure_of, publish, show, write
 
 if TYPE_CHECKING:
     from studies.sizing.sizing_study import Settings
 
 
-def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
+@verb("source", "sets", "as_json")
+def design(call: Call) -> int:
     """Show every value of a design with its source, derived values, assumptions and warnings."""
     from studies.fabrication.sensor_solids import parse_fabrication_choices
     from studies.simulation import design_summary
 
-    of_design = user_input.read_design(source, sets or [])
-    choices = parse_fabrication_choices(Fabrication(), given=user_input.fabrication_of(source))
+    of_design = user_input.read_design(call.source, call.sets)
+    choices = parse_fabrication_choices(Fabrication(), given=user_input.fabrication_of(call.source))
     study = design_summary.study(of_design, choices.base, choices.mold.process)
-    return show(study, Destination(as_json=as_json))
+    return show(study, call.screen)
 
 
-def cad(
-    source: Source,
-    /,
-    *,
-    out: Path,
-    fabrication: Fabrication = Fabrication(),
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
+@verb("source", "sets", "wide", "as_json")
+def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> int:
     """Make and check solids, a printable mould and base, an assembly, drawings and a casting recipe.
 
     Parts are written as .step, .stl and .3mf; start with README.md in the folder.
@@ -54,39 +47,36 @@ def cad(
     out
         Output folder.
     """
-    command_line = command(cad, locals())
     from studies.fabrication import design_variants, sensor_parts, sensor_solids
     from studies.sizing import catalogues
 
-    design = design_of(source, sets)
-    atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
+    design = call.design()
+    atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [call.source])
     mix = catalogues.mix_named(fabrication.silicone, design.silicone)
-    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, user_input.fabrication_of(source))
+    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, user_input.fabrication_of(call.source))
     axes = design_variants.axes_of(fabrication.axis or [])
     for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)
 
     def study(progress: Progress) -> Result:
         if not axes:
-            return sensor_parts.result_of([sensor_parts.build(design, out, progress, choices, command=command_line)])
-        made = list(design_variants.batch(design, axes, out, progress, choices, command=command_line))
+            return sensor_parts.result_of([sensor_parts.build(design, out, progress, choices, command=call.command)])
+        made = list(design_variants.batch(design, axes, out, progress, choices, command=call.command))
         said, lost = design_variants.sentences_of(made), any(each["status"] != "ok" for each in made)
         found = dataclasses.replace(sensor_parts.result_of(made), warnings=(), failures=())
         return dataclasses.replace(found, failures=said) if lost else dataclasses.replace(found, remarks=said)
 
-    return publish(study, Destination(as_json=as_json, wide=wide))
+    return publish(study, call.screen)
 
 
+@verb("source", "sets", "as_json")
 def mesh(
-    source: Source,
-    /,
+    call: Call,
     *,
     out: Path,
     size: float | None = None,
     half: bool = False,
     mesher: Literal["revolved", "pytetwild"] = "revolved",
-    sets: Sets = None,
-    as_json: AsJson = False,
 ) -> int:
     """Write the tetrahedral mesh of silicone and magnet to a .vtu file and show its quality.
 
@@ -103,17 +93,18 @@ def mesh(
     """
     from studies.simulation import design_summary
 
-    design = design_of(source, sets)
-    atomic_files.check_apart([out], [source])
+    design = call.design()
+    atomic_files.check_apart([out], [call.source])
 
     def study(progress: Progress) -> Result:
         record = design_summary.build_mesh(design, out, size, progress, half=half, mesher=mesher)
         return Result(title="Mesh", records=[record], failures=failure_of([record]))
 
-    return publish(study, Destination(as_json=as_json))
+    return publish(study, call.screen)
 
 
-def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
+@verb("as_json")
+def cache(call: Call, *, clear: bool = False) -> int:
     """Show the meshes that earlier versions kept on disk (environment: MAGTIP_CACHE). This version keeps none.
 
     Parameters
@@ -136,7 +127,7 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
         "size_MB": sum(file.stat().st_size for file in files) / 1e6,
         "limit_MB": 0.0,
     }
-    return show(Result(title="Cache of meshes", records=[record]), Destination(as_json=as_json))
+    return show(Result(title="Cache of meshes", records=[record]), call.screen)
 
 
 Kind = Annotated[
@@ -147,15 +138,8 @@ Kind = Annotated[
 ]
 
 
-def catalogue(
-    kind: Kind = None,
-    /,
-    *,
-    file: list[Path] | None = None,
-    sized: Path | None = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
+@verb("wide", "as_json")
+def catalogue(call: Call, kind: Kind = None, /, *, file: list[Path] | None = None, sized: Path | None = None) -> int:
     """List the magnets, Hall parts and silicones from which sensors are sized, or the figures of published sensors.
 
     Parameters
@@ -167,7 +151,7 @@ def catalogue(
         Folder with results of magtip size for the boxes of published sensors, each in a folder that is named as its
         file of requirements: what the best variant reaches stands beside the published figures.
     """
-    here = Destination(as_json=as_json, wide=wide)
+    here = call.screen
     if kind == "published":
         return show(_published(sized), here)
     if sized is not None:
@@ -242,15 +226,15 @@ def _settings(options: Sizing, seed: int) -> Settings:
     )
 
 
+@verb("wide", "as_json")
 def size(
+    call: Call,
     source: Wanted = "",
     /,
     *,
     out: Path | None = None,
     options: Sizing = Sizing(),
     example: bool = False,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Find the variants that meet requirements: a Pareto front of range, resolution and size, confirmed by FEM.
 
@@ -276,7 +260,7 @@ def size(
         return 0
     if not source or out is None:
         raise BadInput("size needs a file of requirements and --out FOLDER; size --example prints such a file")
-    here = destination(size, locals(), sizing_study.FILES)
+    here = call.here(sizing_study.FILES)
     requirements = read_requirements(source)
     settings = _settings(options, requirements.seed)
     for warning in requirements.warnings():
@@ -284,11 +268,11 @@ def size(
     check_files(here)
     atomic_files.check_apart([options.store], [source, options.calibration])
     sizing_export.check_parts(out)
-    with atomic_files.filled(out, here.names) as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.filled(out, here.names) as folder, console.progress(as_json=call.as_json) as progress:
         sizing = sizing_study.run(requirements, settings, progress)
         # parts of earlier requirements must not stand beside a new result
         sizing_export.remove(folder)
-        result = sizing_study.result_of(sizing, versions(()), here.command, wide=wide)
+        result = sizing_study.result_of(sizing, versions(()), here.command, wide=call.wide)
         progress(0.97, "SIZING.md, tables and front.png")
         write(result, folder, here.command)
         if sizing.winner is not None:

@@ -16,19 +16,7 @@ from cyclopts import Parameter
 from geometry.bad_input import no_effect
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.cli.parameters import (
-    AsJson,
-    OwnStore,
-    Scheduler,
-    Sets,
-    Source,
-    Wide,
-    Workers,
-    command,
-    design_of,
-    destination,
-    say_if_without_magnet,
-)
+from studies.cli.parameters import Call, OwnStore, Scheduler, Source, Workers, say_if_without_magnet, verb
 from studies.inputs.option_groups import CALIBRATION, Sensitivity, Solving, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
 from studies.output import atomic_files, console, own_files, provenance
@@ -42,16 +30,15 @@ if TYPE_CHECKING:
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
 
 
+@verb("sets", "wide", "as_json")
 def sweep(
+    call: Call,
     source: Study = None,
     /,
     *,
     options: Sweep = Sweep(),
     out: Path | None = None,
     solving: Solving = Solving(),
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Run finite elements and formulas over many designs and loads, one row per case.
 
@@ -68,9 +55,9 @@ def sweep(
     from studies.mechanics.worker_process import SchedulerLost
     from studies.sweeps import sweep as study
 
-    here = destination(sweep, locals(), study.FILES, [options.design])
+    here = call.here(study.FILES, [options.design])
     processes = Processes(solving.workers, solving.scheduler, solving.retry_failed)
-    plan = study.plan_of(source, options, sets or [])
+    plan = study.plan_of(source, options, call.sets)
     warn_of_values(plan.design)
     check_files(here)
     atomic_files.check_apart([solving.store], here.inputs)
@@ -79,12 +66,12 @@ def sweep(
     shown = study.Shown(plan)
     try:
         with (
-            console.progress(as_json=as_json) as progress,
+            console.progress(as_json=call.as_json) as progress,
             study.opened(plan, out, progress, processes, solving.store) as batches,
         ):
             for batch in batches:
                 for row in shown.add(batch):
-                    if as_json:
+                    if call.as_json:
                         console.report([row], as_json=True)
             if out is not None:
                 provenance.write(out, here.command, dataclasses.asdict(plan.design))
@@ -94,24 +81,21 @@ def sweep(
         # after Ctrl-C the screen has what was solved
         show(shown.result(), here)
         raise
-    whole = as_json or wide or out is not None
+    whole = call.as_json or call.wide or out is not None
     warnings = [no_effect([f"axis {name}"], reason) for name, reason in study.idle_axes(shown, whole=whole)]
     show(replace(shown.result(), warnings=warnings, remarks=shown.remarks()), here)
     return FAILED if shown.failed or not shown.count else GOOD
 
 
+@verb("source", "sets", "wide", "as_json")
 def sensitivity(
-    source: Source,
-    /,
+    call: Call,
     *,
     options: Sensitivity,
     out: Path | None = None,
     store: OwnStore = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Show which input matters most, and how much made sensors differ within their tolerances.
 
@@ -126,8 +110,8 @@ def sensitivity(
     from studies.sensitivity import made_sensors, sensitivity_study
     from studies.sensitivity.beam_motions import Press
 
-    here = destination(sensitivity, locals(), sensitivity_study.FILES)
-    design = design_of(source, sets)
+    here = call.here(sensitivity_study.FILES)
+    design = call.design()
     sizes = made_sensors.parse_tolerances(options.tolerances or [], design)
     chosen = tuple(dict.fromkeys(part.strip() for part in options.methods.split(",")))
     request = sensitivity_study.Request(
@@ -148,11 +132,12 @@ def sensitivity(
     )
     if store is not None and "morris" not in chosen:
         raise BadInput("--store works with the method morris only: add it to --methods, or leave --store out")
-    atomic_files.check_apart([store], [source])
+    atomic_files.check_apart([store], [call.source])
     return publish(partial(sensitivity_study.run, request), here)
 
 
-def demo(*, out: Path = Path("out/demo")) -> int:
+@verb()
+def demo(call: Call, *, out: Path = Path("out/demo")) -> int:
     """Study the paper's sensor from start to end: CAD, mould, mesh, finite elements, formulas, comparison, report.
 
     Parameters
@@ -160,12 +145,11 @@ def demo(*, out: Path = Path("out/demo")) -> int:
     out
         Output folder.
     """
-    command_line = command(demo, locals())
     from studies import demo as study
 
     own_files.check(out, study.WRITTEN)
     with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
-        outcome = study.run(folder, command=command_line, progress=progress)
+        outcome = study.run(folder, command=call.command, progress=progress)
     lost = outcome["status"] != "ok"
     result = Result(
         title="Demo",
@@ -184,7 +168,8 @@ Results = Annotated[
 ]
 
 
-def report(folder: Results, /, *, out: Path | None = None, no_solve: bool = False, as_json: AsJson = False) -> int:
+@verb("as_json")
+def report(call: Call, folder: Results, /, *, out: Path | None = None, no_solve: bool = False) -> int:
     """Make one HTML page of a folder of results, with figures that can be read off and the deformed sensor in 3D.
 
     The page needs no network. It shows whatever the folder and its sub-folders hold: comparisons, sweeps and their
@@ -198,17 +183,18 @@ def report(folder: Results, /, *, out: Path | None = None, no_solve: bool = Fals
     no_solve
         Solve nothing: no figure in 3D where a folder names a sensor but holds no solution; default: solve it.
     """
-    command_line = command(report, locals())
     from studies.web import report_page
 
     def study(progress: Progress) -> Result:
-        page = report_page.report(folder, out, command=command_line, solve=not no_solve, progress=progress)
+        page = report_page.report(folder, out, command=call.command, solve=not no_solve, progress=progress)
         return of_record("Report", page)
 
-    return publish(study, Destination(as_json=as_json))
+    return publish(study, call.screen)
 
 
+@verb("sets")
 def explore(
+    call: Call,
     source: Source = "paper",
     /,
     *,
@@ -216,7 +202,6 @@ def explore(
     no_browser: bool = False,
     export: Path | None = None,
     calibration: Annotated[Path | None, CALIBRATION] = None,
-    sets: Sets = None,
 ) -> int:
     """Open a page on which a sensor and its load are changed by hand, solved by finite elements meanwhile.
 
@@ -242,7 +227,7 @@ def explore(
     from studies.web import required_margins
 
     with console.progress(as_json=False) as progress:
-        design, needed = required_margins.sensor_of(source, sets or [], progress)
+        design, needed = required_margins.sensor_of(source, call.sets, progress)
     made = None
     if calibration is not None:
         from studies.calibration import calibration_file

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +21,7 @@ from studies.output import console
 from studies.output.result import Destination
 
 Source = Annotated[str, Parameter(name="DESIGN", help="Name of a preset (paper) or path of a TOML file.")]
+Folder = Annotated[Path | None, Parameter(help="Folder for the page, tables and pictures of the study.")]
 Sets = Annotated[
     list[str] | None, Parameter(name="--set", help="Override a field of the design, KEY=VALUE; repeatable.")
 ]
@@ -27,6 +30,8 @@ Wide = Annotated[
     bool,
     Parameter(name="--wide", help="Show all columns of a table; default: as many main columns as fit."),
 ]
+
+KEYWORD, POSITIONAL = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_ONLY
 
 OwnStore = Annotated[
     Path | None,
@@ -38,34 +43,79 @@ Workers = Annotated[Whole | None, Parameter(help="Number of processes that solve
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler whose workers solve.")]
 
 
-def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid") -> Design:
-    """Read a design and warn of fields without effect and of values that no silicone has."""
-    design = user_input.read_design(source, sets or [], magnet=magnet)
-    user_input.warn_of_values(design)
-    return design
+class Call:
+    """A call of a verb, and what those of its arguments mean that several verbs have.
 
-
-def destination(
-    verb: Callable[..., int],
-    arguments: Mapping[str, Any],
-    names: Sequence[str] = (),
-    inputs: Sequence[str | Path | None] = (),
-) -> Destination:
-    """Return where the result of a verb goes.
-
-    Parameters
+    Attributes
     ----------
-    arguments : all arguments of the verb by their names, as `locals()` returns them before one of them is changed.
-    names, inputs : of `Destination`; the verb's argument `source` is an input too.
+    arguments : all arguments of the verb by their names.
     """
-    return Destination(
-        command=command(verb, arguments) if arguments.get("out") else "",
-        out=arguments.get("out"),
-        inputs=(arguments.get("source"), *inputs),
-        names=names,
-        as_json=arguments.get("as_json", False),
-        wide=arguments.get("wide", False),
+
+    def __init__(self, verb: Callable[..., int], arguments: Mapping[str, Any]) -> None:
+        self.verb, self.arguments = verb, arguments
+        self.source = str(arguments.get("source") or "")
+        self.sets: list[str] = arguments.get("sets") or []
+        self.as_json, self.wide = bool(arguments.get("as_json")), bool(arguments.get("wide"))
+
+    @property
+    def command(self) -> str:
+        """The command line."""
+        return command(self.verb, self.arguments)
+
+    @property
+    def screen(self) -> Destination:
+        """The terminal alone."""
+        return Destination(as_json=self.as_json, wide=self.wide)
+
+    def here(self, names: Sequence[str] = (), inputs: Sequence[str | Path | None] = ()) -> Destination:
+        """Return where the result goes; `names` and `inputs` as in `Destination`, but the design is an input too."""
+        out = self.arguments.get("out")
+        inputs = (self.arguments.get("source"), *inputs)
+        return replace(self.screen, command=self.command if out else "", out=out, inputs=inputs, names=names)
+
+    def design(self, magnet: Magnet = "rigid") -> Design:
+        """Read the design, and warn of fields without effect and of values that no silicone has."""
+        design = user_input.read_design(self.source, self.sets, magnet=magnet)
+        user_input.warn_of_values(design)
+        return design
+
+
+COMMON = {
+    name: inspect.Parameter(name, KEYWORD, default=default, annotation=kind)
+    for name, kind, default in (
+        ("out", Folder, None),
+        ("sets", Sets, None),
+        ("wide", Wide, False),
+        ("as_json", AsJson, False),
     )
+} | {"source": inspect.Parameter("source", POSITIONAL, annotation=Source)}
+"""Arguments of several verbs."""
+
+
+def verb(*common: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return a decorator that adds some of `COMMON` to a verb, which gets its `Call` first and its own arguments."""
+
+    def decorate(function: Callable[..., int]) -> Callable[..., int]:
+        _, *own = inspect.signature(function, eval_str=True).parameters.values()
+        more = [COMMON[name] for name in common]
+        parts = sorted([*own, *more], key=lambda one: (one.kind, one.name != "source"))
+        signature = inspect.Signature(parts, return_annotation=int)
+
+        def called(*words: Any, **given: Any) -> int:
+            bound = signature.bind(*words, **given)
+            bound.apply_defaults()
+            call = Call(called, dict(bound.arguments))
+            values = [bound.arguments[one.name] for one in own if one.kind is POSITIONAL]
+            named = {one.name: bound.arguments[one.name] for one in own if one.kind is not POSITIONAL}
+            return function(call, *values, **named)
+
+        functools.update_wrapper(called, function, ("__module__", "__name__", "__doc__"), ())
+        called.__annotations__ = {name: one.annotation for name, one in signature.parameters.items()}
+        vars(called)["__signature__"] = signature
+        del vars(called)["__wrapped__"]
+        return called
+
+    return decorate
 
 
 def say_if_without_magnet(design: Design) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination
+from studies.cli.parameters import Call, verb
 from studies.inputs.option_groups import (
     CALIBRATION,
     LEVEL,
@@ -32,15 +32,14 @@ if TYPE_CHECKING:
     from geometry.arrays import Array
 
 
+@verb("source", "sets")
 def field(
-    source: Source,
-    /,
+    call: Call,
     *,
     points: Path,
     pose: Pose = Pose(),
     level: Annotated[FieldLevel, LEVEL] = "exact",
     out: Path | None = None,
-    sets: Sets = None,
 ) -> int:
     """Compute the magnet's field at the points of a table, in the sensor's frame (base at z = 0, beam along z).
 
@@ -53,16 +52,16 @@ def field(
     """
     from studies.sensing import field_readings
 
-    design = design_of(source, sets)
-    atomic_files.check_apart([out], [source, points])
+    design = call.design()
+    atomic_files.check_apart([out], [call.source, points])
     with atomic_files.sole_writer(out):
         field_readings.add_field(design, points, pose, level, out)
     return GOOD
 
 
+@verb("source", "sets", "wide", "as_json")
 def readings(
-    source: Source,
-    /,
+    call: Call,
     *,
     pose: Pose = Pose(),
     reading: Reading = Reading(),
@@ -71,9 +70,6 @@ def readings(
     depth: float = 0.0,
     shear: float = 0.0,
     shear_y: float = 0.0,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Compute what the Hall elements read after the magnet has moved; check saturation and clearance.
 
@@ -92,12 +88,12 @@ def readings(
     """
     from studies.sensing import field_readings
 
-    here = Destination(as_json=as_json, wide=wide)
-    design, load = design_of(source, sets), (depth, shear, shear_y)
+    here = call.screen
+    design, load = call.design(), (depth, shear, shear_y)
     if calibration is not None:
         from studies.calibration import calibration_file
 
-        found = calibration_file.readings(calibration, design, pose, load, reading, responses, wide=wide)
+        found = calibration_file.readings(calibration, design, pose, load, reading, responses, wide=call.wide)
         return show(found, here)
     if any(load):
         raise BadInput(
@@ -111,19 +107,17 @@ def readings(
         return show(of_record("Readings", row), here)
     if pose != Pose():
         raise BadInput("--responses gives shift and tilt of every state: leave --shift and --tilt out")
-    return show(field_readings.study(design, responses, sensing, wide=wide), here)
+    return show(field_readings.study(design, responses, sensing, wide=call.wide), here)
 
 
+@verb("source", "sets", "wide", "as_json")
 def calibrate(
-    source: Source,
+    call: Call,
     bench: Annotated[list[Path], Parameter(name="BENCH")],
     /,
     *,
     out: Path | None = None,
     options: Calibrating = Calibrating(),
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Estimate a made sensor from what a test stand recorded, and the error of its forces on rows it has not seen.
 
@@ -142,8 +136,8 @@ def calibrate(
     from studies.calibration import calibration_study, magnet_scan
 
     names = magnet_scan.FILES if options.scan else calibration_study.FILES
-    here = destination(calibrate, locals(), names, [*bench, options.responses])
-    design = design_of(source, sets)
+    here = call.here(names, [*bench, options.responses])
+    design = call.design()
     if not options.scan:
         return publish(partial(calibration_study.run, design, bench, options), here)
     if len(bench) > 1 or options != Calibrating(scan=True):
@@ -151,16 +145,8 @@ def calibrate(
     return publish(partial(magnet_scan.run, design, bench[0]), here)
 
 
-def decode(
-    source: Source,
-    /,
-    *,
-    decoding: Decoding = Decoding(),
-    out: Path | None = None,
-    mcap: Path | None = None,
-    sets: Sets = None,
-    as_json: AsJson = False,
-) -> int:
+@verb("source", "sets", "as_json")
+def decode(call: Call, *, decoding: Decoding = Decoding(), out: Path | None = None, mcap: Path | None = None) -> int:
     """Compute the magnet's pose and the load on the tip from readings; list all poses with the same readings.
 
     The exit status is 3 if no pose in the workspace gives the readings, or only one at which the plate would have to
@@ -177,13 +163,13 @@ def decode(
     from studies.sensitivity import decode_tolerances
     from studies.sensitivity.made_sensors import parse_tolerances
 
-    readings, file, here = decoding.readings, decoding.file, Destination(as_json=as_json)
+    readings, file, here = decoding.readings, decoding.file, call.screen
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and (out is not None or decoding.zero is not None):
         raise BadInput(f"{'--zero' if out is None else '--out'} works with --file only: leave it out")
-    atomic_files.check_apart([out, mcap], [source, file, decoding.responses, decoding.calibration])
-    design = design_of(source, sets)
+    atomic_files.check_apart([out, mcap], [call.source, file, decoding.responses, decoding.calibration])
+    design = call.design()
     if mcap is not None:
         from studies.streaming import live_stream
 
@@ -193,7 +179,7 @@ def decode(
         from studies.calibration import calibration_file
 
         with atomic_files.sole_writer(out):
-            return show(calibration_file.decode(design, decoding, out, as_json=as_json), here)
+            return show(calibration_file.decode(design, decoding, out, as_json=call.as_json), here)
     made = parse_tolerances(decoding.tolerances or [], design)
     coder = decode_readings.prepare(design, decoding)
     if readings is not None:
@@ -206,12 +192,12 @@ def decode(
         return checked.status, checked.warnings(found.force)
 
     with atomic_files.sole_writer(out):
-        return show(decode_readings.decode_file(coder, decoding, out, check, as_json=as_json), here)
+        return show(decode_readings.decode_file(coder, decoding, out, check, as_json=call.as_json), here)
 
 
+@verb("source", "sets", "as_json")
 def stream(
-    source: Source,
-    /,
+    call: Call,
     *,
     streaming: Streaming,
     out: Path | None = None,
@@ -219,8 +205,6 @@ def stream(
     frame_id: str = "magtip_tip",
     page: bool = False,
     no_browser: bool = False,
-    sets: Sets = None,
-    as_json: AsJson = False,
 ) -> int:
     """Decode readings while they arrive, until the stream ends or Ctrl-C: forces on the screen, in a file, as JSON.
 
@@ -243,8 +227,8 @@ def stream(
     from studies.cli.exploration_commands import serve_page
     from studies.streaming import live_stream
 
-    atomic_files.check_apart([out, mcap], [source, streaming.port, streaming.responses, streaming.calibration])
-    design = design_of(source, sets)
+    atomic_files.check_apart([out, mcap], [call.source, streaming.port, streaming.responses, streaming.calibration])
+    design = call.design()
     if frame_id != "magtip_tip" and mcap is None:
         raise BadInput("--frame-id works with --mcap only: leave it out")
     if no_browser and not page:
@@ -254,7 +238,7 @@ def stream(
         if path is not None:
             atomic_files.check_output_file(path, suffix)
     with atomic_files.sole_writer(out, mcap):
-        live, outputs = live_stream.Live(design, streaming), live_stream.Outputs(out, mcap, frame_id, as_json)
+        live, outputs = live_stream.Live(design, streaming), live_stream.Outputs(out, mcap, frame_id, call.as_json)
         readings = live_stream.source_of(design, streaming)
         if page:
             result = live_stream.run_with_page(
@@ -263,12 +247,12 @@ def stream(
         else:
             result = live_stream.run(live, readings, outputs, live_stream.typed_zero(live, streaming))
     # the rows on standard output are all of it
-    return show(dataclasses.replace(result, records=[], shown=[]) if as_json else result, Destination())
+    return show(dataclasses.replace(result, records=[], shown=[]) if call.as_json else result, Destination())
 
 
+@verb("source", "sets", "wide", "as_json")
 def firmware(
-    source: Source,
-    /,
+    call: Call,
     *,
     out: Path,
     flash: str = "64k",
@@ -277,9 +261,6 @@ def firmware(
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
     calibration: Annotated[Path | None, CALIBRATION] = None,
     ros2: bool = False,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Export the decoder of a design as a C header for a microcontroller, in an Arduino library with test vectors.
 
@@ -304,27 +285,25 @@ def firmware(
     from studies.streaming import ros2_package
 
     inputs = [responses, calibration]
-    here = destination(firmware, locals(), (*decoder_export.FILES, *ros2_package.FILES), inputs)
+    here = call.here((*decoder_export.FILES, *ros2_package.FILES), inputs)
     if calibration is not None and (level or responses or tolerances):
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
-    design = design_of(source, sets)
+    design = call.design()
     made = parse_tolerances(tolerances or [], design)
     more = ros2_package.files(design, calibration) if ros2 else {}
     study = partial(decoder_export.run, design, level, responses, flash, made, calibration, here.command, more)
     return publish(study, here)
 
 
+@verb("source", "sets", "as_json")
 def table(
-    source: Source,
-    /,
+    call: Call,
     *,
     out: Path,
     step: float = 0.01,
     level: str | None = None,
     responses: Path | None = None,
     plane: bool = False,
-    sets: Sets = None,
-    as_json: AsJson = False,
 ) -> int:
     """Write the paper's look-up table: B.n in T at every pose of a grid (2.6 GB at a step of 0.01 mm).
 
@@ -346,30 +325,21 @@ def table(
     """
     from studies.sensing import decode_readings, lookup_table
 
-    design = design_of(source, sets)
-    target = lookup_table.target(out, [source, responses])
+    design = call.design()
+    target = lookup_table.target(out, [call.source, responses])
     model, grid = lookup_table.plan(design, step, level, responses)
-    with atomic_files.sole_writer(target), console.progress(as_json=as_json) as progress:
+    with atomic_files.sole_writer(target), console.progress(as_json=call.as_json) as progress:
         name = decode_readings.level_name(level, responses, decode_readings.NO_LEVEL)
         record = (
             lookup_table.write_plane(model, grid, target, name)
             if plane
             else lookup_table.write(model, grid, target, name, progress)
         )
-    return show(Result(title="Table", records=[record]), Destination(as_json=as_json))
+    return show(Result(title="Table", records=[record]), call.screen)
 
 
-def layout(
-    source: Source,
-    /,
-    *,
-    basis: Basis = Basis(),
-    parts: LayoutParts = LayoutParts(),
-    out: Path | None = None,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
+@verb("source", "sets", "wide", "as_json")
+def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutParts(), out: Path | None = None) -> int:
     """Evaluate the layout of the Hall elements: uniqueness, noise, saturation, clearance; search for better layouts.
 
     Parameters
@@ -379,10 +349,10 @@ def layout(
     """
     from studies.sensing import layout_report
 
-    here = destination(layout, locals(), layout_report.FILES, [basis.responses])
-    design = design_of(source, sets)
+    here = call.here(layout_report.FILES, [basis.responses])
+    design = call.design()
     if parts.ranges and not parts.search:
-        raise BadInput("--range sets the range of a search: add --search")
+        raise BadInput("--range call.sets the range of a search: add --search")
     if parts.count is not None and not parts.search:
         say_no_effect("--count", "it works with --search only")
     return publish(partial(layout_report.run, design, basis, parts), here)

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, destination, say_if_without_magnet
+from studies.cli.parameters import Call, say_if_without_magnet, verb
 from studies.inputs import user_input
 from studies.inputs.option_groups import (
     ACCURACY,
@@ -30,20 +30,17 @@ from studies.inputs.option_groups import (
 )
 from studies.inputs.user_input import AccuracyName, say_no_effect
 from studies.output import atomic_files, console
-from studies.output.result import Destination, Result, failure_of, publish, show
+from studies.output.result import Result, failure_of, publish, show
 
 
+@verb("source", "sets", "wide", "as_json")
 def solve(
-    source: Source,
-    /,
+    call: Call,
     *,
     motion: Motion = Motion(),
     method: Method = Method(),
     out: Path | None = None,
     picture: Path | None = None,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
@@ -60,45 +57,43 @@ def solve(
     """
     from studies.simulation import load_cases, within_tolerance
 
-    design = design_of(source, sets, method.magnet)
-    atomic_files.check_apart([out, picture], [source, method.mesh])
+    design = call.design(method.magnet)
+    atomic_files.check_apart([out, picture], [call.source, method.mesh])
     targets = load_cases.targets_of(motion)
     loads = load_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
     for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
-    with console.progress(as_json=as_json) as progress:
+    with console.progress(as_json=call.as_json) as progress:
         title, rows = within_tolerance.run(
             design, loads, method, targets, out=out, picture=picture, progress=progress
         )
         with contextlib.closing(rows):
             records = console.stream(
                 rows,
-                as_json=as_json,
+                as_json=call.as_json,
                 title=title,
                 keys=load_cases.target_columns(targets) if targets else load_cases.columns(loads),
                 count=len(loads),
                 brief=(*load_cases.UNSHOWN, *load_cases.unshown(targets)),
                 first=load_cases.FIRST,
-                wide=wide,
+                wide=call.wide,
             )
     notes = console.remarks(records, load_cases.MOVED) if len(loads) > 1 else []
     if targets and (change := load_cases.change_of_force(records[-1])):
         notes.append(change)
     # the records are printed as soon as they are reached
     result = Result(title=title, records=[], shown=notes, failures=failure_of(records))
-    return show(result, Destination(as_json=as_json))
+    return show(result, call.screen)
 
 
+@verb("source", "sets", "as_json")
 def analytic(
-    source: Source,
-    /,
+    call: Call,
     *,
     depth: Annotated[float, DEPTH],
     shear: Annotated[float, SHEAR] = 0.0,
     shear_y: Annotated[float, SHEAR_Y] = 0.0,
     level: str = "paper",
-    sets: Sets = None,
-    as_json: AsJson = False,
 ) -> int:
     """Compute force, shift of the magnet and readings by formulas; in a shear the tip sticks to the plate.
 
@@ -109,26 +104,21 @@ def analytic(
     """
     from studies.simulation import load_cases
 
-    design = design_of(source, sets)
+    design = call.design()
     if level == "paper" and design.law != "neo-hookean":
         say_no_effect("law", "level paper uses E only")
-    return publish(
-        lambda _: load_cases.analytic(design, depth, (shear, shear_y), level), destination(analytic, locals())
-    )
+    return publish(lambda _: load_cases.analytic(design, depth, (shear, shear_y), level), call.here())
 
 
+@verb("source", "sets", "wide", "as_json")
 def stability(
-    source: Source,
-    /,
+    call: Call,
     *,
     depth: Annotated[float | None, DEPTH] = None,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
     slenderness: str | None = None,
     out: Path | None = None,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Compute the depth at which a press buckles sideways; with --depth also the response to a small shear.
 
@@ -141,20 +131,18 @@ def stability(
     """
     from studies.simulation import critical_depths
 
-    design = design_of(source, sets, magnet)
+    design = call.design(magnet)
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth and --slenderness exclude each other: give only one")
-        if "L" in user_input.pairs("--set", sets or [], "D=10"):
+        if "L" in user_input.pairs("--set", call.sets, "D=10"):
             say_no_effect("L", "the lengths come from --slenderness")
         ratios = _slenderness_of(slenderness, design)
-        here = destination(stability, locals(), critical_depths.FILES)
+        here = call.here(critical_depths.FILES)
         return publish(partial(critical_depths.over_slenderness, design, magnet, accuracy, ratios), here)
     if out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
-    return publish(
-        partial(critical_depths.at_design, design, magnet, accuracy, depth), destination(stability, locals())
-    )
+    return publish(partial(critical_depths.at_design, design, magnet, accuracy, depth), call.here())
 
 
 def _slenderness_of(text: str, design: Design) -> list[float]:
@@ -172,16 +160,14 @@ def _slenderness_of(text: str, design: Design) -> list[float]:
     return ratios
 
 
+@verb("source", "sets", "as_json")
 def modes(
-    source: Source,
-    /,
+    call: Call,
     *,
     count: Whole = 8,
     depth: Annotated[float, DEPTH] = 0.0,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
-    sets: Sets = None,
-    as_json: AsJson = False,
 ) -> int:
     """Compute natural frequencies and mode shapes of the sensor, free or pressed against a plate to which it sticks.
 
@@ -192,23 +178,20 @@ def modes(
     """
     from studies.simulation import vibration_report
 
-    design = design_of(source, sets, magnet)
+    design = call.design(magnet)
     study = partial(vibration_report.natural_frequencies, design, magnet, count, depth, accuracy)
-    return publish(study, destination(modes, locals()))
+    return publish(study, call.here())
 
 
+@verb("source", "sets", "wide", "as_json")
 def compare(
-    source: Source,
-    /,
+    call: Call,
     *,
     out: Path | None = None,
     accuracy: Annotated[AccuracyName | None, STANDARD] = None,
     tolerance: Annotated[str | None, TOLERANCE] = None,
     frequency: float | None = None,
     speed: float | None = None,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Compare finite elements and formulas in a press and in a shear.
 
@@ -227,8 +210,8 @@ def compare(
     from studies.simulation import compare as study
     from studies.simulation import within_tolerance
 
-    here = destination(compare, locals(), study.FILES)
-    design = design_of(source, sets)
+    here = call.here(study.FILES)
+    design = call.design()
     say_if_without_magnet(design)
     chosen = None
     if tolerance is not None:
@@ -239,16 +222,8 @@ def compare(
     return publish(partial(study.study, design, level, chosen, frequency, speed), here)
 
 
-def response(
-    source: Source,
-    /,
-    *,
-    vibration: Vibration = Vibration(),
-    out: Path | None = None,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
+@verb("source", "sets", "wide", "as_json")
+def response(call: Call, *, vibration: Vibration = Vibration(), out: Path | None = None) -> int:
     """Compute the steady vibration of the pressed and sheared sensor: volts per mm and per N, resonances, bandwidth.
 
     The plate vibrates along z and along x about a state at rest, and x is the direction of the shear; --depth 0
@@ -261,23 +236,15 @@ def response(
     """
     from studies.simulation import vibration_report
 
-    here = destination(response, locals(), vibration_report.FILES)
-    design = design_of(source, sets, vibration.magnet)
+    here = call.here(vibration_report.FILES)
+    design = call.design(vibration.magnet)
     study = vibration_report.study(design, vibration)
     say_if_without_magnet(design)
     return publish(study, here)
 
 
-def cycle(
-    source: Source,
-    /,
-    *,
-    motion: Cycle = Cycle(),
-    out: Path | None = None,
-    sets: Sets = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
+@verb("source", "sets", "wide", "as_json")
+def cycle(call: Call, *, motion: Cycle = Cycle(), out: Path | None = None) -> int:
     """Load and unload the sensor in time: loop of the force, its gap and area, drift, readings, decoded force.
 
     The silicone's loss factor or Prony branches are those of the design. The plate leaves skin that recovers too
@@ -290,8 +257,8 @@ def cycle(
     """
     from studies.simulation import cycle_findings
 
-    here = destination(cycle, locals(), cycle_findings.FILES, [motion.calibration])
-    design, made = design_of(source, sets, motion.magnet), None
+    here = call.here(cycle_findings.FILES, [motion.calibration])
+    design, made = call.design(motion.magnet), None
     if motion.calibration is not None:
         from studies.calibration import calibration_file
 
@@ -313,7 +280,9 @@ COLUMNS = (
 Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
 
 
+@verb("wide", "as_json")
 def fit(
+    call: Call,
     data: Data,
     /,
     *,
@@ -322,8 +291,6 @@ def fit(
     ramp: float | None = None,
     out: Path | None = None,
     nu: float = 0.4998,
-    wide: Wide = False,
-    as_json: AsJson = False,
 ) -> int:
     """Fit a silicone's laws to a uniaxial test, or its relaxation to a relaxation test or a dynamic test.
 
@@ -351,12 +318,12 @@ def fit(
     """
     from studies.simulation import material_fit, material_tests
 
-    here = destination(fit, locals(), material_fit.FILES, [data])
+    here = call.here(material_fit.FILES, [data])
     kind = material_tests.kind_of(data)
     uses = (("--law", law, "uniaxial"), ("--stretch", stretch, "relaxation"), ("--ramp", ramp, "relaxation"))
     for option, value, fits in uses:
         if value is not None and kind != fits:
             say_no_effect(option, f"{data} is a {kind} test")
     if kind == "uniaxial":
-        return publish(partial(material_fit.laws, data, nu, law, here.command, wide=wide), here)
-    return publish(partial(material_fit.branches, data, nu, stretch, ramp, here.command, wide=wide), here)
+        return publish(partial(material_fit.laws, data, nu, law, here.command, wide=call.wide), here)
+    return publish(partial(material_fit.branches, data, nu, stretch, ramp, here.command, wide=call.wide), here)

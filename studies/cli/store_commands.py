@@ -9,11 +9,11 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.cli.parameters import AsJson, Wide
+from studies.cli.parameters import Call, verb
 from studies.inputs.option_groups import Selection, Whole
 from studies.output import atomic_files
 from studies.output.records import FlatRow
-from studies.output.result import Destination, Result, Table, collected, publish, show
+from studies.output.result import Result, Table, collected, publish, show
 
 LIMIT = 20
 """Number of rows of a list by default."""
@@ -23,14 +23,8 @@ NEEDED_OF_PATHS = ("model", "L_over_D", "states", "not_ok")
 """Columns that a list of paths must show."""
 
 
-def list_(
-    selection: Selection = Selection(),
-    *,
-    paths: bool = False,
-    limit: Whole = LIMIT,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
+@verb("wide", "as_json")
+def list_(call: Call, selection: Selection = Selection(), *, paths: bool = False, limit: Whole = LIMIT) -> int:
     """Show what the store holds, and its newest states that meet the filters.
 
     Parameters
@@ -62,7 +56,7 @@ def list_(
     )
     whole = Table(title="Store", rows=[summary])
     result = Result(title="Store", records=[*whole.rows, *rows], shown=[whole, table], remarks=remarks)
-    return show(result, Destination(as_json=as_json, wide=wide))
+    return show(result, call.screen)
 
 
 def _varying_first(rows: list[FlatRow]) -> list[FlatRow]:
@@ -71,11 +65,12 @@ def _varying_first(rows: list[FlatRow]) -> list[FlatRow]:
     return [{key: row[key] for key in order} for row in rows] if len(rows) > 1 else rows
 
 
+@verb("as_json")
 def export(
+    call: Call,
     selection: Selection = Selection(),
     *,
     out: Annotated[Path, Parameter(help="Output file: .csv, .parquet or .jsonl.")],
-    as_json: AsJson = False,
 ) -> int:
     """Write the states that meet the filters as a table, lengths over D and forces over E D^2."""
     from studies.mechanics import store, store_actions
@@ -87,16 +82,17 @@ def export(
             title="Export",
             records=[{"file": str(out), "states": store_actions.export(selection, out, progress)}],
         ),
-        Destination(as_json=as_json),
+        call.screen,
     )
 
 
+@verb("as_json")
 def check(
+    call: Call,
     *,
     store: Annotated[Path | None, Parameter(help="File of the store; default: the user's.")] = None,
     resolve: Whole = 0,
     seed: Whole = 0,
-    as_json: AsJson = False,
 ) -> int:
     """Check the store's file, contents, answers and physics versions; exit status 3 if a check fails.
 
@@ -120,15 +116,11 @@ def check(
     def study(progress: Progress) -> Result:
         return collected(store_check.checks(store or user_store.default(), resolve, seed, progress), result)
 
-    return publish(study, Destination(as_json=as_json))
+    return publish(study, call.screen)
 
 
-def prune(
-    selection: Selection = Selection(),
-    *,
-    yes: bool = False,
-    as_json: AsJson = False,
-) -> int:
+@verb("as_json")
+def prune(call: Call, selection: Selection = Selection(), *, yes: bool = False) -> int:
     """Count the states that meet the filters; with --yes remove them and give their space back.
 
     Parameters
@@ -141,4 +133,4 @@ def prune(
     pruning = store_actions.prune(selection, yes=yes)
     remarks = ["nothing is removed yet: add --yes to remove these states"] if not yes and pruning["states"] else []
     title = "Removed" if yes else "To be removed"
-    return show(Result(title=title, records=[pruning], remarks=remarks), Destination(as_json=as_json))
+    return show(Result(title=title, records=[pruning], remarks=remarks), call.screen)

@@ -7,12 +7,10 @@ from collections.abc import Callable
 from functools import partial, update_wrapper
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
-
-from cyclopts import Parameter
+from typing import Any
 
 from studies import validation
-from studies.cli.parameters import AsJson, Wide, destination
+from studies.cli.parameters import KEYWORD, POSITIONAL, Call, verb
 from studies.output.result import publish
 
 MODULES = {
@@ -26,9 +24,6 @@ MODULES = {
 """Modules of studies that have other names."""
 INPUTS = ("store", "study")
 """Options whose files no output may replace."""
-KEYWORD = inspect.Parameter.KEYWORD_ONLY
-KINDS = {"study": inspect.Parameter.POSITIONAL_ONLY}
-Folder = Annotated[Path | None, Parameter(help="Folder for the page, tables and pictures of the study.")]
 
 
 def __getattr__(name: str) -> Callable[..., int]:
@@ -42,19 +37,15 @@ def __getattr__(name: str) -> Callable[..., int]:
         raise AttributeError(name)
     study = import_module(f"studies.validation.{module}")
     options = list(inspect.signature(study.run, eval_str=True).parameters.values())[1:]
-    own = [one.replace(kind=KINDS.get(one.name, KEYWORD)) for one in options if one.name != "command"]
-    common = (("out", Folder, None), ("wide", Wide, False), ("as_json", AsJson, False))
-    more = (inspect.Parameter(key, KEYWORD, default=value, annotation=kind) for key, kind, value in common)
-    signature = inspect.Signature([*own, *more], return_annotation=int)
+    own = [
+        one.replace(kind=POSITIONAL if one.name == "study" else KEYWORD) for one in options if one.name != "command"
+    ]
 
-    def verb(*words: Any, **given: Any) -> int:
-        bound = signature.bind(*words, **given)
-        bound.apply_defaults()
-        here = destination(verb, bound.arguments, study.FILES, [bound.arguments.get(key) for key in INPUTS])
-        chosen = {one.name: bound.arguments.get(one.name, here.command) for one in options}
+    def run(call: Call, *words: Any, **given: Any) -> int:
+        here = call.here(study.FILES, [call.arguments.get(key) for key in INPUTS])
+        chosen = {one.name: call.arguments.get(one.name, here.command) for one in options}
         return publish(partial(study.run, **chosen), here)
 
-    update_wrapper(verb, study.run, ("__doc__",)).__name__ = name
-    verb.__annotations__ = {key: one.annotation for key, one in signature.parameters.items()}
-    vars(verb)["__signature__"] = signature
-    return verb
+    update_wrapper(run, study.run, ("__doc__",), ()).__name__ = name
+    vars(run)["__signature__"] = inspect.Signature([inspect.Parameter("call", POSITIONAL), *own])
+    return verb("out", "wide", "as_json")(run)
