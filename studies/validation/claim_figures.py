@@ -24,8 +24,6 @@ from studies.validation.claim_errors import (
     voltages,
 )
 
-POINTS = 41
-"""Points along x and y in Figure 6."""
 FORMULA, FEM = "formulas", "finite elements"
 DEPTH, FORCE = "depth d (mm)", "press force F_N (N)"
 CLASSES = {
@@ -40,15 +38,18 @@ MODULI = 33
 """Moduli in the map."""
 
 
-def pictures(states: States, best_E: float) -> dict[str, Callable[[Path], None]]:
-    """Return what draws each figure, by the name of its file; `best_E` fits the preset's press forces best, MPa."""
+def pictures(states: States, best_E: float, points: int) -> dict[str, Callable[[Path], None]]:
+    """Return what draws each figure, by the name of its file.
+
+    `best_E` fits the preset's press forces best, MPa; Figure 6 has `points` along x and y.
+    """
 
     def drawn(draw: Callable[..., list[Figure]], *given: object) -> Callable[[Path], None]:
         return lambda path: save(path, draw(*given))
 
     return {
         "modulus_and_height.png": drawn(modulus_and_height, states.presses),
-        "figure_6.png": drawn(figure_6, states.sheared),
+        "figure_6.png": drawn(figure_6, states.sheared, points),
         "figure_8.png": drawn(figure_8, states, best_E),
         "figure_9.png": drawn(figure_9, states.preset, best_E),
         "figure_11.png": drawn(figure_11, states.sheared),
@@ -62,17 +63,17 @@ def _curves(x: str, y: str, curves: Mapping[str, tuple[Array, Array]], **more: s
     return pd.concat(parts, ignore_index=True)
 
 
-def figure_6(sheared: pd.DataFrame) -> list[Figure]:
+def figure_6(sheared: pd.DataFrame, points: int) -> list[Figure]:
     """Return |B| at S1 and S2 over the displacement of the tip, pressed by 1 mm: maps of both models, cuts at y = 0.
 
     The formulas are equations (3), without its misprint, and (4). S3 shows what S2 does, with x and y swapped.
     """
     first = sheared[sheared.tip == sheared.tip.iloc[0]]
-    side = np.linspace(-3.0, 3.0, POINTS)
+    side = np.linspace(-3.0, 3.0, points)
     x, y = (grid.ravel() for grid in np.meshgrid(side, side))
     models = {FORMULA: _by_formula(first.depth_mm.iloc[0], x, y), FEM: _by_fem(first, x, y)}
     field, axes, cuts, figures = "|B| (mT)", ("x (mm)", "y (mm)"), [], []
-    middle = slice(POINTS * (POINTS // 2), POINTS * (POINTS // 2 + 1))
+    middle = slice(points * (points // 2), points * (points // 2 + 1))
     for k, name in enumerate(("S1", "S2")):
         place = {"x (mm)": x.round(3), "y (mm)": y.round(3)}
         cells = [
