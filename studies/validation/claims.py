@@ -24,7 +24,7 @@ from analytic.relaxation_loops import loop
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK, STANDARD, Accuracy
 from fem.analyses.modes import modes, spring_mass
-from geometry.design import Design, paper
+from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_of
