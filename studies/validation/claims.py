@@ -366,7 +366,7 @@ def loop_figures(step_error: float) -> Row:
 
 def hysteresis(loss_factor: float, gap_percent: float, spring_percent: float, sine_percent: float) -> Row:
     allowed, sine = (VALUES["full_scale"] * loss_factor / percent for percent in (gap_percent, sine_percent))
-    gaps = {"loss_factor": loss_factor, "gap_percent": gap_percent, "spring_percent": spring_percent}
+    gaps: Row = {"loss_factor": loss_factor, "gap_percent": gap_percent, "spring_percent": spring_percent}
     return answer("hysteresis", **gaps, allowed_loss_factor=allowed, allowed_loss_factor_sine=sine)
 
 
