@@ -1,12 +1,15 @@
-"""Prony branches and the constant loss factor; branches, moduli and refused times and frequencies of a design."""
+"""A silicone that relaxes: branches and moduli, loops of strokes, contact of a sphere, and what is refused."""
 
 import math
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import brentq
 
-from geometry.design import BadInput, Design
+from analytic.relaxation_loops import loop
+from analytic.viscoelastic_contact import indentation
+from geometry.design import Design
 from geometry.relaxation import (
     Relaxation,
     branches_text,
@@ -14,17 +17,10 @@ from geometry.relaxation import (
     constant_loss,
     moduli,
     parse_branches,
-    relaxation_notes,
 )
 
 SERIES = Relaxation((0.2, 0.1, 0.25), (0.01, 0.5, 20.0))
 MEASURED = Design(prony="0.1:0.1 0.2:10")
-
-
-def sentence(raised):
-    text = str(raised.value)
-    assert "\n" not in text
-    return text
 
 
 def test_fast_and_slow_limits():
@@ -45,18 +41,6 @@ def test_complex_modulus_is_the_transform_of_the_relaxation(omega):
     assert SERIES.complex_modulus(omega) == pytest.approx(value, rel=1e-6)
 
 
-def test_shapes_follow_the_argument_and_no_branches_are_elastic():
-    assert SERIES.modulus(np.ones((2, 3))).shape == SERIES.loss_factor(np.ones((2, 3))).shape == (2, 3)
-    elastic = Relaxation((), ())
-    assert (elastic.rest, elastic.modulus(3.0), elastic.complex_modulus(3.0), elastic.loss_factor(3.0)) == (
-        1,
-        1,
-        1,
-        0,
-    )
-    assert elastic.speaks_for == elastic.speaks_for_frequencies == (0.0, math.inf)
-
-
 def test_the_covered_range_is_that_of_the_branches_or_of_the_data():
     assert SERIES.speaks_for == (0.01, 20.0)
     assert SERIES.speaks_for_frequencies == pytest.approx((1 / (40 * math.pi), 1 / (0.02 * math.pi)))
@@ -68,28 +52,6 @@ def test_text_and_branches_are_inverse():
     for text in ("0.2:0.01 0.1:0.5 0.25:20", "0:0.001 0.2:0.01 0:3"):
         assert branches_text(parse_branches(text)) == text
     assert branches_text(Relaxation((), ())) == "" == Design().prony
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("0.1", "prony must list branches g:tau with tau in s, such as 0.05:0.01 0.03:0.1; got '0.1'"),
-        ("0.1:1,0.2:3", "got '0.1:1,0.2:3'"),
-        ("nan:1", "got 'nan:1'"),
-        ("0.1:0", "prony: the time tau of a branch must lie between 1e-12 and 1e+12 s; got 0 s"),
-        ("0.1:-1", "got -1 s"),
-        ("-0.1:1", "prony: the share g of a branch must be at least 0 and less than 1; got -0.1"),
-        ("1:1", "got 1"),
-        ("0.5:1 0.5:2", "prony: the shares g of all branches must add up to less than 1; got 1"),
-        ("0.1:1 0.2:1.0", "prony lists the time tau = 1 s twice: give one branch with the sum of both shares"),
-        ("0.1:1 0:2", "prony: entries with g = 0 mark the covered times, so give two, the shortest and the longest"),
-        ("0:1 0:2", "prony lists no branch with a share g above 0: leave it empty; loss_factor=0 makes an elastic"),
-    ],
-)
-def test_impossible_branches_are_refused_on_creation_of_a_design(text, message):
-    with pytest.raises(BadInput) as raised:
-        Design(prony=text)
-    assert message in sentence(raised)
 
 
 @pytest.mark.parametrize("loss", [1e-6, 0.01, 0.1, 0.3, 1.0])
@@ -109,74 +71,169 @@ def test_storage_rises_with_frequency_as_a_constant_phase_demands():
     assert np.log(storage[1] / storage[0]) / np.log(1000) == pytest.approx(2 / math.pi * math.atan(0.1), rel=0.01)
 
 
-@pytest.mark.parametrize(
-    ("loss", "band", "message"),
-    [
-        (
-            0.1,
-            (1e-6, 1e6),
-            "the band of a constant loss factor must be above 0 and at most 10 decades wide; got 1e-06",
-        ),
-        (0.1, (1.0, 1.0), "got 1 to 1 Hz"),
-        (1.0, (1e-4, 1e4), "a loss factor of 1 from 0.0001 to 10000 Hz leaves less than 0.0001 of the instantaneous"),
-        (50.0, (1.0, 100.0), "lower loss_factor or narrow the band loss_low to loss_high"),
-    ],
-)
-def test_impossible_constant_losses_are_refused(loss, band, message):
-    with pytest.raises(BadInput) as raised:
-        constant_loss(loss, *band)
-    assert message in sentence(raised)
-
-
-def test_measured_branches_refuse_what_their_data_do_not_cover():
-    assert check_range(MEASURED, times=[0.1, 3.0, 10.0], frequencies=[0.1, 1.0]) == []
-    with pytest.raises(BadInput) as raised:
-        check_range(MEASURED, times=[5.0, 20.0, 40.0], frequencies=[600.0])
-    assert str(raised.value) == (
-        "the branches speak for 0.1 to 10 s (0.0159 to 1.59 Hz), not for 20 to 40 s and 600 Hz: measure further, and "
-        "mark the shortest and the longest time of the test in prony by entries 0:LOW 0:HIGH, or allow such values "
-        "(extrapolate), which marks the results"
-    )
-
-
-def test_values_outside_the_range_are_marked_on_request():
-    (warning,) = check_range(MEASURED, frequencies=[600.0], beyond=True)
-    assert warning.endswith("not for 600 Hz: the results are an extrapolation")
-
-
-def test_an_assumed_loss_factor_speaks_for_its_band():
-    design = Design(loss_low=0.1, loss_high=100.0)
-    assert check_range(design, frequencies=[0.1, 100.0]) == []
-    with pytest.raises(BadInput, match="not for 600 Hz: change loss_low or loss_high, or allow"):
-        check_range(design, frequencies=[600.0])
-
-
-@pytest.mark.parametrize(
-    ("fields", "parts"),
-    [
-        (
-            {},
-            [
-                "E = 1 MPa is the long-term modulus (the default); the instantaneous",
-                "13 Prony branches of a constant loss",
-            ],
-        ),
-        ({"loss_factor": 0.0}, ["the silicone is elastic (loss_factor is 0): E = 1 MPa at every rate"]),
-        (
-            {"prony": "0.5:1", "modulus": "instantaneous"},
-            [
-                "E = 1 MPa is the instantaneous modulus; the long-term modulus is 0.5 MPa",
-                "1 Prony branch from the field",
-            ],
-        ),
-    ],
-)
-def test_notes_name_the_modulus_and_the_source_of_the_branches(fields, parts):
-    notes = relaxation_notes(Design(**fields))
-    assert [note[: len(part)] for note, part in zip(notes, parts, strict=True)] == parts
-
-
 def test_moduli_at_rest_and_after_a_step():
     prony = "0.2:0.01 0.2:1"
     assert moduli(Design(E=0.6, prony=prony)) == pytest.approx((1.0, 0.6))
     assert moduli(Design(E=0.6, prony=prony, modulus="instantaneous")) == pytest.approx((0.6, 0.36))
+
+
+BRANCHES = Relaxation((0.1, 0.2, 0.15), (0.02, 0.3, 5.0))
+CATALAN = 0.915965594177219
+
+
+@pytest.mark.parametrize("loss", [1e-3, 0.05])
+def test_the_gap_over_full_scale_is_the_sine_of_the_loss_angle_for_a_sine_and_three_quarters_of_it_for_a_triangle(
+    loss,
+):
+    silicone = constant_loss(loss, 1e-3, 1e5)
+    assert loop(silicone, 1.0, "sine").hysteresis == pytest.approx(np.sin(np.arctan(loss)), rel=2e-3)
+    # 8 / pi^2 (1 - 1/9 + 1/25 - ...) in the limit of a small loss, in which all harmonics have one storage modulus
+    assert loop(silicone, 1.0).hysteresis == pytest.approx(8 / np.pi**2 * CATALAN * loss, rel=2e-3 + 0.5 * loss)
+
+
+@pytest.mark.parametrize("waveform", ["sine", "triangle"])
+@pytest.mark.parametrize("hold", [0.0, 0.02, 3.0])
+@pytest.mark.parametrize("half", [0.01, 1.0])
+def test_strokes_with_rests_are_the_sum_of_their_harmonics(waveform, hold, half):
+    # one period as a discrete Fourier series, of which every harmonic meets G*
+    count, period = 2**16, 2 * (half + hold)
+    time = np.arange(count) * period / count
+    back = time >= half + hold
+    share = np.clip((time - np.where(back, half + hold, 0)) / half, 0, 1)
+    way = share if waveform == "triangle" else (1 - np.cos(np.pi * share)) / 2
+    way[back] = 1 - way[back]
+    omega = 2 * np.pi * np.arange(count // 2 + 1) / period
+    force = np.fft.irfft(np.fft.rfft(way) * BRANCHES.complex_modulus(omega), count)
+    up, down = np.interp([half / 2, half + hold + half / 2], time, force)
+    result = loop(BRANCHES, 1 / (2 * half), waveform, hold)
+    area = np.sum((np.roll(force, -1) + force) / 2 * (np.roll(way, -1) - way))
+    expected = (up - down, np.ptp(force), area)
+    assert (result.gap, result.full_scale, result.area) == pytest.approx(expected, abs=3e-4)
+
+
+@pytest.mark.parametrize("waveform", ["sine", "triangle"])
+def test_fast_and_slow_strokes_have_no_gap(waveform):
+    fast, slow = (loop(BRANCHES, frequency, waveform) for frequency in (1e7, 1e-7))
+    assert (fast.gap, slow.gap) == pytest.approx((0, 0), abs=1e-5)
+    assert (fast.area, slow.area) == pytest.approx((0, 0), abs=1e-5)
+    assert (fast.full_scale, slow.full_scale) == pytest.approx((1.0, BRANCHES.rest), rel=1e-5)
+
+
+SILICONE = Relaxation((0.1, 0.2, 0.15), (0.02, 0.3, 5.0))
+ELASTIC = Relaxation((), ())
+G0, R = 0.3, 4.0
+TIMES = np.array([0.0, 0.2, 0.5, 1.0, 1.2, 1.5, 1.8, 2.0])
+DEPTHS = np.array([0.0, 0.1, 0.5, 1.0, 1.0, 0.7, 0.3, 0.0])
+
+
+def hertz(modulus, depth):
+    return 16 / 3 * np.sqrt(R) * modulus * depth**1.5
+
+
+def pieces(end):
+    """Pieces of rising or falling depth up to a time: begin, end, speed, depth at the begin."""
+    for t0, t1, d0, d1 in zip(TIMES, TIMES[1:], DEPTHS, DEPTHS[1:], strict=False):
+        if t0 < end:
+            yield t0, min(t1, end), (d1 - d0) / (t1 - t0), d0
+
+
+def lee_radok(end, t):
+    """The integral of G(t - s) d(delta^1.5)(s) up to a time, by quadrature, as a force."""
+    return (
+        16
+        / 3
+        * np.sqrt(R)
+        * G0
+        * sum(
+            quad(lambda s, v=v, t0=t0, d0=d0: SILICONE.modulus(t - s) * 1.5 * np.sqrt(d0 + v * (s - t0)) * v, t0, t1)[
+                0
+            ]
+            for t0, t1, v, d0 in pieces(end)
+        )
+    )
+
+
+def moved(begin, t):
+    """Ting's integral of G(t - s) delta'(s) from a time on, by quadrature."""
+    return sum(
+        quad(lambda s, v=v: SILICONE.modulus(t - s) * v, max(t0, begin), t1)[0]
+        for t0, t1, v, _ in pieces(t)
+        if t1 > begin
+    )
+
+
+def test_without_branches_the_force_is_that_of_hertz_both_ways():
+    force, contact_radius = indentation(ELASTIC, G0, R, TIMES, DEPTHS)
+    assert force == pytest.approx(hertz(G0, DEPTHS), rel=1e-9, abs=1e-12)
+    assert contact_radius == pytest.approx(np.sqrt(R * DEPTHS), rel=1e-9, abs=1e-9)
+
+
+def test_a_growing_contact_is_the_integral_of_lee_and_radok():
+    force, _ = indentation(SILICONE, G0, R, TIMES, DEPTHS)
+    for k in range(1, 5):
+        assert force[k] == pytest.approx(lee_radok(TIMES[k], TIMES[k]), rel=1e-7)
+
+
+@pytest.mark.parametrize("k", [5, 6])
+def test_a_release_is_the_integral_of_ting(k):
+    force, contact_radius = indentation(SILICONE, G0, R, TIMES, DEPTHS)
+    t1 = brentq(lambda begin: moved(begin, TIMES[k]), 1e-9, 1.0, xtol=1e-13)
+    assert contact_radius[k] ** 2 / R == pytest.approx(np.interp(t1, TIMES, DEPTHS), rel=1e-7)
+    assert force[k] == pytest.approx(lee_radok(t1, TIMES[k]), rel=1e-6)
+
+
+def test_a_step_that_is_held_relaxes_as_the_modulus():
+    times = np.array([0.0, 0.1, 1.0, 10.0])
+    force, _ = indentation(SILICONE, G0, R, times, np.full(4, 0.6))
+    assert force == pytest.approx(hertz(G0, 0.6) * SILICONE.modulus(times), rel=1e-12)
+
+
+def test_fast_and_slow_presses_have_the_instantaneous_and_the_long_term_modulus():
+    for duration, modulus in ((1e-7, G0), (1e7, G0 * SILICONE.rest)):
+        force, _ = indentation(SILICONE, G0, R, duration * TIMES[:4], DEPTHS[:4])
+        assert force == pytest.approx(hertz(modulus, DEPTHS[:4]), rel=1e-5)
+
+
+def test_only_what_the_data_or_the_band_of_a_loss_factor_cover_is_answered_unless_asked():
+    assumed = Design(loss_low=0.1, loss_high=100.0)
+    assert check_range(MEASURED, times=[0.1, 3.0, 10.0], frequencies=[0.1, 1.0]) == []
+    assert check_range(assumed, frequencies=[0.1, 100.0]) == []
+    (warning,) = check_range(MEASURED, frequencies=[600.0], beyond=True)
+    assert warning.endswith("not for 600 Hz: the results are an extrapolation")
+
+
+def indented(times, depths):
+    return indentation(SILICONE, G0, R, np.array(times), np.array(depths))
+
+
+@pytest.mark.parametrize(
+    ("call", "parts"),
+    [
+        (lambda: Design(prony="0.1"), ["prony must list branches g:tau", "such as 0.05:0.01", "got '0.1'"]),
+        (lambda: Design(prony="0.1:1,0.2:3"), ["got '0.1:1,0.2:3'"]),
+        (lambda: Design(prony="nan:1"), ["got 'nan:1'"]),
+        (lambda: Design(prony="0.1:0"), ["tau of a branch must lie between 1e-12", "got 0 s"]),
+        (lambda: Design(prony="0.1:-1"), ["got -1 s"]),
+        (lambda: Design(prony="-0.1:1"), ["g of a branch must be at least 0 and less than 1; got -0.1"]),
+        (lambda: Design(prony="1:1"), ["got 1"]),
+        (lambda: Design(prony="0.5:1 0.5:2"), ["must add up to less than 1; got 1"]),
+        (lambda: Design(prony="0.1:1 0.2:1.0"), ["tau = 1 s twice: give one branch with the sum"]),
+        (lambda: Design(prony="0.1:1 0:2"), ["entries with g = 0 mark the covered times, so give two"]),
+        (lambda: Design(prony="0:1 0:2"), ["no branch with a share g above 0", "loss_factor=0 makes an elastic"]),
+        (lambda: constant_loss(0.1, 1e-6, 1e6), ["above 0 and at most 10 decades wide; got 1e-06"]),
+        (lambda: constant_loss(0.1, 1.0, 1.0), ["got 1 to 1 Hz"]),
+        (lambda: constant_loss(1.0, 1e-4, 1e4), ["leaves less than 0.0001 of the instantaneous"]),
+        (lambda: constant_loss(50.0, 1.0, 100.0), ["lower loss_factor or narrow the band"]),
+        (
+            lambda: check_range(MEASURED, times=[20, 40], frequencies=[600]),
+            ["0.1 to 10 s", "for 20 to 40 s and 600 Hz"],
+        ),
+        (lambda: check_range(Design(loss_high=100.0), frequencies=[600.0]), ["600 Hz: change loss_low or loss_high"]),
+        (lambda: indented([0.0, 0.0], [0.0, 1.0]), ["the times of an indentation must rise"]),
+        (lambda: indented([0.0, 1.0], [0.0, -1.0]), ["grow to one maximum, and then fall"]),
+        (lambda: indented([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 0.5, 0.8]), ["grow to one maximum, and then fall"]),
+    ],
+)
+def test_impossible_branches_losses_ranges_and_paths_are_refused(call, parts, refused):
+    with refused(*parts):
+        call()

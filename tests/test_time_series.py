@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import shear_terms
 from analytic.decode import decoder
 from analytic.inverse.forward_model import readings_with_slopes
 from analytic.stream import Stream
@@ -16,9 +15,9 @@ from analytic.time_series import RelaxingForce, TimeSeries, zero_offset
 from fem.accuracy import QUICK
 from fem.analyses.timed_path import TimeControl, TimedLoad, follow
 from fem.equilibrium import solve
-from geometry.design import Design, paper
+from geometry.design import Design
 from geometry.loads import Load
-from studies.sensing.decode_readings import doubted_branches, of_level
+from studies.sensing.decode_readings import of_level
 
 BRANCH = Design(prony="0.4:2", modulus="long-term")
 
@@ -81,12 +80,6 @@ def test_press_and_shear_of_finite_elements_in_time():
     assert largest[0] > 1.3 * sheared[0]
 
 
-def test_softening_is_that_of_a_guided_column():
-    """A slender guided column has k = 12 E I / L^3 - 6 P / (5 L)."""
-    long = Design(D=4.0, L=79.0, magnet_diameter=1.0, magnet_height=0.5, l0=78.0)
-    assert_allclose(shear_terms.softening(long) * long.H, 1.2, rtol=0.1)
-
-
 def coder_of(**fields):
     design = Design(**fields)
     return decoder(design, of_level(design, "finite"))
@@ -126,11 +119,6 @@ def test_a_row_after_one_without_a_force_says_so():
         status = "saturated" if math.isnan(force) else "ok"
         found.append(past.step(time, np.full(3, 0.01 + time), status, np.full(3, force), np.zeros(3))[0])
     assert found == ["ok", "saturated", "after_gap", "ok"]
-
-
-def test_equal_readings_of_an_element_without_noise_are_no_failure():
-    coder = coder_of(hall_noise=0.0)
-    assert set(words(coder, np.arange(50) / 100, np.repeat(rows_at(coder, np.zeros(1)), 50, axis=0))) == {"ok"}
 
 
 def test_a_stream_with_times_is_the_table_and_zero_removes_an_offset(run, tmp_path):
@@ -176,11 +164,6 @@ def test_a_reading_at_a_rail_stays_saturated_after_a_zero(run, tmp_path):
     run("decode", "paper", "--file", path, "--units", "T", "--zero", "0,4", "--out", out)
     with out.open(encoding="utf-8") as file:
         assert [each["status"] for each in csv.DictReader(file)][-1] == "saturated"
-
-
-def test_doubted_laws_have_half_and_three_halves_of_the_loss():
-    less, more = (np.array(law.shares) / law.rest for law in doubted_branches(paper()))
-    assert_allclose(more, 3 * less, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
