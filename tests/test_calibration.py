@@ -269,6 +269,21 @@ def test_a_row_at_a_rail_is_left_out_of_the_calibration(bench, run, tmp_path):
     assert "row 5 of bench is left out, because S1 lies at a rail of its element" in err
 
 
+def test_a_wrong_force_and_a_copied_row_are_named_also_when_the_calibration_is_used(bench, run, tmp_path):
+    table = pd.read_csv(bench[1][0])
+    table.loc[4, "F_z [N]"] *= 10
+    pd.concat([table, table.iloc[[2]]]).to_csv(tmp_path / "bench.csv", index=False)
+    status, _, err = run("calibrate", "paper", tmp_path / "bench.csv", "--out", tmp_path / "out", "--json")
+    assert status == 0
+    assert "row 5 of bench fits" in err
+    assert "row 13 of bench repeats another one" in err
+    # one wrong force is no wrong unit
+    assert "probably" not in err
+    design, found = tmp_path / "out" / "design.toml", tmp_path / "out" / "calibration.json"
+    err = run("readings", design, "--calibration", found, "--json")[2]
+    assert "calibration.json, as magtip calibrate said: row 5 of bench fits" in err.replace("\n", " ")
+
+
 def test_a_ros_package_decodes_by_the_calibration(calibration, tmp_path):
     for name, write in ros2_package.files(paper(), calibration[1]).items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

@@ -32,7 +32,7 @@ from studies.inputs import table_input
 from studies.inputs.option_groups import Decoding, Pose, Reading
 from studies.inputs.user_input import parse_numbers
 from studies.mechanics.loading_cycles import MadeStates
-from studies.output import atomic_files
+from studies.output import atomic_files, console
 from studies.output.figures import table_of
 from studies.output.result import Result, of_record
 from studies.sensing import decode_readings, field_readings
@@ -56,8 +56,10 @@ def unknown_rows(found: Fit) -> list[FlatRow]:
     ]  # fmt: skip
 
 
-def as_text(found: Fit, source: str, lag: float | None, failures: Sequence[str] = ()) -> str:
-    """Return the content of calibration.json; with failures, why nothing may use it."""
+def as_text(
+    found: Fit, source: str, lag: float | None, warnings: Sequence[str] = (), failures: Sequence[str] = ()
+) -> str:
+    """Return the content of calibration.json: what who uses it is warned of; with failures, why nothing may."""
     sensor = found.sensor
     law = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(sensor.mechanics).items()}
     record = {
@@ -65,6 +67,7 @@ def as_text(found: Fit, source: str, lag: float | None, failures: Sequence[str] 
         "design": dataclasses.asdict(sensor.design),
         "mechanics_source": source,
         "lag_s": lag,
+        "warnings": list(warnings),
         "failures": list(failures),
         "unknowns": unknown_rows(found),
         "covariance": found.covariance.tolist(),
@@ -92,6 +95,8 @@ def read(path: Path) -> Fit:
             raise BadInput(f"{path} has format {record['format']}; this magtip reads {FORMAT}: calibrate again")
         if record.get("failures"):
             raise BadInput(f"{path} is of no use, as magtip calibrate said: {record['failures'][0]}")
+        for text in record.get("warnings", []):
+            console.warn(f"{path}, as magtip calibrate said: {text}")
         law: Any = dict(record["mechanics"]) | {"errors": tuple(record["mechanics"]["errors"])}
         law |= {name: np.array(law[name]) for name in ("tau", "lateral", "normal", "depth", "shear")}
         rows = record["unknowns"]

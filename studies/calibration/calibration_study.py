@@ -58,6 +58,7 @@ FEW, ROUGH, BETTER = 24, 8, 3.0
 """Rows and steps with which columns that are exchanged or reversed are sought, and how much better the rows fit with
 these."""
 CHECK = "check which column is which element, the signs of the forces, and wrong rows"
+COPY, WRONG = "repeats another one to the last digit: was it measured again?", "was it measured wrongly?"
 CYCLES = ((1, 2, 0), (2, 0, 1))
 DOUBTED, CERTAIN = 3.0, 1000.0
 """Estimated over expected error of the forces from which such columns are sought, and how much better rows must fit
@@ -297,28 +298,43 @@ def residual_rows(found: Fit, bench: Bench, rows: Ints) -> list[FlatRow]:
     return rows_of
 
 
-def _at_rails(bench: Bench, full: NDArray[np.bool_]) -> list[str]:
-    """Return a sentence on rows that are left out, since a reading (n, k) of them lies at a rail."""
-    rows = np.flatnonzero(full.any(axis=1))
-    if not len(rows):
-        return []
-    name, run = bench.readings[int(full[rows[0]].argmax())], bench.table["run"].to_numpy()
-    at = 1 + int(np.count_nonzero(run[: rows[0]] == run[rows[0]]))
-    more = f", and {len(rows) - 1} more rows" * (len(rows) > 1)
-    return [f"row {at} of {run[rows[0]]} is left out, because {name} lies at a rail of its element{more}"]
-
-
-def _outliers(found: Fit, bench: Bench, rows: Ints) -> list[str]:
-    """Return a sentence on the row that fits worst, if it is far from all others."""
-    size = np.sqrt(np.nanmean(np.square(found.residual), axis=1))
-    worst = int(np.argmax(size))
-    if len(size) < 3 or not size[worst] > OUTLIER * np.median(size):
-        return []
+def _place(bench: Bench, row: int) -> str:
+    """Return which row of which run a row of all runs is, in words."""
     run = bench.table["run"].to_numpy()
-    at = 1 + int(np.count_nonzero(run[: rows[worst]] == run[rows[worst]]))
-    times = size[worst] / np.median(size)
-    text = f"row {at} of {run[rows[worst]]} fits {times:.2g} times worse than the others: was it measured wrongly?"
-    return [text]
+    return f"row {1 + int(np.count_nonzero(run[:row] == run[row]))} of {run[row]}"
+
+
+def _odd_rows(bench: Bench, full: NDArray[np.bool_]) -> list[str]:
+    """Return sentences on rows that are left out, since a reading (n, k) lies at a rail, and on exact copies."""
+    left_out = np.flatnonzero(full.any(axis=1))
+    copies = np.flatnonzero(bench.table.duplicated([name for name in bench.table if name not in ("run", "time_s")]))
+    said = []
+    for rows, text in ((left_out, "is left out, because {} lies at a rail of its element"), (copies, COPY)):
+        if len(rows):
+            more = f" (and {len(rows) - 1} more)" * (len(rows) > 1)
+            said.append(f"{_place(bench, rows[0])}{more} {text.format(bench.readings[int(full[rows[0]].argmax())])}")
+    return said
+
+
+def _estimated(
+    fit: Callable[[Array, Array], Fit], expected: Sensor, measured: Array, warmer: Array
+) -> tuple[Fit, bool, list[tuple[int, float]]]:
+    """Return the sensor that a fit finds, whether columns look wrong, and the row far from all others, if any, with
+    its misfit over the median."""
+
+    def fitted(rows: Ints) -> tuple[Fit, bool]:
+        found, truth = fit(measured[rows], warmer[rows]), measured[rows, len(expected.noise) :][:, :3]
+        own, usual = (np.median(sensor.force_errors(truth)) for sensor in (found.sensor, expected))
+        return found, bool(own > DOUBTED * usual or found.growth > 2)
+
+    found, doubtful = fitted(np.arange(len(measured)))
+    size = np.sqrt(np.nanmean(np.square(found.residual), axis=1))
+    worst, times = int(np.argmax(size)), float(size.max() / np.median(size))
+    if len(size) < 3 or not times > OUTLIER:
+        return found, doubtful, []
+    # one wrong row makes all columns look wrong
+    doubtful = doubtful and fitted(np.delete(np.arange(len(measured)), worst))[1]
+    return found, doubtful, [(worst, times)]
 
 
 def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str]) -> tuple[str, float]:
@@ -410,9 +426,9 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(truth).any(axis=1) & ~full.any(axis=1)
     rows, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
-    found = (sensor_fit.fit if force_noise else sensor_fit.fit_with_noise)(sensor, measured[rows], warmer[rows])
-    own, expected = (np.median(each.force_errors(truth[rows])) for each in (found.sensor, sensor))
-    doubtful = own > DOUBTED * expected or found.growth > 2
+    fit = partial(sensor_fit.fit if force_noise else sensor_fit.fit_with_noise, sensor)
+    found, doubtful, worst = _estimated(fit, sensor, measured[rows], warmer[rows])
+    odd = [f"{_place(bench, rows[k])} fits {times:.2g} times worse than the others: {WRONG}" for k, times in worst]
     hint, better = mistaken(sensor, measured[rows], warmer[rows], bench.readings) if doubtful else ("", 1.0)
     if better > CERTAIN:
         raise BadInput(f"the columns are not what their heads say: {hint}")
@@ -423,7 +439,7 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
                 f"{hint or CHECK}"
             )
     table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
-    if not doubtful and _failures(_summary(table), ""):
+    if not doubtful and not odd and _failures(_summary(table), ""):
         hint, _ = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
     progress(0.95, "pictures")
     tables: dict[str, Rows] = {
@@ -435,7 +451,7 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
         "estimated": force_noise is None, "hint": hint,
     }  # fmt: skip
     drawn = partial(figures, truth[rows], force[rows], curve)
-    return _result(found, bench, tables, origin, [*_at_rails(bench, full), *_outliers(found, bench, rows)], drawn)
+    return _result(found, bench, tables, origin, [*_odd_rows(bench, full), *odd], drawn)
 
 
 def noise_of(design: Design) -> tuple[Array, str]:
@@ -520,7 +536,7 @@ def _result(
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
         curve=_curve(tables["learning"]),
     )
-    text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"], failures)
+    text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"], warnings, failures)
     return Result(
         title="Calibration",
         records=[record],
