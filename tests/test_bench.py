@@ -71,12 +71,8 @@ def test_medians_tell_a_failure_and_an_error_beyond_tolerance_is_said():
 # CalculiX
 
 
-@pytest.fixture(scope="module")
-def deck():
-    return bench.deck(cube(), {"E": 2.0, "nu": 0.49, "L": 2.0, "R": 2.0, "depth": 0.5})
-
-
-def test_deck_has_the_mesh_in_the_order_of_calculix(deck):
+def test_a_deck_has_the_mesh_in_the_order_of_calculix_presses_the_tip_and_holds_the_rest():
+    deck = bench.deck(cube(), {"E": 2.0, "nu": 0.49, "L": 2.0, "R": 2.0, "depth": 0.5})
     points = numbers(deck, "*NODE, NSET=BODY")[:, 1:]
     cells = numbers(deck, "*ELEMENT, TYPE=C3D10")[:, 1:].astype(int) - 1
     assert len(points) == cube().doflocs.shape[1]
@@ -85,11 +81,6 @@ def test_deck_has_the_mesh_in_the_order_of_calculix(deck):
     assert (np.linalg.det(x[:, 1:4] - x[:, :1]) > 0).all()
     for k, (a, b) in enumerate([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)], 4):
         np.testing.assert_allclose(x[:, k], (x[:, a] + x[:, b]) / 2, atol=1e-12)
-
-
-def test_deck_presses_the_tip_and_holds_base_and_symmetry(deck):
-    points = numbers(deck, "*NODE, NSET=BODY")[:, 1:]
-    cells = numbers(deck, "*ELEMENT, TYPE=C3D10")[:, 1:].astype(int) - 1
     lines = deck.splitlines()
     start = lines.index("*SURFACE, NAME=TIP, TYPE=ELEMENT") + 1
     faces = [line.split(", S") for line in lines[start : lines.index("*SURFACE, NAME=LOWER, TYPE=ELEMENT")]]
@@ -146,14 +137,10 @@ def test_scripts_of_peers_and_magtip_do_not_import_each_other():
 # Processes
 
 
-def task(depth, accuracy):
-    return bench.task({"magnet": "ignored", "loads": [{"depth": depth}]}, "axisymmetric", accuracy)
-
-
 def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
     accuracy = {"section_size": 0.12}
     begin = time.perf_counter()
-    found = bench.magtip(task(0.5, accuracy))
+    found = bench.magtip(bench.task({"magnet": "ignored", "loads": [{"depth": 0.5}]}, {"accuracy": accuracy}))
     whole = time.perf_counter() - begin
     here = trace(paper(), [Load(depth=0.5)], replace(STANDARD, **accuracy), magnet="ignored", estimate=False)
     assert found["status"] == "ok", found
@@ -166,18 +153,15 @@ def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
 
 
 def test_a_solve_that_raises_is_a_failed_row():
-    found = bench.magtip(task(20.0, {}))
+    found = bench.magtip(bench.task({"magnet": "ignored", "loads": [{"depth": 20.0}]}, {}))
     assert found["status"] == "failed"
     assert "depth must be less than" in found["message"]
 
 
-def test_memory_is_that_of_the_child_alone():
+def test_memory_is_that_of_the_child_alone_and_a_process_beyond_its_limit_is_stopped():
     ballast = np.ones(20_000_000)
     assert bench.measure([sys.executable, "-I", "-S", "-c", "pass"]).peak_MB < 40
     assert ballast[0] == 1
-
-
-def test_a_process_beyond_its_limit_is_stopped():
     begin = time.perf_counter()
     ended = bench.measure([sys.executable, "-c", "import time; time.sleep(60)"], limit=0.3)
     assert time.perf_counter() - begin < 10
@@ -185,11 +169,7 @@ def test_a_process_beyond_its_limit_is_stopped():
     assert "0.3 s" in ended.err
 
 
-@pytest.mark.parametrize(
-    "task",
-    [{"task": "modes", "count": 1}, {"task": "field", "points": 9}],
-    ids=lambda task: task["task"],
-)
+@pytest.mark.parametrize("task", [{"task": "modes", "count": 1}, {"task": "field", "points": 9}])
 def test_a_task_in_a_process_of_its_own(task):
     found = bench.magtip(task)
     assert found["status"] == "ok", found["message"]
@@ -198,8 +178,7 @@ def test_a_task_in_a_process_of_its_own(task):
 
 # The command
 
-NO_PEER = {name: value for name, value in bench.SPECS["case"][0].items() if name != "peers"}
-NO_PEERS = ("--peers", "nowhere", "--ccx", "no-such-ccx")
+CASES = {case["key"]: case for case in bench.CASES}
 
 
 def of_magtip(monkeypatch, answer):
@@ -209,8 +188,8 @@ def of_magtip(monkeypatch, answer):
 
 def test_missing_peers_are_rows_that_say_how_to_install_them(monkeypatch, run, strict, tmp_path):
     of_magtip(monkeypatch, lambda task: answer(0, 0.1) | {"forces_N": [(0, 0, 1.0)] * len(task["loads"])})
-    cases = ("--cases", "press-curve,half-press")
-    status, out, err = run("validate", "bench", *NO_PEERS, *cases, "--json", "--out", "found")
+    options = ("--peers", "nowhere", "--ccx", "no-such-ccx", "--cases", "press-curve,half-press")
+    status, out, err = run("validate", "bench", *options, "--json", "--out", "found")
     rows = [row for row in strict(out) if row["program"] != "magtip"]
     assert (status, [row["program"] for row in rows]) == (3, ["FElupe", "CalculiX", "CalculiX"])
     assert [(row["status"], row["met"]) for row in rows] == [("not installed", None)] * 3
@@ -223,10 +202,7 @@ def test_missing_peers_are_rows_that_say_how_to_install_them(monkeypatch, run, s
 
 
 def test_only_the_chosen_cases_run_and_the_help_names_all(monkeypatch, run, refusal, strict):
-    names = {name for name, _ in bench.parts()}
-    assert names == {case["key"] for kind in bench.SPECS.values() for case in kind}
-    assert all(case["accuracy"] for case in bench.SPECS["case"])
-    assert all(name in run("validate", "bench", "--help")[1] for name in names)
+    assert all(name in run("validate", "bench", "--help")[1] for name in CASES)
     of_magtip(monkeypatch, lambda task: answer(0, 0.1))
     out = run("validate", "bench", "--cases", "field, modes", "--json")[1]
     assert [row["case"][:5] for row in strict(out)] == ["first", "field", "field"]
@@ -236,18 +212,11 @@ def test_only_the_chosen_cases_run_and_the_help_names_all(monkeypatch, run, refu
 @pytest.mark.parametrize(("cpu", "met"), [(0.2, True), (0.4, False)])
 def test_goals_are_judged_and_misses_said(monkeypatch, run, strict, cpu, met):
     of_magtip(monkeypatch, lambda task: answer(0.1, cpu) | {"dofs": 9, "peak_MB": 50.0})
-    monkeypatch.setattr(bench, "parts", lambda: [("one", lambda own: bench.measure_case(own, NO_PEER))])
+    own = CASES["press-curve"]
+    monkeypatch.setattr(bench, "CASES", [own | {"runs": own["runs"][:1]}])
     status, out, err = run("validate", "bench", "--quick", "--json")
     assert (status, strict(out)[0]["met"]) == (0 if met else 3, met)
     assert ("press curve to 3 mm (at most 0.3 s, within 0.5 %), promises missed: 1" in err) is not met
-
-
-def few():
-    return bench.Bench(True, Path("nowhere"), "no-such-ccx")
-
-
-def pair(key):
-    return next(pair for pair in bench.SPECS["pair"] if pair["key"] == key)
 
 
 @pytest.mark.parametrize(
@@ -259,17 +228,18 @@ def pair(key):
         ("modes", (0.6,), False),
         ("tilted-plate", (1.0, 2.0), True),
         ("tilted-plate", (1.0, 4.0), False),
+        ("shear", (1.0, 12.0), True),
+        ("shear", (1.0, 9.0), False),
         ("field", (1.0, 5.0), True),
         ("field", (1.0, 3.0), False),
         ("modes", (None,), False),
-        ("field", (1.0, None), None),
+        ("field", (1.0, None), False),
     ],
 )
-def test_tasks_that_run_by_turns_are_held_against_each_other(monkeypatch, key, seconds, met):
+def test_runs_that_take_turns_are_held_against_the_first(monkeypatch, key, seconds, met):
     answers = itertools.cycle(answer(0, s) if s else {"status": "failed", "message": "lost"} for s in seconds)
     of_magtip(monkeypatch, lambda task: next(answers))
-    own = few()
-    bench.by_turns(own, pair(key))
-    assert [row["met"] for row in own.rows] == [None] * (len(seconds) - 1) + [met]
-    assert (own.rows[-1]["status"] == "not installed") == (met is None)
-    assert key != "tilted-plate" or own.rows[1]["message"] == f"{seconds[1]:.2f} times the CPU s of the shear"
+    monkeypatch.setattr(bench.importlib.util, "find_spec", lambda name: name)
+    rows = bench.measured(CASES[key], bench.Bench(True, Path("nowhere"), "no-such-ccx"))
+    assert rows[-1]["met"] is met
+    assert rows[-1]["faster"] == (seconds[1] / seconds[0] if key in ("shear", "field") and seconds[-1] else None)

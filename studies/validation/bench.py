@@ -6,6 +6,8 @@ operating system counts for a process and its descendants.
 """
 
 import functools
+import importlib.util
+import itertools
 import json
 import math
 import os
@@ -18,8 +20,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,10 +36,7 @@ from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
 
-SPECS: dict[str, list[Row]] = tomllib.loads(Path(__file__).with_name("bench_cases.toml").read_text("utf-8"))
-"""The cases, and the pairs of tasks that run by turns."""
-TIMES = 10.0
-"""Goal: CPU seconds of the half model over the harmonic one's under a shear."""
+CASES: list[Row] = tomllib.loads(Path(__file__).with_name("bench_cases.toml").read_text("utf-8"))["case"]
 COLUMNS = (
     *("case", "program", "setting", "dofs", "iterations", "runs", "import_s", "cpu_s", "wall_s", "peak_MB"),
     *("force_N", "error_percent", "faster", "goal", "met", "status", "message"),
@@ -46,6 +44,7 @@ COLUMNS = (
 """Columns of bench.csv; None where a number is not known. force_N is of the last load, error_percent of the worst."""
 BRIEF = ("iterations", "runs", "import_s", "wall_s", "force_N", "message")
 """Left out of the printed table."""
+LEFT_OUT = {"status": "left out", "message": "not part of the quick run"}
 HEADS = {name: name for name in ("program", "setting", "iterations", "runs", "goal", "met", "status", "message")}
 HEADS |= {"dofs": "unknowns", "error_percent": "error %", "import_s": "imports s", "cpu_s": "CPU s"}
 HEADS |= {"wall_s": "wall s", "peak_MB": "peak MB", "faster": "magtip faster by a factor of"}
@@ -54,39 +53,15 @@ FILES = ("BENCH.md", "bench.csv")
 Answer = Row
 """The JSON object that a measured process prints, with what was counted of it."""
 Solve = Callable[[], Answer] | str
-"""Solves by a peer, or says that it is not installed, and how to install it."""
+"""Solves one run of a case, or says that its program is not installed, and how to install it."""
 
 
-@dataclass(slots=True)
-class Bench:
-    """Options of a run, its rows so far, and the references of its cases."""
+class Bench(NamedTuple):
+    """Options of a study: whether it is quick, the folder of FElupe's environment, and the command of CalculiX."""
 
     quick: bool
     peers: Path
     ccx: str
-    say: Callable[[str], None] = lambda text: None
-    rows: list[Row] = field(default_factory=list)
-    versions: dict[str, str] = field(default_factory=dict)
-    references: dict[str, list[Sequence[float]]] = field(default_factory=dict)
-
-    @property
-    def runs(self) -> int:
-        """Number of runs of which the median counts."""
-        return 3 if self.quick else 5
-
-    def add(self, case: str, program: str, setting: str, answer: Answer, **more: Any) -> Row:
-        """Add a row of the table from the answer of a process and return it."""
-        forces = answer.get("forces_N")
-        row = dict.fromkeys(COLUMNS) | {name: answer[name] for name in COLUMNS if name in answer}
-        row |= {"case": case, "program": program, "setting": setting, "force_N": forces[-1] if forces else None}
-        row |= {"goal": "", "status": answer.get("status", "ok"), "message": answer.get("message", "")} | more
-        self.rows.append(row)
-        return row
-
-
-def parts() -> list[tuple[str, Callable[[Bench], None]]]:
-    kinds: tuple[tuple[str, Callable[..., None]], ...] = (("case", measure_case), ("pair", by_turns))
-    return [(spec["key"], functools.partial(run, spec=spec)) for kind, run in kinds for spec in SPECS[kind]]
 
 
 def run(
@@ -107,37 +82,33 @@ def run(
     quick
         Use medians of 3 runs instead of 5, and no references of shears.
     cases
-        Run only some cases, with commas between their names: press-curve, half-press, half-press-magnet, half-shear,
-        shear, friction, tilted-plate, small-shear, modes, field; default: all.
+        Run only some cases, with commas between their names: press-curve, half-press, half-press-magnet, shear,
+        friction, tilted-plate, small-shear, modes, field; default: all.
     peers
         Folder of a Python environment with FElupe: python3 -m venv DIR && DIR/bin/pip install felupe.
     ccx
         Command that runs CalculiX.
     """
-    bench, own = Bench(quick, peers, ccx), [] if cases is None else [name.strip() for name in cases.split(",")]
-    names = [name for name, _ in parts()]
-    if unknown := [name for name in own if name not in names]:
+    asked = [] if cases is None else [name.strip() for name in cases.split(",")]
+    names = [case["key"] for case in CASES]
+    if unknown := [name for name in asked if name not in names]:
         raise BadInput(f"--cases takes {', '.join(names)}; got {unknown[0]}")
-    chosen = [part for name, part in parts() if name in own or not own]
-
-    def measured() -> Iterator[Row]:
-        for k, part in enumerate(chosen):
-            known = len(bench.rows)
-            bench.say = functools.partial(progress, k / len(chosen))
-            part(bench)
-            yield from bench.rows[known:]
-
-    return pages.collected(measured(), functools.partial(result, bench, machine()))
+    chosen = pages.told(
+        progress, [case for case in CASES if case["key"] in (asked or names)], lambda case: case["name"]
+    )
+    rows = itertools.chain.from_iterable(measured(case, Bench(quick, peers, ccx)) for case in chosen)
+    return pages.collected(rows, functools.partial(result, machine()))
 
 
-def result(bench: Bench, about: Mapping[str, str], rows: Sequence[Row]) -> Result:
+def result(about: Mapping[str, str], rows: Sequence[Row]) -> Result:
     """Return the result of measured rows; `about` says on which machine."""
     tables = {}
     for case in dict.fromkeys(row["case"] for row in rows):
         own = [row for row in rows if row["case"] == case]
         filled = [name for name in COLUMNS if name in HEADS and any(row[name] not in (None, "") for row in own)]
         tables[case.capitalize()] = own, {name: HEADS[name] for name in filled}
-    page = {"tables": tables, "about": {**about, **bench.versions}}
+    versions = {row["program"]: row.pop("version") for row in rows}
+    page = {"tables": tables, "about": {**about, **versions}}
     remarks = [f"{row['case']}: {row['message']}" for row in rows if row["message"]]
     return pages.study("bench", "Speed", rows, page, look={"brief": BRIEF}, goals=goals(rows), remarks=remarks)
 
@@ -162,91 +133,72 @@ def machine() -> dict[str, str]:
     return found | {"mkl": provenance.installed("mkl") or "not installed"}
 
 
-# Cases, and tasks by turns
+# Cases, whose runs take turns
 
 
-def task(spec: Row, model: str, accuracy: Mapping[str, float]) -> Answer:
-    """Return a case as a task of `studies.validation.bench_worker`."""
-    return {"task": "trace", "magnet": spec["magnet"], "loads": spec["loads"], "model": model, "accuracy": accuracy}
-
-
-def measure_case(bench: Bench, spec: Row) -> None:
-    """Add magtip's row of one case, and those of its peers, which run by turns with magtip."""
-    name, tolerance = spec["name"], spec.get("tolerance_percent", math.inf)
-    # two models of one scene share its reference; that of a shear takes minutes
-    truth = bench.references.get(name)
-    if truth is None and "reference" in spec and not (bench.quick and spec.get("slow_reference")):
-        bench.say(f"{name}: reference")
-        found = magtip(task(spec, *spec["reference"]))
+def measured(case: Row, bench: Bench) -> list[Row]:
+    """Return the rows of a case: its runs take turns, and all but the first are held against it."""
+    truth = None
+    if "reference" in case and not (bench.quick and case.get("slow_reference")):
+        found = magtip(task(case, case["reference"]))
         if found["status"] != "ok":
-            lost = {"status": "no reference", "message": f"the reference failed: {found['message']}"}
-            bench.add(name, "magtip", "", lost, goal=f"within {tolerance:g} %", met=False)
-            return
-        truth = bench.references[name] = compared(found)
-    bench.say(f"{name}: magtip")
-    accuracy = spec["accuracy"]
-    own = functools.partial(magtip, task(spec, spec["model"], accuracy))
-    answer = judged(median([own() for _ in range(bench.runs)]), truth, tolerance)
-    limits = (("goal_s", "cpu_s", "s"), ("goal_MB", "peak_MB", "MB"))
-    goals = [
-        (f"at most {spec[key]:g} {unit}", answer.get(of, math.inf) <= spec[key])
-        for key, of, unit in limits
-        if key in spec
-    ]
-    half = next((row for row in bench.rows if row["case"] == name and "solid_size" in row["setting"]), None)
-    faster = None
-    if half is not None and half["status"] == answer["status"] == "ok":
-        faster = half["cpu_s"] / answer["cpu_s"]
-        goals.append((f"{TIMES:g} times faster than the half model", faster >= TIMES))
-    met = answer["status"] == "ok" and all(good for _, good in goals)
-    goal = ", ".join([text for text, _ in goals] + ([f"within {tolerance:g} %"] if truth else []))
-    setting = ", ".join(f"{key} {value:g}{'' if key == 'harmonics' else ' D'}" for key, value in accuracy.items())
-    bench.add(name, "magtip", setting, answer, goal=goal, met=met, faster=faster)
-    for peer in spec.get("peers", []):
-        add_peer(bench, spec, peer, own)
+            lost = {"status": "no reference", "message": f"the reference failed: {found['message']}", "met": False}
+            return [row_of(case, case["runs"][0], lost)]
+        truth = compared(found)
+    solves = [solve_of(case, one, bench) for one in case["runs"]]
+    turns: list[list[Answer]] = [[] for _ in solves]
+    for turn in range(3 if bench.quick else 5):
+        for answers, solve, one in zip(turns, solves, case["runs"], strict=True):
+            if not isinstance(solve, str) and not (one.get("slow") and (bench.quick or turn)):
+                answers.append(solve())
+    rows = []
+    for one, solve, answers in zip(case["runs"], solves, turns, strict=True):
+        if answers:
+            limit = (case | one).get("tolerance_percent", math.inf)
+            answer = judged(median(answers), truth, limit) | beside(turns[0], answers)
+            if "goal" in one:
+                # what is not known meets no goal
+                within = [answer.get(name, math.nan) <= most for name, most in one.get("most", {}).items()]
+                beyond = [answer.get(name, math.nan) >= least for name, least in one.get("least", {}).items()]
+                answer["met"] = answer["status"] == "ok" and all(within + beyond)
+        else:
+            answer = {"status": "not installed", "message": solve} if isinstance(solve, str) else dict(LEFT_OUT)
+        rows.append(row_of(case, one, answer))
+    return rows
 
 
-def add_peer(bench: Bench, spec: Row, peer: Row, own: Callable[[], Answer]) -> None:
-    """Add the row of a peer, which runs by turns with magtip's `own` solve."""
-    name, program, goal = spec["name"], peer["program"], f"magtip at least {peer['least']:g} times faster"
-    bench.say(f"{name}: {program} by turns with magtip")
-    setting, solve = (felupe_press if program == "FElupe" else calculix_press)(bench, spec, peer)
-    if isinstance(solve, str):
-        bench.add(name, program, setting, {"status": "not installed", "message": solve}, goal=goal)
-    elif bench.quick and peer.get("slow"):
-        bench.add(name, program, setting, {"status": "left out", "message": "not part of the quick run"})
-    else:
-        turns = [(own(), solve()) for _ in range(1 if peer.get("slow") else bench.runs)]
-        truth, tolerance = bench.references.get(name), spec["tolerance_percent"]
-        answer = judged(median([other for _, other in turns]), truth, tolerance)
-        row = bench.add(name, program, setting, answer, goal=goal, faster=compared_turns(turns, "ratio"))
-        row["met"] = answer["status"] == "ok" and row["faster"] >= peer["least"]
+def row_of(case: Row, one: Row, answer: Answer) -> Row:
+    """Return a row of the table from the answer of a process."""
+    row = dict.fromkeys(COLUMNS) | {name: answer[name] for name in COLUMNS if name in answer}
+    row |= {"case": case["name"], "program": one.get("program", "magtip"), "setting": one["setting"]}
+    row |= {"force_N": next(iter(answer.get("forces_N", ())[-1:]), None), "goal": one.get("goal", "")}
+    known = "least" in one and answer["status"] == "ok"
+    return row | {"faster": answer["faster"] if known else None, "version": answer.get("version", "")}
 
 
-def by_turns(bench: Bench, spec: Row) -> None:
-    """Add the rows of tasks that run by turns; the last one is judged, beside the first one or alone."""
-    bench.say(spec["name"])
-    turns = [[magtip(task) for task in spec["tasks"]] for _ in range(bench.runs)]
-    answers = [median(own) for own in zip(*turns, strict=True)]
-    programs = spec.get("programs", ["magtip"] * len(answers))
-    rows = [bench.add(spec["name"], *place) for place in zip(programs, spec["settings"], answers, strict=True)]
-    last, good = rows[-1], all(row["status"] == "ok" for row in rows)
-    value = compared_turns(turns, spec["judged"]) if good else math.nan
-    met = value >= spec["limit"] if spec.get("at_least") else value <= spec["limit"]
-    last |= {"goal": spec["goal"], "met": met, "faster": value if spec.get("at_least") and good else None}
-    if "missing" in spec and last["status"] != "ok":
-        last |= {"setting": "", "met": None, "status": "not installed", "message": spec["missing"]}
-    elif "said" in spec and good:
-        last["message"] = f"{value:.2f} {spec['said']}"
-    if version := answers[-1].get("version"):
-        bench.versions[last["program"]] = version
+def solve_of(case: Row, one: Row, bench: Bench) -> Solve:
+    if one.get("program") == "FElupe":
+        return felupe_press(bench.peers, [load["depth"] for load in case["loads"]], one)
+    if one.get("program") == "CalculiX":
+        return calculix_press(bench.ccx, case["loads"][0]["depth"], one)
+    if one.get("program") == "magpylib" and not importlib.util.find_spec("magpylib"):
+        return "magpylib is not installed: pip install 'magpylib>=5.1'"
+    return functools.partial(magtip, task(case, one))
 
 
-def compared_turns(turns: Sequence[Sequence[Answer]], judged: str) -> float:
-    """Return the median over the turns: ratio or difference of last to first CPU seconds, or those of the last."""
-    first, last = (np.array([answers[k].get("cpu_s", math.nan) for answers in turns]) for k in (0, -1))
-    # a run that fails makes the result NaN, which meets no goal
-    return float(np.median(last / first if judged == "ratio" else last - first if judged == "difference" else last))
+def task(case: Row, one: Row) -> Answer:
+    """Return a run of a case as a task of `studies.validation.bench_worker`, which reads what it needs."""
+    return {"task": "trace", "model": "auto", "accuracy": {}} | {**case, "runs": []} | one
+
+
+def beside(first: Sequence[Answer], own: Sequence[Answer]) -> dict[str, float]:
+    """Return medians over the turns of what the CPU seconds of a run are beside those of the first one.
+
+    A turn that fails makes them NaN.
+    """
+    turns = [[one.get("cpu_s", math.nan) for one in pair] for pair in zip(first, own, strict=False)]
+    a, b = np.array(turns).T
+    return {"faster": float(np.median(b / a)), "longer_s": float(np.median(b - a))}
 
 
 def compared(answer: Answer) -> list[Sequence[float]]:
@@ -358,28 +310,24 @@ def _answer(ended: Ended) -> Answer:
 # FElupe
 
 
-def felupe_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
-    """Return the setting of FElupe, and what solves the press curve by it.
+def felupe_press(peers: Path, depths: Sequence[float], peer: Row) -> Solve:
+    """Return what solves a press curve by FElupe.
 
     The mesh has edges of `size` over D, and at the tip `tip` times magtip's.
     """
-    python, size, tip = (bench.peers / "bin" / "python").absolute(), peer["size"], peer["tip"]
+    python, design = (peers / "bin" / "python").absolute(), paper()
     if not python.exists() or measure([str(python), "-c", "import felupe"]).exit:
-        install = f"python3 -m venv {bench.peers} && {bench.peers}/bin/pip install felupe==11.3.0"
-        return "", f"FElupe is not installed: {install}"
-    design, depths = paper(), [load["depth"] for load in spec["loads"]]
+        return f"FElupe is not installed: python3 -m venv {peers} && {peers}/bin/pip install felupe==11.3.0"
     numbers = {"E_MPa": design.E, "nu": design.nu, "L_mm": design.L, "R_mm": design.R, "depths_mm": depths}
 
     def solve() -> Answer:
         with tempfile.TemporaryDirectory() as folder:
             given = Path(folder, "given.npz")
-            np.savez(given, **section_arrays(design, size, tip, min(depths)), **numbers)  # type: ignore[arg-type]
+            np.savez(given, **section_arrays(design, peer["size"], peer["tip"], min(depths)), **numbers)  # type: ignore[arg-type]
             script = str(Path(__file__).with_name("peer_felupe.py"))
-            answer = _answer(measure([str(python), "-W", "ignore", script, str(given)]))
-        bench.versions["FElupe"] = answer.get("version", "")
-        return answer
+            return _answer(measure([str(python), "-W", "ignore", script, str(given)]))
 
-    return f"second-order triangles (u, p, J), size {size:g} D, tip x {tip:g}", solve
+    return solve
 
 
 def section_arrays(design: Design, size: float, tip: float, least_depth: float) -> Answer:
@@ -406,20 +354,21 @@ TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
 """Nodes of a cell after corners 1 and 2 have changed places."""
 
 
-def calculix_press(bench: Bench, spec: Row, peer: Row) -> tuple[str, Solve]:
-    """Return the setting of CalculiX, and what solves the half model's press by it."""
-    command, design = shutil.which(bench.ccx), paper()
+def calculix_press(ccx: str, depth: float, peer: Row) -> Solve:
+    """Return what solves the half model's press by CalculiX."""
+    command, design = shutil.which(ccx), paper()
     if command is None:
-        return "", "CalculiX is not installed: apt-get install calculix-ccx"
+        return "CalculiX is not installed: apt-get install calculix-ccx"
     said = measure([command, "-v"]).out.splitlines()
-    bench.versions["CalculiX"] = next((f"ccx {line.split()[-1]}" for line in said if "Version" in line), "")
-    press = {"E": design.E, "L": design.L, "R": design.R, "depth": spec["loads"][0]["depth"]} | peer
+    version = next((f"ccx {line.split()[-1]}" for line in said if "Version" in line), "")
+    press = {"E": design.E, "L": design.L, "R": design.R, "depth": depth} | peer
     edge = peer["size"] * design.D
 
     def solve() -> Answer:
-        return calculix(command, tetrahedra(design.shape, edge, tip_size=edge / 2, half=True, magnet="none"), press)
+        mesh = tetrahedra(design.shape, edge, tip_size=edge / 2, half=True, magnet="none")
+        return calculix(command, mesh, press) | {"version": version}
 
-    return f"C3D10, nu {peer['nu']:g}, size {peer['size']:g} D", solve
+    return solve
 
 
 def calculix(ccx: str, mesh: Any, press: Row) -> Answer:
