@@ -40,7 +40,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,7 @@ from fem.results import silicone_limits
 from geometry.arrays import Array
 from geometry.design import LAWS, LEAST_ALPHA, SILICONE_E, BadInput, Design
 from studies.output import page_templates
+from studies.output.records import FlatRow
 from studies.simulation.material_tests import STRESS, Specimen
 
 Criterion = Literal["AICc", "fewest constants"]
@@ -75,24 +76,12 @@ AT_BOUND = 1e-6
 """Distance of a number from its bound, over its range, that counts as none if it makes no difference."""
 
 
-@dataclass(frozen=True, slots=True)
-class Form:
-    """A law some of whose numbers are fitted, while the others keep their defaults.
-
-    Attributes
-    ----------
-    free : names of the fitted numbers, besides E.
-    starts : values of `free` at which the search starts.
-    """
+class Form(NamedTuple):
+    """A law with the names of the numbers that are fitted besides E, and values at which their search starts."""
 
     law: str
     free: tuple[str, ...]
     starts: tuple[tuple[float, ...], ...]
-
-    @property
-    def constants(self) -> int:
-        """Number of fitted constants, E included."""
-        return len(self.free) + 1
 
 
 FORMS = (
@@ -185,31 +174,25 @@ def fit(data: Specimen, nu: float = 0.4998) -> list[Fit]:
         raise BadInput("the stress decreases while the stretch increases: tension must be positive in both columns")
     telling = data.stretch[data.telling]
     most = len(set(telling.tolist()))
-    forms = [form for form in FORMS if form.constants <= most]
-    defined = all(len(telling) > form.constants + 2 for form in forms)
+    forms = [form for form in FORMS if len(form.free) < most]
+    defined = all(len(telling) > len(form.free) + 3 for form in forms)
     criterion: Criterion = "AICc" if defined else "fewest constants"
     best: dict[str, Fit] = {}
     for form in reversed(forms):
         found = _fitted(form, data, mu, nu, most, criterion)
         other = best.get(found.law)
-        if other is None or (_same(other, found) if defined else _order(found, None) < _order(other, None)):
+        # a form with a number at a bound, such as a share of 0, equals one with fewer constants
+        same = other is not None and bool(other.bounded) and found.rms <= other.rms * (1 + 1e-6)
+        if other is None or (same if defined else _order(found, None) < _order(other, None)):
             best[found.law] = found
     least = min((found.aicc for found in best.values() if found.aicc is not None and not found.bounded), default=None)
     return sorted(best.values(), key=lambda found: _order(found, least if defined else None))
 
 
-def _same(larger: Fit, smaller: Fit) -> bool:
-    """Return whether a form with a number at a bound, such as a share of 0, equals a form with fewer constants."""
-    return bool(larger.bounded) and smaller.rms <= larger.rms * (1 + 1e-6)
-
-
-def _width(stable: Ranges) -> float:
-    return round(sum(math.log(high / low) for low, high in stable.values()), 9)
-
-
 def _order(found: Fit, least: float | None) -> tuple[float, ...]:
     """Sorts fits, the best first; `least` is the least AICc, None where they are not sorted by it."""
-    last, ties = float(bool(found.bounded)), (-_width(found.stable), list(LAWS).index(found.law))
+    width = round(sum(math.log(high / low) for low, high in found.stable.values()), 9)
+    last, ties = float(bool(found.bounded)), (-width, list(LAWS).index(found.law))
     if least is not None and found.aicc is not None:
         alike = found.aicc <= least + ALIKE
         return (last, 0, found.constants, found.aicc, *ties) if alike else (last, 1, found.aicc, *ties)
@@ -220,19 +203,11 @@ def _order(found: Fit, least: float | None) -> tuple[float, ...]:
 
 
 def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criterion: Criterion) -> Fit:
-    """Fit one form by least squares from several starts.
-
-    Parameters
-    ----------
-    mu : the neo-Hookean shear modulus, the scale of the search.
-    most : number of constants that the test determines.
-    """
     from scipy.optimize import least_squares
 
     largest = float(np.abs(data.stress).max())
-    specs = {spec: Design.__dataclass_fields__[spec].metadata for spec in form.free}
-    low = [1e-3, *(spec["low"] for spec in specs.values())]
-    high = [1e3, *(spec["high"] for spec in specs.values())]
+    specs = [Design.__dataclass_fields__[name].metadata for name in form.free]
+    low, high = np.array([(1e-3, 1e3), *((spec["low"], spec["high"]) for spec in specs)]).T
 
     def residual(x: Array) -> Array:
         model = x[0] * mu * nominal_stress(form.law, _whole(form, x[1:].tolist()), data.stretch)
@@ -247,29 +222,26 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
     ]
     x = np.array(min(tries, key=lambda found: found.cost).x)
     x[1:] = _tidy(form, x[1:].tolist())
-    at_end = np.array([False, *(_at_bound(v, a, b) for v, a, b in zip(x[1:], low[1:], high[1:], strict=True))])
+    at_end = np.minimum(x - low, high - x) <= AT_BOUND * (high - low)
+    at_end[0] = False
     moved = np.where(at_end, np.clip(np.round(x), low, high), x)
     # a share of 1e-7 is no bound where the term's exponent makes it large
-    bounded = (
-        at_end if np.linalg.norm(residual(moved)) <= np.linalg.norm(residual(x)) * (1 + 1e-6) else at_end & False
-    )
+    bounded = at_end & (np.linalg.norm(residual(moved)) <= np.linalg.norm(residual(x)) * (1 + 1e-6))
     x = np.where(bounded, moved, x)
     values, left = _whole(form, x[1:].tolist()), residual(x)
     rms = _without_rounding(float(np.sqrt(np.mean(left**2))))
-    near = data.near(SMALL_STRAIN)
-    numbers = dict(zip(LAWS[form.law], values, strict=True))
+    telling = float(np.sqrt(np.mean(left[data.telling] ** 2)))
+    near, constants = data.near(SMALL_STRAIN), len(form.free) + 1
     return Fit(
         law=form.law,
         E=2 * (1 + nu) * float(x[0]) * mu,
-        numbers=numbers,
-        constants=form.constants,
-        exact=form.constants >= most,
+        numbers=dict(zip(LAWS[form.law], values, strict=True)),
+        constants=constants,
+        exact=constants >= most,
         rms=largest * rms,
         share=rms,
         small=_without_rounding(excess(largest * left[near], data.stress[near])),
-        aicc=aicc(
-            int(data.telling.sum()), form.constants + 1, max(float(np.sqrt(np.mean(left[data.telling] ** 2))), EXACT)
-        ),
+        aicc=aicc(int(data.telling.sum()), constants + 1, max(telling, EXACT)),
         criterion=criterion,
         stable=ranges(form.law, values, ranges_of_test(data.stretch)),
         bounded=tuple(name for name, is_bounded in zip(form.free, bounded[1:], strict=True) if is_bounded),
@@ -298,10 +270,6 @@ def excess(left: Array, stress: Array) -> float:
 def _whole(form: Form, free: list[float]) -> tuple[float, ...]:
     given = dict(zip(form.free, free, strict=True))
     return tuple(given.get(name, getattr(STANDARD, name)) for name in LAWS[form.law])
-
-
-def _at_bound(value: float, low: float, high: float) -> bool:
-    return min(value - low, high - value) <= AT_BOUND * (high - low)
 
 
 def _tidy(form: Form, numbers: list[float]) -> list[float]:
@@ -406,15 +374,6 @@ def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array
 
 # Choice of a law
 
-Reason = Literal[
-    "E_not_possible",
-    "unstable_in_test",
-    "misses_test",
-    "unstable_in_solve",
-    "number_at_bound",
-    "ranks_lower",
-    "another_asked_for",
-]
 WRONG = 0.2
 """Rms error over the largest stress from which on a law does not describe the test at all, and is no design."""
 SMALL_MISFIT = 0.05
@@ -428,32 +387,14 @@ SPREAD = 0.05
 """Relative difference of laws that hit the test, at `PRESSED`, that is worth a warning, as `SMALL_MISFIT`."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """A law of a test, and what speaks for and against it.
+def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> list[FlatRow]:
+    """Return the record of each law of a test in their order, with at most one chosen.
 
-    Attributes
-    ----------
-    misses : whether it leaves more of the test than another law that may be chosen, by `MISFIT` or `SMALL_MISFIT`.
-    spread : how far, relative to this law's stress at `PRESSED`, those of other laws that hit the test are off it.
-    against : reasons against the choice; empty for the chosen law.
-    farther : the best other law that hits the test and is stable wherever this one is and farther; None without.
-    """
+    A law misses the test if it leaves more of it than another law that may be chosen, by `MISFIT` or `SMALL_MISFIT`.
 
-    fit: Fit
-    rank: int
-    possible: bool
-    in_test: bool
-    in_solve: bool
-    misses: bool
-    spread: float
-    chosen: bool
-    against: tuple[Reason, ...]
-    farther: Fit | None
-
-
-def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> list[Judged]:
-    """Return the laws of a test in their order, with at most one chosen.
+    compression_spread_percent : how far, relative to this law's stress at `PRESSED`, other laws that hit the test are
+        off it.
+    stable_farther : the best other law that hits the test and is stable wherever this one is and farther.
 
     Parameters
     ----------
@@ -468,36 +409,60 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
     low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
     possible = [low <= fit.E <= high for fit in fits]
     in_test = [within(ranges_of_test(data.stretch), fit.stable) for fit in fits]
+    in_solve = [within(SOLVE, fit.stable) for fit in fits]
     able = [fit for fit, *good in zip(fits, possible, in_test, strict=True) if all(good) and fit.share <= WRONG]
     share = min((fit.share for fit in able), default=0.0) + MISFIT
     small = min((abs(fit.small) for fit in able), default=0.0) + SMALL_MISFIT
     misses = [fit.share > share or abs(fit.small) > small for fit in fits]
-    in_solve = [within(SOLVE, fit.stable) for fit in fits]
+    hit = [fit for fit, missed in zip(fits, misses, strict=True) if fit in able and not missed]
     keys = [
-        (missed, not stable, k)
-        for k, (fit, missed, stable, fits_in) in enumerate(zip(fits, misses, in_solve, possible, strict=True))
-        if fits_in and fit.share <= WRONG and (fit in able if asked is None else fit.law == asked)
+        (misses[k], not in_solve[k], k)
+        for k, fit in enumerate(fits)
+        if possible[k] and fit.share <= WRONG and (fit in able if asked is None else fit.law == asked)
     ]
     first = min(keys)[-1] if keys else None
-    judged = []
+    records = []
     for k, fit in enumerate(fits):
-        facts: list[tuple[Reason, bool]] = [
-            ("E_not_possible", not possible[k]),
-            ("unstable_in_test", not in_test[k]),
-            ("misses_test", misses[k]),
-            ("unstable_in_solve", not in_solve[k]),
-            ("number_at_bound", bool(fit.bounded)),
-            ("ranks_lower", first is not None and k > first),
-            ("another_asked_for", asked is not None and fit.law != asked),
-        ]
-        against = () if k == first else tuple(reason for reason, holds in facts if holds)
-        hit = [other for other, missed in zip(fits, misses, strict=True) if other in able and not missed]
+        facts = {
+            "E_not_possible": not possible[k],
+            "unstable_in_test": not in_test[k],
+            "misses_test": misses[k],
+            "unstable_in_solve": not in_solve[k],
+            "number_at_bound": bool(fit.bounded),
+            "ranks_lower": first is not None and k > first,
+            "another_asked_for": asked is not None and fit.law != asked,
+        }
+        against = [reason for reason, holds in facts.items() if holds and k != first]
         spread = max((abs(_pressed(other) / _pressed(fit) - 1) for other in hit), default=0.0)
-        farther = next((other for other in hit if not other.bounded and _farther(other, fit)), None)
-        judged.append(
-            Judged(fit, k + 1, possible[k], in_test[k], in_solve[k], misses[k], spread, k == first, against, farther)
-        )
-    return judged
+        farther = next((o for o in hit if not o.bounded and _farther(o, fit)), None)
+        warned = _warnings(fit, data, spread, farther, possible=possible[k], in_test=in_test[k])
+        records.append({
+            "rank": k + 1,
+            "law": fit.law,
+            "chosen": k == first,
+            "AICc": fit.aicc,
+            "rms_MPa": fit.rms,
+            "rms_percent": 100 * fit.share,
+            "E_MPa": fit.E,
+            "numbers": fit.numbers,
+            **{f"stable_{mode}": list(ends) for mode, ends in fit.stable.items()},
+            "small_strain_excess_percent": 100 * fit.small,
+            "compression_spread_percent": 100 * spread,
+            "constants": fit.constants,
+            "points": int(data.telling.sum()),
+            "exactly_determined": fit.exact,
+            "least_strain_percent": 100 * data.least_strain,
+            "ranked_by": fit.criterion,
+            "at_bound": list(fit.bounded),
+            "stable_in_test": in_test[k],
+            "stable_in_solve": in_solve[k],
+            "E_of_a_silicone": SILICONE_E[0] <= fit.E <= SILICONE_E[1],
+            "not_chosen_because": against,
+            "stable_farther": farther.law if farther else None,
+            "warnings": warned,
+            "warning": "; ".join(warned),
+        })  # fmt: skip
+    return records
 
 
 def _farther(other: Fit, fit: Fit) -> bool:
@@ -508,15 +473,16 @@ def _pressed(fit: Fit) -> float:
     return fit.E * float(nominal_stress(fit.law, tuple(fit.numbers.values()), np.array(PRESSED)))
 
 
-def warnings(judged: Judged, data: Specimen) -> list[str]:
-    """Return warnings about the use of a law."""
-    fit, spec = judged.fit, Design.__dataclass_fields__["E"].metadata
+def _warnings(
+    fit: Fit, data: Specimen, spread: float, farther: Fit | None, *, possible: bool, in_test: bool
+) -> list[str]:
+    spec = Design.__dataclass_fields__["E"].metadata
     units = {name.rpartition("_")[2]: fit.E * factor / STRESS[data.column] for name, factor in STRESS.items()}
-    no_compression = data.stretch.min() > PRESSED and judged.spread > SPREAD
+    no_compression = data.stretch.min() > PRESSED and spread > SPREAD
     return sentences(
         "law",
         fit=fit,
-        possible=judged.possible,
+        possible=possible,
         silicone=SILICONE_E,
         design=(spec["low"], spec["high"]),
         column=data.column,
@@ -526,16 +492,17 @@ def warnings(judged: Judged, data: Specimen) -> list[str]:
         small_strain=max(SMALL_STRAIN, data.least_strain),
         extrapolated=data.least_strain > SMALL_STRAIN,
         compression=PRESSED if no_compression else None,
-        spread=judged.spread,
-        in_test=judged.in_test,
-        ends_early=not judged.in_test or not within({"planar": RANGE}, fit.stable),
-        farther=judged.farther,
-        whole=judged.farther is not None and within(dict.fromkeys(MODES, RANGE), judged.farther.stable),
+        spread=spread,
+        in_test=in_test,
+        ends_early=not in_test or not within({"planar": RANGE}, fit.stable),
+        farther=farther,
+        whole=farther is not None and within(dict.fromkeys(MODES, RANGE), farther.stable),
         range=RANGE,
     )
 
 
-def reasons(judged: Judged) -> str:
+def reasons(record: FlatRow) -> str:
     """Return the reasons against a law; empty for the chosen one."""
-    against = sentences("reasons", fit=judged.fit, against=judged.against, solve=SOLVE)
-    return f"{judged.fit.law} is not chosen: {'; '.join(against)}" if against else ""
+    stable = {mode: record[f"stable_{mode}"] for mode in MODES}
+    against = sentences("reasons", law=record, stable=stable, solve=SOLVE)
+    return f"{record['law']} is not chosen: {'; '.join(against)}" if against else ""

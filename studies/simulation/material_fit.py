@@ -25,7 +25,7 @@ from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Texts
 from studies.simulation import branch_regression, law_regression, material_tests
 from studies.simulation.branch_regression import BranchFit, thinned
-from studies.simulation.law_regression import MISFIT, Fit, Judged, nominal_stress
+from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
 from studies.simulation.material_tests import Specimen, Test
 
 if TYPE_CHECKING:
@@ -77,22 +77,22 @@ def laws(path: str, nu: float, asked: str | None, command: str, progress: Progre
     """
     data = material_tests.read_specimen(path)
     progress(0.0, "fits of all laws")
-    judged = law_regression.choose(law_regression.fit(data, nu), data, asked)
-    records = [law_record(each, data) for each in judged]
+    fits = law_regression.fit(data, nu)
+    records = law_regression.choose(fits, data, asked)
     texts = [_texts(record) for record in records]
-    chosen = [each for each in judged if each.chosen]
-    said = [f"{reason}." for reason in map(law_regression.reasons, judged) if reason]
+    chosen = [record for record in records if record["chosen"]]
+    said = [f"{reason}." for reason in map(law_regression.reasons, records) if reason]
     lost = (
         "no law is chosen and no design.toml written: every fitted E is outside the range of a design, or the law "
         f"misses the test by more than {100 * law_regression.WRONG:g} % of the largest stress"
     )
-    files = {"fit.png": partial(_draw_laws, data=data, fits=[each.fit for each in judged], nu=nu)}
+    files = {"fit.png": partial(_draw_laws, data=data, fits=fits, nu=nu)}
     for each in chosen:
-        values = {"E": each.fit.E, "nu": nu, "law": each.fit.law, **each.fit.numbers}
+        values = {"E": each["E_MPa"], "nu": nu, "law": each["law"], **each["numbers"]}
         lines = [
             f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in values.items()
         ]
-        rms = f"{100 * each.fit.share:.3g} % of the largest stress"
+        rms = f"{each['rms_percent']:.3g} % of the largest stress"
         files["design.toml"] = partial(write_text, text=_design_file(path, rms, command, lines))
     return Result(
         title="Laws",
@@ -100,40 +100,9 @@ def laws(path: str, nu: float, asked: str | None, command: str, progress: Progre
         shown=[*_law_tables(texts, wide=wide), *said],
         tables={"fit": texts},
         files=files,
-        warnings=[text for each in chosen or judged for text in law_regression.warnings(each, data)],
+        warnings=[text for each in chosen or records for text in each["warnings"]],
         failures=[] if chosen else [lost],
     )
-
-
-def law_record(judged: Judged, data: Specimen) -> FlatRow:
-    """Return the record of one law fitted to a test, with the properties of the test."""
-    fit, warned = judged.fit, law_regression.warnings(judged, data)
-    return {
-        "rank": judged.rank,
-        "law": fit.law,
-        "chosen": judged.chosen,
-        "AICc": fit.aicc,
-        "rms_MPa": fit.rms,
-        "rms_percent": 100 * fit.share,
-        "E_MPa": fit.E,
-        "numbers": fit.numbers,
-        **{f"stable_{mode}": list(ends) for mode, ends in fit.stable.items()},
-        "small_strain_excess_percent": 100 * fit.small,
-        "compression_spread_percent": 100 * judged.spread,
-        "constants": fit.constants,
-        "points": int(data.telling.sum()),
-        "exactly_determined": fit.exact,
-        "least_strain_percent": 100 * data.least_strain,
-        "ranked_by": fit.criterion,
-        "at_bound": list(fit.bounded),
-        "stable_in_test": judged.in_test,
-        "stable_in_solve": judged.in_solve,
-        "E_of_a_silicone": SILICONE_E[0] <= fit.E <= SILICONE_E[1],
-        "not_chosen_because": list(judged.against),
-        "stable_farther": judged.farther.law if judged.farther else None,
-        "warnings": warned,
-        "warning": "; ".join(warned),
-    }
 
 
 def _law_tables(rows: Sequence[FlatRow], *, wide: bool) -> list[Block]:
