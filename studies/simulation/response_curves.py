@@ -73,6 +73,12 @@ class Curves:
         return np.asarray(self.shift[:, ("x", "z").index(self.motion)])
 
     @property
+    def compliance(self) -> Complex:
+        """(f,) shift of the magnet along the motion over the force, mm/N."""
+        assert self.force is not None
+        return np.asarray(self.along / self.force)
+
+    @property
     def readers(self) -> list[int]:
         """Elements whose readings symmetry and rails do not forbid, the largest reading first."""
         size = np.abs(self.per_mm).max(axis=0)
@@ -160,13 +166,10 @@ def rows(curves: Curves, coarse: Curves | None, scene: Scene) -> list[FlatRow]:
         columns |= _polar(name, f"_{unit}_per_mm", curves.per_mm[:, k] if k in curves.readers else None)
         per_N = None if curves.per_N is None or k not in curves.readers else curves.per_N[:, k]
         columns |= _polar(f"{name}_per_N", f"_{unit}_per_N", per_N)
-    columns["kept_amplitude_mm"] = curves.kept_amplitude
+    columns |= {"kept_amplitude_mm": curves.kept_amplitude, "mesh_difference": None}
     if coarse is not None:
-        difference = np.full(len(curves.frequency), np.nan)
-        difference[np.isin(curves.frequency, coarse.frequency)] = mesh_difference(curves, coarse)
-        columns["mesh_difference"] = difference
-    else:
-        columns["mesh_difference"] = None
+        columns["mesh_difference"] = np.full(len(curves.frequency), np.nan)
+        columns["mesh_difference"][np.isin(curves.frequency, coarse.frequency)] = mesh_difference(curves, coarse)
     columns |= error_columns(curves, coarse, scene)
     return [
         {"motion": curves.motion}
@@ -189,12 +192,15 @@ def _polar(name: str, unit: str, values: Complex | None) -> dict[str, Array | No
 
 def error_columns(curves: Curves, coarse: Curves | None, scene: Scene) -> dict[str, Array | None]:
     """Return the columns (f,) of response.csv with estimated relative errors; None without a coarser mesh."""
+    found: dict[str, Array | None] = {"error_estimate": None, "reading_error_estimate": None}
     if coarse is None:
-        return {"error_estimate": None, "reading_error_estimate": None}
-    return {
-        "error_estimate": force_errors(curves, coarse, scene),
-        "reading_error_estimate": reading_errors(curves, coarse, scene),
-    }
+        return found
+    # about the free sensor no reading has a force
+    if curves.per_N is not None and coarse.per_N is not None and curves.readers:
+        gains = [(curves.per_N[:, k], coarse.per_N[:, k]) for k in curves.readers]
+        each = [errors("reading", curves, coarse, *pair, scene) for pair in gains]
+        found["reading_error_estimate"] = np.asarray(np.max(each, axis=0))
+    return found | {"error_estimate": force_errors(curves, coarse, scene)}
 
 
 def force_errors(curves: Curves, coarse: Curves, scene: Scene) -> Array:
@@ -202,17 +208,6 @@ def force_errors(curves: Curves, coarse: Curves, scene: Scene) -> Array:
     if curves.force is None or coarse.force is None:
         return errors("base", curves, coarse, curves.along, coarse.along, scene)
     return errors("force", curves, coarse, curves.force, coarse.force, scene)
-
-
-def reading_errors(curves: Curves, coarse: Curves, scene: Scene) -> Array | None:
-    """Return the relative errors (f,) of the readings over the force, the largest of all elements that read anything.
-
-    None about the free sensor, and where no element reads anything.
-    """
-    if curves.per_N is None or coarse.per_N is None or not curves.readers:
-        return None
-    each = [errors("reading", curves, coarse, curves.per_N[:, k], coarse.per_N[:, k], scene) for k in curves.readers]
-    return np.asarray(np.max(each, axis=0))
 
 
 def errors(

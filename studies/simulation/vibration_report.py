@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from fem.scene import Scene
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
-"""Files that a folder of results may hold, beside run.json."""
 FEWEST, MOST = 2, 10_000
 """Fewest and most frequencies of a table."""
 ROUGH = 0.05
@@ -151,9 +150,7 @@ def _solve(
     magnet: Magnet,
     progress: Progress,
 ) -> tuple[list[FlatRow], dict[str, list[FlatRow]], dict[str, Writer], Design]:
-    """Return the records of the motions, the tables, the writers of pictures, and the design with the modulus of the
-    state at rest; the memory of the matrices is free when this returns.
-    """
+    """Return motions, tables, pictures and the design with the modulus at rest; the matrices are free thereafter."""
     from fem.analyses.vibration import check_vibration, vibrating_sensor
 
     check_load(design, load, magnet)
@@ -173,7 +170,7 @@ def _solve(
     for name, stiffness in sensor.static_stiffness().items():
         if stiffness > 0:  # the sensor is stable under a force too
             models[name] = oscillators(design, name, stiffness, sensor.relaxation)
-            ladder += rungs(name, models[name], partial(_shift_per_force, at, name), band)
+            ladder += rungs(name, models[name], lambda f, name=name: at(f)[name].compliance, band)
     rows: list[FlatRow] = []
     pictures: dict[str, Writer] = {}
     for name, motion in zip(curves, motions, strict=True):
@@ -192,17 +189,11 @@ def _draw(path: Path, curves: Curves, scene: Scene, models: Models) -> None:
     drawn = time_figures.response(table_of(response_curves.rows(curves, None, scene)))
     if curves.force is not None and models:
         responses = {name: response(curves.frequency) for name, (_, response) in models.items()}
-        gains = {"finite elements": np.abs(curves.along / curves.force)}
+        gains = {"finite elements": np.abs(curves.compliance)}
         gains |= {name: np.abs(response) for name, response in responses.items()}
         undamped = [name for name, response in responses.items() if not np.iscomplex(response).any()]
         drawn.append(time_figures.oscillators(curves.frequency, gains, undamped))
     save(path, drawn)
-
-
-def _shift_per_force(at: At, motion: str, f: Array) -> Complex:
-    curves = at(f)[motion]
-    assert curves.force is not None
-    return np.asarray(curves.along / curves.force)
 
 
 def _notes(design: Design, load: Load, at_rest: Design, magnet: Magnet, level: Accuracy) -> list[str]:
@@ -294,7 +285,7 @@ def _gains(at: At, curves: Curves, low: float, high: float, *, damped: bool) -> 
         return [value(size(per, k), low, high) if k in curves.readers and not free else None for k in every]
 
     by_mm = peaks(lambda f: np.abs(at(f)[motion].along), low, high)
-    by_N = [] if free else peaks(lambda f: np.abs(_shift_per_force(at, motion, f)), low, high)
+    by_N = [] if free else peaks(lambda f: np.abs(at(f)[motion].compliance), low, high)
     at_band = _at_band(at, curves) if low <= BAND <= high and not free else {}
     return {
         "resonance_per_mm_Hz": [peak.frequency for peak in by_mm],
@@ -316,13 +307,9 @@ def _at_band(at: At, curves: Curves) -> dict[int, tuple[float, float]]:
     """Return reading per N at BAND over that at the lowest frequency, and phase to the force, degrees, by element."""
     values = at(np.array([curves.frequency[0], BAND]))[curves.motion].per_N
     assert values is not None
-    answers: dict[int, tuple[float, float]] = {}
-    for k in curves.readers:
-        # the reading may be opposite to the force; only its change counts
-        sign = 1.0 if values[0, k].real > 0 else -1.0
-        phase = np.degrees(np.angle(sign * values[1, k]))
-        answers[k] = float(abs(values[1, k] / values[0, k])), float(phase)
-    return answers
+    # the reading may be opposite to the force; only its change counts
+    phase = np.degrees(np.angle(np.where(values[0].real > 0, 1.0, -1.0) * values[1]))
+    return {k: (float(abs(values[1, k] / values[0, k])), float(phase[k])) for k in curves.readers}
 
 
 def _slow(values: Complex | None, readers: list[int]) -> list[float | None]:
@@ -402,17 +389,15 @@ def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relax
     def prony(f: Array) -> Complex:
         return receptance(f, natural, relaxation.complex_modulus(2 * np.pi * f) / relaxation.rest)
 
-    chosen: Models = {
-        name: (natural, lambda f: receptance(f, natural, 1 + 1j * loss)),
-        "mass on a spring with the silicone's branches": (natural, prony),
-    }
-    if motion == "x":  # the paper's formula is that of a column
-        return chosen
     silicone, whole = spring_mass(design)
-    return {
+    columns: Models = {
         "the paper's formula": (silicone, lambda f: receptance(f, silicone)),
         "the paper's formula with the magnet's mass": (whole, lambda f: receptance(f, whole)),
-        **chosen,
+    }
+    # the paper's formula is that of a column
+    return (columns if motion == "z" else {}) | {
+        name: (natural, lambda f: receptance(f, natural, 1 + 1j * loss)),
+        "mass on a spring with the silicone's branches": (natural, prony),
     }
 
 
@@ -424,29 +409,27 @@ def rungs(motion: str, models: Models, finite_elements: Response, band: tuple[fl
     relative_at_600 : response at 600 Hz over that at the lowest frequency; None outside the band.
     accurate_to_Hz : frequency up to which it changes by less than ACCURATE; None if it does so in the whole band.
     """
-    listed = [(name, natural, response) for name, (natural, response) in models.items()]
-    return [
-        {"motion": motion, "model": name, "natural_Hz": natural, **_rung(response, *band)}
-        for name, natural, response in (*listed, ("finite elements", None, finite_elements))
-    ]
+    (low, high), rows = band, []
+    for name, (natural, response) in (models | {"finite elements": (None, finite_elements)}).items():
+        first = float(abs(response(np.array([low]))[0]))
 
+        def gain(f: Array, response: Response = response, first: float = first) -> Array:
+            return np.abs(response(f)) / first
 
-def _rung(response: Response, low: float, high: float) -> FlatRow:
-    first = float(abs(response(np.array([low]))[0]))
-
-    def gain(f: Array) -> Array:
-        return np.abs(response(f)) / first
-
-    # an undamped resonance has no height
-    damped = bool(np.iscomplex(response(np.array([high]))).any())
-    peak = next(iter(peaks(gain, low, high)), None) if damped else None
-    return {
-        "peak_Hz": peak and peak.frequency,
-        "peak_gain": peak and peak.gain,
-        "Q": peak and peak.Q,
-        "relative_at_600": float(gain(np.array([BAND]))[0]) if low <= BAND <= high else None,
-        "accurate_to_Hz": flat_to(gain, ACCURATE, low, high),
-    }
+        # an undamped resonance has no height
+        damped = bool(np.iscomplex(response(np.array([high]))).any())
+        peak = next(iter(peaks(gain, low, high)), None) if damped else None
+        rows.append({
+            "motion": motion,
+            "model": name,
+            "natural_Hz": natural,
+            "peak_Hz": peak and peak.frequency,
+            "peak_gain": peak and peak.gain,
+            "Q": peak and peak.Q,
+            "relative_at_600": float(gain(np.array([BAND]))[0]) if low <= BAND <= high else None,
+            "accurate_to_Hz": flat_to(gain, ACCURATE, low, high),
+        })  # fmt: skip
+    return rows
 
 
 # Natural frequencies
@@ -490,13 +473,9 @@ def _first(frequencies: Sequence[float], shapes: Sequence[str]) -> dict[str, flo
 
 
 def _band_message(frequencies: tuple[float, ...], shapes: tuple[str, ...]) -> str:
-    """Name the modes below `BAND`, and the highest frequency at which readings are still accurate to 5 %.
-
-    A slow load at frequency f excites an undamped oscillator of frequency f1 by a factor of 1 / (1 - (f / f1)^2). The
-    factor reaches 1.05 at f = 0.22 f1.
-    """
     first = _first(frequencies, shapes)
-    # ovalling and torsion leave the magnet where it is, so they do not change the readings
+    # A slow load at f excites an undamped oscillator of frequency f1 by 1 / (1 - (f / f1)^2), which is 1.05 at
+    # f = 0.22 f1. Ovalling and torsion leave the magnet where it is, so they do not change the readings.
     slow = {shape: f * (1 - 1 / 1.05) ** 0.5 for shape, f in first.items() if shape in ("bending", "axial")}
     (text,) = sentences(
         "modes",

@@ -75,8 +75,7 @@ def error_prefix(plan: Plan, name: str) -> str:
 def spread(batch: Batch, responses: Sequence[Response | None]) -> Columns:
     """Return the columns of `COMPONENTS` of one model from the responses of the distinct problems.
 
-    Forces are proportional to E. A case whose sensor is impossible has no results, NaN, although its mechanics may
-    be those of others.
+    A case whose sensor is impossible has no results, NaN, although its mechanics may be those of others.
     """
     rows = [(NAN,) * 9 if r is None else (*r.force, *r.shift, r.tilt, r.tilt_y, r.contact_radius) for r in responses]
     # 1 for a possible sensor, else NaN, which every product keeps
@@ -110,11 +109,11 @@ class Solved:
 
     Attributes
     ----------
-    states : for each model, by its name, the answer of each problem, for the problem's own D, E and direction of the
-        shear; its status is "bad_input" where the problem is impossible.
-    numbers : number of the reference's path of each problem, 0 for none.
-    others : answers to the quantities that are paths of their own, of those that the study asks for.
-    chosen : for each problem the model that a tolerance has chosen, and the bound of its relative error.
+    states : of each model by its name, for the problem's own D, E and direction of the shear; the status is
+        "bad_input" where the problem is impossible.
+    numbers : number of the reference's path, 0 for none; empty without a reference.
+    others : of the quantities that are paths of their own.
+    chosen : the model that a tolerance has chosen, and the bound of its relative error.
     """
 
     states: Mapping[str, Sequence[Answer]]
@@ -138,12 +137,10 @@ class Rows:
         remarks: list[list[str]] = [[] for _ in batch.problems]
         results = {name: spread(batch, [a.response for a in answers]) for name, answers in solved.states.items()}
         for level in plan.formulas:
-            responses = []
-            for k, code in enumerate(batch.codes):
-                response, remark = self._formula(level, code, batch.problems[k])
-                responses.append(response)
-                remarks[k] += [remark] if remark and remark not in remarks[k] else []
-            results[level] = spread(batch, responses)
+            found = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
+            for said, (_, remark) in zip(remarks, found, strict=True):
+                said += [remark] if remark and remark not in said else []
+            results[level] = spread(batch, [response for response, _ in found])
         if "readings" in plan.quantities and {"magnet_diameter", "magnet_height"} & set(plan.axes):
             for k, problem in enumerate(batch.problems):
                 if problem.design is not None and not problem.design.shape.has_magnet:
@@ -151,7 +148,9 @@ class Rows:
         table = self._axis_columns(batch)
         table |= self._mechanics(results)
         if "strain" in plan.quantities:
-            table |= self._strains(batch, solved)
+            for name, answers in solved.states.items():
+                strain = _of_answers(batch, [answer.values.get("largest_strain") for answer in answers])
+                table[f"{self.prefixes[name]}largest_strain_percent"] = 100 * strain
         if "readings" in plan.quantities:
             table |= self._readings.columns(batch, results)
         if "decoded_force_error" in plan.quantities:
@@ -192,13 +191,6 @@ class Rows:
                     error = f"{error_prefix(plan, model)}{name.rpartition('_')[0].replace('shift_z', 'shift')}"
                     table[f"{error}_error_percent"] = percents(results[model][name], results[plan.truth][name])
         return table
-
-    def _strains(self, batch: Batch, solved: Solved) -> Columns:
-        return {
-            f"{self.prefixes[name]}largest_strain_percent": 100
-            * _of_answers(batch, [answer.values.get("largest_strain") for answer in answers])
-            for name, answers in solved.states.items()
-        }
 
     def _formula(self, level: str, code: int, problem: Problem) -> tuple[Response | None, str]:
         def make() -> tuple[Response | None, str]:

@@ -69,22 +69,16 @@ def run(
     processes: Processes = Processes(),
     progress: Progress | None = None,
 ) -> Iterator[Columns]:
-    """Yield the rows of a study in batches, as tables of columns, as soon as their paths are solved.
+    """Return the rows of a study in batches, tables of columns that come as soon as their paths are solved.
 
-    At the end write sweep.csv (sweep.parquet if there are many rows) and the pictures into the folder.
+    The last factor varies fastest; see `study_rows`. A case that cannot be solved has a row with NaN for its results,
+    a status and a message. `solve` is the number of the path that a row comes from (0: none). `seconds` is the time
+    of its solve from the previous state to the row's; rows that share a state have the same.
 
     Parameters
     ----------
-    folder : existing output folder; None writes nothing.
-    store : supplies known states and receives new ones.
-    processes : what solves.
-
-    Returns
-    -------
-    Tables in the order of the cases, the last factor fastest; see `study_rows`. A case that cannot be solved has a
-    row with NaN for its results, a status and a message. `solve` is the number of the path that a row comes from
-    (0: none). `seconds` is the time of its solve from the previous state to the row's; rows that share a state have
-    the same.
+    folder : existing folder into which sweep.csv (sweep.parquet if there are many rows) and the pictures are written
+        at the end; None writes nothing.
 
     Raises
     ------
@@ -168,15 +162,14 @@ def _solved(
             for k, problem in enumerate(batch.problems)
         ]
 
-    reference = plan.reference
-    chosen = [kinds[reference.name] for kinds in targets] if reference and reference.tolerance else []
-    numbers = [paths.number(kinds[reference.name].key) if reference else 0 for kinds in targets]
+    def choice(target: Target) -> tuple[str, float]:
+        return (target.choice.name, target.choice.bound) if target.choice else ("", math.nan)
+
+    own = [kinds[plan.reference.name] for kinds in targets] if plan.reference else []
     return Solved(
-        states={
-            model.name: surrogate_answers(batch.problems) if model.surrogate else of(model.name) for model in plan.fem
-        },
-        numbers=numbers,
-        chosen=[(target.choice.name, target.choice.bound) if target.choice else ("", math.nan) for target in chosen],
+        states={m.name: surrogate_answers(batch.problems) if m.surrogate else of(m.name) for m in plan.fem},
+        numbers=[paths.number(target.key) for target in own],
+        chosen=[choice(target) for target in own] if plan.reference and plan.reference.tolerance else [],
         others={name: of(name) for name in KINDS if name in plan.quantities},
     )
 
@@ -275,13 +268,7 @@ CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
 
 
 class Shown:
-    """The first rows of a sweep, which the screen shows, and counts of all.
-
-    Attributes
-    ----------
-    case : columns that identify the case of a row.
-    count, unstable, failed : numbers of all rows, and of those whose state is unstable or has no answer.
-    """
+    """The first rows of a sweep, which the screen shows, and counts of all, unstable and failed ones."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -317,24 +304,22 @@ class Shown:
 
     def remarks(self) -> list[str]:
         """Return the models that a tolerance has chosen, and the reasons and numbers of failures."""
-        said = [*self._choices(), *console.remarks(self.failures, self.case, self.rows)]
+        said, tolerance = list[str](), self.plan.reference.tolerance if self.plan.reference else None
+        if tolerance is not None:
+            names = (
+                ", ".join(f"{name} in {count}" for name, count in self.chosen.items() if name) or "no model in any"
+            )
+            why = "each the cheapest model whose measured errors for that kind of load meet it"
+            said.append(f"tolerance {percent(tolerance)}: {names} of {self.count} cases, {why}")
+            if self.beyond:
+                said.append(f"{self.beyond} cases are not known to meet the tolerance: take a smaller one")
+        said += console.remarks(self.failures, self.case, self.rows)
         if self.unstable:
             said.append(
                 f"{self.unstable} of {self.count} cases are unstable: their numbers are those of an equilibrium that "
                 "a real sensor leaves"
             )
         return [*said, f"{self.failed} of {self.count} cases failed"] if self.failed else said
-
-    def _choices(self) -> list[str]:
-        tolerance = self.plan.reference.tolerance if self.plan.reference else None
-        if tolerance is None:
-            return []
-        names = ", ".join(f"{name} in {count}" for name, count in self.chosen.items() if name) or "no model in any"
-        why = "each the cheapest model whose measured errors for that kind of load meet it"
-        texts = [f"tolerance {percent(tolerance)}: {names} of {self.count} cases, {why}"]
-        if self.beyond:
-            texts.append(f"{self.beyond} cases are not known to meet the tolerance: take a smaller one")
-        return texts
 
 
 def table(rows: Sequence[FlatRow], title: str, case: Sequence[str] = CASE) -> Table:
@@ -350,7 +335,7 @@ def table(rows: Sequence[FlatRow], title: str, case: Sequence[str] = CASE) -> Ta
 def _compared(row: FlatRow) -> tuple[tuple[str, str], tuple[str, ...]]:
     sheared = any(key.endswith("force_x_N") for key in row)
     results = ("force_x_N", "shift_x_mm") if sheared else ("force_N", "shift_z_mm")
-    return results, tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in results)
+    return results, tuple(f"{name.rpartition('_')[0]}_error_percent" for name in results)
 
 
 def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
@@ -362,12 +347,7 @@ def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
 
 
 def idle_axes(shown: Shown, *, whole: bool) -> list[tuple[str, str]]:
-    """Return the axes of a sweep that change no column of the output, each with the reason.
-
-    Parameters
-    ----------
-    whole : whether the output has all columns (files, JSON, a wide table) or the main ones.
-    """
+    """Return the axes that change no column, or, unless the `whole` table is shown, no main one, with the reason."""
     rows, plan = shown.rows, shown.plan
     if not rows or shown.count > MOST_SHOWN:
         return []
@@ -382,18 +362,17 @@ def idle_axes(shown: Shown, *, whole: bool) -> list[tuple[str, str]]:
 
 
 def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[str]], keys: Iterable[str]) -> list[str]:
-    columns = {name: study_input.column(name) for name in axes}
     own = {study_input.column(name) for names in axes.values() for name in names}
     figures = [key for key in keys if key not in (*own, "solve", "seconds")]
+    answered = [row for row in rows if row.get("status") in ANSWERED]
     idle = []
     for name in axes:
-        others = [column for axis, column in columns.items() if axis != name]
+        others = [study_input.column(axis) for axis in axes if axis != name]
         lines: dict[tuple[Any, ...], list[str]] = {}
-        for row in rows:
-            if row.get("status") in ANSWERED:
-                # compare texts, because a NaN differs from itself
-                figure = repr([row.get(key) for key in figures])
-                lines.setdefault(tuple(row.get(column) for column in others), []).append(figure)
+        for row in answered:
+            # compare texts, because a NaN differs from itself
+            figure = repr([row.get(key) for key in figures])
+            lines.setdefault(tuple(row.get(column) for column in others), []).append(figure)
         if max(map(len, lines.values()), default=0) > 1 and all(len(set(texts)) == 1 for texts in lines.values()):
             idle.append(name)
     return idle

@@ -12,9 +12,9 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,17 +77,8 @@ MOST_NOTED = 100
 """Number of letters beyond which the reason of failed cases is not continued by its next clause."""
 
 
-@dataclass(frozen=True, slots=True)
-class View:
-    """What each axis does.
-
-    Attributes
-    ----------
-    x, second : columns of the horizontal axis, and of the colours or of the vertical axis of maps; "" for none.
-    panels : columns of the axes that make panels.
-    folded : axes of which the extremes are shown.
-    maps : whether there are maps, else lines.
-    """
+class View(NamedTuple):
+    """What each axis does: horizontal, colours (or vertical in maps), panels, or shown by its extremes (folded)."""
 
     x: str
     second: str = ""
@@ -97,13 +88,7 @@ class View:
 
 
 def sweep(table: pd.DataFrame, quantities: Sequence[str] = tuple(QUANTITIES)) -> list[Figure]:
-    """Return the figures of a sweep, those of a quantity and of its errors one after the other.
-
-    Parameters
-    ----------
-    table : rows of sweep.csv, numbers as numbers.
-    quantities : which of `QUANTITIES` are drawn where the table has them.
-    """
+    """Return the figures of rows of sweep.csv, those of a quantity and of its errors one after the other."""
     table, notes = _grouped_axes(table)
     axes = axes_of(table)
     present = [quantity for quantity in quantities if models_of(table, quantity)]
@@ -134,13 +119,10 @@ def is_sampled(table: pd.DataFrame, axes: Sequence[str]) -> bool:
 def models_of(table: pd.DataFrame, end: str) -> list[str]:
     """Return the columns of a quantity, finite elements first."""
     found = [str(name) for name in table.columns if name == end or name.endswith(f"_{end}")]
-    exact = [name for name in found if name == end or _is_model(name.removesuffix(f"_{end}"))]
+    words = {name: name.removesuffix(f"_{end}").split("_") for name in found}
+    exact = [n for n, each in words.items() if n == end or (each[0] in MODELS and each[-1] not in OTHER_ENDS)]
     known = [name for name in exact if table[name].dtype.kind in "fiu"]
     return sorted(known, key=lambda name: not name.startswith("fem"))
-
-
-def _is_model(prefix: str) -> bool:
-    return prefix.split("_")[0] in MODELS and prefix.split("_")[-1] not in OTHER_ENDS
 
 
 def model_name(column: str, end: str) -> str:
@@ -190,20 +172,16 @@ def failures(table: pd.DataFrame) -> list[str]:
     kinds = Counter(lost["status"])
     causes = ", ".join(f"{count} {status}" if len(kinds) > 1 else status for status, count in kinds.most_common(3))
     text = f"{len(lost)} of {len(table)} cases failed ({causes})"
-    reasons = Counter(str(message) for message in lost.get("message", ()) if isinstance(message, str) and message)
+    reasons = Counter(message for message in lost.get("message", ()) if isinstance(message, str) and message)
     for reason, _ in reasons.most_common(1):
-        text += f"; most often: {_first_clauses(reason)}"
+        first, *others = reason.split("; ")
+        for clause in others:
+            if len(first) + len(clause) > MOST_NOTED:
+                break
+            first += f"; {clause}"
+        # a long clause ends with a colon and the remedy
+        text += f"; most often: {first if len(first) <= MOST_NOTED else first.rpartition(': ')[0] or first}"
     return [text.rstrip(".") + "."]
-
-
-def _first_clauses(reason: str) -> str:
-    first, *others = reason.split("; ")
-    for clause in others:
-        if len(first) + len(clause) > MOST_NOTED:
-            break
-        first += f"; {clause}"
-    # a long clause ends with a colon and the remedy
-    return first if len(first) <= MOST_NOTED else first.rpartition(": ")[0] or first
 
 
 def _grouped_axes(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
@@ -283,12 +261,19 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
     solved = table[~table["failed"]]
     columns = [name for name in columns if solved[name].notna().any()] or columns
     label = QUANTITIES[quantity]
-    look = view(table, axes, columns)
-    idle = [in_words(a) for a in axes if table[a].nunique() > 1 and a not in _used(look)]
-    notes = [f"{_list(idle)} {'changes' if len(idle) == 1 else 'change'} nothing in the {label.partition(' (')[0]}."]
+    look, words = view(table, axes, columns), in_words(label)
+    used = {look.x, look.second, *look.panels, *look.folded}
+    idle = [in_words(a) for a in axes if table[a].nunique() > 1 and a not in used]
+    notes = [f"{_list(idle)} {'changes' if len(idle) == 1 else 'change'} nothing in the {words}."]
     models = {column: model_name(column, quantity) for column in columns}
-    title = f"{_capital(label.partition(' (')[0])} over {in_words(look.x)}"
-    caption = _span(solved, models, label)
+    unit = label.partition("(")[2].rstrip(")")
+    ends = [
+        f"{name} from {solved[column].min():.3g} to {solved[column].max():.3g} {unit}".strip()
+        for column, name in models.items()
+        if solved[column].notna().any()
+    ]
+    caption = f"Over all cases: {'; '.join(ends)}." if ends else "Every case failed."
+    title = f"{_capital(words)} over {in_words(look.x)}"
     shown = {columns[0]: models[columns[0]]} if look.maps else models
     styles = tuple(models.values())
     yield from _drawn((title, caption), table, look, label, shown, notes if idle and len(solved) else [], styles)
@@ -308,10 +293,6 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
         caption = " ".join(_share(table.loc[~table["failed"], column], text, unit) for column, text in part.items())
         by = f", {next(iter(part.values()))}" if len(part) == 1 else ""
         yield from _drawn((f"Error of the {name}{by}", caption), table, own, f"error ({unit})", part, [], styles)
-
-
-def _used(look: View) -> set[str]:
-    return {look.x, look.second, *look.panels, *look.folded}
 
 
 def _drawn(
@@ -339,7 +320,10 @@ def _drawn(
     rising = [axis for axis in keys if table[axis].dtype.kind in "fiu"]
     data = pd.concat(long, ignore_index=True)
     data = data.sort_values(rising, kind="stable", ignore_index=True) if rising else data
-    notes = [*notes, *_folded_notes(label, look)]
+    if look.folded:
+        how = "the value of greatest magnitude" if look.maps else "lines at the greatest magnitude, shades over all"
+        values = _list([in_words(axis) for axis in look.folded])
+        notes = [*notes, f"{_capital(in_words(label))} over all values of {values}: {how}."]
     shown = pd.DataFrame({quantity_name(look.x): data[look.x], label: data[label], "failed": data["failed"]})
     if look.panels:
         shown["panel"] = [
@@ -365,21 +349,12 @@ def _drawn(
     if error:
         guides = bands(5, 10)
         span, said = _limits(data[label], label)
-        notes += said
+        notes = [*notes, *said]
     elif log and data[label].min() > 0 and data[label].max() > figures.WIDE * data[label].min():
         log += "y"
     drawn = Look(line=numeric, log=log, guides=guides, span=span, names=styles)
     figure = figures.plot(*words, shown, quantity_name(look.x), label, drawn)
     yield replace(figure, notes=(*figure.notes, *notes))
-
-
-def _folded_notes(label: str, look: View) -> list[str]:
-    if not look.folded:
-        return []
-    how = "the value of greatest magnitude" if look.maps else "lines at the greatest magnitude, shades over all"
-    return [
-        f"{_capital(label.partition(' (')[0])} over all values of {_list([in_words(a) for a in look.folded])}: {how}."
-    ]
 
 
 def _limits(errors: pd.Series, label: str) -> tuple[tuple[float, float] | None, list[str]]:
@@ -393,16 +368,6 @@ def _limits(errors: pd.Series, label: str) -> tuple[tuple[float, float] | None, 
     ends = " to ".join(dict.fromkeys(f"{value:.0f} %" for value in (beyond.min(), beyond.max())))
     room = 0.06 * (inside.max() - inside.min())
     return (float(inside.min() - room), float(inside.max() + room)), [f"{what} at the edge: {ends}."]
-
-
-def _span(solved: pd.DataFrame, names: dict[str, str], label: str) -> str:
-    unit = label.partition("(")[2].rstrip(")")
-    parts = [
-        f"{name} from {solved[column].min():.3g} to {solved[column].max():.3g} {unit}".strip()
-        for column, name in names.items()
-        if solved[column].notna().any()
-    ]
-    return f"Over all cases: {'; '.join(parts)}." if parts else "Every case failed."
 
 
 def _share(errors: pd.Series, model: str, unit: str) -> str:
@@ -454,37 +419,33 @@ def _scattered(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
     solved = table[~table["failed"]]
     numeric = [axis for axis in axes if table[axis].dtype.kind in "fiu"]
     label = QUANTITIES[quantity]
+
+    def by_effect(column: str) -> list[str]:
+        return sorted(numeric, key=lambda axis: -effect(*(solved[k].to_numpy(float) for k in (axis, column))))
+
     for columns, end, unit in (
         (models_of(table, quantity), quantity, label),
         (errors, error, f"error of the {name} (%)"),
     ):
         if not columns or not solved[columns].notna().any(axis=None) or not numeric:
             continue
-        widest = max(columns, key=lambda column: float(solved[column].std()))
-        order = sorted(numeric, key=lambda axis: -effect(*(solved[k].to_numpy(float) for k in (axis, widest))))
         parts = [
-            pd.DataFrame(
-                {
-                    "value of the axis": table[axis],
-                    unit: table[column].where(~table["failed"]),
-                    "failed": table["failed"],
-                }
-            ).assign(panel=quantity_name(axis), series=model_name(column, end))
-            for axis in order
+            table[["failed"]].assign(
+                **{"value of the axis": table[axis], unit: table[column].where(~table["failed"])},
+                panel=quantity_name(axis),
+                series=model_name(column, end),
+            )
+            for axis in by_effect(max(columns, key=lambda column: float(solved[column].std())))
             for column in columns
         ]
         data = pd.concat(parts, ignore_index=True)
         look = Look(line=False, shared=False, guides=bands(5, 10) if unit != label else ())
         caption = f"Each of the {len(solved)} points is one case; every panel shows the same cases over another axis."
-        title = f"{_capital(unit.partition(' (')[0])} of the sampled cases"
+        title = f"{_capital(in_words(unit))} of the sampled cases"
         if not data["failed"].any():
             data = data.drop(columns="failed")
         yield figures.plot(title, caption, data, "value of the axis", unit, look)
-    pair = (
-        sorted(numeric, key=lambda axis: -effect(*(solved[k].to_numpy(float) for k in (axis, errors[0]))))[:2]
-        if errors
-        else []
-    )
+    pair = by_effect(errors[0])[:2] if errors else []
     for column in errors if len(pair) == 2 else []:
         cells = pd.DataFrame({quantity_name(a): solved[a] for a in pair} | {"error (%)": solved[column]})
         title = f"Error of the {name}, {model_name(column, error)}, over the two most effective axes"
@@ -516,21 +477,14 @@ class Collected:
         self.plan = plan
         self._fixed = _fixed(plan)
         counts = [factor.count for factor in plan.factors]
-        drawn = [1 if k in self._fixed else count for k, count in enumerate(counts)]
-        while math.prod(drawn) > MOST_DRAWN:
-            longest = drawn.index(max(drawn))
-            drawn[longest] = max(1, (drawn[longest] + 1) // 2)
-        self._thinned = {
-            plan.factors[k].names[0]: (drawn[k], count)
-            for k, count in enumerate(counts)
-            if drawn[k] < count and k not in self._fixed
-        }
+        self._drawn = [1 if k in self._fixed else count for k, count in enumerate(counts)]
+        while math.prod(self._drawn) > MOST_DRAWN:
+            longest = self._drawn.index(max(self._drawn))
+            self._drawn[longest] = (self._drawn[longest] + 1) // 2
         self._chosen = [
-            np.isin(np.arange(count), np.unique(np.round(np.linspace(0, count - 1, few)).astype(int)))
-            for count, few in zip(counts, drawn, strict=True)
+            np.isin(np.arange(count), self._fixed.get(k, np.round(np.linspace(0, count - 1, few))))
+            for k, (count, few) in enumerate(zip(counts, self._drawn, strict=True))
         ]
-        for k, point in self._fixed.items():
-            self._chosen[k] = np.arange(counts[k]) == point
         self._parts: list[Columns] = []
 
     def add(self, table: Columns, indices: NDArray[np.int64]) -> None:
@@ -566,9 +520,8 @@ class Collected:
 
     def _quantities(self, table: pd.DataFrame) -> list[str]:
         sheared = self.plan.loads_sideways and ("shear" in self.plan.axes or bool(self.plan.load.get("shear")))
-        forces = ["force_x_N", "force_N"] if sheared else ["force_N", "force_x_N"]
-        names = [*forces, *(name for name in QUANTITIES if name not in forces)]
-        present = [name for name in names if models_of(table, name)]
+        present = [name for name in QUANTITIES if models_of(table, name)]
+        present.sort(key=lambda name: (sheared and name != "force_x_N", not name.startswith("force")))
         more = any(name in self.plan.quantities for name in KINDS)
         return present if more else present[:1]
 
@@ -584,8 +537,9 @@ class Collected:
                 verb = "has" if len(others) == 1 else "have"
                 notes.append(f"{', '.join(others)} {verb} no effect on what is shown.")
         return notes + [
-            f"Of {count} values of {name}, {few} are drawn; the table has all."
-            for name, (few, count) in self._thinned.items()
+            f"Of {factor.count} values of {factor.names[0]}, {few} are drawn; the table has all."
+            for k, (factor, few) in enumerate(zip(self.plan.factors, self._drawn, strict=True))
+            if few < factor.count and k not in self._fixed
         ]
 
 
