@@ -35,15 +35,16 @@ SPACING = 0.3
 QUANTITIES = ("force_x", "force_z", "shift_x", "shift_z", "tilt", "contact_radius")
 """Results of a model: forces on the tip, N, positive along the shear and in compression; displacements of the magnet,
 mm, along the shear and along z (negative downwards); its tilt towards the shear, rad; contact radius, mm."""
-
-
-PRESS = {"force_N": "force_z", "shift_z_mm": "shift_z", "contact_radius_mm": "contact_radius"}
-"""Outputs of a press, and which of `QUANTITIES` they are."""
-SHEAR = {"force_N": "force_z", "force_x_N": "force_x", "shift_z_mm": "shift_z", "shift_x_mm": "shift_x"} | {
+SHEAR = {
+    "force_N": "force_z",
+    "force_x_N": "force_x",
+    "shift_z_mm": "shift_z",
+    "shift_x_mm": "shift_x",
     "tilt_rad": "tilt",
     "contact_radius_mm": "contact_radius",
 }
-"""Outputs of a press and a shear."""
+"""Outputs of a press and a shear, and which of `QUANTITIES` they are."""
+PRESS = {name: SHEAR[name] for name in ("force_N", "shift_z_mm", "contact_radius_mm")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +87,7 @@ def poses(values: Mapping[str, Array], towards_y: bool = False) -> tuple[Array, 
 
 
 def motions(model: str, designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
-    """Return the results of sensors in their states.
-
-    Parameters
-    ----------
-    model : one of `MODELS`.
-    designs : n sensors; None for an impossible one, which has no results.
-    depth, shear : shape (n, k), mm; at a depth of 0 without a shear nothing has moved.
-    """
+    """Return the results of n sensors, None for an impossible one, at depths and shears (n, k), mm, by a model."""
     if model not in MODELS:
         raise BadInput(f"the model must be one of {', '.join(MODELS)}; got {model!r}")
     by = _by_surrogate if model == SURROGATE else functools.partial(_by_formula, model)

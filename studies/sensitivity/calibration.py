@@ -22,7 +22,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.hall import BatchReadings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.sensitivity.beam_motions import SURROGATE, Motions, Press, motions, poses, readings
@@ -62,10 +61,7 @@ class Curves:
 def curves(model: str, sensors: MadeSensors, load: Press) -> dict[str, tuple[Curves, Curves]]:
     """Return the curves of the nominal sensor and of the made ones by the axis; x and y only with a shear.
 
-    Raises
-    ------
-    BadInput
-        The model refuses the nominal sensor under this load.
+    A nominal sensor that the model refuses under this load is refused.
     """
     nominal = nominal_sensor(sensors.nominal)
     depth = load.depth * np.linspace(0, 1, STATES) ** 2
@@ -119,13 +115,7 @@ def _pressed(model: str, sensors: MadeSensors, depth: Array) -> Motions:
 
 def _press_curves(model: str, sensors: MadeSensors, load: Press, force: Array) -> Curves:
     moved = _pressed(model, sensors, REACH * load.depth * np.linspace(0, 1, STATES) ** 2)
-    read = _of_axis(made_readings(sensors, *poses(moved.values)), 0)
-    return _curves(sensors, moved, moved.values["force_z"], *read, force, 0)
-
-
-def _of_axis(read: BatchReadings, axis: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the reading of an axis, the mean over chips, and whether one of them is at a rail."""
-    return read.output[..., axis::3].mean(axis=-1), np.asarray(read.saturated[..., axis::3].any(axis=-1))
+    return _curves(sensors, moved, "force_z", force, 0)
 
 
 def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, force: Array) -> tuple[Curves, Curves]:
@@ -140,24 +130,14 @@ def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, f
         for name, column in moved.values.items()
     }
     both = Motions(values, {}, np.hstack([moved.refusals[:, :0:-1], moved.refusals]))
-
-    def of_axis(element: int) -> Curves:
-        output, rail = _of_axis(made_readings(sensors, *poses(values, towards_y=element == 2)), element)
-        return _curves(sensors, both, values["force_x"], output, rail, force, len(shear) - 1)
-
-    return of_axis(1), of_axis(2)
+    return _curves(sensors, both, "force_x", force, 1), _curves(sensors, both, "force_x", force, 2)
 
 
-def _curves(
-    sensors: MadeSensors,
-    moved: Motions,
-    reached: Array,
-    output: Array,
-    rail: NDArray[np.bool_],
-    force: Array,
-    rest: int,
-) -> Curves:
-    """Return the curves over given forces; `rest` is the index of the state without a force on this axis."""
+def _curves(sensors: MadeSensors, moved: Motions, along: str, force: Array, axis: int) -> Curves:
+    """Return the curves of an axis over given forces; of several chips, the reading is the mean."""
+    read = made_readings(sensors, *poses(moved.values, towards_y=axis == 2))
+    output, rail = read.output[..., axis::3].mean(axis=-1), read.saturated[..., axis::3].any(axis=-1)
+    reached, rest = moved.values[along], STATES - 1 if axis else 0
     reading = np.array([_over(one, values, force) for one, values in zip(reached, output, strict=True)])
     inside = (reached >= force[0]) & (reached <= force[-1])
     lacking = np.isnan(reading).any(axis=1)
@@ -225,11 +205,6 @@ def spread_of(sensors: MadeSensors, load: Press, model: str = SURROGATE) -> dict
 
     The force range is that of the design itself: the press force at the depth, and the force of the shear to both
     sides there.
-
-    Raises
-    ------
-    BadInput
-        The model refuses the design itself under this load.
     """
     errors = sensitivity_errors(model, sensors.nominal, load)
     return {name: _spread(*pair, name, errors[name]) for name, pair in curves(model, sensors, load).items()}

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder
     from geometry.arrays import Array
 
-_SENTENCES = Path(__file__).with_name("sentences.j2")
 SENSORS = 400
 """Number of made sensors: a standard deviation is then known to 4 %."""
 DOUBTFUL = 0.05
@@ -54,11 +53,10 @@ class ToleranceCheck:
 
     Attributes
     ----------
-    status : status of each row, that of the decoder or "uncalibrated".
     rest_probability : share of made sensors at rest that differ more from the nominal one than each row, shape (n,);
         NaN for a row without readings.
-    row : number of the row with the largest force; None without a force.
-    tolerance_N : standard deviations of its force over made sensors.
+    row, tolerance_N : number of the row with the largest force, None without a force; standard deviations of its
+        force over made sensors.
     lost : made sensors whose readings in its pose have no pose, or no force.
     """
 
@@ -72,7 +70,8 @@ class ToleranceCheck:
         """Return a sentence on decoded forces, shape (n, 3), N, if a sensor at rest may have given the readings."""
         alike = int((self.rest_probability >= DOUBTFUL).sum())
         size = math.nan if self.row is None else float(np.linalg.norm(force[self.row]))
-        return page_templates.sentences(_SENTENCES, "at_rest", check=self, alike=alike, size=size, sensors=SENSORS)
+        template = Path(__file__).with_name("sentences.j2")
+        return page_templates.sentences(template, "at_rest", check=self, alike=alike, size=size, sensors=SENSORS)
 
     def of_one(self, row: Mapping[str, Any], force: Array) -> dict[str, Any]:
         """Return the row of one decoded set of readings with this check added; `force` has shape (1, 3), N."""
@@ -89,12 +88,7 @@ class ToleranceCheck:
 
 
 class AtRest:
-    """The test of rows against made sensors at rest.
-
-    Attributes
-    ----------
-    inverse : C^-1 of their readings, shape (k, k), 1/T^2. of_made : their chi^2, ascending, shape (n,).
-    """
+    """The test of rows against made sensors at rest: C^-1 of their readings, 1/T^2, and their chi^2, ascending."""
 
     def __init__(self, coder: Decoder, sizes: Tolerances = tolerances()) -> None:
         design = coder.forward.design
@@ -119,12 +113,7 @@ class AtRest:
 
 
 def check(coder: Decoder, field: Array, decoded: Decoded, sizes: Tolerances = tolerances()) -> ToleranceCheck:
-    """Compare decoded rows of a design's own three elements with made sensors of the design.
-
-    Parameters
-    ----------
-    field : the readings B.n, shape (n, 3), T.
-    """
+    """Compare decoded rows, readings B.n (n, 3), T, of a design's own three elements with made sensors of it."""
     at_rest = AtRest(coder, sizes)
     probability, size = at_rest.probability(field), np.linalg.norm(decoded.force, axis=1)
     status = [at_rest.status(*row) for row in zip(decoded.status, probability, size, strict=True)]

@@ -67,10 +67,6 @@ FEWEST, MOST = 2, 1000
 def sobol_of(function: Callable[[Array], Array], ranges: Ranges, count: int = 1024, seed: int = 0) -> pd.DataFrame:
     """Return the indices of any function of points (n, d), which returns values (n,), NaN where it fails.
 
-    Parameters
-    ----------
-    count : number N of base points, a power of 2.
-
     >>> sobol_of(lambda x: x[:, 0] + 2 * x[:, 1], {"a": (0, 1), "b": (0, 1)}, 256)["first_order"].round(1).tolist()
     [0.2, 0.8]
     """
@@ -109,7 +105,9 @@ def indices(
     seed: int = 0,
     error_lengths: Mapping[str, float] | None = None,
 ) -> pd.DataFrame:
-    """Return the indices of an output at the points of `saltelli_points`.
+    """Return the indices of an output at the points of `saltelli_points`, a row for each input.
+
+    They are NaN if every point has failed, or if the output does not vary.
 
     Parameters
     ----------
@@ -117,11 +115,6 @@ def indices(
     half_width : half width of the model's 90 % interval at each point; default: no error.
     error_lengths : distance in each input over which the model's error varies, in the unit of the input; the error
         does not depend on other inputs. Default: `SMOOTHNESS` of each range.
-
-    Returns
-    -------
-    A row for each input, with the columns first_order and total_order and the ends of their intervals, which end
-    with _low and _high; NaN if every point has failed, or if the output does not vary.
     """
     values, d = np.where(np.isfinite(values), values, np.nan), len(ranges)
     known = values[~np.isnan(values)]
@@ -182,10 +175,11 @@ def error_variants(
         return []
     deviation = np.where(np.isfinite(half_width), half_width, 0.0) / NORMAL_90
     count = len(values) // (len(ranges) + 2)
-    lengths = {name: SMOOTHNESS * (high - low) for name, (low, high) in ranges.items()}
-    lengths = lengths if error_lengths is None else dict(error_lengths)
     # an input that the error does not depend on has an infinite length
-    scales = np.array([(high - low) / lengths.get(name, np.inf) for name, (low, high) in ranges.items()])
+    scales = np.array([
+        1 / SMOOTHNESS if error_lengths is None else (high - low) / error_lengths.get(name, np.inf)
+        for name, (low, high) in ranges.items()
+    ])  # fmt: skip
     unit = _unit_points(ranges, count, seed) * scales
     random = np.random.default_rng(seed)
     variants = []
@@ -273,16 +267,14 @@ def effects(
 ) -> pd.DataFrame:
     """Return the effects on an output at the points of `trajectories`, in units of the output per full range.
 
+    A row for each input; NaN if every point has failed. The ends of mu_star are 95 % by bootstrap, widened to the
+    bounds over all values that the failed points may have between the least and the largest of the others; those of
+    sigma are its range over the fillings.
+
     Parameters
     ----------
     values : output at the points, shape (n,), not finite where it has failed.
     substitute : output of another model there, which replaces failed values in the estimate.
-
-    Returns
-    -------
-    A row for each input; NaN if every point has failed. Columns: mu_star with its interval, mu_star_low and
-    mu_star_high, 95 % by bootstrap, widened to the bounds over all values that the failed points may have between the
-    least and the largest of the others; mu; sigma with its range over the fillings, sigma_low and sigma_high.
     """
     import pandas as pd
 
@@ -340,14 +332,10 @@ def _mu_star_bounds(ranges: Ranges, points: Array, values: Array) -> tuple[Array
 
 
 def fillings(values: Array, substitute: Array | None = None) -> list[Array]:
-    """Return the values, shape (n,), without NaN: filled for the estimate, by the least, and by the largest of them.
+    """Return the values (n,) without NaN: filled for the estimate, by the least, and by the largest of them.
 
-    One filling, the values themselves, if none has failed; none if all have.
-
-    Parameters
-    ----------
-    substitute : values of another model, shape (n,), which replace failed ones in the estimate; the median of the
-        values where this is NaN, and by default.
+    The estimate is that of another model, `substitute` (n,), or the median where this is NaN. There is one filling,
+    the values themselves, if none has failed, and none if all have.
 
     >>> fillings(np.array([1.0, np.nan, 3.0]))
     [array([1., 2., 3.]), array([1., 1., 3.]), array([1., 3., 3.])]
@@ -370,8 +358,9 @@ def squared_differences(first: Array, second: Array, low: float, high: float) ->
     >>> squared_differences(np.array([1.0, 1.0]), np.array([3.0, np.nan]), 0.0, 5.0)
     (array([4., 0.]), array([ 4., 16.]))
     """
-    first_low, first_high = np.where(np.isfinite(first), first, low), np.where(np.isfinite(first), first, high)
-    second_low, second_high = np.where(np.isfinite(second), second, low), np.where(np.isfinite(second), second, high)
+    (first_low, first_high), (second_low, second_high) = (
+        [np.where(np.isfinite(values), values, end) for end in (low, high)] for values in (first, second)
+    )
     apart = np.maximum(np.maximum(first_low - second_high, second_low - first_high), 0.0)
     farthest = np.maximum(first_high - second_low, second_high - first_low)
     return apart**2, farthest**2

@@ -29,6 +29,7 @@ from analytic.hall import BatchReadings, batch_readings, converted, rotated
 from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
+from studies.inputs.table_input import number
 from studies.inputs.user_input import check_keys, pairs
 
 Tolerances = Mapping[str, float]
@@ -82,12 +83,10 @@ def parse_tolerances(texts: Sequence[str], design: Design = Design()) -> dict[st
     check_keys("--tolerance", given, SPECS)
     values = {}
     for name, text in given.items():
-        try:
-            values[name] = float(text)
-        except ValueError:
-            raise BadInput(f"tolerance {name} must be a finite number; got {text!r}") from None
-        if not math.isfinite(values[name]):
-            raise BadInput(f"tolerance {name} must be a finite number; got {text}")
+        value = number(text)
+        if value is None or not math.isfinite(value):
+            raise BadInput(f"tolerance {name} must be a finite number; got {repr(text) if value is None else text}")
+        values[name] = value
     return tolerances(**of_data_sheet(design) | values)
 
 
@@ -142,14 +141,8 @@ def made_sensors(
 
     Parameters
     ----------
-    sizes : tolerances.
     batches : of some of the `fields`, in place of design and tolerance: the values of parts whose deviations over the
         largest are -1 to 1, shape (n,).
-
-    Raises
-    ------
-    BadInput
-        The count or the seed is out of range, or the design has no magnet.
     """
     check_draw(design, count, seed)
     unit = _unit_deviations(count, seed, design.element_count)
@@ -238,12 +231,8 @@ def share_with_error(count: float, total: float, level: float = 0.95) -> tuple[f
 def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> BatchReadings:
     """Return the readings of n sensors in k states, shape (n, k, m), with outputs that are not rounded.
 
-    They are NaN, and not saturated, where there is no pose or no sensor.
-
-    Parameters
-    ----------
-    shift : displacement of the magnet by the load, shape (n, k, 3), mm.
-    tilt : rotation vector (rx, ry) of the magnet by the load, shape (n, k, 2), rad.
+    They are NaN, and not saturated, where there is no pose or no sensor. Shift (n, k, 3), mm, and rotation vector
+    (rx, ry) (n, k, 2), rad, are those of the magnet by the load.
     """
     count, states = shift.shape[:2]
     # None stands for an impossible sensor: any design may take its place, since its rows have no pose

@@ -60,20 +60,10 @@ MOST_NAMED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """A sensitivity study that is ready to run.
+    """A sensitivity study that is ready to run: what a method would refuse is refused before another one computes.
 
-    Attributes
-    ----------
-    ranges : of the inputs of sobol and morris.
-    model : of sobol and montecarlo, and of failed cases of morris; accuracy : of the finite elements of morris.
-    points, trajectories, sensors : numbers of base points of sobol, of trajectories, and of made sensors.
-    store, workers, scheduler : of morris, see `studies.cases.answer`.
-
-    Raises
-    ------
-    BadInput
-        A method, model, range, count or seed is unknown or impossible: what a method would refuse is refused before
-        another one has begun to compute.
+    `model` is that of sobol and montecarlo, and of failed cases of morris; `accuracy` is that of morris' finite
+    elements, and store, workers and scheduler are those of `studies.cases.answer`.
     """
 
     design: Design
@@ -100,23 +90,21 @@ class Request:
         if not self.seed >= 0:
             raise BadInput(f"--seed must be 0 or more; got {self.seed}")
         if tuple(self.methods) != ("montecarlo",):
-            self._check_ranges()
+            if not self.ranges:
+                raise BadInput("no input varies: add --vary NAME=low:high")
+            for name in self.ranges:
+                if name not in study_input.DESIGN and name not in ("depth", "shear"):
+                    raise BadInput(
+                        f"--vary {name}: only fields of the design, depth and shear can vary: leave it out"
+                    )
+            if "shear" in self.ranges and self.load.shear:
+                raise BadInput("shear is given twice, by --shear and by --vary: leave one of them out")
         if "sobol" in self.methods:
             global_sensitivity.check_count(self.ranges, self.points)
         if "morris" in self.methods:
             global_sensitivity.check_trajectories(self.ranges, self.trajectories)
         if "montecarlo" in self.methods:
             made_sensors.check_draw(self.design, self.sensors, self.seed)
-
-    def _check_ranges(self) -> None:
-        """Raise BadInput for an input that is neither a field of the design, nor depth or shear, or is also fixed."""
-        if not self.ranges:
-            raise BadInput("no input varies: add --vary NAME=low:high")
-        for name in self.ranges:
-            if name not in study_input.DESIGN and name not in ("depth", "shear"):
-                raise BadInput(f"--vary {name}: only fields of the design, depth and shear can vary: leave it out")
-        if "shear" in self.ranges and self.load.shear:
-            raise BadInput("shear is given twice, by --shear and by --vary: leave one of them out")
 
     @property
     def sheared(self) -> bool:
@@ -161,9 +149,8 @@ class Found:
 
     Attributes
     ----------
-    rows : of its table.
-    each : the cases of morris as a sweep has them, or the made sensors.
-    count : number of points, cases or sensors; reasons : why how many of them have failed.
+    rows, each : of its table; and the cases of morris as a sweep has them, or the made sensors.
+    count, reasons : number of points, cases or sensors, and why how many of them have failed.
     doubt : what to beware of, in a sentence; "" if there is nothing.
     replaced : number of failed cases that the fast model replaces in the estimates of morris.
     axes : calibrations of the made sensors by the axis.
@@ -219,13 +206,7 @@ def sobol(request: Request) -> Found:
 
 
 def morris(request: Request, progress: Progress | None = None) -> Found:
-    """Return Morris' effects on all outputs of finite elements; the fast model stands in for failed cases.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        The study was interrupted; what is solved is in the store, and the same call continues.
-    """
+    """Return Morris' effects on all outputs of finite elements; the fast model stands in for failed cases."""
     import pandas as pd
 
     design, ranges, load = request.design, request.ranges, request.load
@@ -265,20 +246,20 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
 
 def substitutes(request: Request, points: Array, failed: NDArray[np.bool_]) -> dict[str, Array]:
     """Return the outputs of the fast model at the failed points, NaN elsewhere; none if no point has failed."""
-    if not failed.any():
-        return {}
-    design, ranges, load = request.design, request.ranges, request.load
-    outputs, _ = sampled_outputs(request.model, design, ranges, points[failed], load, sheared=request.sheared)
-    result = {name: np.full(len(points), np.nan) for name in outputs}
-    for name, (values, _) in outputs.items():
-        result[name][failed] = values
+    result: dict[str, Array] = {}
+    if failed.any():
+        outputs, _ = sampled_outputs(
+            request.model, request.design, request.ranges, points[failed], request.load, sheared=request.sheared
+        )
+        for name, (values, _) in outputs.items():
+            result[name] = np.full(len(points), np.nan)
+            result[name][failed] = values
     return result
 
 
 def _rows(
     method: str, ranges: Ranges, output: str, table: pd.DataFrame, values: Array, last: FlatRow
 ) -> list[FlatRow]:
-    """Return a row for each input: its range, the numbers of a table by input, points and failures, and `last`."""
     failed = int((~np.isfinite(values)).sum())
     count = {"points": len(values), "failed": failed, "failed_percent": 100 * failed / len(values)}
     return [
@@ -296,13 +277,7 @@ def _known(row: Mapping[Any, Any]) -> FlatRow:
 
 
 def monte_carlo(request: Request) -> Found:
-    """Return the spread of the calibrations of made sensors.
-
-    Raises
-    ------
-    BadInput
-        The model refuses the design itself under this load.
-    """
+    """Return the spread of the calibrations of made sensors."""
     sensors = made_sensors.made_sensors(request.design, request.tolerances, request.sensors, request.seed)
     axes = spread_of(sensors, request.load, request.model)
     unit = "V" if element_columns(request.design)[1] == "V" else "T"
@@ -410,13 +385,12 @@ def run(request: Request, progress: Progress) -> Result:
         found["morris"] = morris(request, progress)
     found = {name: found[name] for name in METHODS if name in found}
     shown = [dataclasses.replace(METHODS[name], rows=each.rows) for name, each in found.items()]
-    remarks = ["; ".join(filter(None, (each.failures, each.doubt))) for each in found.values()]
-    said = [remark for remark in remarks if remark]
+    said = [text for each in found.values() if (text := "; ".join(filter(None, (each.failures, each.doubt))))]
     lost = any(sum(each.reasons.values()) >= each.count for each in found.values())
     rows = {"percentiles" if name == "montecarlo" else name: each.rows for name, each in found.items()}
     cases_of = {"morris": "morris_cases", "montecarlo": "montecarlo"}
-    draw = {"sobol": uncertainty_figures.sobol, "morris": uncertainty_figures.morris}
-    draw |= {"montecarlo": uncertainty_figures.made_sensors}
+    figures = uncertainty_figures
+    draw = {"sobol": figures.sobol, "morris": figures.morris, "montecarlo": figures.made_sensors}
     return Result(
         title="Sensitivity",
         records=[row for table in shown for row in table.rows],
