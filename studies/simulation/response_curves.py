@@ -168,8 +168,8 @@ def rows(curves: Curves, coarse: Curves | None, scene: Scene) -> list[FlatRow]:
         columns |= _polar(f"{name}_per_N", f"_{unit}_per_N", per_N)
     columns |= {"kept_amplitude_mm": curves.kept_amplitude, "mesh_difference": None}
     if coarse is not None:
-        columns["mesh_difference"] = np.full(len(curves.frequency), np.nan)
-        columns["mesh_difference"][np.isin(curves.frequency, coarse.frequency)] = mesh_difference(curves, coarse)
+        columns["mesh_difference"] = difference = np.full(len(curves.frequency), np.nan)
+        difference[np.isin(curves.frequency, coarse.frequency)] = mesh_difference(curves, coarse)
     columns |= error_columns(curves, coarse, scene)
     return [
         {"motion": curves.motion}

@@ -170,7 +170,7 @@ def _solve(
     for name, stiffness in sensor.static_stiffness().items():
         if stiffness > 0:  # the sensor is stable under a force too
             models[name] = oscillators(design, name, stiffness, sensor.relaxation)
-            ladder += rungs(name, models[name], lambda f, name=name: at(f)[name].compliance, band)
+            ladder += rungs(name, models[name], partial(_compliance, at, name), band)
     rows: list[FlatRow] = []
     pictures: dict[str, Writer] = {}
     for name, motion in zip(curves, motions, strict=True):
@@ -194,6 +194,10 @@ def _draw(path: Path, curves: Curves, scene: Scene, models: Models) -> None:
         undamped = [name for name, response in responses.items() if not np.iscomplex(response).any()]
         drawn.append(time_figures.oscillators(curves.frequency, gains, undamped))
     save(path, drawn)
+
+
+def _compliance(at: At, motion: str, f: Array) -> Complex:
+    return at(f)[motion].compliance
 
 
 def _notes(design: Design, load: Load, at_rest: Design, magnet: Magnet, level: Accuracy) -> list[str]:
@@ -285,7 +289,7 @@ def _gains(at: At, curves: Curves, low: float, high: float, *, damped: bool) -> 
         return [value(size(per, k), low, high) if k in curves.readers and not free else None for k in every]
 
     by_mm = peaks(lambda f: np.abs(at(f)[motion].along), low, high)
-    by_N = [] if free else peaks(lambda f: np.abs(at(f)[motion].compliance), low, high)
+    by_N = [] if free else peaks(lambda f: np.abs(_compliance(at, motion, f)), low, high)
     at_band = _at_band(at, curves) if low <= BAND <= high and not free else {}
     return {
         "resonance_per_mm_Hz": [peak.frequency for peak in by_mm],

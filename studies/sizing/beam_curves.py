@@ -1,7 +1,8 @@
 """Responses of n beams as smooth functions of depth and shear, and the states under required loads.
 
 The same functions serve the surrogate, for thousands of beams at once, and finite elements, for the beams of a front.
-A source of responses (`Beams`) is evaluated at few depths and shears. Between them:
+A source of responses (`studies.mechanics.prediction.Beams`, or those of finite elements) is evaluated at few depths
+and shears. Between them:
 
 - under a press, a response is a polynomial in the root of the depth, because the contact radius grows like it;
 - under a shear s, what reverses with the shear (sideways shift, tilt, sideways force) is s times a polynomial in s^2,
@@ -17,9 +18,9 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -41,25 +42,6 @@ SHEARED = ("shift_x", "shift_z", "tilt", "force_x", "force_z", "strain")
 """Quantities in the order of the curves; shift_z is down, positive."""
 EVEN = {"shift_z": 1, "force_z": 0}
 """What does not reverse with the shear, and its place in `PRESSED`."""
-
-
-class Quantity(Protocol):
-    """Values and the half widths of their intervals, of equal shape."""
-
-    @property
-    def value(self) -> Array: ...
-    @property
-    def half_width(self) -> Array: ...
-
-
-class Beams(Protocol):
-    """Responses of n dimensionless beams, see `studies.mechanics.prediction`."""
-
-    def press(self, depth: Array) -> Mapping[str, Quantity]: ...
-    def shear(self, depth: Array, shear: Array) -> Mapping[str, Quantity]: ...
-    def critical_depth(self) -> Quantity: ...
-    def stable_to(self, caution: float) -> Array: ...
-    def first_mode(self, density_ratio: Array) -> Quantity: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +112,7 @@ class Curves:
         """Return the depths of presses under forces (n, k); NaN for a force that no evaluated depth has."""
         grid = np.linspace(-1, 1, 129)
         curve = np.maximum.accumulate(self.press[:, :, 0] @ _basis(grid, PRESS_DEPTHS).T, axis=1)
-        right = np.clip(_ranks(curve, force), 1, len(grid) - 1)
+        right = np.clip((curve[:, :, None] < force[:, None]).sum(axis=1), 1, len(grid) - 1)
         left_force, right_force = (np.take_along_axis(curve, right - k, axis=1) for k in (1, 0))
         rise = right_force - left_force
         share = np.where(rise > 0, (force - left_force) / np.where(rise > 0, rise, 1.0), 0.0)
@@ -206,23 +188,6 @@ class Curves:
 
 
 @compiled
-def _ranks(curve, force):
-    """Return how many values of each rising row (n, m) lie below numbers (n, k); 0 in a row of NaN."""
-    ranks = np.zeros(force.shape, np.int64)
-    for i in range(len(curve)):
-        for j in range(force.shape[1]):
-            low, high = 0, curve.shape[1]
-            while low < high:
-                middle = (low + high) // 2
-                if curve[i, middle] < force[i, j]:
-                    low = middle + 1
-                else:
-                    high = middle
-            ranks[i, j] = low
-    return ranks
-
-
-@compiled
 def _meet(table, press, press_ends, ends, loads, found):
     """Fill the depths and shears under loads (n, k) by Newton's method, one step beyond `CLOSE`; NaN if not reached.
 
@@ -293,7 +258,7 @@ def depths_between(low: Array, high: Array, count: int) -> Array:
     return np.asarray((first + (last - first) * (_nodes(count) + 1) / 2) ** 2)
 
 
-def pressed_curves(beams: Beams, deepest: Array) -> Curves:
+def pressed_curves(beams: Any, deepest: Array) -> Curves:
     """Return the responses of beams to presses down to depths (n,); their shears are not known."""
     pressed = beams.press(depths_between(np.full_like(deepest, surrogate_range.SHALLOWEST), deepest, PRESS_DEPTHS))
     press, widths = (np.stack([getattr(pressed[name], part) for name in PRESSED], axis=2) for part in _PARTS)
@@ -303,15 +268,11 @@ def pressed_curves(beams: Beams, deepest: Array) -> Curves:
 
 
 def with_shears(
-    pressed: Curves, beams: Beams, low: Array, high: Array, farthest: Array, shares: Sequence[float]
+    pressed: Curves, beams: Any, low: Array, high: Array, farthest: Array, shares: Sequence[float]
 ) -> Curves:
-    """Return curves with the responses to shears.
+    """Return curves with the responses to shears at these shares, rising to 1, of the largest ones (n, count).
 
-    Parameters
-    ----------
     low, high : least and largest depth of shears, shape (n,).
-    farthest : largest shears at `depths_between`, shape (n, count).
-    shares : shears that are evaluated, over the largest one, rising to 1.
     """
     # equal ends would leave no interval to interpolate over
     high = np.maximum(high, 1.02 * low)
@@ -331,11 +292,10 @@ def with_shears(
     scale = farthest[:, :, None, None] ** (2 * np.arange(m))
     matrix = np.linalg.inv(np.vander(np.array(shares) ** 2, increasing=True))
     coefficients = (forms @ matrix.T) / scale
-    ends = low[:, None], high[:, None]
     return replace(
         pressed,
-        low=ends[0],
-        high=ends[1],
+        low=low[:, None],
+        high=high[:, None],
         farthest=farthest,
         shear=coefficients,
         shear_widths=widths[..., -1] / np.abs(values[..., -1]),
@@ -347,7 +307,6 @@ _PARTS = ("value", "half_width")
 
 @functools.cache
 def _nodes(count: int) -> Array:
-    """Return Chebyshev's points with both ends, rising, -1 to 1."""
     return np.asarray(chebyshev.chebpts2(count))
 
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,19 +106,17 @@ class Performance:
         return {name: float(value[k]) for name, value in self.values.items()}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Poses:
+class _Poses(NamedTuple):
     """Where the loads of a pose stand in the states: its state, and the direction of its force along the plate."""
 
     state: Ints
     angle: Array
 
-    @classmethod
-    def of(cls, loads: Array, directions: Array) -> _Poses:
-        """Return the poses of loads (k, 2)."""
-        state = [k for k, load in enumerate(loads) for _ in (directions if load[1] else [0.0])]
-        angle = [angle for load in loads for angle in (directions.tolist() if load[1] else [0.0])]
-        return cls(np.array(state), np.array(angle))
+
+def _poses(loads: Array, sensors: Sensors) -> _Poses:
+    turns = [HALF_TURN if sensors.mirrored else WHOLE_TURN, np.zeros(1)]
+    angles = [turns[int(load[1] == 0)] for load in loads]
+    return _Poses(np.repeat(np.arange(len(loads)), list(map(len, angles))), np.concatenate(angles))
 
 
 def performance(
@@ -146,7 +144,7 @@ def performance(
     n = len(sensors)
     share = np.ones((n, 2)) if share is None else share
     loads = needed.loads(dense=dense)
-    poses = _Poses.of(loads, HALF_TURN if sensors.mirrored else WHOLE_TURN)
+    poses = _poses(loads, sensors)
     p, units = len(poses.state), np.stack([each * sensors.D**2 for each in (sensors.E_low, sensors.E_high)], axis=1)
     deepest = surrogate_range.deepest(*sensors.beam[:, :3].T) if ask is None else ask[:, 0]
     pressed, stable = pressed_curves(beams, deepest), beams.stable_to(caution)
@@ -255,10 +253,9 @@ class _Rated:
         put("depth", states[0].depth[:, top])
         put("depth_stiff", states[1].depth[:, top])
         put("hysteresis", self._hysteresis(states[0].depth[:, top]))
-        strain = np.concatenate([each.strain for each in states], axis=1)[:, self._both]
         field, slopes = self._readings(states)
         signed = self._saturation(field)
-        found = {"strain": (strain, 1), "saturation": (signed, -1)}
+        found = {"strain": (self._at(states, "strain"), 1), "saturation": (signed, -1)}
         found |= self._resolutions(states, slopes, field)
         values_at = {name: self._over_corners(table, way) for name, (table, way) in found.items()}
         for name, (table, way) in found.items():
@@ -272,28 +269,20 @@ class _Rated:
         put("clearance", self._clearance(states[0]))
         put("reach_x", self._reach_x(corners, states))
         z, x = self._forces(1.0)
-        result.depth[rows], result.shear[rows] = (
-            np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
-            for name in ("depth", "shear")
-        )
+        result.depth[rows], result.shear[rows] = (self._at(states, name) for name in ("depth", "shear"))
         for k, part in enumerate((z, x)):
             result.loads[rows, :, k] = np.tile(part[:, self.poses.state], 2)
         result.loads[rows, :, 2] = np.tile(self.poses.angle, 2)
-        factor, deep = self._range(
-            corners[0], values_at["strain"], values_at["saturation"], self._ranged(result, rows)
-        )
+        wanted = np.ones(len(rows), dtype=np.bool_)
+        if self.brief:
+            met = margins({name: value[rows] for name, value in result.values.items()}, self.needed)
+            wanted = np.min(list(met.values()), axis=0) >= 0
+        factor, deep = self._range(corners[0], values_at["strain"], values_at["saturation"], wanted)
         put("range_z", factor * self.share[:, 0] * self.needed.force_z)
         if sheared:
             put("range_x", factor * self.share[:, 1] * (self.needed.force_x or 0.0))
         if not self.brief:
             result.ask[rows] = self._ask(corners, states, factor, deep, sheared)
-
-    def _ranged(self, result: Performance, rows: Ints) -> NDArray[np.bool_]:
-        """Return whose range is wanted, shape (n,)."""
-        if not self.brief:
-            return np.ones(len(rows), dtype=np.bool_)
-        met = margins({name: value[rows] for name, value in result.values.items()}, self.needed)
-        return np.asarray(np.min(list(met.values()), axis=0) >= 0)
 
     def _over_corners(self, table: Array, way: int) -> Array:
         """Return the worst value of poses (n, p) of both corners, the largest if `way` is 1 and the least if -1.
@@ -304,10 +293,8 @@ class _Rated:
         signed = (way * table).reshape(len(table), 2, -1).max(axis=2)
         return np.asarray(way * (signed.max(axis=1) if self.caution >= 0 else signed.min(axis=1)))
 
-    @property
-    def _both(self) -> Ints:
-        """The states of the poses of both corners."""
-        return np.concatenate([self.poses.state, self.poses.state + len(self.loads)])
+    def _at(self, states: Sequence[States], name: str) -> Array:
+        return np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
 
     def _forces(self, factor: Array | float) -> tuple[Array, Array]:
         """Return normal force and force along the plate of all loads times a factor (n,), shape (n, k), N."""
@@ -324,10 +311,8 @@ class _Rated:
         return curve.states(z / unit, x / unit)
 
     def _with_shears(self, beams: Any, ask: Array | None, sheared: bool) -> Curves:
-        """Return the curves with their shears."""
         if ask is not None:
-            far = ask[:, 3:]
-            return with_shears(self.pressed, beams, ask[:, 1], ask[:, 2], far, (0.5, 1.0))
+            return with_shears(self.pressed, beams, ask[:, 1], ask[:, 2], ask[:, 3:], (0.5, 1.0))
         stiff = self.pressed.softer(-abs(self.caution))
         first = int(np.flatnonzero(self.loads[:, 1] > 0)[0]) if sheared else 0
         z, _ = self._forces(1.0)
@@ -349,20 +334,15 @@ class _Rated:
         e = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
         across = np.stack([-e[:, 1], e[:, 0], e[:, 2]], axis=1)
         up = np.array([0.0, 0.0, 1.0])
-
-        def at(name: str) -> Array:
-            return np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
-
-        plane, by_depth, by_shear, shear = at("plane"), at("by_depth"), at("by_shear"), at("shear")
+        plane, by_depth, by_shear, shear = (self._at(states, n) for n in ("plane", "by_depth", "by_shear", "shear"))
         u, w, t = (plane[..., k, None] for k in range(3))
         shift = D[..., None] * (u * e - w * up)
         sin, cos = np.sin(t), np.cos(t)
         axis = sin * e + cos * up
         ratio = np.where(shear[..., None] > 0, plane / np.where(shear > 0, shear, 1.0)[..., None], by_shear)
         sinc = np.sinc(t / np.pi)
-        moves = [slope[..., :1] * e - slope[..., 1:2] * up for slope in (by_depth, by_shear)] + [
-            ratio[..., :1] * across
-        ]
+        moves = [slope[..., :1] * e - slope[..., 1:2] * up for slope in (by_depth, by_shear)]
+        moves.append(ratio[..., :1] * across)
         # the angular velocity of a lean towards e is along across; one across turns the lean, which is axis x d(axis)
         turns = [slope[..., 2:3] * across for slope in (by_depth, by_shear)]
         turns.append(ratio[..., 2:3] * sinc * np.cross(axis, across))
@@ -388,7 +368,6 @@ class _Rated:
         return np.minimum(1 - out / (s.high - s.null)[:, None], 1 + out / (s.null - s.low)[:, None])
 
     def _saturation(self, field: Array) -> Array:
-        """Return the least distance at each pose, shape (n, p)."""
         return np.asarray(self._rails(field, 1).min(axis=2))
 
     def _hysteresis(self, depth: Array) -> Array:
@@ -417,11 +396,7 @@ class _Rated:
         length = np.linalg.norm(J, axis=2).prod(axis=-1)
         scaled = np.where(length > 0, det / np.where(length > 0, length, 1.0), det * 0)
         turned = scaled * np.sign(np.median(scaled, axis=1, keepdims=True))
-        both = [
-            np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
-            for name in ("by_depth", "by_shear", "plane", "shear")
-        ]
-        by_depth, by_shear, plane, shear = both
+        by_depth, by_shear, plane, shear = (self._at(states, n) for n in ("by_depth", "by_shear", "plane", "shear"))
         p = len(self.poses.state)
         unit = np.repeat(self.units, p, axis=1) / s.D[:, None]
         aside = np.where(shear > 0, plane[..., 3] / np.where(shear > 0, shear, 1.0), by_shear[..., 3])
@@ -533,8 +508,7 @@ class _Rated:
             return factor, deep
         # of the presses alone, the largest one comes first to a bound
         ends = self.loads[int(np.flatnonzero(self.loads[:, 1] == 0)[-1]) :]
-        turns = HALF_TURN if self.sensors.mirrored else WHOLE_TURN
-        part = replace(self.take(rows), loads=ends, poses=_Poses.of(ends, turns))
+        part = replace(self.take(rows), loads=ends, poses=_poses(ends, self.sensors))
         curve, top_factor = soft.take(rows), most[rows]
         low, low_slack = np.ones(len(rows)), np.full(len(rows), np.nan)
         high, high_slack = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
@@ -579,7 +553,6 @@ class _Rated:
     def _ask(
         self, corners: Sequence[Curves], states: Sequence[States], factor: Array, deep: Array, sheared: bool
     ) -> Array:
-        """Return `Performance.ask`."""
         deepest = surrogate_range.deepest(*self.sensors.beam[:, :3].T)
         end = np.fmax(deep, states[0].depth.max(axis=1))
         # a load that is not reached is asked as far as the surrogate goes
